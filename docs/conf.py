@@ -1,0 +1,45 @@
+"""Sphinx configuration: Markdown pages, numpydoc reference, a gallery made by running every example."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+
+_root = Path(__file__).resolve().parents[1]
+os.environ.setdefault("GEARLIB_CACHE", str(_root / ".cache" / "gearlib"))
+
+project = "gearlib"
+author = "gearlib developers"
+copyright = author
+release = version = tomllib.loads((_root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.viewcode",
+    "sphinx_gallery.gen_gallery",
+]
+source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+exclude_patterns = ["_build"]
+myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+
+html_theme = "furo"
+html_title = f"gearlib {release}"
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "show_memory": False,
+    "plot_gallery": "True",
+}

@@ -1,0 +1,85 @@
+"""gearlib: equation-based dynamics of gear trains.
+
+Everything public is here; nothing is imported before it is used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gearlib.errors import GearlibError as GearlibError
+    from gearlib.language.component import Component as Component
+    from gearlib.language.component import connect as connect
+    from gearlib.language.declarations import Connector as Connector
+    from gearlib.language.declarations import Flow as Flow
+    from gearlib.language.declarations import Input as Input
+    from gearlib.language.declarations import Parameter as Parameter
+    from gearlib.language.declarations import Potential as Potential
+    from gearlib.language.declarations import Structural as Structural
+    from gearlib.language.declarations import Variable as Variable
+    from gearlib.language.expressions import And as And
+    from gearlib.language.expressions import Eq as Eq
+    from gearlib.language.expressions import Max as Max
+    from gearlib.language.expressions import Min as Min
+    from gearlib.language.expressions import Not as Not
+    from gearlib.language.expressions import Or as Or
+    from gearlib.language.expressions import Piecewise as Piecewise
+    from gearlib.language.expressions import acos as acos
+    from gearlib.language.expressions import asin as asin
+    from gearlib.language.expressions import atan as atan
+    from gearlib.language.expressions import atan2 as atan2
+    from gearlib.language.expressions import cos as cos
+    from gearlib.language.expressions import cosh as cosh
+    from gearlib.language.expressions import der as der
+    from gearlib.language.expressions import exp as exp
+    from gearlib.language.expressions import log as log
+    from gearlib.language.expressions import no_event as no_event
+    from gearlib.language.expressions import pi as pi
+    from gearlib.language.expressions import sign as sign
+    from gearlib.language.expressions import sin as sin
+    from gearlib.language.expressions import sinh as sinh
+    from gearlib.language.expressions import sqrt as sqrt
+    from gearlib.language.expressions import tan as tan
+    from gearlib.language.expressions import tanh as tanh
+    from gearlib.language.expressions import time as time
+    from gearlib.solve.result import Result as Result
+    from gearlib.solve.table import Table as Table
+    from gearlib.system import System as System
+    from gearlib.system import compile as compile
+    from gearlib.system import simulate as simulate
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "GearlibError": "gearlib.errors",
+    **dict.fromkeys(["Component", "connect"], "gearlib.language.component"),
+    **dict.fromkeys(
+        ["Connector", "Flow", "Input", "Parameter", "Potential", "Structural", "Variable"], "gearlib.language.declarations"
+    ),
+    **dict.fromkeys(
+        [
+            "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "acos", "asin", "atan", "atan2", "cos", "cosh", "der", "exp",
+            "log", "no_event", "pi", "sign", "sin", "sinh", "sqrt", "tan", "tanh", "time",
+        ],
+        "gearlib.language.expressions",
+    ),
+    "Result": "gearlib.solve.result",
+    "Table": "gearlib.solve.table",
+    **dict.fromkeys(["System", "compile", "simulate"], "gearlib.system"),
+}  # fmt: skip
+
+__all__ = sorted(_HOME)  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        value = getattr(importlib.import_module(_HOME[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'gearlib' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -1,0 +1,1 @@
+"""What is asked of a system besides time histories: linear models, modes, stability, power flow."""

@@ -1,0 +1,298 @@
+"""Causality: who sets the effort and who sets the flow of each bond, by the sequential causality assignment procedure.
+
+Sources come first, then the storage elements one after the other in an order of preference, each with all that follows from it;
+then resistances, then what is left. A storage element whose causality was settled by earlier ones, against its integral form,
+gets derivative causality: it does not store a state of its own.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import networkx as nx
+
+from gearlib.bondgraph.elements import GY, TF, C, Element, I, Junction, One, R, Se, Sf, Zero
+from gearlib.bondgraph.graph import Bond, BondGraph
+from gearlib.errors import ArgumentError, BalanceError
+
+__all__ = ["Causality", "Quantity", "assign_causality", "evaluation_order"]
+
+Quantity = tuple[str, int]
+"""An effort ``("e", bond)`` or a flow ``("f", bond)``."""
+
+
+@dataclass(frozen=True)
+class Causality:
+    """Result of the assignment.
+
+    Parameters
+    ----------
+    effort_to : mapping
+        Bond to the element that receives its effort (where the causal stroke stands); the other end receives its flow.
+    integral, derivative : tuple of int
+        Bonds of the storage elements with integral and with derivative causality.
+    chosen : tuple of int
+        Bonds whose causality nothing required, so that it was chosen.
+    loops : tuple of tuple of int
+        Algebraic loops, each by the bonds of its resistances, or by all its bonds if it holds none.
+    tears : tuple of Quantity
+        Efforts and flows which, once known, open all algebraic loops.
+    """
+
+    effort_to: Mapping[int, Element]
+    integral: tuple[int, ...]
+    derivative: tuple[int, ...]
+    chosen: tuple[int, ...]
+    loops: tuple[tuple[int, ...], ...]
+    tears: tuple[Quantity, ...]
+
+    def report(self) -> str:
+        """The assignment in words.
+
+        >>> from gearlib.bondgraph import BondGraph, I, One, Se, assign_causality
+        >>> v = One("v")
+        >>> print(assign_causality(BondGraph((1, Se(), v), (2, v, I()), (3, v, I()))).report())
+        integral causality: 2
+        derivative causality: 3
+        algebraic loops: none
+        """
+        loops = "; ".join(" and ".join(map(str, loop)) for loop in self.loops)
+        parts = {"integral causality": self.integral, "derivative causality": self.derivative}
+        lines = [f"{name}: {', '.join(map(str, bonds)) or 'none'}" for name, bonds in parts.items()]
+        return "\n".join([*lines, f"algebraic loops: {loops or 'none'}"])
+
+
+class _ConflictError(Exception):
+    """Two decisions contradict each other; the bonds at fault, and what they both set where."""
+
+    def __init__(self, bonds: tuple[int, ...], what: str) -> None:
+        self.bonds, self.what = bonds, what
+
+
+class _Assignment:
+    """Strokes set so far, and the bond whose choice led to each."""
+
+    def __init__(self, graph: BondGraph) -> None:
+        self.graph = graph
+        self.effort_to: dict[int, Element] = {}
+        self.because: dict[int, int] = {}
+
+    def copy(self) -> _Assignment:
+        twin = _Assignment(self.graph)
+        twin.effort_to, twin.because = dict(self.effort_to), dict(self.because)
+        return twin
+
+    def choose(self, bond: Bond, effort_to: Element) -> None:
+        """Set one stroke and all that follows; raises :class:`_ConflictError`."""
+        queue = deque([(bond, effort_to, bond.number)])
+        while queue:
+            bond, end, cause = queue.popleft()
+            if bond.number in self.effort_to:
+                if self.effort_to[bond.number] is not end:
+                    raise _ConflictError((self.because[bond.number], cause), f"oppose each other on bond {bond.number}")
+                continue
+            self.effort_to[bond.number], self.because[bond.number] = end, cause
+            for element in (bond.tail, bond.head):
+                queue.extend((b, e, cause) for b, e in self._consequences(element))
+
+    def _consequences(self, element: Element) -> list[tuple[Bond, Element]]:
+        if isinstance(element, Junction):
+            return self._at_junction(element)
+        if isinstance(element, TF | GY):
+            first, second = self.graph.at(element)
+            known, open_bond = (first, second) if first.number in self.effort_to else (second, first)
+            effort_in = self.effort_to[known.number] is element
+            passes = (not effort_in) if isinstance(element, TF) else effort_in
+            return [(open_bond, element if passes else open_bond.other(element))]
+        return []
+
+    def _at_junction(self, junction: Junction) -> list[tuple[Bond, Element]]:
+        """A 0-junction is told its effort by exactly one bond, a 1-junction its flow."""
+        bonds, zero = self.graph.at(junction), isinstance(junction, Zero)
+        known = [bond for bond in bonds if bond.number in self.effort_to]
+        setters = [bond for bond in known if (self.effort_to[bond.number] is junction) == zero]
+        left = [bond for bond in bonds if bond.number not in self.effort_to]
+        label, what = self.graph.label(junction), "effort" if zero else "flow"
+        if len(setters) > 1:
+            causes = tuple(dict.fromkeys(self.because[bond.number] for bond in setters))
+            raise _ConflictError(
+                causes, f"both set the {what} of the {label}, through bonds {_join(b.number for b in setters)}"
+            )
+        if not setters and not left:
+            causes = tuple(dict.fromkeys(self.because[bond.number] for bond in known))
+            raise _ConflictError(causes, f"leave nothing that sets the {what} of the {label}")
+        if setters:
+            return [(bond, bond.other(junction) if zero else junction) for bond in left]
+        if len(left) == 1:
+            return [(left[0], junction if zero else left[0].other(junction))]
+        return []
+
+
+def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
+    """Causality of every bond, by the sequential procedure.
+
+    Parameters
+    ----------
+    graph : BondGraph
+        The graph.
+    prefer : iterable of int
+        Bonds of storage elements that get integral causality first, in this order; the others follow by number.
+
+    Returns
+    -------
+    Causality
+        Strokes, the storage elements by causality, and the algebraic loops.
+
+    Raises
+    ------
+    BalanceError
+        Sources fight each other, or no causality fits the graph.
+    ArgumentError
+        ``prefer`` names a bond without a storage element.
+
+    References
+    ----------
+    D. C. Karnopp, D. L. Margolis, R. C. Rosenberg, "System Dynamics", 5th ed., Wiley, 2012, chapter 5.
+    https://doi.org/10.1002/9781118152812
+    """
+    storage, first = graph.of_kind(I, C), tuple(dict.fromkeys(prefer))
+    if wrong := [bond for bond in first if bond not in storage]:
+        raise ArgumentError(f"{graph.name}: no storage element on bonds {_join(wrong)}; they are on {_join(storage)}")
+    state = _Assignment(graph)
+    for number in graph.of_kind(Se, Sf):
+        bond, source = graph.bonds[number], _end(graph.bonds[number], Se, Sf)
+        try:
+            state.choose(bond, source if isinstance(source, Sf) else bond.other(source))
+        except _ConflictError as conflict:
+            raise BalanceError(_message(graph, conflict)) from None
+    for number in [*first, *(bond for bond in storage if bond not in first)]:
+        if number not in state.effort_to:
+            bond, element = graph.bonds[number], _end(graph.bonds[number], I, C)
+            state = _settle(state, bond, element if isinstance(element, I) else bond.other(element))
+    chosen = []
+    for number in [*graph.of_kind(R), *graph.bonds]:
+        if number not in state.effort_to:
+            chosen.append(number)
+            state = _settle(state, graph.bonds[number], _wished(graph.bonds[number]))
+    return _result(graph, state, storage, tuple(chosen))
+
+
+def _settle(state: _Assignment, bond: Bond, wished: Element) -> _Assignment:
+    """The assignment after ``bond`` got the wished stroke, or the other one where that leads to a conflict."""
+    conflict: _ConflictError | None = None
+    for end in (wished, bond.other(wished)):
+        trial = state.copy()
+        try:
+            trial.choose(bond, end)
+        except _ConflictError as found:
+            conflict = conflict or found
+        else:
+            return trial
+    assert conflict is not None
+    raise BalanceError(_message(state.graph, conflict))
+
+
+def _wished(bond: Bond) -> Element:
+    """Where the effort of a free bond should go: away from a resistance with a law e(f), into one with f(e)."""
+    for end in (bond.tail, bond.head):
+        if isinstance(end, R):
+            return end if end.conductance is not None and end.law is None else bond.other(end)
+    return bond.head
+
+
+def _end(bond: Bond, *kinds: type[Element]) -> Element:
+    return bond.tail if isinstance(bond.tail, kinds) else bond.head
+
+
+def _result(graph: BondGraph, state: _Assignment, storage: tuple[int, ...], chosen: tuple[int, ...]) -> Causality:
+    integral = []
+    for number in storage:
+        element = _end(graph.bonds[number], I, C)
+        if (state.effort_to[number] is element) == isinstance(element, I):
+            integral.append(number)
+    derivative = tuple(bond for bond in storage if bond not in integral)
+    loops, tears = _algebraic_loops(graph, state.effort_to)
+    return Causality(dict(sorted(state.effort_to.items())), tuple(integral), derivative, chosen, loops, tears)
+
+
+def dependencies(graph: BondGraph, effort_to: Mapping[int, Element]) -> dict[Quantity, tuple[Quantity, ...]]:
+    """For every effort and flow, those from which the element that sets it computes it; storage and sources need none."""
+    needs: dict[Quantity, tuple[Quantity, ...]] = {}
+    for bond in graph.bonds.values():
+        for letter, receiver in (("e", effort_to[bond.number]), ("f", bond.other(effort_to[bond.number]))):
+            needs[letter, bond.number] = _needs(graph, effort_to, letter, bond, bond.other(receiver))
+    return needs
+
+
+def _needs(
+    graph: BondGraph, effort_to: Mapping[int, Element], letter: str, bond: Bond, setter: Element
+) -> tuple[Quantity, ...]:
+    others = [b for b in graph.at(setter) if b is not bond]
+    match setter:
+        case Zero() | One():
+            shared = "e" if isinstance(setter, Zero) else "f"
+            if letter != shared:
+                return tuple((letter, b.number) for b in others)
+            strong = next(b for b in others if (effort_to[b.number] is setter) == (shared == "e"))
+            return ((shared, strong.number),)
+        case TF():
+            return ((letter, others[0].number),)
+        case GY():
+            return (("f" if letter == "e" else "e", others[0].number),)
+        case R():
+            return (("f" if letter == "e" else "e", bond.number),)
+    return ()
+
+
+def _algebraic_loops(
+    graph: BondGraph, effort_to: Mapping[int, Element]
+) -> tuple[tuple[tuple[int, ...], ...], tuple[Quantity, ...]]:
+    """The cycles among efforts and flows, and what to tear; a resistance's output is preferred as the tear."""
+    needs = dependencies(graph, effort_to)
+    net = nx.DiGraph([(source, target) for target, sources in needs.items() for source in sources])
+    resistive = set(graph.of_kind(R))
+    loops: list[frozenset[Quantity]] = []
+    tears: list[Quantity] = []
+    while cycles := [part for part in nx.strongly_connected_components(net) if len(part) > 1]:
+        for part in cycles:
+            outputs = sorted(q for q in part if q[1] in resistive and isinstance(_setter(graph, effort_to, q), R))
+            if not any(part <= old for old in loops):
+                loops.append(frozenset(part))
+            tear = min(outputs or part, key=lambda q: (q[1], q[0]))
+            tears.append(tear)
+            net.remove_edges_from(list(net.in_edges(tear)))
+    named = [tuple(sorted({n for _, n in part} & resistive or {n for _, n in part})) for part in loops]
+    return tuple(sorted(named)), tuple(tears)
+
+
+def evaluation_order(graph: BondGraph, causality: Causality) -> tuple[Quantity, ...]:
+    """All efforts and flows, each after those that it is computed from; the tears are known beforehand."""
+    needs = dependencies(graph, causality.effort_to)
+    net = nx.DiGraph()
+    net.add_nodes_from(needs)
+    net.add_edges_from(
+        (source, target) for target, sources in needs.items() if target not in causality.tears for source in sources
+    )
+    return tuple(nx.topological_sort(net))
+
+
+def _setter(graph: BondGraph, effort_to: Mapping[int, Element], quantity: Quantity) -> Element:
+    bond = graph.bonds[quantity[1]]
+    receiver = effort_to[bond.number]
+    return bond.other(receiver) if quantity[0] == "e" else receiver
+
+
+def _join(numbers: Iterable[int]) -> str:
+    found = [str(number) for number in numbers]
+    return ", ".join(found[:-1]) + (" and " if len(found) > 1 else "") + found[-1] if found else "none"
+
+
+def _message(graph: BondGraph, conflict: _ConflictError) -> str:
+    culprits = []
+    for number in conflict.bonds:
+        bond = graph.bonds[number]
+        end = bond.tail if isinstance(bond.tail, Se | Sf | I | C | R) else bond.head
+        culprits.append(f"{end.kind} on bond {number}" if isinstance(end, Se | Sf | I | C | R) else f"bond {number}")
+    return f"{graph.name}: no causality fits: {' and '.join(culprits)} {conflict.what}"

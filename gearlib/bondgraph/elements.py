@@ -1,0 +1,183 @@
+"""What a bond graph is made of: sources, storage, dissipation, transformers and junctions.
+
+An element is made once and named by the bonds that end on it; two elements with the same contents are different elements.
+A parameter is a number, the name of a symbol, or a sympy expression; where it is left out, it is the paper's letter with the
+bond's number: ``I()`` on bond 17 is the inertia I_17.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+
+__all__ = ["GY", "TF", "C", "Element", "I", "Junction", "MSe", "MSf", "One", "R", "Se", "Sf", "Zero", "energy_symbol", "time"]
+
+time: Any = sp.Symbol("t", real=True)
+"""Time (s), for the expressions of modulated elements."""
+
+
+def symbol(name: str) -> Any:
+    """A real symbol of that name."""
+    return sp.Symbol(name, real=True)
+
+
+def energy_symbol(kind: str, bond: int) -> Any:
+    """The momentum ``p`` or displacement ``q`` that is stored on a bond, as modulated elements name it.
+
+    >>> energy_symbol("q", 6)
+    q_6
+    """
+    return symbol(f"{kind}_{bond}")
+
+
+def expression(value: Any, default: str) -> Any:
+    """The parameter ``value`` of an element as a sympy expression; None stands for a symbol named ``default``."""
+    if value is None:
+        return symbol(default)
+    return symbol(value) if isinstance(value, str) else sp.sympify(value)
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """Base of all elements."""
+
+    @property
+    def kind(self) -> str:
+        """Letters of the element in a drawing."""
+        return type(self).__name__
+
+
+@dataclass(frozen=True, eq=False)
+class Se(Element):
+    """Effort source. Without a value it is an input of the system, named ``Se_1`` on bond 1."""
+
+    value: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Sf(Element):
+    """Flow source. Without a value it is an input of the system, named ``Sf_8`` on bond 8."""
+
+    value: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class MSe(Se):
+    """Modulated effort source: its value is an expression of :data:`time` and of stored p and q."""
+
+
+@dataclass(frozen=True, eq=False)
+class MSf(Sf):
+    """Modulated flow source: its value is an expression of :data:`time` and of stored p and q."""
+
+
+@dataclass(frozen=True, eq=False)
+class Storage(Element):
+    """Base of I and C.
+
+    Parameters
+    ----------
+    value : number, str or expression, optional
+        Inertia or compliance of the linear law.
+    law : callable, optional
+        Constitutive law in place of the linear one: f = law(p) for an inertia, e = law(q) for a compliance. It is called
+        with a sympy symbol and returns an expression.
+    inverse : callable, optional
+        The law solved for p or q, needed where a nonlinear storage gets derivative causality.
+    """
+
+    value: Any = None
+    law: Callable[[Any], Any] | None = None
+    inverse: Callable[[Any], Any] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class I(Storage):  # noqa: E742  (the letter of the field)
+    """Inertia: f = p / I, or f = law(p)."""
+
+
+@dataclass(frozen=True, eq=False)
+class C(Storage):
+    """Compliance: e = q / C, or e = law(q). ``C(law=lambda q: 0)`` stores a displacement and nothing else."""
+
+
+@dataclass(frozen=True, eq=False)
+class R(Element):
+    """Resistance: e = R f, or e = law(f), or f = conductance(e).
+
+    A nonlinear law is evaluated in the direction in which it is written, if the causality can be chosen so.
+
+    Parameters
+    ----------
+    value : number, str or expression, optional
+        Resistance of the linear law.
+    law, conductance : callable, optional
+        Nonlinear law as effort of the flow, or flow of the effort, called with a sympy symbol. Where both are given, they
+        must be each other's inverse.
+    """
+
+    value: Any = None
+    law: Callable[[Any], Any] | None = None
+    conductance: Callable[[Any], Any] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TF(Element):
+    """Transformer: with bond 1 pointing in and bond 2 pointing out, f2 = m f1 and e1 = m e2.
+
+    Parameters
+    ----------
+    modulus : number, str or expression
+        m; it may depend on :data:`time` and on stored p and q.
+    """
+
+    modulus: Any
+
+
+@dataclass(frozen=True, eq=False)
+class GY(Element):
+    """Gyrator: with bond 1 pointing in and bond 2 pointing out, e1 = r f2 and e2 = r f1.
+
+    Parameters
+    ----------
+    modulus : number, str or expression
+        r; it may depend on :data:`time` and on stored p and q.
+    """
+
+    modulus: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Junction(Element):
+    """Base of the junctions.
+
+    Parameters
+    ----------
+    name : str
+        What messages and drawings call it.
+    """
+
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Zero(Junction):
+    """0-junction: one effort; the flows, counted along the half arrows, sum to zero."""
+
+    @property
+    def kind(self) -> str:
+        """The digit of a drawing."""
+        return "0"
+
+
+@dataclass(frozen=True, eq=False)
+class One(Junction):
+    """1-junction: one flow; the efforts, counted along the half arrows, sum to zero."""
+
+    @property
+    def kind(self) -> str:
+        """The digit of a drawing."""
+        return "1"

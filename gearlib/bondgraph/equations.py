@@ -1,0 +1,212 @@
+"""Explicit state equations of a bond graph with its causality, in symbols.
+
+Two forms are made. The *printed* form is the one papers show: p' and q' of the storage elements with integral causality, in
+terms of all p and q, of the rates of those with derivative causality, and of the sources. The *solved* form eliminates the
+latter: with the dependent p = g(x, u, t), so that p' = dg/dx x' + dg/du u' + dg/dt, all x' and the outputs z of resistances in
+algebraic loops solve residual(x', z; x, u, u', t) = 0, which is linear, M y = b with y = (x', z), unless a loop holds a
+nonlinear resistance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import sympy as sp
+
+from gearlib.bondgraph.causality import Causality, assign_causality, evaluation_order
+from gearlib.bondgraph.elements import Se, Sf, symbol, time
+from gearlib.bondgraph.expressions import Walk, rate_of
+from gearlib.bondgraph.graph import BondGraph
+from gearlib.errors import SingularError
+
+__all__ = ["StateEquations", "latex_of", "state_equations"]
+
+
+@dataclass(frozen=True)
+class StateEquations:
+    """State equations of a bond graph.
+
+    Parameters
+    ----------
+    graph, causality : BondGraph, Causality
+        What they were derived from.
+    states, dependent : tuple of Symbol
+        p and q with integral and with derivative causality, by bond.
+    inputs : tuple of Symbol
+        Sources without a value.
+    parameters : tuple of Symbol
+        All other symbols, by name.
+    tears : tuple of Symbol
+        Efforts and flows that are unknown because of algebraic loops.
+    printed : mapping
+        Each state's rate as an expanded expression of states, dependent p and q, their rates, inputs and tears.
+    dependent_values : mapping
+        Each dependent p or q in terms of the states and the inputs.
+    tear_values : mapping
+        Each tear in terms of the same as ``printed``: one equation for each.
+    efforts, flows : mapping
+        Effort and flow of every bond, in terms of the same as ``printed``.
+    """
+
+    graph: BondGraph
+    causality: Causality
+    states: tuple[Any, ...]
+    dependent: tuple[Any, ...]
+    inputs: tuple[Any, ...]
+    parameters: tuple[Any, ...]
+    tears: tuple[Any, ...]
+    printed: Mapping[Any, Any]
+    dependent_values: Mapping[Any, Any]
+    tear_values: Mapping[Any, Any]
+    efforts: Mapping[int, Any]
+    flows: Mapping[int, Any]
+
+    @cached_property
+    def unknowns(self) -> tuple[Any, ...]:
+        """The vector y = (x', z)."""
+        return (*map(rate_of, self.states), *self.tears)
+
+    @cached_property
+    def elimination(self) -> Mapping[Any, Any]:
+        """What replaces the dependent p and q and their rates: expressions of states, inputs and unknowns."""
+        values: dict[Any, Any] = dict(self.dependent_values)
+        for variable, value in self.dependent_values.items():
+            total = sp.diff(value, time)
+            for x in (*self.states, *self.inputs):
+                total += sp.diff(value, x) * rate_of(x)
+            values[rate_of(variable)] = total
+        return MappingProxyType(values)
+
+    @cached_property
+    def residual(self) -> tuple[Any, ...]:
+        """What must be zero: unknowns less their values, with the dependent p and q eliminated."""
+        values = [*self.printed.values(), *self.tear_values.values()]
+        return tuple(y - value.xreplace(dict(self.elimination)) for y, value in zip(self.unknowns, values, strict=True))
+
+    @cached_property
+    def mass_matrix(self) -> Any:
+        """M of M y = b; of a nonlinear system, the Jacobian of the residual."""
+        return sp.Matrix([[sp.expand(sp.diff(r, y)) for y in self.unknowns] for r in self.residual])
+
+    @cached_property
+    def right_side(self) -> Any:
+        """The vector b of M y = b, in terms of states, inputs, their rates and time."""
+        zero = dict.fromkeys(self.unknowns, sp.Integer(0))
+        return sp.Matrix([sp.expand(-r.xreplace(zero)) for r in self.residual])
+
+    @cached_property
+    def is_linear_in_unknowns(self) -> bool:
+        """Whether one linear solution gives x'."""
+        return not (self.mass_matrix.free_symbols & set(self.unknowns))
+
+    def explicit(self) -> dict[Any, Any]:
+        """Each state's rate as an expression of states, inputs and their rates: the solved form, in symbols.
+
+        Meant for small graphs: the inverse of a large symbolic mass matrix is long.
+
+        Raises
+        ------
+        SingularError
+            The mass matrix has no inverse, or a loop holds a nonlinear resistance.
+
+        >>> from gearlib.bondgraph import BondGraph, I, One, Se, state_equations
+        >>> v = One("v")
+        >>> state_equations(BondGraph((1, Se(), v), (2, v, I()), (3, v, I()))).explicit()
+        {dp_2: I_2*Se_1/(I_2 + I_3)}
+        """
+        if not self.is_linear_in_unknowns:
+            raise SingularError(f"{self.graph.name}: a loop with a nonlinear resistance has no solution in symbols")
+        try:
+            solution = self.mass_matrix.LUsolve(self.right_side)
+        except (ValueError, ZeroDivisionError):  # sympy's NonInvertibleMatrixError is a ValueError
+            raise SingularError(f"{self.graph.name}: the mass matrix has no inverse") from None
+        return {y: sp.simplify(solution[k]) for k, y in enumerate(self.unknowns[: len(self.states)])}
+
+    def latex(self, *, solved: bool = False) -> str:
+        r"""The equations as LaTeX, one per line of an ``aligned`` block, with dots for rates and the bonds' numbers.
+
+        >>> from gearlib.bondgraph import BondGraph, C, I, One, Se, state_equations
+        >>> v = One("v")
+        >>> print(state_equations(BondGraph((1, Se(), v), (2, v, I()), (3, v, C()))).latex())
+        \begin{aligned}
+        \dot{p}_{2} &= Se_{1} - \frac{q_{3}}{C_{3}} \\
+        \dot{q}_{3} &= \frac{p_{2}}{I_{2}}
+        \end{aligned}
+        """
+        rows = self.explicit() if solved else {rate_of(x): value for x, value in self.printed.items()}
+        if not solved:
+            rows |= dict(self.tear_values)
+        return latex_of(rows, [*self.states, *self.dependent, *self.inputs])
+
+
+def latex_of(rows: Mapping[Any, Any], variables: Iterable[Any]) -> str:
+    """Equations ``left = right`` as an ``aligned`` block; the rates of ``variables`` get dots."""
+    names = {}
+    for variable in variables:
+        letter, _, bond = variable.name.partition("_")
+        names[rate_of(variable)] = rf"\dot{{{letter}}}_{{{bond}}}"
+    lines = [f"{sp.latex(y, symbol_names=names)} &= {sp.latex(value, symbol_names=names)}" for y, value in rows.items()]
+    return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+
+
+def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Causality | None = None) -> StateEquations:
+    """Explicit state equations of a bond graph.
+
+    Parameters
+    ----------
+    graph : BondGraph
+        The graph.
+    prefer : iterable of int
+        Bonds of storage elements that become states first: see :func:`~gearlib.bondgraph.assign_causality`.
+    causality : Causality, optional
+        An assignment made before, in place of ``prefer``.
+
+    Returns
+    -------
+    StateEquations
+        The printed and the solved form.
+
+    Raises
+    ------
+    BalanceError
+        No causality fits the graph.
+    DeclarationError
+        A nonlinear law is needed in the direction in which it is not given and cannot be solved.
+
+    Examples
+    --------
+    >>> from gearlib.bondgraph import BondGraph, C, I, One, R, Se, state_equations
+    >>> v = One("v")
+    >>> equations = state_equations(BondGraph((1, Se(), v), (2, v, I()), (3, v, C()), (4, v, R())))
+    >>> equations.printed
+    mappingproxy({p_2: Se_1 - R_4*p_2/I_2 - q_3/C_3, q_3: p_2/I_2})
+    """
+    causality = causality or assign_causality(graph, prefer)
+    order = evaluation_order(graph, causality)
+    walk, straight = (Walk(graph, causality, order, own_law=own) for own in (True, False))
+    states = {n: walk.energy(n) for n in causality.integral}
+    rates = {x: sp.expand(walk(("e" if x.name[0] == "p" else "f", n))) for n, x in states.items()}
+    dependent = {walk.energy(n): sp.expand(straight.stored(n)) for n in causality.derivative}
+    tears = {walk.tear(q): sp.expand(walk.set_value(q)) for q in causality.tears}
+    unsettled = {*tears, *dependent, *map(rate_of, dependent)}
+    if looped := sorted(str(p) for p, value in dependent.items() if value.free_symbols & unsettled):
+        raise SingularError(f"{graph.name}: {', '.join(looped)} depend on an algebraic loop or on each other")
+    inputs = tuple(symbol(f"{'Se' if isinstance(graph.element(n), Se) else 'Sf'}_{n}") for n in _open_sources(graph))
+    efforts = {n: walk(("e", n)) for n in graph.bonds}
+    flows = {n: walk(("f", n)) for n in graph.bonds}
+    known = {*states.values(), *dependent, *map(rate_of, dependent), *inputs, *tears, time}
+    everything = [*rates.values(), *dependent.values(), *tears.values(), *efforts.values(), *flows.values()]
+    parameters = set().union(*(value.free_symbols for value in everything)) - known
+    return StateEquations(
+        graph, causality, tuple(states.values()), tuple(dependent), inputs, tuple(sorted(parameters, key=str)), tuple(tears),
+        MappingProxyType(rates), MappingProxyType(dependent), MappingProxyType(tears), MappingProxyType(efforts),
+        MappingProxyType(flows),
+    )  # fmt: skip
+
+
+def _open_sources(graph: BondGraph) -> list[int]:
+    return [n for n in graph.of_kind(Se, Sf) if getattr(graph.element(n), "value", None) is None]

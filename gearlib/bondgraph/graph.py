@@ -1,0 +1,147 @@
+"""A bond graph: numbered bonds between elements, checked when it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+from gearlib.bondgraph.elements import GY, TF, Element, Junction, R, Se, Sf, Storage
+from gearlib.errors import ArgumentError, ConnectionError
+
+__all__ = ["Bond", "BondGraph"]
+
+
+@dataclass(frozen=True)
+class Bond:
+    """A bond; its half arrow points from ``tail`` to ``head``, the direction in which power counts as positive."""
+
+    number: int
+    tail: Element
+    head: Element
+
+    def other(self, end: Element) -> Element:
+        """The end that is not ``end``."""
+        return self.tail if end is self.head else self.head
+
+    def sign(self, end: Element) -> int:
+        """+1 if the half arrow points to ``end``, -1 if it points away from it."""
+        return 1 if end is self.head else -1
+
+
+class BondGraph:
+    """Elements joined by numbered bonds.
+
+    Parameters
+    ----------
+    *bonds : tuple
+        (number, tail, head) of each bond. The half arrow points from tail to head: into I, C and R, through TF and GY.
+    name : str
+        What messages call the graph.
+
+    Raises
+    ------
+    ConnectionError
+        An element has too few or too many bonds, a bond number is used twice, or half arrows point the wrong way.
+
+    Examples
+    --------
+    A mass on a spring, pushed by a force:
+
+    >>> from gearlib.bondgraph import BondGraph, C, I, One, Se
+    >>> v = One("v")
+    >>> graph = BondGraph((1, Se(), v), (2, v, I()), (3, v, C()), name="oscillator")
+    >>> [bond.number for bond in graph.at(v)]
+    [1, 2, 3]
+
+    References
+    ----------
+    D. C. Karnopp, D. L. Margolis, R. C. Rosenberg, "System Dynamics", 5th ed., Wiley, 2012.
+    https://doi.org/10.1002/9781118152812
+    """
+
+    def __init__(self, *bonds: tuple[int, Element, Element], name: str = "bond graph") -> None:
+        self.name = name
+        made: dict[int, Bond] = {}
+        for number, tail, head in bonds:
+            if number in made:
+                raise ConnectionError(f"{name}: bond {number} is there twice")
+            if tail is head:
+                raise ConnectionError(f"{name}: bond {number} begins and ends on the same element")
+            made[number] = Bond(number, tail, head)
+        self.bonds: Mapping[int, Bond] = MappingProxyType(dict(sorted(made.items())))
+        for element, ends in self._ends.items():
+            _check(self, element, ends)
+
+    @cached_property
+    def _ends(self) -> Mapping[Element, tuple[Bond, ...]]:
+        ends: dict[Element, list[Bond]] = {}
+        for bond in self.bonds.values():
+            for element in (bond.tail, bond.head):
+                ends.setdefault(element, []).append(bond)
+        return MappingProxyType({element: tuple(found) for element, found in ends.items()})
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """All elements, in the order of their lowest bonds."""
+        return tuple(self._ends)
+
+    def at(self, element: Element) -> tuple[Bond, ...]:
+        """Bonds that end on ``element``, by number."""
+        if element not in self._ends:
+            raise ArgumentError(f"{self.name}: the {element.kind} element given is on no bond of this graph")
+        return self._ends[element]
+
+    def element(self, number: int) -> Element:
+        """The source, storage or resistance at the end of bond ``number``.
+
+        >>> from gearlib.bondgraph import BondGraph, C, Se
+        >>> BondGraph((1, Se(), C())).element(1).kind
+        'Se'
+        """
+        if number not in self.bonds:
+            raise ArgumentError(f"{self.name}: there is no bond {number}; bonds are {', '.join(map(str, self.bonds))}")
+        bond = self.bonds[number]
+        for end in (bond.tail, bond.head):
+            if not isinstance(end, Junction | TF | GY):
+                return end
+        raise ArgumentError(f"{self.name}: bond {number} joins {self.label(bond.tail)} and {self.label(bond.head)}")
+
+    def of_kind(self, *kinds: type[Element]) -> tuple[int, ...]:
+        """Bonds on which the one-port elements of these kinds stand, by number."""
+        found = (bonds[0].number for element, bonds in self._ends.items() if isinstance(element, kinds) and len(bonds) == 1)
+        return tuple(sorted(found))
+
+    def label(self, element: Element) -> str:
+        """What messages call an element: its kind, and its name or its bonds."""
+        if isinstance(element, Junction):
+            where = f" '{element.name}'" if element.name else f" of bonds {_numbers(self._ends.get(element, ()))}"
+            return f"{element.kind}-junction{where}"
+        bonds = self._ends.get(element, ())
+        return f"{element.kind} on bond{'s' if len(bonds) > 1 else ''} {_numbers(bonds)}"
+
+
+def _numbers(bonds: Iterable[Bond]) -> str:
+    return ", ".join(str(bond.number) for bond in bonds)
+
+
+def _check(graph: BondGraph, element: Element, bonds: tuple[Bond, ...]) -> None:
+    label = f"{graph.name}: {graph.label(element)}"
+    if isinstance(element, Junction):
+        if len(bonds) < 2:
+            raise ConnectionError(f"{label} has only bond {_numbers(bonds)}: the bond dangles")
+        return
+    if isinstance(element, TF | GY):
+        if len(bonds) != 2:
+            raise ConnectionError(f"{label} must have two bonds, but it has {len(bonds)}")
+        if bonds[0].sign(element) == bonds[1].sign(element):
+            raise ConnectionError(f"{label} must have one half arrow pointing in and one pointing out")
+        return
+    if len(bonds) != 1:
+        raise ConnectionError(f"{label} is a one-port: it must have one bond, but it has {len(bonds)}")
+    inward = bonds[0].head is element
+    if isinstance(element, Storage | R) and not inward:
+        raise ConnectionError(f"{label} takes up power: the half arrow must point to it")
+    if isinstance(element, Se | Sf) and inward:
+        raise ConnectionError(f"{label} gives power: the half arrow must point away from it")

@@ -1,0 +1,192 @@
+"""Carry out a program with numpy: many times at once, nothing compiled.
+
+This serves what is asked for after a run, start values, linearisation, and everything that must be known once per run: the
+factorised matrices of linear blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.program import Batch, Linear, Newton, Program
+from gearlib.errors import SingularError, SolverError
+from gearlib.structure.analysis import Structure
+
+Floats = NDArray[np.float64]
+SINGULAR = 1e-13  # reciprocal condition below which a matrix counts as singular
+MOST_DENSE = 400  # unknowns up to which a block's matrix is handled as a full one
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A program with numbers: parameters, and of each linear block the matrix that takes g to the unknowns."""
+
+    program: Program
+    parameters: Floats
+    solutions: tuple[Floats, ...]  # in the order of the linear blocks: (unknowns, known)
+
+
+def batch_values(batch: Batch, t: Floats | float, slots: Floats, parameters: Floats, relations: Floats) -> Floats:
+    """The kernel's values, shape (instances, times)."""
+    arguments = [slots[batch.arguments[:, a]] * batch.argument_signs[:, a, None] for a in range(batch.arguments.shape[1])]
+    constants = [parameters[batch.parameters[:, p], None] for p in range(batch.parameters.shape[1])]
+    flags = [relations[batch.relations[:, r]] for r in range(batch.relations.shape[1])]
+    with np.errstate(all="ignore"):
+        value = batch.kernel.function(t, *arguments, *constants, *flags)
+    return np.asarray(value, float) * batch.signs[:, None]
+
+
+def constant_values(batch: Batch, parameters: Floats) -> Floats:
+    """Values of a kernel that depends on parameters only, shape (instances,)."""
+    with np.errstate(all="ignore"):
+        value = batch.kernel.function(0.0, *parameters[batch.parameters.T])
+    return np.broadcast_to(np.asarray(value, float), (len(batch),)) * batch.signs
+
+
+def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepared:
+    """Factorise what is constant during a run, and check that nothing that is divided by vanishes.
+
+    Raises
+    ------
+    SingularError
+        Names the components whose values are at fault.
+    """
+    model = structure.model
+    for batch in program.pivots:
+        values = constant_values(batch, parameters)
+        for i in np.flatnonzero((values == 0.0) | ~np.isfinite(values))[:1]:
+            names = ", ".join(
+                f"{model.parameters.names[p]} = {parameters[p]:g}" for p in batch.parameters[i]
+            )
+            owner = owner_of(structure, int(batch.equations[i]))
+            raise SingularError(f"{owner}: {batch.kernel.template.label} cannot be solved with {names}; a zero is divided by")
+    return Prepared(
+        program, parameters, tuple(_solution(s, structure, parameters) for s in program.steps if isinstance(s, Linear))
+    )
+
+
+def owner_of(structure: Structure, equation: int) -> str:
+    """Path of the component that wrote an equation."""
+    return structure.model.owner(*structure.rows[equation])
+
+
+def _solution(block: Linear, structure: Structure, parameters: Floats) -> Floats:
+    """-inverse(A) restricted to the columns that g has."""
+    n = len(block.unknowns)
+    entries = np.concatenate([constant_values(b, parameters) for b in block.matrix])
+    places = np.concatenate([b.targets for b in block.matrix])
+    rhs = np.zeros((n, len(block.known)))
+    rhs[block.known_rows, np.arange(len(block.known))] = -1.0
+    if not np.isfinite(entries).all():
+        raise _singular(block, structure)
+    if n <= MOST_DENSE:
+        matrix = np.bincount(places, entries, n * n).reshape(n, n)
+        row_scale = np.abs(matrix).max(axis=1)
+        if (row_scale == 0.0).any():
+            raise _singular(block, structure)
+        matrix /= row_scale[:, None]
+        column_scale = np.abs(matrix).max(axis=0)
+        if (column_scale == 0.0).any():
+            raise _singular(block, structure)
+        matrix /= column_scale
+        try:
+            solved: Floats = np.linalg.solve(matrix, rhs / row_scale[:, None]) / column_scale[:, None]
+            condition = np.linalg.cond(matrix, 1)
+        except np.linalg.LinAlgError:
+            raise _singular(block, structure) from None
+        if not condition < 1 / SINGULAR:
+            raise _singular(block, structure)
+        return solved
+    import scipy.sparse as sparse
+    from scipy.sparse.linalg import splu
+
+    try:
+        factors = splu(sparse.csc_matrix((entries, np.divmod(places, n)), shape=(n, n)))
+    except RuntimeError:
+        raise _singular(block, structure) from None
+    diagonal = np.abs(factors.U.diagonal())
+    if not diagonal.min() > SINGULAR * diagonal.max() * 1e-3:
+        raise _singular(block, structure)
+    solution: Floats = factors.solve(rhs)
+    return solution
+
+
+def _singular(block: Linear | Newton, structure: Structure) -> SingularError:
+    owners = list(dict.fromkeys(owner_of(structure, int(e)) for e in block.equations))
+    owners = [o for o in owners if o != "connection"]
+    some = ", ".join(owners[:8]) + (f" and {len(owners) - 8} more" if len(owners) > 8 else "")
+    return SingularError(
+        f"the equations of {some} are singular with these parameters: they leave a torque or an acceleration undetermined "
+        "(a mass that is zero, two rigid paths, or ratios that cancel)"
+    )
+
+
+def evaluate(
+    prepared: Prepared, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None = None
+) -> Floats:
+    """All slots of a program.
+
+    Parameters
+    ----------
+    t : array, shape (times,)
+    states, inputs, relations : arrays, shape (number, times)
+    guess : array, shape (slots,), optional
+        Where Newton's iterations start.
+
+    Returns
+    -------
+    array, shape (slots, times)
+    """
+    program = prepared.program
+    slots = np.zeros((program.n_slots, len(t)))
+    n, m = len(program.states), len(program.inputs)
+    slots[:n] = states
+    slots[n : n + m] = inputs
+    solutions = iter(prepared.solutions)
+    for step in program.steps:
+        if isinstance(step, Batch):
+            slots[step.targets] = batch_values(step, t, slots, prepared.parameters, relations)
+        elif isinstance(step, Linear):
+            slots[step.unknowns] = next(solutions) @ slots[step.known]
+        else:
+            _newton(step, prepared, t, slots, relations, guess)
+    return slots
+
+
+def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None) -> None:
+    """Solve a block one time after the other, each from the solution before."""
+    n = len(step.unknowns)
+    z = np.zeros(n) if guess is None else guess[step.unknowns].copy()
+    for i in range(len(t)):
+        here, flags, now = slots[:, i : i + 1].copy(), relations[:, i : i + 1], t[i : i + 1]
+        for iteration in range(50):
+            here[step.unknowns, 0] = z
+            residual = assemble(step.residuals, now, here, prepared.parameters, flags, n)[:, 0]
+            matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n)[:, 0].reshape(n, n)
+            try:
+                change = np.linalg.solve(matrix, residual)
+            except np.linalg.LinAlgError:
+                change = np.linalg.lstsq(matrix, residual, rcond=None)[0]
+            z = z - change
+            if step.linear or np.abs(change).max() <= 1e-14 * np.abs(z).max() + 1e-300:
+                break
+            if iteration > 8 and np.abs(change).max() <= 1e-11 * np.abs(z).max():
+                break
+        else:
+            raise SolverError(f"a nonlinear block did not converge at t = {t[i]:g}; give better guesses for its variables")
+        slots[step.unknowns, i] = z
+
+
+def assemble(
+    batches: Sequence[Batch], t: Floats, slots: Floats, parameters: Floats, relations: Floats, size: int
+) -> Floats:
+    """Sum batches' values at their targets, shape (size, times)."""
+    result = np.zeros((size, slots.shape[1]))
+    for batch in batches:
+        np.add.at(result, batch.targets, batch_values(batch, t, slots, parameters, relations))
+    return result
+

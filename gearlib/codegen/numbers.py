@@ -1,0 +1,53 @@
+"""Numerical values of partial derivatives at the start, for the structural decisions that need them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gearlib.codegen.kernels import Kernel, partial_kernel, residual_kernel
+from gearlib.flatten.model import EquationGroup, FlatModel, Floats
+from gearlib.structure.analysis import Numbers
+
+
+def start_guess(model: FlatModel, parameters: Floats) -> Floats:
+    """A value of every representative variable: its start or guess value where it has one, else zero."""
+    values = np.zeros(model.n_variables)
+    order = np.argsort(model.starts.fixed, kind="stable")  # fixed ones last, so that they win
+    v = model.starts.variables[order]
+    sign = model.sign[v]
+    values[model.representative[v]] = np.where(sign == 0, 0.0, sign * parameters[model.starts.slots[order]])
+    return values
+
+
+def numbers_of(model: FlatModel, parameters: Floats, t: float) -> Numbers:
+    """Partial derivatives of all equations at the start values."""
+    values = start_guess(model, parameters)
+
+    def apply(kernel: Kernel, group: EquationGroup) -> Floats:
+        template = kernel.template
+        where = {name: j for j, name in enumerate(template.locals)}
+        columns = [*template.columns, *template.relation_columns]
+        arguments = []
+        for c in kernel.columns:
+            name, order = columns[c]
+            j = where[name]
+            arguments.append(np.where(order == 0, values[group.variables[:, j]], 0.0) * group.signs[:, j])
+        constants = [parameters[group.parameters[:, p]] for p in kernel.parameters]
+        flags = [np.zeros(len(group)) for _ in kernel.relations]
+        with np.errstate(all="ignore"):
+            result = kernel.function(t, *arguments, *constants, *flags)
+        return np.broadcast_to(np.asarray(result, float), (len(group),))
+
+    def partial(g: int, column: int) -> Floats:
+        group = model.groups[g]
+        return apply(partial_kernel(group.template, column), group)
+
+    def rest(g: int) -> Floats:
+        group = model.groups[g]
+        template = group.template
+        kernel = residual_kernel(template, frozenset(range(len(template.columns))))
+        if template.on_time:
+            return np.full(len(group), np.nan)
+        return apply(kernel, group)
+
+    return Numbers(partial, rest)

@@ -1,0 +1,314 @@
+"""`Program`: what to compute, in which order, in arrays of integers.
+
+Every quantity has a slot: first the states, then the given inputs, then the unknowns. A `Batch` applies one kernel to many
+instances; a `Linear` block solves equations whose matrix is constant during a run (factorised beforehand); a `Newton` block solves
+the others.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.kernels import Kernel, differentiated, partial_kernel, residual_kernel, solve_kernel
+from gearlib.flatten.templates import Template
+from gearlib.structure.analysis import Structure
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import Block, reach, sort_blocks
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """One kernel for many instances: ``slot[targets] = signs * kernel(slot[arguments] * argument_signs, ...)``."""
+
+    kernel: Kernel
+    equations: Integers  # for messages
+    targets: Integers  # (n,)
+    signs: Integers  # (n,)
+    arguments: Integers  # (n, columns)
+    argument_signs: Integers
+    parameters: Integers  # (n, parameters) into the parameter table
+    relations: Integers  # (n, relations) into the relation values
+
+    def __len__(self) -> int:
+        return len(self.targets)
+
+    def take(self, rows: Integers) -> Batch:
+        return Batch(
+            self.kernel, self.equations[rows], self.targets[rows], self.signs[rows], self.arguments[rows],
+            self.argument_signs[rows], self.parameters[rows], self.relations[rows],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Linear:
+    """``A z + g = 0`` with a matrix that is constant during a run; g in slots of its own (rows without one have none)."""
+
+    unknowns: Integers  # slots
+    matrix: tuple[Batch, ...]  # targets: row * n + column
+    known: Integers  # slots of g
+    known_rows: Integers
+    equations: Integers
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Equations solved by iteration (once, where they are linear with a matrix that varies)."""
+
+    unknowns: Integers  # slots
+    residuals: tuple[Batch, ...]  # targets: row
+    jacobian: tuple[Batch, ...]  # targets: row * n + column
+    linear: bool
+    equations: Integers
+
+
+Step = Batch | Linear | Newton
+
+
+@dataclass(frozen=True)
+class Program:
+    """Steps in an order in which they can be carried out.
+
+    Attributes
+    ----------
+    states, inputs : tuples of (variable, order)
+        Held by the first slots.
+    slots : mapping of (variable, order) to int
+    n_slots : int
+    steps : tuple
+        Level by level: batches as large as possible.
+    outputs : tuple of (variable, order)
+        What the program is for; derivatives of the states, usually.
+    pivots : tuple of Batch
+        Coefficients that are divided by, and so must not vanish.
+    """
+
+    states: tuple[Node, ...]
+    inputs: tuple[Node, ...]
+    slots: dict[Node, int]
+    n_slots: int
+    steps: tuple[Step, ...]
+    outputs: tuple[Node, ...]
+    pivots: tuple[Batch, ...]
+
+    @property
+    def output_slots(self) -> Integers:
+        return np.array([self.slots[n] for n in self.outputs], np.int64)
+
+    @property
+    def n_unknowns(self) -> int:
+        return len(self.slots) - len(self.states) - len(self.inputs)
+
+    @property
+    def is_linear(self) -> bool:
+        """Linear in states and unknowns, with constant coefficients (inputs and time may enter in any way)."""
+        return all(
+            not isinstance(s, Newton) and all(b.kernel.template.linear for b in ([s] if isinstance(s, Batch) else s.matrix))
+            for s in self.steps
+        )
+
+
+def build(structure: Structure, targets: Iterable[Node], states: Sequence[Node] | None, dynamic: bool) -> Program:
+    """The program that computes ``targets`` from states and inputs.
+
+    Parameters
+    ----------
+    structure : Structure
+    targets : iterable of (variable, order)
+    states : sequence of nodes, optional
+        Which states hold the first slots, in that order; by default those in use.
+    dynamic : bool
+        Whether the derivatives of all states in use are targets as well.
+    """
+    targets = list(dict.fromkeys(targets))
+    unknowns, used = reach(structure.dependence, targets, dynamic)
+    order = tuple(states) if states is not None else tuple(sorted(used))
+    blocks = sort_blocks(structure.dependence, unknowns)
+    outputs = [(v, k + 1) for v, k in order] if dynamic else targets
+    return _Builder(structure, blocks, order).program(tuple(outputs))
+
+
+class _Builder:
+    """Collects steps while it goes through the blocks."""
+
+    def __init__(self, structure: Structure, blocks: Sequence[Block], states: tuple[Node, ...]) -> None:
+        self.structure, self.model, self.blocks = structure, structure.model, blocks
+        self.states = states
+        given = set(self.model.inputs.tolist())
+        inputs = [(int(v), 0) for v in self.model.inputs]
+        extra = {n for b in blocks for e, k in b.equations for n in structure.dependence.columns(e, k) if n[0] in given and n[1] > 0}
+        self.inputs = (*inputs, *sorted(extra))
+        self.slots: dict[Node, int] = {n: i for i, n in enumerate((*states, *self.inputs))}
+        for block in blocks:
+            for node in block.unknowns:
+                self.slots.setdefault(node, len(self.slots))
+        self.n_slots = len(self.slots)
+        orders = 1 + max((k for _, k in self.slots), default=0)
+        self.table = np.full((orders, self.model.n_variables), -1)
+        for (v, k), slot in self.slots.items():
+            self.table[k, v] = slot
+        counts = [len(g.template.relations) * len(g) for g in self.model.groups]
+        self.first_relation = np.cumsum([0, *counts])
+        self.variables = [g.variables.tolist() for g in self.model.groups]
+        self.signs = [g.signs.tolist() for g in self.model.groups]
+
+    def program(self, outputs: tuple[Node, ...]) -> Program:
+        scalar: dict[tuple[Kernel, int, int], list[tuple[int, int, int]]] = defaultdict(list)
+        pivots: dict[tuple[Kernel, int, int], list[tuple[int, int, int]]] = defaultdict(list)
+        others: list[Linear | Newton] = []
+        for block in self.blocks:
+            done = len(block.unknowns) == 1 and self._assign(block, scalar, pivots)
+            if not done:
+                others.append(self._block(block, scalar))
+        batches = [self._batch(kernel, g, k, rows) for (kernel, g, k), rows in scalar.items()]
+        checks = tuple(self._batch(kernel, g, k, rows) for (kernel, g, k), rows in pivots.items())
+        steps = schedule(batches, others, self.n_slots, len(self.states) + len(self.inputs))
+        return Program(self.states, self.inputs, self.slots, self.n_slots, steps, outputs, checks)
+
+    def _place(self, e: int) -> tuple[int, int]:
+        return self.structure.rows[e]
+
+    def _template(self, e: int, k: int) -> tuple[Template, int, int]:
+        g, i = self._place(e)
+        return differentiated(self.model.groups[g].template, k), g, i
+
+    def _positions(self, template: Template, g: int, i: int) -> list[tuple[int, Node, int]]:
+        """(column, node, sign) of one equation; what is always zero is left out."""
+        variables, signs = self.variables[g][i], self.signs[g][i]
+        base = self.model.groups[g].template.locals
+        if template.locals == base:
+            return [(c, (variables[j], o), signs[j]) for c, (j, o) in enumerate(template.local_columns) if signs[j]]
+        where = {name: j for j, name in enumerate(base)}
+        result = []
+        for c, (name, order) in enumerate(template.columns):
+            j = where[name]
+            if signs[j]:
+                result.append((c, (variables[j], order), signs[j]))
+        return result
+
+    def _assign(self, block: Block, scalar: dict, pivots: dict) -> bool:  # type: ignore[type-arg]
+        node, (e, k) = block.unknowns[0], block.equations[0]
+        template, g, i = self._template(e, k)
+        mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
+        if len(mine) != 1:
+            return False
+        column, sign = mine[0]
+        kernel = solve_kernel(template, column)
+        if kernel is None:
+            return False
+        partial = template.partials[column]
+        if partial.number is None and partial.constant:
+            pivots[partial_kernel(template, column), g, k].append((i, 0, 1))
+        scalar[kernel, g, k].append((i, self.slots[node], sign))
+        return True
+
+    def _block(self, block: Block, scalar: dict) -> Linear | Newton:  # type: ignore[type-arg]
+        position = {node: c for c, node in enumerate(block.unknowns)}
+        n = len(block.unknowns)
+        matrix: dict[tuple[Kernel, int, int], list[tuple[int, int, int]]] = defaultdict(list)
+        residual: dict[tuple[Kernel, int, int], list[tuple[int, int, int]]] = defaultdict(list)
+        constant = linear = True
+        rows = []
+        for r, (e, k) in enumerate(block.equations):
+            template, g, i = self._template(e, k)
+            inside = [(c, node, sign) for c, node, sign in self._positions(template, g, i) if node in position]
+            columns = {c for c, _, _ in inside}
+            for c, node, sign in inside:
+                partial = template.partials[c]
+                constant &= partial.constant
+                linear &= not partial.depends_on & columns
+                matrix[partial_kernel(template, c), g, k].append((i, r * n + position[node], sign))
+            rows.append((template, g, i, k, frozenset(columns)))
+        unknowns = np.array([self.slots[u] for u in block.unknowns], np.int64)
+        equations = np.array([e for e, _ in block.equations], np.int64)
+        entries = tuple(self._batch(kernel, g, k, found) for (kernel, g, k), found in matrix.items())
+        if constant and linear:
+            known, known_rows = [], []
+            for r, (template, g, i, k, columns_) in enumerate(rows):
+                kernel = residual_kernel(template, columns_)
+                if not kernel.is_zero:
+                    known.append(self.n_slots)
+                    known_rows.append(r)
+                    scalar[kernel, g, k].append((i, self.n_slots, 1))
+                    self.n_slots += 1
+            return Linear(unknowns, entries, np.array(known, np.int64), np.array(known_rows, np.int64), equations)
+        for r, (template, g, i, k, _) in enumerate(rows):
+            residual[residual_kernel(template), g, k].append((i, r, 1))
+        residuals = tuple(self._batch(kernel, g, k, found) for (kernel, g, k), found in residual.items())
+        return Newton(unknowns, residuals, entries, linear, equations)
+
+    def _batch(self, kernel: Kernel, g: int, k: int, found: list[tuple[int, int, int]]) -> Batch:
+        group = self.model.groups[g]
+        rows, targets, signs = (np.array(x, np.int64) for x in zip(*found, strict=True))
+        where = {name: j for j, name in enumerate(group.template.locals)}
+        template = kernel.template
+        columns = [*template.columns, *template.relation_columns]
+        arguments = np.empty((len(rows), len(kernel.columns)), np.int64)
+        argument_signs = np.empty_like(arguments)
+        for a, c in enumerate(kernel.columns):
+            name, order = columns[c]
+            j = where[name]
+            argument_signs[:, a] = group.signs[rows, j]
+            arguments[:, a] = np.where(argument_signs[:, a] == 0, 0, self.table[order, group.variables[rows, j]])
+        own = {name: j for j, name in enumerate(group.template.parameters)}
+        parameters = group.parameters[rows][:, [own[template.parameters[p]] for p in kernel.parameters]]
+        n_relations = len(group.template.relations)
+        relations = self.first_relation[g] + rows[:, None] * n_relations + np.array(kernel.relations, np.int64)[None, :]
+        first = np.searchsorted(np.array([r[0] for r in self.structure.rows]), g)
+        return Batch(kernel, first + rows, targets, signs, arguments, argument_signs, parameters, relations)
+
+
+def schedule(batches: Sequence[Batch], others: Sequence[Linear | Newton], n_slots: int, n_known: int) -> tuple[Step, ...]:
+    """Levels: each step as early as its arguments allow; steps of one level and kernel form one batch."""
+    maker = np.full(n_slots, -1)
+    kinds: list[tuple[int, int]] = []  # (batch, row) or (-1 - block, 0)
+    arguments: list[list[int]] = []
+    for b, batch in enumerate(batches):
+        maker[batch.targets] = np.arange(len(kinds), len(kinds) + len(batch))
+        kinds += [(b, i) for i in range(len(batch))]
+        arguments += np.where(batch.argument_signs == 0, -1, batch.arguments).tolist()
+    for o, block in enumerate(others):
+        maker[block.unknowns] = len(kinds)
+        kinds.append((-1 - o, 0))
+        if isinstance(block, Linear):
+            arguments.append(block.known.tolist())
+        else:
+            own = set(block.unknowns.tolist())
+            outside = {a for b_ in (*block.residuals, *block.jacobian) for a in b_.arguments[b_.argument_signs != 0].tolist()}
+            arguments.append(sorted(outside - own))
+    level = _levels(arguments, maker.tolist(), n_known)
+    buckets: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for s, (b, i) in enumerate(kinds):
+        buckets[level[s], b].append(i)
+    steps: list[Step] = []
+    for (_, b), rows in sorted(buckets.items()):
+        if b < 0:
+            steps.append(others[-1 - b])
+        else:
+            steps.append(batches[b] if len(rows) == len(batches[b]) else batches[b].take(np.array(rows, np.int64)))
+    return tuple(steps)
+
+
+def _levels(arguments: Sequence[Sequence[int]], maker: Sequence[int], n_known: int) -> list[int]:
+    level = [-1] * len(arguments)
+    for start in range(len(arguments)):
+        stack = [start]
+        while stack:
+            s = stack[-1]
+            if level[s] >= 0:
+                stack.pop()
+                continue
+            before = [maker[a] for a in arguments[s] if a >= n_known]
+            open_ = [m for m in before if level[m] < 0]
+            if open_:
+                stack += open_
+            else:
+                level[s] = 1 + max((level[m] for m in before), default=0)
+                stack.pop()
+    return level

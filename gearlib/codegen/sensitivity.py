@@ -1,0 +1,162 @@
+"""Exact derivatives of a program's slots with respect to states, inputs and added terms: forward through the steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.evaluate import Prepared, assemble, batch_values
+from gearlib.codegen.kernels import derivative_of
+from gearlib.codegen.program import Batch, Linear, Program
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+MOST_DENSE = 4_000_000  # entries of a full matrix of slots by seeds
+
+
+def sensitivity(
+    prepared: Prepared, t: float, slots: Floats, relations: Floats, seeds: Sequence[int], added: Sequence[int] = ()
+) -> Any:
+    """Derivatives of all slots.
+
+    Parameters
+    ----------
+    t : float
+    slots : array, shape (slots,)
+        Values at which to differentiate.
+    relations : array, shape (relations,)
+    seeds : sequence of int
+        Slots of states and inputs to differentiate with respect to.
+    added : sequence of int
+        Slots of unknowns, each thought to have a term added to what it is computed from.
+
+    Returns
+    -------
+    array or scipy.sparse.csr_matrix, shape (slots, seeds + added)
+        Sparse where a full one would be large.
+    """
+    program = prepared.program
+    n_seeds = len(seeds) + len(added)
+    dense = program.n_slots * n_seeds <= MOST_DENSE
+    now, here, flags = np.array([t]), slots[:, None], relations[:, None]
+    extra = {slot: len(seeds) + i for i, slot in enumerate(added)}
+    store = _Dense(program.n_slots, seeds, n_seeds) if dense else _Sparse(program.n_slots, seeds, n_seeds)
+    solutions = iter(prepared.solutions)
+    for step in program.steps:
+        if isinstance(step, Batch):
+            rows, columns, values = _entries(step, now, here, prepared.parameters, flags)
+            store.assign(step.targets, rows, columns, values)
+        elif isinstance(step, Linear):
+            store.combine(step.unknowns, next(solutions), step.known)
+        else:
+            n = len(step.unknowns)
+            matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n)[:, 0].reshape(n, n)
+            inside = {int(u) for u in step.unknowns}
+            parts = [_entries(b, now, here, prepared.parameters, flags) for b in step.residuals]
+            rows = np.concatenate([b.targets[p[0]] for b, p in zip(step.residuals, parts, strict=True)])
+            columns = np.concatenate([p[1] for p in parts])
+            values = np.concatenate([p[2] for p in parts])
+            outside = np.array([c not in inside for c in columns.tolist()], bool)
+            known = np.unique(columns[outside])
+            gradient = np.zeros((n, len(known)))
+            np.add.at(gradient, (rows[outside], np.searchsorted(known, columns[outside])), values[outside])
+            store.combine(step.unknowns, -np.linalg.solve(matrix, gradient), known)
+        if extra:
+            made = step.targets if isinstance(step, Batch) else step.unknowns
+            for slot in extra.keys() & set(made.tolist()):
+                store.add(slot, extra[slot])
+    return store.result()
+
+
+def _entries(batch: Batch, t: Floats, slots: Floats, parameters: Floats, relations: Floats) -> tuple[Integers, Integers, Floats]:
+    """(row of the batch, argument slot, derivative), zeros left out."""
+    rows, columns, values = [], [], []
+    for a, c in enumerate(batch.kernel.columns):
+        kernel = derivative_of(batch.kernel, c)
+        if kernel.is_zero:
+            continue
+        part = Batch(
+            kernel, batch.equations, batch.targets, batch.signs,
+            batch.arguments[:, [batch.kernel.columns.index(i) for i in kernel.columns]],
+            batch.argument_signs[:, [batch.kernel.columns.index(i) for i in kernel.columns]],
+            batch.parameters[:, [batch.kernel.parameters.index(i) for i in kernel.parameters]],
+            batch.relations[:, [batch.kernel.relations.index(i) for i in kernel.relations]],
+        )  # fmt: skip
+        value = batch_values(part, t, slots, parameters, relations)
+        value = np.broadcast_to(value, (len(batch), 1))[:, 0] * batch.argument_signs[:, a]
+        nonzero = np.flatnonzero(batch.argument_signs[:, a])
+        rows.append(nonzero)
+        columns.append(batch.arguments[nonzero, a])
+        values.append(value[nonzero])
+    if not rows:
+        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+
+class _Dense:
+    def __init__(self, n_slots: int, seeds: Sequence[int], n_seeds: int) -> None:
+        self.d = np.zeros((n_slots, n_seeds))
+        self.d[list(seeds), np.arange(len(seeds))] = 1.0
+
+    def assign(self, targets: Integers, rows: Integers, columns: Integers, values: Floats) -> None:
+        block = np.zeros((len(targets), self.d.shape[1]))
+        np.add.at(block, rows, values[:, None] * self.d[columns])
+        self.d[targets] = block
+
+    def combine(self, targets: Integers, matrix: Floats, columns: Integers) -> None:
+        self.d[targets] = matrix @ self.d[columns]
+
+    def add(self, slot: int, seed: int) -> None:
+        self.d[slot, seed] += 1.0
+
+    def result(self) -> Floats:
+        return self.d
+
+
+class _Sparse:
+    """Rows are kept in blocks and gathered at the end of each step."""
+
+    def __init__(self, n_slots: int, seeds: Sequence[int], n_seeds: int) -> None:
+        import scipy.sparse as sparse
+
+        self.sparse = sparse
+        self.shape = (n_slots, n_seeds)
+        ones = np.ones(len(seeds))
+        self.d = sparse.csr_matrix((ones, (list(seeds), np.arange(len(seeds)))), shape=self.shape)
+
+    def assign(self, targets: Integers, rows: Integers, columns: Integers, values: Floats) -> None:
+        picked = self.sparse.csr_matrix((values, (targets[rows], columns)), shape=(self.shape[0], self.shape[0]))
+        self.d = (self.d + picked @ self.d).tocsr()
+
+    def combine(self, targets: Integers, matrix: Floats, columns: Integers) -> None:
+        block = self.sparse.csr_matrix(matrix) @ self.d[columns]
+        place = self.sparse.csr_matrix((np.ones(len(targets)), (targets, np.arange(len(targets)))), shape=(self.shape[0], len(targets)))
+        self.d = (self.d + place @ block).tocsr()
+
+    def add(self, slot: int, seed: int) -> None:
+        self.d = (self.d + self.sparse.csr_matrix(([1.0], ([slot], [seed])), shape=self.shape)).tocsr()
+
+    def result(self) -> Any:
+        return self.d
+
+
+def affine_seeds(program: Program) -> list[tuple[Batch, int]]:
+    """Rows of batches whose value does not vanish with all their arguments: what drives a linear program."""
+    found = []
+    for step in program.steps:
+        if isinstance(step, Batch):
+            rest = rest_expression(step)
+            if rest != 0:
+                found += [(step, i) for i in range(len(step))]
+    return found
+
+
+def rest_expression(batch: Batch) -> Any:
+    """The batch's kernel with all its arguments set to zero."""
+    import sympy
+
+    zero = {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in batch.kernel.columns}
+    return batch.kernel.expression.xreplace(zero)

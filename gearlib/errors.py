@@ -1,0 +1,99 @@
+"""Everything that gearlib raises on purpose.
+
+GearlibError
+├── ModelError             the model as written cannot be right
+│   ├── DeclarationError     a component class is declared wrongly
+│   ├── BindingError         an unknown or ill-typed parameter, input, start value
+│   ├── BoundError           a parameter outside its bounds, or not a finite number
+│   ├── ConnectionError      connectors of different kinds, of another model, of one component twice
+│   ├── BalanceError         equations too many or too few (Dulmage-Mendelsohn)
+│   ├── LoopError            a rigid loop whose ratios contradict each other
+│   └── SingularError        equations that a numerical value makes singular
+├── StartError             start values that contradict each other, or that cannot be found
+├── NameLookupError        no variable, parameter, input or output of that name
+├── ArgumentError          a bad argument of simulate, linearize, ...
+└── SolverError            the integration failed; says when and where
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+__all__ = [
+    "ArgumentError", "BalanceError", "BindingError", "BoundError", "ConnectionError", "DeclarationError", "GearlibError",
+    "LoopError", "ModelError", "NameLookupError", "SingularError", "SolverError", "StartError",
+]  # fmt: skip
+
+
+class GearlibError(Exception):
+    """Base of all errors that gearlib raises on purpose."""
+
+
+class ModelError(GearlibError):
+    """The model as written cannot be right."""
+
+
+class DeclarationError(ModelError):
+    """A component class is declared wrongly."""
+
+
+class BindingError(ModelError, TypeError):
+    """An unknown or ill-typed parameter, input or start value."""
+
+
+class BoundError(ModelError, ValueError):
+    """A parameter outside its bounds, or not a finite number."""
+
+
+class ConnectionError(ModelError):
+    """Connectors of different kinds, of another model, or of one component twice."""
+
+
+class BalanceError(ModelError):
+    """There are too many or too few equations."""
+
+
+class LoopError(ModelError):
+    """A rigid loop whose ratios contradict each other."""
+
+
+class SingularError(ModelError):
+    """Equations that the numerical values make singular."""
+
+
+class StartError(GearlibError, ValueError):
+    """Start values that contradict each other, or that cannot be found."""
+
+
+class NameLookupError(GearlibError, KeyError):
+    """No variable, parameter, input or output has that name."""
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
+
+
+class ArgumentError(GearlibError, ValueError):
+    """A bad argument of a public function."""
+
+
+class SolverError(GearlibError, RuntimeError):
+    """The integration failed."""
+
+
+def nearest(name: str, valid: Iterable[str], limit: int = 12) -> str:
+    """Advice for a misspelt ``name``: the closest of the ``valid`` ones, and all of them where they are few.
+
+    >>> nearest("w_loda", ["w_load", "phi"])
+    "did you mean 'w_load'? Valid names: phi, w_load"
+    """
+    valid = sorted(set(valid))
+    close = difflib.get_close_matches(name, valid, n=3, cutoff=0.5)
+    advice = "did you mean " + " or ".join(f"'{c}'" for c in close) + "?" if close else ""
+    if not valid:
+        return "there are none"
+    if len(valid) <= limit:
+        advice += f"{' ' if advice else ''}Valid names: {', '.join(valid)}"
+    elif not close:
+        advice = f"there are {len(valid)} names, among them {', '.join(valid[:limit])}"
+    return advice

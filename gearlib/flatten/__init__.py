@@ -1,0 +1,1 @@
+"""From a tree of components to flat equations: instances, connection sets, aliases, parameter values."""

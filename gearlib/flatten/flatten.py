@@ -1,0 +1,210 @@
+"""`flatten`: a component becomes a `FlatModel`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gearlib.errors import BoundError, ModelError
+from gearlib.flatten.aliases import Aliases, unite
+from gearlib.flatten.bindings import parameter_function
+from gearlib.flatten.connections import Sum, connection_sets, split_sum, sum_template
+from gearlib.flatten.instances import Tree, walk
+from gearlib.flatten.model import (
+    Counts,
+    Dependent,
+    EquationGroup,
+    FlatModel,
+    Floats,
+    Integers,
+    ParameterTable,
+    StartValues,
+)
+from gearlib.flatten.templates import Template
+from gearlib.language.component import Component
+from gearlib.language.declarations import Flow, Potential
+
+PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
+Raw = list[tuple[Template, Integers, Integers, Integers, Integers]]  # template, variables, signs, parameters, owners
+
+
+def flatten(component: Component) -> FlatModel:
+    """Flatten a component and all its parts.
+
+    Parameters
+    ----------
+    component : Component
+        The outermost one.
+
+    Returns
+    -------
+    FlatModel
+        Equations in groups that share a template, over representative variables.
+
+    Raises
+    ------
+    ModelError
+        Any slip in the model: a missing value, a part of another model, a bound that is not kept.
+    """
+    if not isinstance(component, Component):
+        hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
+        raise ModelError(f"expected a component, got {component!r}{hint}")
+    tree = walk(component)
+    table = _parameter_table(tree)
+    check_bounds(table, table.evaluate(table.values))
+    raw, equalities = _equations(tree)
+    sums, zeros, n_sets, n_variables = _connections(tree)
+    for kind in sorted({len(s.variables) for s in sums} - {2}):
+        members = [s for s in sums if len(s.variables) == kind]
+        variables = np.array([s.variables for s in members], np.int64)
+        signs = np.array([s.signs for s in members], np.int64)
+        raw.append((sum_template(kind), variables, signs, np.empty((len(members), 0), np.int64), np.full(len(members), -1)))
+    equalities += [(s.variables[0], s.variables[1], -s.signs[0] * s.signs[1]) for s in sums if len(s.variables) == 2]
+    equalities += zeros
+    potential, flow, own_rank, preference, nominal = _attributes(tree, n_variables)
+    left, right, sign = (np.array(x, np.int64) for x in zip(*equalities, strict=True)) if equalities else (np.empty(0, np.int64),) * 3
+    aliases = unite(n_variables, left, right, sign, own_rank)
+    rep = aliases.representative
+    merged_preference = np.full(n_variables, 2)
+    has_potential = np.zeros(n_variables, bool)
+    has_potential[rep[potential]] = True
+    merged_preference[has_potential] = PREFERENCE["avoid"]
+    for level in (PREFERENCE["avoid"], PREFERENCE["never"], PREFERENCE["prefer"]):
+        merged_preference[rep[preference == level]] = level
+    merged_nominal = np.ones(n_variables)
+    set_nominal = nominal != 1.0
+    merged_nominal[rep[set_nominal]] = nominal[set_nominal]
+    has_flow = np.zeros(n_variables, bool)
+    has_flow[rep[flow]] = True
+    groups = tuple(_group(r, aliases) for r in raw)
+    counts = Counts(
+        len(tree.instances), n_variables, sum(len(g) for g in groups) + len(equalities), n_sets, len(equalities) - aliases.redundant
+    )
+    starts = tree.starts
+    return FlatModel(
+        tuple(tree.instances), groups, table,
+        StartValues(
+            np.array([s[0] for s in starts], np.int64), np.array([s[1] for s in starts], np.int64),
+            np.array([s[2] for s in starts], bool),
+        ),
+        np.array(tree.inputs, np.int64), rep, aliases.sign, merged_preference, has_potential, has_flow, merged_nominal,
+        tree.n_variables, aliases.redundant, counts,
+    )  # fmt: skip
+
+
+def check_bounds(table: ParameterTable, values: Floats) -> None:
+    """Raise `BoundError` where a parameter is out of its bounds or not finite."""
+    bad = np.flatnonzero(~(np.isfinite(values) & (values >= table.lower) & (values <= table.upper)))
+    if len(bad):
+        k = int(bad[0])
+        low, high, value = table.lower[k], table.upper[k], values[k]
+        if not np.isfinite(value):
+            raise BoundError(f"{table.names[k]} is {value}; expected a finite number")
+        bound = f"at least {low:g}" if value < low else f"at most {high:g}"
+        raise BoundError(f"{table.names[k]} is {value:g}; expected {bound}")
+
+
+def _parameter_table(tree: Tree) -> ParameterTable:
+    dependents = tuple(
+        Dependent(
+            parameter_function(expression, tuple(f"a{i}" for i in range(len(rows[0])))),
+            np.array(rows, np.int64),
+            np.array(targets, np.int64),
+        )
+        for (_, expression), (rows, targets) in sorted(tree.dependents.items(), key=lambda item: item[0][0])
+    )
+    values = np.array(tree.parameter_values, float)
+    return ParameterTable(tuple(tree.parameter_names), values, dependents, np.array(tree.lower), np.array(tree.upper))
+
+
+def _equations(tree: Tree) -> tuple[Raw, list[tuple[int, int, int]]]:
+    raw: Raw = []
+    equalities: list[tuple[int, int, int]] = []
+    first_variable = np.array([i.first_variable for i in tree.instances], np.int64)
+    first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
+    blocks: list[tuple[Template, Integers, Integers, Integers]] = []
+    for template, owners in tree.local_rows.items():
+        record = tree.records[owners[0]]
+        who = np.array(owners, np.int64)
+        offsets = np.array([record.variable_index[n] for n in template.locals], np.int64)
+        parameter_offsets = np.array([record.parameter_index[n] for n in template.parameters], np.int64)
+        blocks.append(
+            (template, first_variable[who][:, None] + offsets, first_parameter[who][:, None] + parameter_offsets, who)
+        )
+    for template, rows in tree.rows.items():
+        n = len(rows)
+        blocks.append(
+            (
+                template,
+                np.array([r[1] for r in rows], np.int64).reshape(n, -1),
+                np.array([r[2] for r in rows], np.int64).reshape(n, -1),
+                np.array([r[0] for r in rows], np.int64),
+            )
+        )
+    for template, variables, parameters, who in blocks:
+        if template.alias is None:
+            raw.append((template, variables, np.ones_like(variables), parameters, who))
+        else:
+            i, j, sign = template.alias
+            for row in variables.tolist():
+                equalities.append((row[i], row[j] if j >= 0 else -1, sign))
+    return raw, equalities
+
+
+def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int, int]:
+    """Sums of flows, equalities (potentials; flows of unconnected ports), number of sets, number of variables."""
+    sets = connection_sets(tree.links)
+    connected = {node for s in sets for node in s}
+    sums: list[Sum] = []
+    equalities: list[tuple[int, int, int]] = []
+    n_variables = tree.n_variables
+
+    def variables_of(node: int, kind: type) -> list[int]:
+        number, connector = tree.ports[node // 2]
+        record, first = tree.records[number], tree.instances[number].first_variable
+        return [
+            first + record.variable_index[f"{connector}.{name}"]
+            for name, v in record.declared.connectors[connector].variables.items()
+            if isinstance(v, kind)
+        ]
+
+    for members in sets:
+        lead = variables_of(members[0], Potential)
+        for node in members[1:]:
+            equalities += [(v, first, 1) for v, first in zip(variables_of(node, Potential), lead, strict=True)]
+        signs = tuple(-1 if node % 2 else 1 for node in members)  # a composite's own connector, seen from inside
+        for flows in zip(*(variables_of(node, Flow) for node in members), strict=True):
+            pieces, n_variables = split_sum(Sum(flows, signs), n_variables)
+            sums += pieces
+    for port in range(len(tree.ports)):
+        if 2 * port not in connected:
+            equalities += [(v, -1, 0) for v in variables_of(2 * port, Flow)]
+    return sums, equalities, len(sets), n_variables
+
+
+def _attributes(tree: Tree, n_variables: int) -> Sequence[np.ndarray]:
+    """Of each variable: potential, flow, rank as a representative, preference as a state, nominal value."""
+    potential, flow = np.zeros(n_variables, bool), np.zeros(n_variables, bool)
+    rank = np.ones(n_variables, np.int64)
+    preference, nominal = np.full(n_variables, PREFERENCE["default"]), np.ones(n_variables)
+    known: dict[int, list[np.ndarray]] = {}
+    for record, instance in zip(tree.records, tree.instances, strict=True):
+        if id(record) not in known:
+            declared = record.declared.variables
+            known[id(record)] = [
+                np.array([isinstance(v, Potential) for v in declared.values()], bool),
+                np.array([isinstance(v, Flow) for v in declared.values()], bool),
+                np.array(["." in n for n in declared], np.int64),
+                np.array([PREFERENCE[v.state] for v in declared.values()], np.int64),
+                np.array([v.nominal for v in declared.values()], float),
+            ]
+        here = slice(instance.first_variable, instance.first_variable + len(instance.variables))
+        for target, values in zip((potential, flow, rank, preference, nominal), known[id(record)], strict=True):
+            target[here] = values
+    return potential, flow, rank, preference, nominal
+
+
+def _group(raw: tuple[Template, Integers, Integers, Integers, Integers], aliases: Aliases) -> EquationGroup:
+    template, variables, signs, parameters, owners = raw
+    return EquationGroup(template, aliases.representative[variables], signs * aliases.sign[variables], parameters, owners)

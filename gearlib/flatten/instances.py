@@ -1,0 +1,340 @@
+"""Walk a tree of components: dotted names, numbers of variables and parameters, equations by template, connections.
+
+All instances of a class with the same structural choices share one analysis (`ClassRecord`); an instance only adds numbers.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from gearlib.errors import BindingError, ConnectionError, DeclarationError, nearest
+from gearlib.flatten.bindings import BoundInput, bind_input, canonical, is_expression, number
+from gearlib.flatten.model import Instance
+from gearlib.flatten.templates import Template, template_of
+from gearlib.language.component import Component, Declared, _inside, declared_by, equations_of
+from gearlib.language.declarations import NO_VALUE, Input
+
+
+@dataclass(frozen=True)
+class ClassRecord:
+    """What one class with one set of structural choices declares and states."""
+
+    declared: Declared
+    variable_index: dict[str, int]
+    parameter_index: dict[str, int]
+    templates: tuple[Template, ...]
+    local: bool  # the equations hold the component's own variables and parameters only
+
+
+@dataclass
+class Tree:
+    """Everything found on the walk, still with aliases and unconnected."""
+
+    instances: list[Instance] = field(default_factory=list)
+    rows: dict[Template, list[tuple[int, list[int], list[int]]]] = field(default_factory=lambda: defaultdict(list))
+    local_rows: dict[Template, list[int]] = field(default_factory=lambda: defaultdict(list))  # instances
+    parameter_names: list[str] = field(default_factory=list)
+    parameter_values: list[float] = field(default_factory=list)
+    lower: list[float] = field(default_factory=list)
+    upper: list[float] = field(default_factory=list)
+    dependents: dict[tuple[int, Any], tuple[list[tuple[int, ...]], list[int]]] = field(default_factory=dict)
+    starts: list[tuple[int, int, bool]] = field(default_factory=list)
+    inputs: list[int] = field(default_factory=list)
+    links: list[list[int]] = field(default_factory=list)
+    ports: list[tuple[int, str]] = field(default_factory=list)  # (instance, connector)
+    port_numbers: dict[tuple[int, str], int] = field(default_factory=dict)
+    numbers: dict[int, int] = field(default_factory=dict)  # id(component) -> instance
+    records: list[ClassRecord] = field(default_factory=list)
+    n_variables: int = 0
+
+
+_records: WeakKeyDictionary[type[Component], dict[Any, ClassRecord]] = WeakKeyDictionary()
+
+
+def class_record(component: Component) -> ClassRecord:
+    """The analysis of a component's class, from the cache where the class was met before."""
+    key = tuple(component._structural.items())
+    known = _records.setdefault(type(component), {})
+    try:
+        if key in known:
+            return known[key]
+    except TypeError:
+        raise DeclarationError(f"{type(component).__name__}: values of structural choices must be hashable, got {key}") from None
+    declared = declared_by(component)
+    name = type(component).__name__
+    equations = equations_of(component)
+    unknown = _Lookup(component, declared)
+    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", unknown.is_parameter) for e in equations)
+    own = all(local in declared.variables for t in templates for local in t.locals)
+    own = own and all(p in declared.parameters for t in templates for p in t.parameters)
+    for t in templates:
+        for local in t.locals:
+            if unknown.find(local) is None:
+                raise DeclarationError(f"{t.label}: '{local}' is not declared; {nearest(local, declared.variables)}")
+    record = ClassRecord(
+        declared,
+        {n: i for i, n in enumerate(declared.variables)},
+        {n: i for i, n in enumerate(declared.parameters)},
+        templates,
+        own,
+    )
+    known[key] = record
+    return record
+
+
+@dataclass(frozen=True)
+class _Lookup:
+    """Resolves names as seen from a component: its own, or those of its parts."""
+
+    component: Component
+    declared: Declared
+
+    def find(self, name: str) -> str | None:
+        """ "variable", "parameter" or None."""
+        if name in self.declared.variables:
+            return "variable"
+        if name in self.declared.parameters:
+            return "parameter"
+        part, local = _descend(self.component, name)
+        if part is None or part is self.component:
+            return None
+        return _Lookup(part, declared_by(part)).find(local)
+
+    def is_parameter(self, name: str) -> bool:
+        return self.find(name) == "parameter"
+
+
+def _descend(component: Component, name: str) -> tuple[Component | None, str]:
+    node = component
+    while "." in name and name.split(".", 1)[0] in node._parts:
+        head, name = name.split(".", 1)
+        node = node._parts[head]
+    return node, name
+
+
+def walk(root: Component) -> Tree:
+    """Lay out a component and all its parts, depth first, in the order in which they were made."""
+    tree = Tree()
+    stack: list[tuple[Component, str]] = [(root, "")]
+    composites: list[tuple[Component, int]] = []
+    while stack:
+        component, path = stack.pop()
+        connections = component._assembled()
+        record = class_record(component)
+        number_ = _add_instance(tree, component, record, path)
+        if component._parts:
+            prefix = f"{path}." if path else ""
+            stack += [(part, prefix + name) for name, part in reversed(component._parts.items())]
+        if component._parts or connections or not record.local:
+            composites.append((component, number_))
+    for component, number_ in composites:
+        _add_links(tree, component, number_)
+    _bind_all(tree, root)
+    for component, number_ in composites:
+        record = tree.records[number_]
+        if not record.local:
+            for template in record.templates:
+                variables = [_variable(tree, component, name) for name in template.locals]
+                parameters = [_parameter(tree, component, name) for name in template.parameters]
+                tree.rows[template].append((number_, variables, parameters))
+    return tree
+
+
+def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: str) -> int:
+    number_ = len(tree.instances)
+    declared = record.declared
+    tree.numbers[id(component)] = number_
+    tree.records.append(record)
+    tree.instances.append(
+        Instance(
+            path, type(component).__name__, declared.variables, declared.parameters, tree.n_variables, len(tree.parameter_names)
+        )
+    )
+    tree.n_variables += len(declared.variables)
+    prefix = f"{path}." if path else ""
+    for name, p in declared.parameters.items():
+        tree.parameter_names.append(prefix + name)
+        tree.parameter_values.append(float("nan"))
+        tree.lower.append(p.min)
+        tree.upper.append(p.max)
+    if record.local:
+        for template in record.templates:
+            tree.local_rows[template].append(number_)
+    for name in declared.connectors:
+        tree.port_numbers[number_, name] = len(tree.ports)
+        tree.ports.append((number_, name))
+    return number_
+
+
+def _add_links(tree: Tree, component: Component, number_: int) -> None:
+    for connection in component._assembled():
+        link = []
+        for port in connection.ports:
+            where = tree.numbers.get(id(port.component))
+            inside = where == number_
+            ancestor = port.component
+            while where is not None and ancestor is not component and ancestor is not None:
+                ancestor = ancestor._parent  # type: ignore[assignment]
+            if where is None or ancestor is None:
+                path = tree.instances[number_].path or type(component).__name__
+                raise ConnectionError(
+                    f"{path}: connects {type(port.component).__name__} '{port.component._path()}.{port.connector.name}', which is "
+                    "no part of it; assign the part to an attribute (self.name = ...), and connect parts of this model only"
+                )
+            link.append(2 * tree.port_numbers[where, port.connector.name] + inside)
+        tree.links.append(link)
+
+
+def _bind_all(tree: Tree, root: Component) -> None:
+    components: list[tuple[Component, Component | None]] = [(root, None)]
+    while components:
+        component, parent = components.pop()
+        _bind(tree, component, parent)
+        components += [(part, component) for part in reversed(component._parts.values())]
+
+
+def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
+    number_ = tree.numbers[id(component)]
+    instance, record = tree.instances[number_], tree.records[number_]
+    bindings = component._bindings
+    prefix = f"{instance.path}." if instance.path else ""
+    for offset, (name, declared) in enumerate(instance.parameters.items()):
+        value = bindings.get(name, declared.default)
+        scope = parent if name in bindings else component
+        _set_parameter(tree, instance.first_parameter + offset, value, scope, declared.unit, declared.description)
+    for name, variable in instance.variables.items():
+        if isinstance(variable, Input):
+            bound = bindings.get(name, variable.default)
+            own = instance.first_variable + record.variable_index[name]
+            if bound is NO_VALUE or bound is None:
+                tree.inputs.append(own)
+            else:
+                _bind_input(tree, component, parent if name in bindings else component, own, prefix + name, bound, variable.unit)
+        if variable.start is not None and name not in component._start:
+            _set_start(tree, prefix, name, own_variable(instance, record, name), variable.start, None, True, variable.unit)
+        elif variable.guess and name not in component._start and name not in component._guess:
+            _set_start(tree, prefix, name, own_variable(instance, record, name), variable.guess, None, False, variable.unit)
+    for given, fixed in ((component._guess, False), (component._start, True)):
+        for name, value in given.items():
+            local = name.removesuffix(")").removeprefix("der(") if name.startswith("der(") else name
+            if name not in instance.variables:
+                raise BindingError(
+                    f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is no variable of "
+                    f"{instance.kind}; {nearest(local, instance.variables)}"
+                )
+            unit = instance.variables[name].unit
+            _set_start(tree, prefix, name, own_variable(instance, record, name), value, parent, fixed, unit)
+
+
+def own_variable(instance: Instance, record: ClassRecord, name: str) -> int:
+    """The number of a variable by its local name."""
+    return instance.first_variable + record.variable_index[name]
+
+
+def _set_start(
+    tree: Tree, prefix: str, name: str, variable: int, value: Any, scope: Component | None, fixed: bool, unit: str
+) -> None:
+    slot = _new_parameter(tree, f"start({prefix}{name})")
+    _set_parameter(tree, slot, value, scope, unit, "start value")
+    tree.starts.append((variable, slot, fixed))
+
+
+def _new_parameter(tree: Tree, name: str) -> int:
+    tree.parameter_names.append(name)
+    tree.parameter_values.append(float("nan"))
+    tree.lower.append(-float("inf"))
+    tree.upper.append(float("inf"))
+    return len(tree.parameter_names) - 1
+
+
+def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, unit: str, description: str) -> None:
+    if type(value) is float and value - value == 0.0:  # finite: the common case, quickly
+        tree.parameter_values[slot] = value
+        return
+    path = tree.parameter_names[slot]
+    if value is NO_VALUE or value is None:
+        raise BindingError(f"{path} has no value; give one in {unit} ({description or 'no default'}): {path.rsplit('.', 1)[-1]}=...")
+    if callable(value) and scope is not None:
+        with _inside(scope):
+            value = value(scope)
+    if not is_expression(value):
+        tree.parameter_values[slot] = number(value, path, unit, description)
+        return
+    if scope is None:
+        raise BindingError(f"{path} is {value}; expected a number in {unit}: nothing encloses the outermost component")
+    expression, names = canonical(value)
+    arguments = tuple(_parameter(tree, scope, n, path) for n in names)
+    depth = 1 + path.count(".")
+    rows, targets = tree.dependents.setdefault((depth, expression), ([], []))
+    rows.append(arguments)
+    targets.append(slot)
+
+
+def _bind_input(
+    tree: Tree, component: Component, scope: Component | None, own: int, path: str, value: Any, unit: str
+) -> None:
+    if callable(value):
+        raise BindingError(
+            f"{path} is bound to the function {value!r}; bind an expression of gl.time, or leave the input unbound and give the "
+            f"function to simulate(inputs={{'{path}': ...}})"
+        )
+    if not is_expression(value):
+        number(value, path, unit, "input")
+    elif scope is None:
+        scope = component
+    owner = tree.numbers[id(component)]
+
+    def is_parameter(name: str) -> bool:
+        return scope is not None and _resolve(tree, scope, name)[1] == "parameter"
+
+    bound: BoundInput = bind_input(value, is_parameter)
+    variables = [own if n == "bound" else _variable(tree, scope, bound.variables[n], path) for n in bound.template.locals]
+    parameters = []
+    for n in bound.template.parameters:
+        given = bound.parameters[n]
+        if isinstance(given, str):
+            assert scope is not None
+            parameters.append(_parameter(tree, scope, given, path))
+        else:
+            slot = _new_parameter(tree, path if value_is_number(value) else f"{path}#{n[1:]}")
+            tree.parameter_values[slot] = given
+            parameters.append(slot)
+    tree.rows[bound.template].append((owner, variables, parameters))
+
+
+def value_is_number(value: Any) -> bool:
+    """Whether an input is bound to a plain number, which then is a parameter of the input's name."""
+    return not is_expression(value)
+
+
+def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
+    """Number and kind of what ``name`` stands for, as seen from ``scope``."""
+    part, local = _descend(scope, name)
+    if part is not None and id(part) in tree.numbers:
+        number_ = tree.numbers[id(part)]
+        record, instance = tree.records[number_], tree.instances[number_]
+        if local in record.variable_index:
+            return instance.first_variable + record.variable_index[local], "variable"
+        if local in record.parameter_index:
+            return instance.first_parameter + record.parameter_index[local], "parameter"
+    return -1, None
+
+
+def _variable(tree: Tree, scope: Component | None, name: str, path: str = "") -> int:
+    found, kind = _resolve(tree, scope, name) if scope is not None else (-1, None)
+    if kind != "variable":
+        where = path or (scope._path() if scope is not None else "")
+        raise BindingError(f"{where}: '{name}' is no variable here")
+    return found
+
+
+def _parameter(tree: Tree, scope: Component, name: str, path: str = "") -> int:
+    found, kind = _resolve(tree, scope, name)
+    if kind != "parameter":
+        where = path or scope._path() or type(scope).__name__
+        what = "a variable" if kind == "variable" else "unknown"
+        raise BindingError(f"{where}: depends on '{name}', which is {what}; only parameters of the enclosing component can be used")
+    return found

@@ -1,0 +1,191 @@
+"""`FlatModel`: what flattening leaves of a tree of components, in integers, names and numbers."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import NameLookupError, nearest
+from gearlib.flatten.templates import Template
+from gearlib.language.declarations import Parameter, Variable
+
+Integers = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A component at its place: its path, what it declares, and where its numbers begin."""
+
+    path: str
+    kind: str  # class name
+    variables: dict[str, Variable]
+    parameters: dict[str, Parameter]
+    first_variable: int
+    first_parameter: int
+
+
+@dataclass(frozen=True)
+class EquationGroup:
+    """All equations that share a template: row i is one of them.
+
+    ``variables[i, j]`` is the variable that stands for local j, times ``signs[i, j]`` (+1, -1, or 0 where it is always zero).
+    """
+
+    template: Template
+    variables: Integers
+    signs: Integers
+    parameters: Integers
+    owners: Integers  # which instance wrote it
+
+    def __len__(self) -> int:
+        return len(self.variables)
+
+
+@dataclass(frozen=True)
+class Dependent:
+    """Parameters that are the same function of other parameters."""
+
+    function: Callable[..., Any]
+    arguments: Integers  # (instances, arguments)
+    targets: Integers  # (instances,)
+
+
+@dataclass(frozen=True)
+class ParameterTable:
+    """All parameters: given numbers, and those that follow from them."""
+
+    names: tuple[str, ...]
+    values: Floats  # defaults; NaN where dependent
+    dependents: tuple[Dependent, ...]  # in an order in which arguments come first
+    lower: Floats
+    upper: Floats
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.names)}
+
+    def evaluate(self, values: Floats, overridden: frozenset[int] = frozenset()) -> Floats:
+        """The complete vector, dependent parameters computed from the given ones unless overridden."""
+        result = values.copy()
+        for d in self.dependents:
+            with np.errstate(all="ignore"):
+                computed = d.function(*(result[a] for a in d.arguments.T))
+            if overridden:
+                keep = np.array([t not in overridden for t in d.targets])
+                result[d.targets[keep]] = np.broadcast_to(computed, d.targets.shape)[keep]
+            else:
+                result[d.targets] = computed
+        return result
+
+
+@dataclass(frozen=True)
+class StartValues:
+    """Which variables have a start value, where it stands among the parameters, and whether it is fixed."""
+
+    variables: Integers
+    slots: Integers
+    fixed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many there were before aliases were removed; for the summary."""
+
+    components: int
+    variables: int
+    equations: int
+    connection_sets: int
+    aliases: int
+
+
+@dataclass(frozen=True)
+class FlatModel:
+    """Flat equations over representative variables."""
+
+    instances: tuple[Instance, ...]
+    groups: tuple[EquationGroup, ...]
+    parameters: ParameterTable
+    starts: StartValues
+    inputs: Integers  # variables given from outside
+    representative: Integers  # of each variable
+    sign: Integers  # variable = sign * representative; 0: always zero
+    preference: Integers  # of each representative as a state: 0 never, 1 avoid, 2 default, 3 prefer
+    potential: NDArray[np.bool_]  # absolute coordinates
+    flow: NDArray[np.bool_]
+    nominal: Floats
+    auxiliary: int  # first of the variables that flattening added
+    redundant: int  # equations found to say nothing new
+    counts: Counts
+    closed: tuple[int, ...] = ()  # flows set to zero because nothing determines them
+
+    @property
+    def n_variables(self) -> int:
+        return len(self.representative)
+
+    @cached_property
+    def _firsts(self) -> list[int]:
+        return [i.first_variable for i in self.instances]
+
+    @cached_property
+    def _by_path(self) -> dict[str, int]:
+        return {instance.path: i for i, instance in enumerate(self.instances)}
+
+    def name(self, variable: int) -> str:
+        """The path of a variable."""
+        if variable >= self.auxiliary:
+            return f"flow_sum[{variable - self.auxiliary}]"
+        instance = self.instances[bisect_right(self._firsts, variable) - 1]
+        local = list(instance.variables)[variable - instance.first_variable]
+        return f"{instance.path}.{local}" if instance.path else local
+
+    def declaration(self, variable: int) -> Variable | None:
+        if variable >= self.auxiliary:
+            return None
+        instance = self.instances[bisect_right(self._firsts, variable) - 1]
+        return list(instance.variables.values())[variable - instance.first_variable]
+
+    def variable(self, name: str, what: str = "variable") -> int:
+        """The number of the variable with that path."""
+        found = self.find(name)
+        if found is None:
+            head = name.rsplit(".", 1)[0] if "." in name else ""
+            near = self._by_path.get(head)
+            valid = list(self.names()) if near is None else [*self._names_of(self.instances[near])]
+            raise NameLookupError(f"the model has no {what} '{name}'; {nearest(name, valid)}")
+        return found
+
+    def find(self, name: str) -> int | None:
+        """The number of the variable with that path, or None."""
+        parts = name.split(".")
+        for cut in range(len(parts) - 1, -1, -1):
+            instance = self._by_path.get(".".join(parts[:cut]))
+            if instance is not None:
+                local = ".".join(parts[cut:])
+                record = self.instances[instance]
+                if local in record.variables:
+                    return record.first_variable + list(record.variables).index(local)
+        return None
+
+    def _names_of(self, instance: Instance) -> Iterator[str]:
+        prefix = f"{instance.path}." if instance.path else ""
+        return (prefix + local for local in instance.variables)
+
+    def names(self) -> Iterator[str]:
+        """All variables' paths, in order."""
+        for instance in self.instances:
+            yield from self._names_of(instance)
+
+    def owner(self, group: int, row: int) -> str:
+        """Path of the component that wrote an equation."""
+        i = int(self.groups[group].owners[row])
+        return (self.instances[i].path or self.instances[i].kind) if i >= 0 else "connection"
+
+    def with_groups(self, groups: tuple[EquationGroup, ...], redundant: int) -> FlatModel:
+        return replace(self, groups=groups, redundant=redundant)

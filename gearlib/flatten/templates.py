@@ -1,0 +1,230 @@
+"""`Template`: one equation of a class, analysed once for all instances.
+
+A template knows which variables (and which of their derivatives) it holds, its partial derivatives and whether they are constant,
+and its own derivative with respect to time. What is asked of it is computed at the first call and kept.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import sympy
+from sympy.core.relational import Relational
+
+from gearlib.errors import DeclarationError
+from gearlib.language.expressions import Eq, time, total_derivative
+
+Column = tuple[str, int]  # a variable and the order of its derivative
+_DER = re.compile(r"der\((.*)\)$")
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A comparison in an equation. It holds its value between events; ``g`` > 0 (or >= 0) means that it is true."""
+
+    g: Any
+    strict: bool
+    negated: bool  # the comparison reads "less": true when g < 0 (or <= 0) with g as written
+
+
+@dataclass(frozen=True)
+class Partial:
+    """Derivative of a template with respect to one of its columns."""
+
+    expression: Any
+    depends_on: frozenset[int]  # columns that it depends on
+    on_time: bool
+
+    @property
+    def constant(self) -> bool:
+        """Whether it depends on parameters only."""
+        return not self.depends_on and not self.on_time
+
+    @property
+    def number(self) -> float | None:
+        """Its value, where that is a plain number."""
+        return float(self.expression) if self.expression.is_number else None
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """A residual over the symbols of one class.
+
+    Attributes
+    ----------
+    label : str
+        For messages: the class and the equation.
+    residual : sympy expression
+        Zero when the equation holds.
+    columns : tuple of (str, int)
+        The variables it holds, each with the order of its derivative.
+    parameters : tuple of str
+        The parameters it holds.
+    relations : tuple of Relation
+        Comparisons that were replaced by the symbols ``relation_0``, ``relation_1``, ... (1: true, 0: false).
+    """
+
+    label: str
+    residual: Any
+    columns: tuple[Column, ...]
+    parameters: tuple[str, ...]
+    relations: tuple[Relation, ...] = ()
+
+    @cached_property
+    def locals(self) -> tuple[str, ...]:
+        """The variables it holds (in its relations, too), whatever the order of derivative."""
+        return tuple(dict.fromkeys(name for name, _ in (*self.columns, *self.relation_columns)))
+
+    @cached_property
+    def relation_columns(self) -> tuple[Column, ...]:
+        """The variables that its relations compare."""
+        known = {*self.parameters, time.name}
+        names = {s.name for r in self.relations for s in r.g.free_symbols} - known
+        return tuple(parse_column(n) for n in sorted(names))
+
+    @cached_property
+    def local_columns(self) -> tuple[tuple[int, int], ...]:
+        """The columns as (position in ``locals``, order)."""
+        position = {name: i for i, name in enumerate(self.locals)}
+        return tuple((position[name], order) for name, order in self.columns)
+
+    @cached_property
+    def symbols(self) -> tuple[Any, ...]:
+        """The symbol of each column."""
+        return tuple(column_symbol(c) for c in self.columns)
+
+    @cached_property
+    def on_time(self) -> bool:
+        return time in self.residual.free_symbols
+
+    @cached_property
+    def partials(self) -> tuple[Partial, ...]:
+        """Derivatives with respect to the columns."""
+        position = {s: i for i, s in enumerate(self.symbols)}
+        result = []
+        for symbol in self.symbols:
+            d = sympy.diff(self.residual, symbol)
+            free = d.free_symbols
+            result.append(Partial(d, frozenset(position[s] for s in free if s in position), time in free))
+        return tuple(result)
+
+    @cached_property
+    def linear(self) -> bool:
+        """Linear in all its variables, with coefficients that are constant during a run."""
+        return not self.relations_on_variables and all(p.constant for p in self.partials)
+
+    @cached_property
+    def relations_on_variables(self) -> bool:
+        return bool(self.relation_columns)
+
+    @cached_property
+    def rest(self) -> Any:
+        """The residual with all its variables set to zero."""
+        return self.residual.xreplace({s: sympy.S.Zero for s in self.symbols})
+
+    @cached_property
+    def alias(self) -> tuple[int, int, int] | None:
+        """(i, j, s) where the equation says local i = s * local j; (i, -1, 0) where it says local i = 0."""
+        if self.parameters or self.on_time or any(order for _, order in self.columns) or len(self.columns) not in (1, 2):
+            return None
+        if not self.linear or self.rest != 0:
+            return None
+        numbers = [p.number for p in self.partials]
+        if len(numbers) == 1:
+            return (0, -1, 0)
+        if any(n is None or abs(n) != 1.0 for n in numbers):
+            return None
+        return (0, 1, -1 if numbers[0] == numbers[1] else 1)
+
+    @cached_property
+    def derivative(self) -> Template:
+        """The equation differentiated with respect to time."""
+        constant = frozenset(self.parameters) | {f"relation_{i}" for i in range(len(self.relations))}
+        residual = total_derivative(self.residual, constant)
+        return make_template(f"der({self.label})", residual, self.parameters, self.relations)
+
+
+def column_symbol(column: Column) -> Any:
+    """The symbol of a variable's derivative of some order."""
+    name, order = column
+    return sympy.Symbol("der(" * order + name + ")" * order, real=True)
+
+
+def parse_column(name: str) -> Column:
+    """The variable and the order of derivative that a symbol's name stands for.
+
+    >>> parse_column("der(der(load.phi))")
+    ('load.phi', 2)
+    """
+    order = 0
+    while match := _DER.match(name):
+        name, order = match.group(1), order + 1
+    return name, order
+
+
+def make_template(label: str, residual: Any, parameters: Collection[str], relations: tuple[Relation, ...] = ()) -> Template:
+    """A template of a residual whose relations were replaced already."""
+    named = sorted((s.name for s in residual.free_symbols if s != time), key=str)
+    known = set(parameters)
+    columns = tuple(parse_column(n) for n in named if n not in known and not n.startswith("relation_"))
+    used = {s.name for r in relations for s in r.g.free_symbols}.union(named)
+    return Template(label, residual, columns, tuple(n for n in sorted(known) if n in used), relations)
+
+
+def template_of(equation: Eq, label: str, is_parameter: Callable[[str], bool]) -> Template:
+    """Analyse one equation of a class.
+
+    Parameters
+    ----------
+    equation : Eq
+        On the symbols of the class.
+    label : str
+        For messages.
+    is_parameter : callable
+        Whether a symbol of that name is a parameter.
+    """
+    try:
+        residual = equation.residual
+    except (TypeError, sympy.SympifyError) as problem:
+        raise DeclarationError(f"{label}: {equation.left!r} == {equation.right!r} is no equation: {problem}") from None
+    if not isinstance(residual, sympy.Expr) or residual.has(sympy.nan, sympy.zoo, sympy.oo, sympy.I):
+        raise DeclarationError(f"{label}: the residual is {residual}; expected a real expression of variables and parameters")
+    parameters = {s.name for s in residual.free_symbols if is_parameter(s.name)}
+    gone = {s: 0 for s in residual.free_symbols if is_parameter(parse_column(s.name)[0]) and parse_column(s.name)[1]}
+    residual, relations = lift_relations(residual.xreplace(gone))
+    parameters.update(s.name for r in relations for s in r.g.free_symbols if is_parameter(s.name))
+    return make_template(label, residual, parameters, relations)
+
+
+def lift_relations(expression: Any) -> tuple[Any, tuple[Relation, ...]]:
+    """Replace the comparisons in ``expression`` by symbols that hold their value between events."""
+    if not expression.has(Relational, sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Piecewise):
+        return expression, ()
+    protected = {a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if a.func.__name__ == "no_event"}
+    expression = expression.xreplace(protected)
+    zero = sympy.S.Zero
+    expression = expression.replace(sympy.sign, lambda x: sympy.Piecewise((1, x > zero), (-1, x < zero), (0, True)))
+    expression = expression.replace(sympy.Abs, lambda x: sympy.Piecewise((x, x >= zero), (-x, True)))
+    expression = expression.replace(lambda e: isinstance(e, (sympy.Max, sympy.Min)), _extremum)
+    found: list[Relation] = []
+    lifted: dict[Any, Any] = {}
+    for atom in sorted(expression.atoms(Relational), key=str):
+        if isinstance(atom, (sympy.Eq, sympy.Ne)):
+            raise DeclarationError(f"the comparison {atom}: use <, <=, >, >=; equality of real numbers is no event")
+        less = isinstance(atom, (sympy.StrictLessThan, sympy.LessThan))
+        found.append(Relation(atom.lhs - atom.rhs, isinstance(atom, (sympy.StrictLessThan, sympy.StrictGreaterThan)), less))
+        lifted[atom] = sympy.Ne(sympy.Symbol(f"relation_{len(found) - 1}", real=True), 0)
+    expression = expression.xreplace(lifted)
+    return expression.xreplace({dummy: call.args[0] for call, dummy in protected.items()}), tuple(found)
+
+
+def _extremum(e: Any) -> Any:
+    larger = isinstance(e, sympy.Max)
+    best = e.args[0]
+    for other in e.args[1:]:
+        best = sympy.Piecewise((best, best >= other if larger else best <= other), (other, True))
+    return best

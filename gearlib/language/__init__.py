@@ -1,0 +1,1 @@
+"""What a modeller writes: components, their declarations, equations and connections."""

@@ -1,0 +1,316 @@
+"""`Component`: a class declares its variables and writes its equations, or puts other components together, or both.
+
+Inside ``equations`` and ``assemble`` an attribute is a symbol named by its path from there: ``self.w`` is ``w`` and
+``self.load.w`` is ``load.w``, so that one set of equations stands for every instance of the class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import sympy
+
+from gearlib.errors import BindingError, ConnectionError, DeclarationError, ModelError, nearest
+from gearlib.language.declarations import (
+    NO_VALUE,
+    Connector,
+    Declaration,
+    Input,
+    Parameter,
+    Port,
+    Structural,
+    Variable,
+)
+from gearlib.language.expressions import Eq
+
+_scope: ContextVar[Component | None] = ContextVar("scope", default=None)
+
+
+@lru_cache(maxsize=100_000)
+def real_symbol(name: str) -> Any:
+    return sympy.Symbol(name, real=True)
+
+
+@dataclass(frozen=True)
+class Connection:
+    """Two or more ports whose potentials are equal and whose flows sum to zero."""
+
+    ports: tuple[Port, ...]
+
+
+def connect(*ports: Port) -> Connection:
+    """Join connectors: their potentials become equal, their flows sum to zero.
+
+    Parameters
+    ----------
+    *ports : Port
+        Two or more connectors of one kind, such as ``self.motor.flange_b``.
+
+    Raises
+    ------
+    ConnectionError
+        Fewer than two, something that is no connector, different kinds, or a connector twice.
+    """
+    for port in ports:
+        if not isinstance(port, Port):
+            hint = " (name one of its connectors)" if isinstance(port, Component) else ""
+            raise ConnectionError(f"connect() joins connectors, such as motor.flange_b; got {port!r}{hint}")
+    if len(ports) < 2:
+        raise ConnectionError(f"connect() needs two connectors, got {len(ports)}")
+    first = ports[0]
+    for other in ports[1:]:
+        if type(other.connector) is not type(first.connector):
+            raise ConnectionError(
+                f"cannot connect {_port_path(first)} ({type(first.connector).__name__}) to {_port_path(other)} "
+                f"({type(other.connector).__name__}): connectors of different kinds; a gear such as IdealGearR2T joins "
+                "rotation to translation"
+            )
+    for i, port in enumerate(ports):
+        if any(port.component is other.component and port.connector is other.connector for other in ports[:i]):
+            raise ConnectionError(f"{_port_path(port)} is connected to itself")
+    return Connection(ports)
+
+
+def _port_path(port: Port) -> str:
+    path = port.component._path()
+    return f"{path}.{port.connector.name}" if path else f"{type(port.component).__name__}.{port.connector.name}"
+
+
+class Component:
+    """Base class of everything a model is made of.
+
+    A leaf writes ``equations`` and returns a list of `Eq`; a composite writes ``assemble``, assigns its parts to attributes and
+    returns a list of `connect` calls; a component may do both. Values of parameters, structural choices and inputs are given by
+    keyword when an instance is made.
+
+    Parameters
+    ----------
+    start : mapping of str to float, optional
+        Start values that are fixed, such as ``{"phi": 0, "w": 100}``.
+    guess : mapping of str to float, optional
+        Start values that only help the solver.
+    **bindings
+        Values by name: numbers, or expressions of the enclosing component's parameters; inputs also take expressions of ``time``
+        and of variables.
+
+    Raises
+    ------
+    BindingError
+        A name that the class does not declare.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Drive(gl.Component):
+    ...     J_load = gl.Parameter("kg.m2", "load inertia", default=2.0, min=0)
+    ...     def assemble(self):
+    ...         self.torque = gp.Torque(tau=10.0)
+    ...         self.load = gp.Inertia(J=self.J_load)
+    ...         return [gl.connect(self.torque.flange, self.load.flange_a)]
+    >>> gl.simulate(Drive(), t_end=1.0, samples=3)["load.w"]
+    array([0. , 2.5, 5. ])
+    """
+
+    _declarations: ClassVar[dict[str, Declaration]] = {}
+    _bindable: ClassVar[dict[str, Declaration]] = {}
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        inherited: dict[str, Declaration] = {}
+        for base in reversed(cls.__mro__[1:]):
+            inherited.update(vars(base).get("_declarations", {}))
+        own = {name: value for name, value in vars(cls).items() if isinstance(value, Declaration)}
+        for name in own:
+            if name.startswith("_") or name in {"time", "start", "guess"}:
+                raise DeclarationError(f"{cls.__name__}.{name}: this name is reserved")
+        cls._declarations = {**inherited, **own}
+        cls._bindable = {n: d for n, d in cls._declarations.items() if isinstance(d, (Parameter, Input, Structural))}
+        for name, declared in cls._declarations.items():
+            if isinstance(declared, Connector) and declared.when is not None:
+                if not isinstance(cls._declarations.get(declared.when), Structural):
+                    raise DeclarationError(f"{cls.__name__}.{name}: when={declared.when!r} is no Structural of the class")
+
+    def __init__(
+        self, *, start: Mapping[str, Any] | None = None, guess: Mapping[str, Any] | None = None, **bindings: Any
+    ) -> None:
+        put = object.__setattr__
+        put(self, "_parent", None)
+        put(self, "_name", "")
+        put(self, "_parts", {})
+        put(self, "_connections", None)
+        put(self, "_start", dict(start or {}))
+        put(self, "_guess", dict(guess or {}))
+        structural: dict[str, Any] = {}
+        for name in bindings:
+            if name not in self._bindable:
+                what = "start value" if name in self._declarations else "parameter, input or structural choice"
+                advice = (
+                    f"give it as start={{'{name}': ...}}" if name in self._declarations else nearest(name, self._bindable)
+                )
+                raise BindingError(f"{type(self).__name__}: '{name}' is no {what} that can be given by keyword; {advice}")
+        for name, declared in self._bindable.items():
+            if isinstance(declared, Structural):
+                structural[name] = self._structural_value(declared, bindings.pop(name, declared.default))
+        put(self, "_structural", structural)
+        put(self, "_bindings", bindings)
+
+    def equations(self) -> Sequence[Eq]:
+        """The equations of the class, on symbols that stand for any instance."""
+        return []
+
+    def assemble(self) -> Sequence[Connection]:
+        """Make the parts (assign them to attributes) and return their connections."""
+        return []
+
+    def _structural_value(self, declared: Structural, value: Any) -> Any:
+        where = f"{type(self).__name__}: structural choice '{declared.name}'"
+        if declared.choices:
+            if value not in declared.choices:
+                raise BindingError(f"{where} is {value!r}; valid choices: {', '.join(map(repr, declared.choices))}")
+            return value
+        expected = type(declared.default)
+        if expected is int and isinstance(value, sympy.Integer):
+            value = int(value)
+        if declared.default is not None and (not isinstance(value, expected) or isinstance(value, bool) != (expected is bool)):
+            raise BindingError(f"{where} is {value!r} ({type(value).__name__}); expected {expected.__name__}")
+        return value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self._declarations:
+            raise DeclarationError(
+                f"{type(self).__name__}.{name} is declared by the class; give its value when the component is made: "
+                f"{type(self).__name__}({name}=...)"
+            )
+        if isinstance(value, Component):
+            self._adopt(name, value)
+        elif isinstance(value, (list, tuple)) and any(isinstance(v, Component) for v in value):
+            for i, part in enumerate(value):
+                if not isinstance(part, Component):
+                    raise ModelError(f"{type(self).__name__}.{name}[{i}] is {part!r}; a family of parts holds components only")
+                self._adopt(f"{name}[{i}]", part)
+        object.__setattr__(self, name, value)
+
+    def _adopt(self, name: str, part: Component) -> None:
+        if part._parent is not None:
+            raise ModelError(
+                f"{type(self).__name__}.{name}: this {type(part).__name__} already is the part '{part._path()}' of another "
+                "component; make a new one"
+            )
+        if name in self._parts:
+            raise ModelError(f"{type(self).__name__}.{name} is assigned twice")
+        ancestor: Component | None = self
+        while ancestor is not None:
+            if ancestor is part:
+                raise ModelError(f"{type(self).__name__}.{name}: a component cannot be a part of itself")
+            ancestor = ancestor._parent
+        object.__setattr__(part, "_parent", self)
+        object.__setattr__(part, "_name", name)
+        self._parts[name] = part
+
+    def __getattr__(self, name: str) -> Any:
+        # Reached only for unknown names: a part of a composite that was not assembled yet, or a slip.
+        if not name.startswith("_"):
+            if self._connections is None and type(self).assemble is not Component.assemble:
+                self._assembled()
+                if name in self.__dict__:
+                    return self.__dict__[name]
+            valid = [*self._declarations, *self._parts]
+            raise AttributeError(f"{type(self).__name__} has no '{name}'; {nearest(name, valid)}")
+        raise AttributeError(name)
+
+    def _assembled(self) -> Sequence[Connection]:
+        """The connections of a composite; assembles it at the first call."""
+        if self._connections is None:
+            object.__setattr__(self, "_connections", [])
+            with _inside(self):
+                connections = self.assemble()
+            if connections is None or not all(isinstance(c, Connection) for c in connections):
+                raise ModelError(f"{type(self).__name__}.assemble() must return a list of connect(...) calls")
+            object.__setattr__(self, "_connections", list(connections))
+        result: Sequence[Connection] = self._connections
+        return result
+
+    def _path(self, scope: Component | None = None) -> str:
+        names: list[str] = []
+        node: Component | None = self
+        while node is not None and node is not scope:
+            names.append(node._name)
+            node = node._parent
+        if scope is not None and node is None:
+            raise ModelError(
+                f"{type(scope).__name__} refers to a {type(self).__name__} that is no part of it; assign it to an attribute "
+                "first (self.name = ...)"
+            )
+        return ".".join(n for n in reversed(names) if n)
+
+    def _symbol(self, local: str) -> Any:
+        scope = _scope.get()
+        if scope is self:
+            return real_symbol(local)
+        path = self._path(scope)
+        return real_symbol(f"{path}.{local}" if path else local)
+
+    def _parameter(self, name: str) -> Any:
+        if _scope.get() is None:
+            value = self._bindings.get(name, self._bindable[name].default)  # type: ignore[attr-defined]
+            return None if value is NO_VALUE else value
+        return self._symbol(name)
+
+    def _port(self, connector: Connector) -> Port:
+        if connector.when is not None and not self._structural[connector.when]:
+            raise ConnectionError(
+                f"{self._path() or type(self).__name__} has no '{connector.name}' here; make it with {connector.when}=True"
+            )
+        return Port(self, connector)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}{' ' + self._path() if self._path() else ''}>"
+
+
+@contextmanager
+def _inside(component: Component) -> Iterator[None]:
+    token = _scope.set(component)
+    try:
+        yield
+    finally:
+        _scope.reset(token)
+
+
+@dataclass(frozen=True)
+class Declared:
+    """The variables and parameters that an instance has, given its structural choices, in the order of declaration."""
+
+    variables: dict[str, Variable]  # connectors' variables as "flange_a.phi"
+    parameters: dict[str, Parameter]
+    connectors: dict[str, Connector]
+
+
+def declared_by(component: Component) -> Declared:
+    """What `component` declares with its structural choices."""
+    variables: dict[str, Variable] = {}
+    parameters: dict[str, Parameter] = {}
+    connectors: dict[str, Connector] = {}
+    for name, declared in component._declarations.items():
+        if isinstance(declared, Parameter):
+            parameters[name] = declared
+        elif isinstance(declared, Variable):
+            variables[name] = declared
+        elif isinstance(declared, Connector) and (declared.when is None or component._structural[declared.when]):
+            connectors[name] = declared
+            variables.update({f"{name}.{inner}": v for inner, v in declared.variables.items()})
+    return Declared(variables, parameters, connectors)
+
+
+def equations_of(component: Component) -> list[Eq]:
+    """The equations that `component` writes, on symbols named from its own scope."""
+    with _inside(component):
+        equations = component.equations()
+    if equations is None or not all(isinstance(e, Eq) for e in equations):
+        bad = next((e for e in equations or [] if not isinstance(e, Eq)), equations)
+        raise DeclarationError(f"{type(component).__name__}.equations() must return a list of gl.Eq(left, right); got {bad!r}")
+    return list(equations)

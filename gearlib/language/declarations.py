@@ -1,0 +1,162 @@
+"""What a component class declares: parameters, variables, inputs, structural choices, and connectors made of them.
+
+A declaration is a descriptor: on the class it is itself, inside ``equations`` and ``assemble`` it is the symbol that stands for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, overload
+
+from gearlib.errors import DeclarationError
+
+if TYPE_CHECKING:
+    from gearlib.language.component import Component
+
+StatePreference = Literal["never", "avoid", "default", "prefer"]
+NO_VALUE: Any = type("NoValue", (), {"__repr__": lambda self: "no value"})()
+
+
+class Declaration:
+    """Base of everything declared in a component class."""
+
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: Component, owner: type) -> Any: ...
+    def __get__(self, instance: Component | None, owner: type) -> Any:
+        return self if instance is None else instance._symbol(self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter(Declaration):
+    """A number that is constant during a run and may change between runs without any new translation.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit, such as ``"kg.m2"``.
+    description : str
+        A few words.
+    default : float or expression, optional
+        Without one, a value must be given.
+    min, max : float, optional
+        Inclusive bounds, checked when the model is built and at every run.
+    """
+
+    unit: str = "1"
+    description: str = ""
+    default: Any = NO_VALUE
+    min: float = -float("inf")
+    max: float = float("inf")
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        return self if instance is None else instance._parameter(self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Variable(Declaration):
+    """An unknown function of time.
+
+    Parameters
+    ----------
+    unit, description : str
+        SI unit and a few words.
+    state : {"never", "avoid", "default", "prefer"}
+        How much it is wanted as a state. Potentials of connectors (absolute angles) are avoided by themselves.
+    nominal : float
+        Typical size; the absolute tolerance of a state is ``rtol * nominal``.
+    guess : float
+        Start value unless something fixes another.
+    start : float, optional
+        Start value that is fixed.
+    """
+
+    unit: str = "1"
+    description: str = ""
+    state: StatePreference = "default"
+    nominal: float = 1.0
+    guess: float = 0.0
+    start: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Input(Variable):
+    """A variable that is given: bound when the part is made, or else an input of the whole system.
+
+    ``default`` binds it where nothing else does.
+    """
+
+    default: Any = NO_VALUE
+
+
+@dataclass(frozen=True, eq=False)
+class Structural(Declaration):
+    """A choice that changes the equations: a number of planets, backlash or not. Its value is a plain Python object.
+
+    ``choices`` lists the valid values where they are few; otherwise a value must have the type of the default.
+    """
+
+    default: Any
+    description: str = ""
+    choices: tuple[Any, ...] = ()
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        return self if instance is None else instance._structural[self.name]
+
+
+@dataclass(frozen=True, eq=False)
+class Potential(Variable):
+    """The variable of a connector that is equal at all connected ones (an angle, a displacement, a temperature)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flow(Variable):
+    """The variable of a connector that sums to zero over all connected ones, positive into the component."""
+
+
+@dataclass(frozen=True)
+class Port:
+    """A connector of one component: what `connect` joins."""
+
+    component: Component
+    connector: Connector
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in self.connector.variables:
+            raise AttributeError(
+                f"{type(self.connector).__name__} '{self.connector.name}' has no variable '{name}'; "
+                f"it has {', '.join(self.connector.variables)}"
+            )
+        return self.component._symbol(f"{self.connector.name}.{name}")
+
+
+@dataclass(frozen=True, eq=False)
+class Connector(Declaration):
+    """Base of connector classes; a subclass declares one `Potential` and one `Flow` (or more pairs).
+
+    Parameters
+    ----------
+    description : str
+        A few words.
+    when : str, optional
+        Name of a `Structural` of the component; the connector exists only where that is true.
+    """
+
+    description: str = ""
+    when: str | None = field(default=None, kw_only=True)
+    variables: ClassVar[dict[str, Variable]] = {}
+
+    def __init_subclass__(cls) -> None:
+        own = {name: value for name, value in vars(cls).items() if isinstance(value, (Potential, Flow))}
+        cls.variables = {**cls.variables, **own}
+        if len({type(v) for v in cls.variables.values()}) == 1:
+            raise DeclarationError(f"connector {cls.__name__} declares only one half; a Potential and a Flow are needed")
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        return self if instance is None else instance._port(self)

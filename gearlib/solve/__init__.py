@@ -1,0 +1,1 @@
+"""From compiled functions to time histories: initial values, integrators, events, results."""

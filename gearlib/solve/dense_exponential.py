@@ -1,0 +1,116 @@
+"""exp(A h) - I of a dense matrix by Taylor's series and repeated doubling, kept as the difference from the identity.
+
+Squaring exp(A h) itself rounds every entry relative to the identity: the slow motion of a stiff system is lost. Its deviation
+from the identity, E(2 h) = 2 E(h) + E(h) E(h), rounds relative to the motion. The error then grows with the angle that the motion
+has turned through, not with the number of steps or doublings, and no entry suffers from overscaling.
+
+References
+----------
+Zhong and Williams, A precise time step integration method, Proc. IMechE C 208 (1994) 427-430,
+doi:10.1243/PIME_PROC_1994_208_148_02. Paterson and Stockmeyer, SIAM J. Comput. 2 (1973) 60-66, doi:10.1137/0202007.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_REACH = 0.7  # of |A h| at which 16 terms of Taylor's series end below rounding
+# exp(X) - I = C_0 + X^4 (C_1 + X^4 (C_2 + X^4 C_3)), C_j = sum of X^i / (4 j + i)! for i = 1..4
+_TAYLOR = np.array([[1.0 / math.factorial(4 * j + i) for i in range(1, 5)] for j in range(4)])
+_LARGEST_BLOCK = 12  # doublings: blocks of at most 4096 steps are advanced at a time
+
+
+def deviation(A: Floats, h: float) -> Floats:
+    """exp(A h) - I.
+
+    Parameters
+    ----------
+    A : ndarray
+        Square matrix (1/s).
+    h : float
+        Step (s).
+
+    Returns
+    -------
+    ndarray
+        Of the shape of A; each entry is accurate relative to itself where nothing cancels.
+
+    Examples
+    --------
+    >>> deviation(np.array([[0.0, 1.0], [0.0, -1e-20]]), 2.0)
+    array([[ 0.e+00,  2.e+00],
+           [ 0.e+00, -2.e-20]])
+    """
+    n = len(A)
+    doublings = max(0, math.ceil(math.log2(max(balanced_norm(A) * abs(h), 1e-300) / _REACH)))
+    powers = np.empty((4, n, n))
+    np.multiply(A, math.ldexp(h, -doublings), out=powers[0])
+    np.matmul(powers[0], powers[0], out=powers[1])
+    np.matmul(powers[0], powers[1], out=powers[2])
+    np.matmul(powers[1], powers[1], out=powers[3])
+    c = (_TAYLOR @ powers.reshape(4, n * n)).reshape(4, n, n)
+    E: Floats = c[0] + powers[3] @ (c[1] + powers[3] @ (c[2] + powers[3] @ c[3]))
+    for _ in range(doublings):
+        E = double(E)
+    return E
+
+
+def double(E: Floats) -> Floats:
+    """exp(2 A h) - I from exp(A h) - I."""
+    square = E @ E
+    square += E
+    square += E
+    return square
+
+
+def balanced_norm(A: Floats) -> float:
+    """A bound of |A| after a diagonal scaling by powers of two, which changes no rounding and need not be carried out."""
+    from scipy.linalg.lapack import dgebal
+
+    size = np.abs(dgebal(A, scale=1, permute=0)[0])
+    return float(min(size.sum(axis=0).max(), size.sum(axis=1).max()))
+
+
+def doublings_for(count: int, n: int) -> int:
+    """How often to double a step for ``count`` of them: blocks of 2**k steps cost one product, k doublings cost k."""
+    product = 3e-6 + 2.0 * n**3 / 3e10
+    best = min(range(_LARGEST_BLOCK + 1), key=lambda k: k * product + -(-count // 2**k) * 4e-6 if 2**k <= count else math.inf)
+    return best
+
+
+class Propagator:
+    """Steps of one length: the deviations E(h), E(2 h), E(4 h), ... as far as they were needed.
+
+    Examples
+    --------
+    >>> Propagator(np.array([[-1.0]]), math.log(2.0)).advance(np.array([8.0]), 3)
+    array([[4.],
+           [2.],
+           [1.]])
+    """
+
+    def __init__(self, A: Floats, h: float) -> None:
+        self._chain = [deviation(A, h)]
+
+    def advance(self, z: Floats, count: int) -> Floats:
+        """The ``count`` states (count, n) that follow ``z``."""
+        top = doublings_for(count, len(z))
+        while len(self._chain) <= top:
+            self._chain.append(double(self._chain[-1]))
+        out = np.empty((count + 1, len(z)))
+        out[0] = z
+        filled, k = 1, 0
+        while filled <= count:
+            k = min(k, top)
+            block = out[filled - 2**k : filled][: count + 1 - filled]
+            ahead = out[filled : filled + len(block)]
+            np.matmul(block, self._chain[k].T, out=ahead)
+            ahead += block
+            filled += len(block)
+            k += 1
+        return out[1:]

@@ -1,0 +1,71 @@
+"""An initial value problem as the integrators see it: numbers and native functions, nothing symbolic.
+
+    M x' = f(t, x),    M = diag(differential),    x(t_start) = x0
+
+Every native function has a C signature over the state ``x``, a block of numbers ``data`` (parameters, factorised matrices, the
+values of relations, work space) and a block of integers ``index`` (which the generated loops run over)::
+
+    int32 rhs   (double t, double *x, double *dx,     double *data, int64 *index)
+    int32 jac   (double t, double *x, double *values, double *data, int64 *index)    df/dx, nonzeros in CSC order
+    int32 roots (double t, double *x, double *g,      double *data, int64 *index)    event functions
+    int32 update(double t, double *x, int32 *fired,   double *data, int64 *index)    event iteration
+
+A return value of 0 is success, a positive one asks for a smaller step, a negative one stops the run. ``update`` is called at the
+start, at each time event and at each located root, with ``fired[k]`` the direction (+1, -1) in which root k crossed zero (0: it
+did not); it returns 0 when nothing changed, 1 when the right-hand side did, 2 when ``x`` did as well, and keeps the values of
+relations and discrete variables in ``data[modes]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Native(Protocol):
+    """Anything with the address of a native function: a numba ``cfunc`` or a wrapped Python callable."""
+
+    @property
+    def address(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an integrator needs to know of a scene."""
+
+    rhs: Native
+    x0: Floats
+    data: Floats
+    index: Integers
+    differential: NDArray[np.bool_]  # False: an algebraic unknown, whose row of f is a residual
+    nominal: Floats  # typical size of each state; the absolute tolerance is rtol * nominal unless it is given
+    jac: Native | None = None
+    jac_indptr: Integers | None = None  # CSC pattern of df/dx
+    jac_indices: Integers | None = None
+    roots: Native | None = None
+    n_roots: int = 0
+    update: Native | None = None
+    modes: slice = field(default_factory=lambda: slice(0, 0))  # the part of data that events change; recorded with every sample
+    time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
+
+
+@dataclass(frozen=True)
+class Solution:
+    """States (and modes) at the times asked for. A sample on an event holds the right-hand limit."""
+
+    t: Floats  # (samples,)
+    x: Floats  # (samples, states)
+    modes: Floats  # (samples, modes)
+    status: str  # "done" | "stiff" (explicit run that met stiffness and stopped at t_last)
+    t_last: float
+    x_last: Floats
+    event_times: Floats  # (events,)
+    event_roots: Integers  # (events,) index of the root that fired, -1 for a time event
+    stats: Mapping[str, Any]  # steps, rhs, jac, events, rejected, ...

@@ -1,0 +1,256 @@
+"""The integration loop of the explicit Runge-Kutta methods: one compiled function for all models.
+
+It is compiled when this module is first imported on a machine (and found in numba's cache afterwards), so import it late. The
+loop keeps its state in arrays and returns after a given number of steps, so that Python can look after interrupts, grow the event
+log and call again.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+
+from gearlib.solve.native_call import call_native
+from gearlib.solve.rk_events import crossing, slopes
+from gearlib.solve.rk_stages import error5, error8, interpolate, interpolation_weights
+from gearlib.solve.rk_steps import dense_stages, first_step, stiffness, take_step
+
+__all__ = ["advance"]
+
+# what ``advance`` returns
+DONE, MORE, STIFF, RHS_FAILED, UNDERFLOW, CHATTERING, UPDATE_FAILED = 0, 1, 2, -1, -2, -3, -4
+# elements of clock and of count
+T, H, LOG_ERROR, H_HELD, SPAN, H_MAX = range(6)
+SAMPLE, STOP, STEPS, REJECTED, RHS, EVENTS, STIFF_STEPS, CALM_STEPS, STARTED = range(9)
+
+CHATTER_EVENTS = 1000  # that many events within CHATTER_SPAN of the time span are a chattering model, not a rattling gear
+CHATTER_SPAN = 1e-10
+STIFF_LEFT = 500  # a stiff run that needs fewer steps than this to its end is finished all the same
+ROUNDING = 8.9e-16
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _restart(order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any) -> int:
+    """Begin anew at ``x``: the right-hand side, the sides of the event functions and their slopes."""
+    code = call_native(native[0], clock[T], x.ctypes.data, k.ctypes.data, native[3], native[4])
+    count[RHS] += 1
+    clock[LOG_ERROR] = math.log(1e-4)
+    if side.size > 0 and code == 0:
+        call_native(native[1], clock[T], x.ctypes.data, g.ctypes.data, native[3], native[4])
+        slopes(native, clock[T], 1e-6 * clock[H_MAX], x, k[0], g[0], y, g[2])
+        for i in range(side.size):
+            side[i] = np.sign(g[0, i])
+    return code
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _start(
+    order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any, fired: Any, atol: Any, rtol: float
+) -> int:
+    count[STARTED] = 1
+    if native[2] != 0:
+        fired[:] = 0
+        if call_native(native[2], clock[T], x.ctypes.data, fired.ctypes.data, native[3], native[4]) < 0:
+            return UPDATE_FAILED
+    if _restart(order, native, clock, count, x, k, y, g, side) != 0:
+        return RHS_FAILED
+    if clock[H] == 0.0:
+        clock[H] = first_step(order, native, clock[T], x, k, y, atol, rtol, clock[H_MAX])
+        count[RHS] += 1
+    clock[H_HELD] = clock[H_MAX]
+    return DONE
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _emit(
+    order: int, t: float, t_new: float, h: float, x: Any, k: Any, b: Any, count: Any, times: Any, out_x: Any, out_modes: Any,
+    data: Any, first_mode: int,
+) -> None:  # fmt: skip
+    """Store the samples before ``t_new``."""
+    i = count[SAMPLE]
+    while i < times.size and times[i] < t_new:
+        interpolation_weights(order, (times[i] - t) / h, b)
+        interpolate(order, x, h, k, b, out_x[i])
+        for j in range(out_modes.shape[1]):
+            out_modes[i, j] = data[first_mode + j]
+        i += 1
+    count[SAMPLE] = i
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _emit_here(
+    t: float, x: Any, count: Any, times: Any, out_x: Any, out_modes: Any, data: Any, first_mode: int
+) -> None:
+    """Store the samples at ``t`` itself."""
+    i = count[SAMPLE]
+    while i < times.size and times[i] <= t:
+        out_x[i, :] = x
+        for j in range(out_modes.shape[1]):
+            out_modes[i, j] = data[first_mode + j]
+        i += 1
+    count[SAMPLE] = i
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _handle(
+    order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any, fired: Any, log_t: Any,
+    log_root: Any, found: int, timed: bool,
+) -> int:  # fmt: skip
+    """Call ``update`` for the roots that flipped (``found``) or a time event, write the log, begin anew."""
+    t = clock[T]
+    from_zero = True
+    for i in range(side.size):
+        fired[i] = 0
+        if found == 1 and (g[1, i] * side[i] < 0.0 or (side[i] == 0 and g[1, i] != 0.0)):
+            fired[i] = np.sign(g[1, i])
+            from_zero = from_zero and side[i] == 0
+    changed = 0
+    if native[2] != 0:
+        changed = call_native(native[2], t, x.ctypes.data, fired.ctypes.data, native[3], native[4])
+        if changed < 0:
+            return UPDATE_FAILED
+    if timed:
+        log_t[count[EVENTS]] = t
+        log_root[count[EVENTS]] = -1
+        count[EVENTS] += 1
+    if changed != 0 or not from_zero:  # a function that merely starts from zero is not worth an entry
+        for i in range(side.size):
+            if fired[i] != 0:
+                log_t[count[EVENTS]] = t
+                log_root[count[EVENTS]] = i
+                count[EVENTS] += 1
+    # the step that suits the next phase is not known: that of the phase before this one is a good guess where two alternate
+    held = clock[H_HELD]
+    clock[H_HELD] = clock[H]
+    clock[H] = min(clock[H], held)
+    if _restart(order, native, clock, count, x, k, y, g, side) != 0:
+        return RHS_FAILED
+    recent = count[EVENTS] - CHATTER_EVENTS
+    if recent >= 0 and t - log_t[recent] < CHATTER_SPAN * clock[SPAN]:
+        return CHATTERING
+    return DONE
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _is_stiff(stiff: bool, clock: Any, count: Any) -> bool:
+    """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row."""
+    if stiff:
+        count[STIFF_STEPS] += 1
+        count[CALM_STEPS] = 0
+        return count[STIFF_STEPS] >= 15
+    count[CALM_STEPS] += 1
+    if count[CALM_STEPS] >= 6:
+        count[STIFF_STEPS] = 0
+    return False
+
+
+def _advance(
+    order: int, native: Any, clock: Any, count: Any, x: Any, x_new: Any, y: Any, k: Any, b: Any, atol: Any, rtol: float,
+    times: Any, out_x: Any, out_modes: Any, data: Any, first_mode: int, stops: Any, timed: Any, g: Any, side: Any, fired: Any,
+    log_t: Any, log_root: Any, budget: int, detect: bool,
+) -> int:  # fmt: skip
+    """Integrate for ``budget`` steps or until something happens that Python must see to."""
+    last = 6 if order == 5 else 12
+    # PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before
+    alpha, beta = (0.14, 0.08) if order == 5 else (0.125, 0.0)
+    if count[STARTED] == 0:
+        code = _start(order, native, clock, count, x, k, y, g, side, fired, atol, rtol)
+        if code != DONE:
+            return code
+    t_end = stops[stops.size - 1]
+    rejected = False
+    left = budget
+    while True:
+        t = clock[T]
+        _emit_here(t, x, count, times, out_x, out_modes, data, first_mode)
+        if t >= t_end:
+            return DONE
+        if left == 0 or log_t.size - count[EVENTS] < side.size + 2:
+            return MORE
+        left -= 1
+        stop = stops[count[STOP]]
+        h = min(clock[H], clock[H_MAX])
+        if h < 10.0 * ROUNDING * abs(t) + 1e-25 * clock[SPAN]:
+            return UNDERFLOW
+        t_new = t + h
+        if t + 1.0001 * h >= stop:
+            t_new = stop
+            h = stop - t
+        count[STEPS] += 1
+        count[RHS] += last
+        code = take_step(order, native, t, h, x, x_new, k, y)
+        if code < 0:
+            return RHS_FAILED
+        error = math.inf
+        if code == 0:
+            error = error5(x, x_new, h, k, atol, rtol) if order == 5 else error8(x, x_new, h, k, atol, rtol)
+        if not error <= 1.0:
+            count[REJECTED] += 1
+            rejected = True
+            shrink = 0.25
+            if error < math.inf:
+                shrink = max(0.2, 0.9 * error ** (-1.0 / order))
+            clock[H] = h * shrink
+            continue
+        log_error = math.log(max(error, 1e-10))
+        grow = min(10.0, max(0.2, 0.9 * math.exp(beta * clock[LOG_ERROR] - alpha * log_error)))
+        if rejected:
+            grow = min(grow, 1.0)
+        if detect and _is_stiff(stiffness(order, h, x_new, k, y, atol, rtol), clock, count):
+            if (t_end - t) > STIFF_LEFT * h:
+                return STIFF
+            count[STIFF_STEPS] = 0
+        found = 0
+        extra = 0
+        theta = 1.0
+        h_taken = h
+        if side.size > 0:
+            found, h_taken, theta, extra = crossing(order, native, t, h, x, x_new, k, b, y, g, side)
+            count[RHS] += extra
+            if found < 0:
+                clock[H] = 0.5 * h_taken
+                continue
+            if h_taken != h or found == 1:
+                t_new = t + theta * h_taken
+        if count[SAMPLE] < times.size and times[count[SAMPLE]] < t_new - ROUNDING * abs(t_new):
+            if extra == 0:
+                count[RHS] += dense_stages(order, native, t, h, x, k, y)
+            _emit(order, t, t_new - ROUNDING * abs(t_new), h_taken, x, k, b, count, times, out_x, out_modes, data, first_mode)
+        clock[H] = max(h * grow, clock[H]) if h < clock[H] and not rejected else h * grow
+        clock[LOG_ERROR] = log_error
+        rejected = False
+        reached = t_new >= stop - ROUNDING * abs(stop)
+        clock[T] = stop if reached else t_new
+        for i in range(x.size):
+            x[i] = x_new[i]
+            k[0, i] = k[last, i]
+        if side.size > 0:
+            for i in range(side.size):
+                g[0, i] = g[1, i]
+                g[2, i] = g[3, i]
+        if found == 1 or (reached and timed[count[STOP]]):
+            code = _handle(
+                order, native, clock, count, x, k, y, g, side, fired, log_t, log_root, found, reached and timed[count[STOP]]
+            )
+            if code != DONE:
+                return code
+        if reached:
+            count[STOP] += 1
+
+
+_floats = types.Array(types.float64, 1, "C")
+_rows = types.Array(types.float64, 2, "C")
+_integers = types.Array(types.int64, 1, "C")
+_flags = types.Array(types.boolean, 1, "C")
+_signs = types.Array(types.int32, 1, "C")
+advance = njit(
+    types.int64(
+        types.int64, types.UniTuple(types.int64, 5), _floats, _integers, _floats, _floats, _floats, _rows, _floats, _floats,
+        types.float64, _floats, _rows, _rows, _floats, types.int64, _floats, _flags, _rows, _signs, _signs, _floats, _integers,
+        types.int64, types.boolean,
+    ),
+    cache=True, nogil=True, error_model="numpy",
+)(_advance)  # fmt: skip

@@ -1,0 +1,101 @@
+"""One Runge-Kutta step, the first step size, and the sign of stiffness; compiled as parts of the loop in ``rk_loop``.
+
+``native`` holds addresses: right-hand side, roots, update, data, index.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from gearlib.solve.native_call import call_native
+from gearlib.solve.rk_stages import stage5, stage8
+from gearlib.solve.tableaux import DOP853_C, TSIT5_C
+
+__all__ = ["dense_stages", "first_step", "stiffness", "take_step"]
+
+_C5 = np.array(TSIT5_C)
+_C8 = np.array(DOP853_C)
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def take_step(order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, y: Any) -> int:
+    """Fill ``x_new`` and the stages of a step from ``x``, whose right-hand side is ``k[0]``; the code of a failing one."""
+    row = k.strides[0]
+    k0, y0, new = k.ctypes.data, y.ctypes.data, x_new.ctypes.data
+    if order == 5:
+        for s in range(1, 6):
+            stage5(s, x, h, k, y)
+            code = call_native(native[0], t + _C5[s] * h, y0, k0 + s * row, native[3], native[4])
+            if code != 0:
+                return code
+        stage5(6, x, h, k, x_new)
+        return call_native(native[0], t + h, new, k0 + 6 * row, native[3], native[4])
+    for s in range(1, 12):
+        stage8(s, x, h, k, y)
+        code = call_native(native[0], t + _C8[s] * h, y0, k0 + s * row, native[3], native[4])
+        if code != 0:
+            return code
+    stage8(12, x, h, k, x_new)
+    return call_native(native[0], t + h, new, k0 + 12 * row, native[3], native[4])
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def dense_stages(order: int, native: Any, t: float, h: float, x: Any, k: Any, y: Any) -> int:
+    """Evaluate the stages that only the dense output of order 7 needs; returns how many right-hand sides that took."""
+    if order == 5:
+        return 0
+    for s in range(13, 16):
+        stage8(s, x, h, k, y)
+        call_native(native[0], t + _C8[s] * h, y.ctypes.data, k.ctypes.data + s * k.strides[0], native[3], native[4])
+    return 3
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def first_step(order: int, native: Any, t: float, x: Any, k: Any, y: Any, atol: Any, rtol: float, h_max: float) -> float:
+    """Hairer's guess: the step over which an Euler step and the curvature of the solution stay within the tolerance."""
+    n = x.size
+    d0 = d1 = d2 = 0.0
+    for i in range(n):
+        weight = 1.0 / (atol[i] + rtol * abs(x[i]))
+        d0 += (x[i] * weight) ** 2
+        d1 += (k[0, i] * weight) ** 2
+    h0 = 0.01 * math.sqrt(d0 / d1) if d0 > 1e-10 * n and d1 > 1e-10 * n else 1e-6 * h_max
+    h0 = min(h0, h_max)
+    for i in range(n):
+        y[i] = x[i] + h0 * k[0, i]
+    row = k.ctypes.data + k.strides[0]
+    if call_native(native[0], t + h0, y.ctypes.data, row, native[3], native[4]) != 0:
+        return 1e-3 * h0
+    for i in range(n):
+        weight = 1.0 / (atol[i] + rtol * abs(x[i]))
+        d2 += ((k[1, i] - k[0, i]) * weight) ** 2
+    largest = max(math.sqrt(d1 / n), math.sqrt(d2 / n) / h0)
+    if not largest < math.inf:
+        return 1e-3 * h0
+    h1 = max(1e-6 * h_max, 1e-3 * h0) if largest <= 1e-15 else (0.01 / largest) ** (1.0 / order)
+    return min(100.0 * h0, h1, h_max)
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def stiffness(order: int, h: float, x_new: Any, k: Any, y: Any, atol: Any, rtol: float) -> bool:
+    """Whether the step is at the limit of stability along the negative real axis.
+
+    The last two stages belong to the same time: their difference shows the dominant eigenvalue, |h lambda| as in Hairer's codes and
+    Re(h lambda) as a Rayleigh quotient in the norm of the tolerances. A lightly damped vibration has its eigenvalues near the
+    imaginary axis, where an implicit method would not take larger steps.
+    """
+    last = 6 if order == 5 else 12
+    square_k = square_x = product = 0.0
+    for i in range(x_new.size):
+        weight = 1.0 / (atol[i] + rtol * abs(x_new[i]))
+        dx = (x_new[i] - y[i]) * weight
+        dk = (k[last, i] - k[last - 1, i]) * weight
+        square_k += dk * dk
+        square_x += dx * dx
+        product += dk * dx
+    limit = 3.25 if order == 5 else 6.1
+    return h * h * square_k > limit * limit * square_x and h * product < -0.7 * limit * square_x

@@ -1,0 +1,121 @@
+"""Rigid loops: constant linear constraints that say nothing new, or that contradict each other.
+
+A structural rank counts equations; two equal gears side by side count twice. So the kinematic equations are examined with their
+numerical coefficients. Whatever hangs on the rest like a tree cannot be redundant and is peeled off first; what is left are the
+loops, and they are eliminated with a record of which equations were combined.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+TOLERANCE = 1e-10  # of a row's largest coefficient: below it, a coefficient is rounding
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Rows that, combined with these multipliers, leave nothing (or a single variable)."""
+
+    rows: tuple[int, ...]
+    multipliers: tuple[float, ...]
+    variable: int = -1  # the one that is forced to stand still
+    constant: float = 0.0  # what is left on the right-hand side
+
+
+@dataclass(frozen=True)
+class Loops:
+    """What the examination found."""
+
+    redundant: tuple[Combination, ...]  # the last row of each is not needed
+    contradictory: tuple[Combination, ...]
+
+
+def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may_stand: frozenset[int]) -> Loops:
+    """Find redundant and contradictory rows of ``sum(row[v] * x[v]) = constant``.
+
+    Parameters
+    ----------
+    rows : sequence of mappings
+        Coefficient of each variable.
+    constants : sequence of float
+        Right-hand sides; NaN where it varies with time.
+    may_stand : frozenset of int
+        Variables that may be forced to a constant without that being an error.
+
+    Examples
+    --------
+    Two equal gears side by side, then two that disagree:
+
+    >>> examine([{0: 1, 1: -3}, {0: 1, 1: -3}], [0, 0], frozenset()).redundant[0].rows
+    (0, 1)
+    >>> examine([{0: 1, 1: -3}, {0: 1, 1: -2}], [0, 0], frozenset()).contradictory[0].rows
+    (0, 1)
+    """
+    alive = _core(rows)
+    work: dict[int, dict[int, float]] = {r: {v: c for v, c in rows[r].items() if c != 0.0} for r in alive}
+    combos: dict[int, dict[int, float]] = {r: {r: 1.0} for r in alive}
+    rhs = {r: float(constants[r]) for r in alive}
+    scale = {r: max((abs(c) for c in work[r].values()), default=1.0) for r in alive}
+    holders: dict[int, set[int]] = defaultdict(set)
+    for r, row in work.items():
+        for v in row:
+            holders[v].add(r)
+    redundant: list[Combination] = []
+    contradictory: list[Combination] = []
+    fixing = {r for r, row in work.items() if len(row) == 1}
+    pending = set(alive)
+    while pending:
+        r = min(pending, key=lambda i: (len(work[i]), i))
+        pending.remove(r)
+        row = work[r]
+        if not row:
+            found = Combination(tuple(sorted(combos[r])), tuple(combos[r][i] for i in sorted(combos[r])), constant=rhs[r])
+            vanishes = abs(rhs[r]) <= TOLERANCE * max(1.0, *(abs(constants[i]) for i in combos[r]))
+            (redundant if vanishes else contradictory).append(found)
+            continue
+        pivot = min(row, key=lambda v: (abs(row[v]) < 0.1 * max(map(abs, row.values())), len(holders[v]), v))
+        if len(row) == 1:
+            grounded = any(i in fixing for i in combos[r])
+            if len(combos[r]) > 1 and not grounded and pivot not in may_stand and rhs[r] == 0.0:
+                involved = tuple(sorted(combos[r]))
+                contradictory.append(Combination(involved, tuple(combos[r][i] for i in involved), pivot))
+        for other in sorted(holders[pivot] & pending):
+            factor = work[other][pivot] / row[pivot]
+            for v, c in row.items():
+                value = work[other].get(v, 0.0) - factor * c
+                if v == pivot or abs(value) <= TOLERANCE * max(scale[other], abs(factor) * scale[r]):
+                    work[other].pop(v, None)
+                    holders[v].discard(other)
+                else:
+                    work[other][v] = value
+                    holders[v].add(other)
+            rhs[other] -= factor * rhs[r]
+            for i, c in combos[r].items():
+                combos[other][i] = combos[other].get(i, 0.0) - factor * c
+    return Loops(tuple(redundant), tuple(contradictory))
+
+
+def _core(rows: Sequence[Mapping[int, float]]) -> list[int]:
+    """Rows that are left when those with a variable of their own are taken away, again and again."""
+    holders: dict[int, list[int]] = defaultdict(list)
+    for r, row in enumerate(rows):
+        for v, c in row.items():
+            if c != 0.0:
+                holders[v].append(r)
+    degree = {v: len(rs) for v, rs in holders.items()}
+    gone: set[int] = set()
+    stack = [v for v, d in degree.items() if d == 1]
+    while stack:
+        v = stack.pop()
+        r = next((r for r in holders[v] if r not in gone), None)
+        if r is None or degree[v] != 1:
+            continue
+        gone.add(r)
+        for u, c in rows[r].items():
+            if c != 0.0:
+                degree[u] -= 1
+                if degree[u] == 1:
+                    stack.append(u)
+    return [r for r in range(len(rows)) if r not in gone]

@@ -1,0 +1,85 @@
+"""The order in which unknowns are computed: only what is needed, each block after those that it depends on.
+
+The blocks are the strongly connected components of the graph "unknown depends on unknown" (R. Tarjan, "Depth-first search and
+linear graph algorithms", SIAM Journal on Computing 1 (1972) 146-160, doi 10.1137/0201010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+
+import networkx as nx
+
+from gearlib.structure.incidence import Columns, Node
+from gearlib.structure.states import StateChoice
+
+
+@dataclass(frozen=True)
+class Block:
+    """Unknowns that are computed together, and the equations that they are computed from."""
+
+    unknowns: tuple[Node, ...]
+    equations: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """Which unknowns and states each unknown is computed from."""
+
+    choice: StateChoice
+    columns: Columns
+    given: Collection[int] = ()  # variables that come from outside
+    is_state: frozenset[Node] = frozenset()
+
+    def of(self, node: Node) -> list[Node]:
+        """What else stands in the equation that determines ``node``."""
+        e, k = self.choice.solved_by[node]
+        return [n for n in self.columns(e, k) if n != node and n[0] not in self.given]
+
+
+def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool) -> tuple[list[Node], set[Node]]:
+    """Unknowns and states that the targets depend on; with ``dynamic``, also what the states' derivatives depend on."""
+    unknowns: dict[Node, None] = {}
+    states: set[Node] = set()
+    stack = [t for t in targets if t[0] not in dependence.given]
+    seen = set(stack)
+    while stack:
+        node = stack.pop()
+        if node in dependence.is_state:
+            states.add(node)
+            following = [(node[0], node[1] + 1)] if dynamic else []
+        else:
+            unknowns[node] = None
+            following = dependence.of(node)
+        for other in following:
+            if other not in seen:
+                seen.add(other)
+                stack.append(other)
+    return list(unknowns), states
+
+
+def sort_blocks(dependence: Dependence, unknowns: Collection[Node]) -> tuple[Block, ...]:
+    """Strongly connected components in the order in which they can be computed.
+
+    The components of one level keep the order of their lowest unknown, so that the result does not depend on hashing.
+    """
+    inside = set(unknowns)
+    graph: nx.DiGraph = nx.DiGraph()
+    ordered = sorted(inside)
+    graph.add_nodes_from(ordered)
+    for node in ordered:
+        graph.add_edges_from((node, other) for other in dependence.of(node) if other in inside)
+    solved_by = dependence.choice.solved_by
+    blocks = []
+    for component in nx.strongly_connected_components(graph):  # dependences come first
+        members = tuple(sorted(component))
+        blocks.append(Block(members, tuple(solved_by[m] for m in members)))
+    return tuple(blocks)
+
+
+def sinks(dependence: Dependence, states: Iterable[Node], position: Callable[[Node], bool]) -> frozenset[Node]:
+    """States that are the integral of something and that nothing depends on, themselves included: absolute angles, as a rule."""
+    remaining = list(states)
+    _, needed = reach(dependence, [(v, k + 1) for v, k in remaining], dynamic=False)
+    return frozenset(s for s in remaining if s not in needed and position(s))

@@ -1,0 +1,57 @@
+"""Connectors, and the declarations that families of components share.
+
+Sign convention, as in Modelica: a flow is positive into the component, so a positive torque at a flange accelerates the component
+in the direction of a growing angle, and the power that flows in is the sum of ``tau * der(phi)`` over its flanges.
+"""
+
+from __future__ import annotations
+
+import gearlib as gl
+
+
+class Flange(gl.Connector):
+    """A shaft end: angle ``phi`` (rad) and torque ``tau`` (N.m, flow)."""
+
+    phi = gl.Potential("rad", "absolute angle")
+    tau = gl.Flow("N.m", "torque into the component")
+
+
+class TranslationalFlange(gl.Connector):
+    """A push rod's end: displacement ``s`` (m) and force ``f`` (N, flow)."""
+
+    s = gl.Potential("m", "absolute displacement")
+    f = gl.Flow("N", "force into the component")
+
+
+class HeatPort(gl.Connector):
+    """A thermal connection: temperature ``T`` (K) and heat flow ``Q_flow`` (W, flow)."""
+
+    T = gl.Potential("K", "temperature")
+    Q_flow = gl.Flow("W", "heat flow into the component")
+
+
+class TwoFlanges(gl.Component):
+    """Declares the flanges of an element between two shafts."""
+
+    flange_a = Flange("left")
+    flange_b = Flange("right")
+
+
+class Compliant(TwoFlanges):
+    """Declares what springs and dampers share: the torque between the flanges, and the relative angle and speed.
+
+    The relative angle is preferred as a state: it stays small however far the shafts turn.
+    """
+
+    phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="prefer", nominal=1e-4)
+    w_rel = gl.Variable("rad/s", "relative speed")
+    tau = gl.Variable("N.m", "torque between the flanges; pulls them together when positive")
+
+    def compliant_equations(self) -> list[gl.Eq]:
+        """The torque acts on both flanges with opposite signs; the relative speed is the relative angle's derivative."""
+        return [
+            gl.Eq(self.phi_rel, self.flange_b.phi - self.flange_a.phi),
+            gl.Eq(self.w_rel, gl.der(self.phi_rel)),
+            gl.Eq(self.flange_b.tau, self.tau),
+            gl.Eq(self.flange_a.tau, -self.tau),
+        ]

@@ -1,0 +1,134 @@
+"""What holds for the project as a whole: its layers, its folders, its files and its wheel."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+CONTRACTS = {contract["id"]: contract for contract in PROJECT["tool"]["importlinter"]["contracts"]}
+SOURCES = sorted([*(ROOT / "gearlib").rglob("*.py"), *(ROOT / "library").rglob("*.py")])
+FOLDERS = {"gearlib", "library", "examples", "tests", "docs"}
+BUILT = {"build", "dist", "__pycache__"}
+# Beginnings of paths that exist on one machine only.
+PRIVATE = re.compile(r"(?<![\w.\-])(?:/(?:work|tmp|root|home|Users)/|[A-Z]:\\Users|(?:\.\./)?shared/(?=\w))")
+
+
+def module_name(path: Path) -> str:
+    base = ROOT / "library" if path.is_relative_to(ROOT / "library") else ROOT
+    parts = path.relative_to(base).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(source: str, package: str) -> Iterator[str]:
+    """Absolute names of all that ``source`` imports, also inside functions; ``package`` is where relative ones start."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            target = ".".join([*above, *([node.module] if node.module else [])])
+            yield from (f"{target}.{alias.name}" for alias in node.names)
+
+
+def inside(name: str, module: str) -> bool:
+    return name == module or name.startswith(module + ".")
+
+
+def imported_by(package: str) -> Iterator[tuple[str, str]]:
+    """Pairs (module, imported name) of all modules of ``package``."""
+    for path in SOURCES:
+        module = module_name(path)
+        if inside(module, package):
+            home = module if path.name == "__init__.py" else module.rpartition(".")[0]
+            for name in imports(path.read_text(encoding="utf-8"), home):
+                yield module, name
+
+
+def text_files() -> Iterator[Path]:
+    suffixes = {".py", ".md", ".rst", ".toml", ".cff", ".txt", ".csv", ".json", ".mo", ".yml", ".yaml", ""}
+    generated = {"_build", "gallery", "api", *BUILT}
+    paths = [*ROOT.iterdir(), *(path for folder in [*sorted(FOLDERS), ".ci"] for path in (ROOT / folder).rglob("*"))]
+    for path in paths:
+        if path.is_file() and path.suffix in suffixes and not generated & set(path.relative_to(ROOT).parts):
+            yield path
+
+
+def test_relative_imports_are_resolved() -> None:
+    assert list(imports("from . import a\nfrom ..b import c\nimport d.e", "top.inner")) == ["top.inner.a", "top.b.c", "d.e"]
+
+
+def test_phases_import_downwards_only() -> None:
+    layers = [[name.strip(" ()") for name in re.split("[:|]", layer)] for layer in CONTRACTS["layers"]["layers"]]
+    upwards = [
+        f"{module} imports {name}"
+        for depth, layer in enumerate(layers)
+        for package in layer
+        for module, name in imported_by(package)
+        if any(inside(name, higher) for above in layers[:depth] for higher in above)
+    ]
+    assert upwards == []
+
+
+def test_every_module_is_in_a_layer() -> None:
+    placed = {name.strip(" ()") for layer in CONTRACTS["layers"]["layers"] for name in re.split("[:|]", layer)}
+    placed |= {"gearlib.bondgraph"}
+    outside = [m for m in map(module_name, SOURCES) if inside(m, "gearlib") and not any(inside(m, layer) for layer in placed)]
+    assert outside in ([], ["gearlib"])
+
+
+@pytest.mark.parametrize("contract", [c for c in CONTRACTS.values() if c["type"] == "forbidden"], ids=lambda c: str(c["id"]))
+def test_forbidden_imports_are_absent(contract: dict[str, list[str]]) -> None:
+    found = [
+        f"{module} imports {name}"
+        for package in contract["source_modules"]
+        for module, name in imported_by(package)
+        if any(inside(name, forbidden) for forbidden in contract["forbidden_modules"])
+    ]
+    assert found == []
+
+
+def test_top_level_folders_are_the_five() -> None:
+    folders = {path.name for path in ROOT.iterdir() if path.is_dir() and not path.name.startswith(".")}
+    assert folders - BUILT == FOLDERS
+
+
+def test_no_source_file_is_longer_than_400_lines() -> None:
+    lengths = {module_name(path): len(path.read_text(encoding="utf-8").splitlines()) for path in SOURCES}
+    assert {name: length for name, length in lengths.items() if length > 400} == {}
+
+
+def test_no_file_names_a_path_of_one_machine() -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()[:100]}"
+        for path in text_files()
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if PRIVATE.search(line)
+    ]
+    assert found == []
+
+
+def test_version_is_the_same_everywhere() -> None:
+    version = PROJECT["project"]["version"]
+    citation = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    newest = re.search(r"^## \[(\d[^\]]*)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert citation is not None
+    assert newest is not None
+    assert (citation[1], newest[1]) == (version, version)
+
+
+def test_wheel_holds_both_packages_and_nothing_else(tmp_path: Path) -> None:
+    wheel_builder = pytest.importorskip("hatchling.builders.wheel").WheelBuilder
+    (wheel,) = wheel_builder(str(ROOT)).build(directory=str(tmp_path), versions=["standard"])
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"gearlib", "gearparts"}
+    modules = {str(path.relative_to(ROOT)).removeprefix("library/") for path in SOURCES}
+    assert modules | {"gearlib/py.typed", "gearparts/py.typed"} <= names
