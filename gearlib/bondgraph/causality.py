@@ -91,7 +91,7 @@ class _Assignment:
             bond, end, cause = queue.popleft()
             if bond.number in self.effort_to:
                 if self.effort_to[bond.number] is not end:
-                    raise _ConflictError((self.because[bond.number], cause), f"oppose each other on bond {bond.number}")
+                    raise _ConflictError((self.because[bond.number], cause), f"of bond {bond.number}")
                 continue
             self.effort_to[bond.number], self.because[bond.number] = end, cause
             for element in (bond.tail, bond.head):
@@ -162,17 +162,18 @@ def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
         raise ArgumentError(f"{graph.name}: no storage element on bonds {_join(wrong)}; they are on {_join(storage)}")
     state = _Assignment(graph)
     for number in graph.of_kind(Se, Sf):
-        bond, source = graph.bonds[number], _end(graph.bonds[number], Se, Sf)
+        bond, source = graph.bonds[number], graph.element(number, Se, Sf)
         try:
             state.choose(bond, source if isinstance(source, Sf) else bond.other(source))
         except _ConflictError as conflict:
             raise BalanceError(_message(graph, conflict)) from None
     for number in [*first, *(bond for bond in storage if bond not in first)]:
         if number not in state.effort_to:
-            bond, element = graph.bonds[number], _end(graph.bonds[number], I, C)
+            bond, element = graph.bonds[number], graph.element(number, I, C)
             state = _settle(state, bond, element if isinstance(element, I) else bond.other(element))
     chosen = []
-    for number in [*graph.of_kind(R), *graph.bonds]:
+    one_way = [n for n in graph.of_kind(R) if _has_one_direction(graph.element(n, R))]
+    for number in [*one_way, *graph.of_kind(R), *graph.bonds]:
         if number not in state.effort_to:
             chosen.append(number)
             state = _settle(state, graph.bonds[number], _wished(graph.bonds[number]))
@@ -194,6 +195,11 @@ def _settle(state: _Assignment, bond: Bond, wished: Element) -> _Assignment:
     raise BalanceError(_message(state.graph, conflict))
 
 
+def _has_one_direction(element: Element) -> bool:
+    """Whether a resistance has a nonlinear law that is given as e(f) or as f(e) only."""
+    return isinstance(element, R) and (element.law is None) != (element.conductance is None)
+
+
 def _wished(bond: Bond) -> Element:
     """Where the effort of a free bond should go: away from a resistance with a law e(f), into one with f(e)."""
     for end in (bond.tail, bond.head):
@@ -202,14 +208,10 @@ def _wished(bond: Bond) -> Element:
     return bond.head
 
 
-def _end(bond: Bond, *kinds: type[Element]) -> Element:
-    return bond.tail if isinstance(bond.tail, kinds) else bond.head
-
-
 def _result(graph: BondGraph, state: _Assignment, storage: tuple[int, ...], chosen: tuple[int, ...]) -> Causality:
     integral = []
     for number in storage:
-        element = _end(graph.bonds[number], I, C)
+        element = graph.element(number, I, C)
         if (state.effort_to[number] is element) == isinstance(element, I):
             integral.append(number)
     derivative = tuple(bond for bond in storage if bond not in integral)
@@ -267,14 +269,19 @@ def _algebraic_loops(
     return tuple(sorted(named)), tuple(tears)
 
 
-def evaluation_order(graph: BondGraph, causality: Causality) -> tuple[Quantity, ...]:
-    """All efforts and flows, each after those that it is computed from; the tears are known beforehand."""
+def evaluation_order(graph: BondGraph, causality: Causality, wanted: Iterable[Quantity] | None = None) -> tuple[Quantity, ...]:
+    """Efforts and flows, each after those that it is computed from; the tears are known beforehand.
+
+    All of them, or the ``wanted`` ones with what they need.
+    """
     needs = dependencies(graph, causality.effort_to)
     net = nx.DiGraph()
     net.add_nodes_from(needs)
-    net.add_edges_from(
-        (source, target) for target, sources in needs.items() if target not in causality.tears for source in sources
-    )
+    for target in needs.keys() - set(causality.tears):
+        net.add_edges_from((source, target) for source in needs[target])
+    if wanted is not None:
+        kept = set(wanted)
+        net = net.subgraph(kept.union(*(nx.ancestors(net, quantity) for quantity in kept)))
     return tuple(nx.topological_sort(net))
 
 
@@ -290,9 +297,14 @@ def _join(numbers: Iterable[int]) -> str:
 
 
 def _message(graph: BondGraph, conflict: _ConflictError) -> str:
-    culprits = []
+    culprits, ends = [], []
     for number in conflict.bonds:
         bond = graph.bonds[number]
         end = bond.tail if isinstance(bond.tail, Se | Sf | I | C | R) else bond.head
+        ends.append(end)
         culprits.append(f"{end.kind} on bond {number}" if isinstance(end, Se | Sf | I | C | R) else f"bond {number}")
-    return f"{graph.name}: no causality fits: {' and '.join(culprits)} {conflict.what}"
+    what = conflict.what
+    if what.startswith("of bond"):
+        flow, effort = (all(isinstance(end, kinds) for end in ends) for kinds in ((Sf, I), (Se, C)))
+        what = f"both set the {'flow' if flow else 'effort' if effort else 'causality'} {what}"
+    return f"{graph.name}: no causality fits: {' and '.join(culprits)} {what}"

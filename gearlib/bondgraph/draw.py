@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import networkx as nx
@@ -22,6 +23,7 @@ def draw(
     graph: BondGraph,
     positions: Mapping[Element, tuple[float, float]] | None = None,
     *,
+    routes: Mapping[int, Sequence[tuple[float, float]]] | None = None,
     causality: Causality | None = None,
     ax: Any = None,
     scale: float = 1.0,
@@ -34,6 +36,8 @@ def draw(
         The graph.
     positions : mapping, optional
         Where the elements stand, about two units of length apart; a spring layout otherwise.
+    routes : mapping, optional
+        Bond number to points that the bond goes through, from tail to head; straight otherwise.
     causality : Causality, optional
         Draws the causal strokes: the end with the stroke receives the effort. Elements with derivative causality are in
         the colour of the strokes.
@@ -54,7 +58,8 @@ def draw(
         spread = np.ptp(np.array(list(place.values())), axis=0)
         _, ax = plt.subplots(figsize=tuple(scale * (spread + 2)), layout="constrained")
     for bond in graph.bonds.values():
-        _draw_bond(ax, bond, place[bond.tail], place[bond.head], causality)
+        between = [np.asarray(point, dtype=float) for point in (routes or {}).get(bond.number, ())]
+        _draw_bond(ax, bond, [place[bond.tail], *between, place[bond.head]], causality)
     late = set(causality.derivative) if causality else set()
     for element, xy in place.items():
         numbers = {bond.number for bond in graph.at(element)}
@@ -82,22 +87,32 @@ def _gap(element: Element, direction: Any) -> float:
     """Room that an element's letters take at a bond's end, in units of length."""
     width, height = (0.2, 0.24) if isinstance(element, Junction) else (0.32, 0.26)
     if isinstance(element, TF | GY):
-        width, height = 0.38, 0.36
+        width, height = 0.28 + 0.035 * len(str(element.modulus)), 0.36
     return float(1 / np.hypot(direction[0] / width, direction[1] / height))
 
 
-def _draw_bond(ax: Any, bond: Bond, tail: Any, head: Any, causality: Causality | None) -> None:
-    along = (head - tail) / np.linalg.norm(head - tail)
-    across = np.array([-along[1], along[0]])
-    start, stop = tail + _gap(bond.tail, along) * along, head - _gap(bond.head, along) * along
-    ax.plot(*np.transpose([start, stop]), color=BOND_COLOUR, lw=1, zorder=1, solid_capstyle="butt")
-    barb = stop - 0.2 * along - 0.11 * across
-    ax.plot(*np.transpose([stop, barb]), color=BOND_COLOUR, lw=1, zorder=1)
+def _draw_bond(ax: Any, bond: Bond, points: list[Any], causality: Causality | None) -> None:
+    first, last = _direction(points[0], points[1]), _direction(points[-2], points[-1])
+    points = [points[0] + _gap(bond.tail, first) * first, *points[1:-1], points[-1] - _gap(bond.head, last) * last]
+    across = _turned(last)
+    barb = points[-1] - 0.2 * last - 0.11 * across
+    ax.plot(*np.transpose([*points, barb]), color=BOND_COLOUR, lw=1, zorder=1, solid_capstyle="butt")
     if causality is not None:
-        end = stop if causality.effort_to[bond.number] is bond.head else start
-        ax.plot(*np.transpose([end + 0.11 * across, end - 0.11 * across]), color=STROKE_COLOUR, lw=1.8, zorder=2)
-    middle = (start + stop) / 2 + 0.14 * across
+        at_head = causality.effort_to[bond.number] is bond.head
+        end, half = (points[-1], 0.11 * across) if at_head else (points[0], 0.11 * _turned(first))
+        ax.plot(*np.transpose([end + half, end - half]), color=STROKE_COLOUR, lw=1.8, zorder=2)
+    start, stop = max(pairwise(points), key=lambda ends: float(np.linalg.norm(ends[1] - ends[0])))
+    middle = (start + stop) / 2 + 0.15 * _turned(_direction(start, stop))
     ax.text(*middle, str(bond.number), ha="center", va="center", fontsize=6.5, color=NUMBER_COLOUR, zorder=4)
+
+
+def _direction(start: Any, stop: Any) -> Any:
+    return (stop - start) / np.linalg.norm(stop - start)
+
+
+def _turned(direction: Any) -> Any:
+    """The direction turned left by a right angle."""
+    return np.array([-direction[1], direction[0]])
 
 
 def _layout(graph: BondGraph) -> dict[Element, tuple[float, float]]:

@@ -18,12 +18,12 @@ from typing import Any
 import sympy as sp
 
 from gearlib.bondgraph.causality import Causality, assign_causality, evaluation_order
-from gearlib.bondgraph.elements import Se, Sf, symbol, time
+from gearlib.bondgraph.elements import C, I, Se, Sf, symbol, time
 from gearlib.bondgraph.expressions import Walk, rate_of
 from gearlib.bondgraph.graph import BondGraph
 from gearlib.errors import SingularError
 
-__all__ = ["StateEquations", "latex_of", "state_equations"]
+__all__ = ["StateEquations", "state_equations"]
 
 
 @dataclass(frozen=True)
@@ -126,31 +126,56 @@ class StateEquations:
             raise SingularError(f"{self.graph.name}: the mass matrix has no inverse") from None
         return {y: sp.simplify(solution[k]) for k, y in enumerate(self.unknowns[: len(self.states)])}
 
-    def latex(self, *, solved: bool = False) -> str:
-        r"""The equations as LaTeX, one per line of an ``aligned`` block, with dots for rates and the bonds' numbers.
+    def latex(self, *, solved: bool = False, terms: int = 5) -> str:
+        r"""The equations as LaTeX, in one ``aligned`` block, with dots for rates and the bonds' numbers.
+
+        Parameters
+        ----------
+        solved : bool
+            The solved form instead of the printed one: see :meth:`explicit`.
+        terms : int
+            Terms on a line of the printed form, where each variable stands once, with its coefficient.
 
         >>> from gearlib.bondgraph import BondGraph, C, I, One, Se, state_equations
         >>> v = One("v")
         >>> print(state_equations(BondGraph((1, Se(), v), (2, v, I()), (3, v, C()))).latex())
         \begin{aligned}
-        \dot{p}_{2} &= Se_{1} - \frac{q_{3}}{C_{3}} \\
-        \dot{q}_{3} &= \frac{p_{2}}{I_{2}}
+        \dot{p}_{2} &= - \frac{1}{C_{3}} q_{3} + Se_{1} \\
+        \dot{q}_{3} &= \frac{1}{I_{2}} p_{2}
         \end{aligned}
         """
-        rows = self.explicit() if solved else {rate_of(x): value for x, value in self.printed.items()}
-        if not solved:
-            rows |= dict(self.tear_values)
-        return latex_of(rows, [*self.states, *self.dependent, *self.inputs])
+        variables = [*sorted((*self.states, *self.dependent), key=lambda v: int(v.name[2:])), *self.tears, *self.inputs]
+        variables += [rate_of(v) for v in (*self.dependent, *self.inputs)]
+        names = {rate_of(v): rf"\dot{{{v.name[0]}}}_{{{v.name[2:]}}}" for v in (*self.states, *self.dependent)}
+        names |= {rate_of(v): rf"\dot{{{v.name[:2]}}}_{{{v.name[3:]}}}" for v in self.inputs}
+        if solved:
+            sides = [(y, [sp.latex(value, symbol_names=names)]) for y, value in self.explicit().items()]
+        else:
+            rows = {rate_of(x): value for x, value in self.printed.items()} | dict(self.tear_values)
+            sides = [(y, _terms(value, variables, names)) for y, value in rows.items()]
+        lines = []
+        for y, parts in sides:
+            pieces = [" ".join(parts[k : k + terms]) for k in range(0, len(parts), terms)]
+            lines.append(f"{sp.latex(y, symbol_names=names)} &= " + " \\\\\n&\\quad ".join(pieces))
+        return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
 
 
-def latex_of(rows: Mapping[Any, Any], variables: Iterable[Any]) -> str:
-    """Equations ``left = right`` as an ``aligned`` block; the rates of ``variables`` get dots."""
-    names = {}
-    for variable in variables:
-        letter, _, bond = variable.name.partition("_")
-        names[rate_of(variable)] = rf"\dot{{{letter}}}_{{{bond}}}"
-    lines = [f"{sp.latex(y, symbol_names=names)} &= {sp.latex(value, symbol_names=names)}" for y, value in rows.items()]
-    return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+def _terms(value: Any, variables: list[Any], names: Mapping[Any, str]) -> list[str]:
+    """Terms ``+ coefficient variable`` of an expanded expression, in the order of the variables."""
+    if value == 0:
+        return ["0"]
+    found = sp.collect(value, variables, evaluate=False)
+    place = {variable: k for k, variable in enumerate(variables)}
+    parts: list[str] = []
+    for variable in sorted(found, key=lambda v: (place.get(v, len(place)), str(v))):
+        minus = all(term.could_extract_minus_sign() for term in sp.Add.make_args(found[variable]))
+        coefficient = sp.together(-found[variable] if minus else found[variable])
+        factors = [sp.latex(c, symbol_names=names) for c in (coefficient, variable) if c != 1]
+        if coefficient.is_Add and variable != 1:
+            factors[0] = rf"\left({factors[0]}\right)"
+        sign = "- " if minus else "+ " if parts else ""
+        parts.append(sign + (" ".join(factors) or "1"))
+    return parts
 
 
 def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Causality | None = None) -> StateEquations:
@@ -186,8 +211,9 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
     mappingproxy({p_2: Se_1 - R_4*p_2/I_2 - q_3/C_3, q_3: p_2/I_2})
     """
     causality = causality or assign_causality(graph, prefer)
-    order = evaluation_order(graph, causality)
-    walk, straight = (Walk(graph, causality, order, own_law=own) for own in (True, False))
+    walk = Walk(graph, causality, evaluation_order(graph, causality), own_law=True)
+    imposed = [("f" if isinstance(graph.element(n, I, C), I) else "e", n) for n in causality.derivative]
+    straight = Walk(graph, causality, evaluation_order(graph, causality, imposed), own_law=False)
     states = {n: walk.energy(n) for n in causality.integral}
     rates = {x: sp.expand(walk(("e" if x.name[0] == "p" else "f", n))) for n, x in states.items()}
     dependent = {walk.energy(n): sp.expand(straight.stored(n)) for n in causality.derivative}
@@ -195,7 +221,7 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
     unsettled = {*tears, *dependent, *map(rate_of, dependent)}
     if looped := sorted(str(p) for p, value in dependent.items() if value.free_symbols & unsettled):
         raise SingularError(f"{graph.name}: {', '.join(looped)} depend on an algebraic loop or on each other")
-    inputs = tuple(symbol(f"{'Se' if isinstance(graph.element(n), Se) else 'Sf'}_{n}") for n in _open_sources(graph))
+    inputs = tuple(symbol(f"{'Se' if isinstance(graph.element(n, Se, Sf), Se) else 'Sf'}_{n}") for n in _open_sources(graph))
     efforts = {n: walk(("e", n)) for n in graph.bonds}
     flows = {n: walk(("f", n)) for n in graph.bonds}
     known = {*states.values(), *dependent, *map(rate_of, dependent), *inputs, *tears, time}
@@ -209,4 +235,4 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
 
 
 def _open_sources(graph: BondGraph) -> list[int]:
-    return [n for n in graph.of_kind(Se, Sf) if getattr(graph.element(n), "value", None) is None]
+    return [n for n in graph.of_kind(Se, Sf) if getattr(graph.element(n, Se, Sf), "value", None) is None]

@@ -50,7 +50,7 @@ class Walk:
 
     def energy(self, number: int) -> Any:
         """The symbol of what is stored on a bond."""
-        return energy_symbol("p" if isinstance(self._end(number, I, C), I) else "q", number)
+        return energy_symbol("p" if isinstance(self.graph.element(number, I, C), I) else "q", number)
 
     def tear(self, quantity: Quantity) -> Any:
         """The symbol of an effort or flow that an algebraic loop leaves unknown."""
@@ -83,7 +83,7 @@ class Walk:
 
     def stored(self, number: int) -> Any:
         """What a storage element holds, from the flow or effort imposed on it."""
-        element = self._end(number, I, C)
+        element = self.graph.element(number, I, C)
         assert isinstance(element, Storage)
         imposed = self(("f" if isinstance(element, I) else "e", number))
         if element.inverse is not None:
@@ -92,10 +92,6 @@ class Walk:
         if element.law is None:
             return sp.solve(_law(element, variable) - symbol("imposed"), variable)[0].subs(symbol("imposed"), imposed)
         return _solved(_law(element, variable), variable, imposed, f"{self.graph.name}: {self.graph.label(element)}", "inverse")
-
-    def _end(self, number: int, *kinds: type[Element]) -> Element:
-        bond = self.graph.bonds[number]
-        return bond.tail if isinstance(bond.tail, kinds) else bond.head
 
     def _junction(self, junction: Junction, letter: str, bond: Bond) -> Any:
         shared = "e" if isinstance(junction, Zero) else "f"

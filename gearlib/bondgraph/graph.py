@@ -93,18 +93,19 @@ class BondGraph:
             raise ArgumentError(f"{self.name}: the {element.kind} element given is on no bond of this graph")
         return self._ends[element]
 
-    def element(self, number: int) -> Element:
-        """The source, storage or resistance at the end of bond ``number``.
+    def element(self, number: int, *kinds: type[Element]) -> Element:
+        """The source, storage or resistance at an end of bond ``number``, of one of these kinds where some are named.
 
         >>> from gearlib.bondgraph import BondGraph, C, Se
-        >>> BondGraph((1, Se(), C())).element(1).kind
-        'Se'
+        >>> graph = BondGraph((1, Se(), C()))
+        >>> graph.element(1).kind, graph.element(1, C).kind
+        ('Se', 'C')
         """
         if number not in self.bonds:
             raise ArgumentError(f"{self.name}: there is no bond {number}; bonds are {', '.join(map(str, self.bonds))}")
         bond = self.bonds[number]
         for end in (bond.tail, bond.head):
-            if not isinstance(end, Junction | TF | GY):
+            if not isinstance(end, Junction | TF | GY) and (not kinds or isinstance(end, kinds)):
                 return end
         raise ArgumentError(f"{self.name}: bond {number} joins {self.label(bond.tail)} and {self.label(bond.head)}")
 

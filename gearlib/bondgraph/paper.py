@@ -9,7 +9,7 @@ All rotations are angular velocities and torques, the meshes are deflection rate
 References
 ----------
 X. Zhou, Y. Cui, "Dynamic characteristics of single-loop gear system based on bond graph method", Journal of
-Vibroengineering, 2022. https://doi.org/10.21595/jve.2021.22290
+Vibroengineering, 2022. https://doi.org/10.21595/jve.2022.22290
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from gearlib.bondgraph.causality import Causality
+from gearlib.bondgraph.draw import draw
 from gearlib.bondgraph.elements import TF, C, Element, I, One, R, Se, Sf, Zero, symbol
 from gearlib.bondgraph.graph import BondGraph
 
@@ -32,10 +34,15 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Figure:
-    """A bond graph and where its elements stand in the drawing."""
+    """A bond graph, where its elements stand in the drawing, and which way its bonds go there."""
 
     graph: BondGraph
     positions: Mapping[Element, Point]
+    routes: Mapping[int, tuple[Point, ...]]
+
+    def draw(self, causality: Causality | None = None, ax: Any = None, scale: float = 0.6) -> Any:
+        """The drawing, as :func:`gearlib.bondgraph.draw` makes it."""
+        return draw(self.graph, self.positions, routes=self.routes, causality=causality, ax=ax, scale=scale)
 
 
 class _Sketch:
@@ -44,6 +51,7 @@ class _Sketch:
     def __init__(self) -> None:
         self.bonds: list[Ends] = []
         self.positions: dict[Element, Point] = {}
+        self.routes: dict[int, tuple[Point, ...]] = {}
 
     def put(self, element: Element, x: float, y: float) -> Any:
         self.positions[element] = (x, y)
@@ -69,7 +77,7 @@ class _Sketch:
         self.bonds += [(first, tail, element), (second, element, head)]
 
     def figure(self, name: str) -> Figure:
-        return Figure(BondGraph(*self.bonds, name=name), self.positions)
+        return Figure(BondGraph(*self.bonds, name=name), self.positions, self.routes)
 
 
 def _m(index: int) -> Any:
@@ -96,7 +104,7 @@ def _planet(sketch: _Sketch, y: float, bonds: tuple[int, ...], moduli: tuple[int
     to_ring, to_sun, link, damper, first = bonds
     spins, seen, carried, turns = (_m(index) for index in moduli)
     ring_side, sun_side, carrier = ends
-    at_ring, at_sun = sketch.zero(f"slip {to_ring}", 7, y), sketch.zero(f"support {damper}", 13, y)
+    at_ring, at_sun = sketch.zero(f"slip {to_ring}", 6, y), sketch.zero(f"support {damper}", 14, y)
     turning, moving = sketch.one(f"spin {first + 2}", 10, y + 1.3), sketch.one(f"orbit {first + 7}", 10, y - 1.3)
     sketch.bonds += [(to_ring, at_ring, ring_side), (to_sun, at_sun, sun_side), (link, carrier, moving)]
     sketch.transformer(first, first + 1, at_ring, turning, spins)
@@ -105,13 +113,14 @@ def _planet(sketch: _Sketch, y: float, bonds: tuple[int, ...], moduli: tuple[int
     sketch.transformer(first + 8, first + 9, moving, at_ring, turns)
     sketch.port(first + 2, turning, I(), 0, 1)
     sketch.port(first + 7, moving, I(), 0, 1)
-    sketch.port(damper, at_sun, R(), 0.1, -1.2)
+    sketch.port(damper, at_sun, R(), -0.1, -1.3)
 
 
 def _planetary(sketch: _Sketch) -> tuple[One, One]:
     """The X unit; returns the junctions of sun and carrier."""
-    ring, ring_mesh, ring_side = sketch.one("ring", -1, 0), sketch.zero("ring mesh", 2, 0), sketch.one("planets, ring", 4.6, 0)
-    sun, sun_mesh, sun_side = sketch.one("sun", 21.2, 0), sketch.zero("sun mesh", 18.2, 0), sketch.one("planets, sun", 15.6, 0)
+    ring, ring_mesh = sketch.one("ring", -2.2, 0), sketch.zero("ring mesh", 0.8, 0)
+    sun, sun_mesh = sketch.one("sun", 22.2, 0), sketch.zero("sun mesh", 19.2, 0)
+    ring_side, sun_side = sketch.one("planets, ring", 3.6, 0), sketch.one("planets, sun", 16.4, 0)
     carrier = sketch.one("carrier", 10, -11)
     sketch.port(1, ring, Se(), -1.5, 0)
     sketch.port(2, ring, I(), 0, -1.2)
@@ -123,6 +132,7 @@ def _planetary(sketch: _Sketch) -> tuple[One, One]:
     _planet(sketch, 6, (12, 36, 25, 85, 15), (5, 6, 8, 9), ends)
     _planet(sketch, 0, (13, 37, 65, 84, 39), (10, 11, 12, 13), ends)
     _planet(sketch, -6, (14, 38, 59, 83, 49), (14, 15, 16, 17), ends)
+    sketch.routes |= {25: ((10.5, -10.3), (10.5, 3.8)), 65: ((9.5, -10.3), (9.5, -2.2))}
     sketch.port(26, sun, I(), 0, 1.2)
     sketch.transformer(27, 28, sun, sun_mesh, 1 / _m(3))
     _mesh(sketch, sun_mesh, 32, 29, 30, 31, (0, 1.3))
@@ -184,9 +194,9 @@ def single_loop_train() -> Figure:
     """
     sketch = _Sketch()
     sun, carrier = _planetary(sketch)
-    gear_1, gear_2 = _fixed_axis(sketch, 19.2, -11)
-    shaft, end = sketch.one("shaft", 21.2, -3.2), sketch.one("shaft end", 21.2, -6.4)
-    rigid = sketch.zero("rigid shaft", 21.2, -9)
+    gear_1, gear_2 = _fixed_axis(sketch, 22.2, -11)
+    shaft, end = sketch.one("shaft", 22.2, -3.2), sketch.one("shaft end", 22.2, -6.4)
+    rigid = sketch.zero("rigid shaft", 22.2, -8.7)
     sketch.transformer(60, 61, sun, shaft, _m(18))
     sketch.port(62, shaft, I(), -1.2, 0)
     sketch.transformer(63, 64, shaft, end, _m(19))

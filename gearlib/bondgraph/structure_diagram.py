@@ -131,7 +131,8 @@ class StructureDiagram:
             ax.text(x, y, f"${unit.name}$", ha="center", va="center", fontsize=11, zorder=3)
         for node, (x, y) in self.nodes.items():
             ax.plot(x, y, "o", color="black", ms=5, zorder=3)
-            ax.text(x, y + 0.22, f"${node}$", ha="center", va="center", fontsize=10)
+            from_above = any(end == node and units[name].position[1] > y for (name, _), end in self.shafts.items())
+            ax.text(x, y - 0.24 if from_above else y + 0.22, f"${node}$", ha="center", va="center", fontsize=10)
         ax.set_title(self.name, fontsize=10)
         ax.set_aspect("equal")
         ax.set_axis_off()

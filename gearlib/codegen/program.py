@@ -14,7 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.kernels import Kernel, differentiated, partial_kernel, residual_kernel, solve_kernel
+from gearlib.codegen.kernels import (
+    Kernel,
+    differentiated,
+    partial_kernel,
+    relation_kernel,
+    residual_kernel,
+    solve_kernel,
+)
 from gearlib.flatten.templates import Template
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
@@ -142,15 +149,18 @@ class _Builder:
         self.states = states
         given = set(self.model.inputs.tolist())
         inputs = [(int(v), 0) for v in self.model.inputs]
-        extra = {n for b in blocks for e, k in b.equations for n in structure.dependence.columns(e, k) if n[0] in given and n[1] > 0}
+        extra: set[Node] = set()
+        if given:  # derivatives of inputs, where a constraint on one was differentiated
+            counts = structure.differentiation.counts
+            extra = {n for e, c in enumerate(counts) for n in structure.dependence.columns(e, c) if n[0] in given and n[1] > 0}
+            extra = {(v, k) for v, top in extra for k in range(1, top + 1)}
         self.inputs = (*inputs, *sorted(extra))
         self.slots: dict[Node, int] = {n: i for i, n in enumerate((*states, *self.inputs))}
         for block in blocks:
             for node in block.unknowns:
                 self.slots.setdefault(node, len(self.slots))
         self.n_slots = len(self.slots)
-        orders = 1 + max((k for _, k in self.slots), default=0)
-        self.table = np.full((orders, self.model.n_variables), -1)
+        self.table = np.full((1 + max((k for _, k in self.slots), default=0), self.model.n_variables), -1)
         for (v, k), slot in self.slots.items():
             self.table[k, v] = slot
         counts = [len(g.template.relations) * len(g) for g in self.model.groups]
@@ -170,6 +180,33 @@ class _Builder:
         checks = tuple(self._batch(kernel, g, k, rows) for (kernel, g, k), rows in pivots.items())
         steps = schedule(batches, others, self.n_slots, len(self.states) + len(self.inputs))
         return Program(self.states, self.inputs, self.slots, self.n_slots, steps, outputs, checks)
+
+    def relation_rows(self, used: Integers) -> dict[int, list[Node]]:
+        """What each relation compares: variables with their orders."""
+        found: dict[int, list[Node]] = {}
+        for relation in used.tolist():
+            g, i, j = self._relation(relation)
+            group = self.model.groups[g]
+            kernel = relation_kernel(group.template, j)
+            columns = [*group.template.columns, *group.template.relation_columns]
+            where = {name: c for c, name in enumerate(group.template.locals)}
+            names = [(where[columns[c][0]], columns[c][1]) for c in kernel.columns]
+            found[relation] = [(self.variables[g][i][c], order) for c, order in names if self.signs[g][i][c]]
+        return found
+
+    def relation_batches(self, used: Integers) -> tuple[Batch, ...]:
+        """Kernels of relations, with the relation's number as target."""
+        rows: dict[tuple[Kernel, int, int], list[tuple[int, int, int]]] = defaultdict(list)
+        for relation in used.tolist():
+            g, i, j = self._relation(relation)
+            rows[relation_kernel(self.model.groups[g].template, j), g, 0].append((i, relation, 1))
+        return tuple(self._batch(kernel, g, k, found) for (kernel, g, k), found in rows.items())
+
+    def _relation(self, number: int) -> tuple[int, int, int]:
+        """(group, row, relation of the template)."""
+        g = int(np.searchsorted(self.first_relation, number, side="right")) - 1
+        i, j = divmod(number - int(self.first_relation[g]), len(self.model.groups[g].template.relations))
+        return g, i, j
 
     def _place(self, e: int) -> tuple[int, int]:
         return self.structure.rows[e]
@@ -262,6 +299,54 @@ class _Builder:
         relations = self.first_relation[g] + rows[:, None] * n_relations + np.array(kernel.relations, np.int64)[None, :]
         first = np.searchsorted(np.array([r[0] for r in self.structure.rows]), g)
         return Batch(kernel, first + rows, targets, signs, arguments, argument_signs, parameters, relations)
+
+
+@dataclass(frozen=True)
+class Relations:
+    """The comparisons that a program uses, and the program that computes what they compare.
+
+    ``batches`` hold one kernel each; their targets are numbers of relations, in a numbering of the whole model.
+    """
+
+    program: Program
+    batches: tuple[Batch, ...]
+    used: Integers  # sorted
+    on_time: NDArray[np.bool_]  # of each used one: compares nothing but time
+
+
+def relations_of(structure: Structure, program: Program) -> Relations:
+    """Everything needed to evaluate the relations of a program (and those that this needs in turn)."""
+    used = _used_relations(program)
+    while True:
+        builder = _Builder(structure, (), program.states)
+        found = builder.relation_rows(used)
+        targets = sorted({n for nodes in found.values() for n in nodes})
+        helper = build(structure, targets, program.states, dynamic=False)
+        more = np.union1d(used, _used_relations(helper))
+        if len(more) == len(used):
+            break
+        used = more
+    builder.table = _slot_table(helper, structure.model.n_variables)
+    batches = builder.relation_batches(used)
+    on_time = np.array([not found[int(r)] for r in used], bool)
+    return Relations(helper, batches, used, on_time)
+
+
+def _used_relations(program: Program) -> Integers:
+    parts = [np.empty(0, np.int64)]
+    for step in program.steps:
+        if isinstance(step, Batch):
+            parts.append(step.relations.ravel())
+        elif isinstance(step, Newton):
+            parts += [b.relations.ravel() for b in (*step.residuals, *step.jacobian)]
+    return np.unique(np.concatenate(parts))
+
+
+def _slot_table(program: Program, n_variables: int) -> Integers:
+    table = np.full((1 + max((k for _, k in program.slots), default=0), n_variables), -1)
+    for (v, k), slot in program.slots.items():
+        table[k, v] = slot
+    return table
 
 
 def schedule(batches: Sequence[Batch], others: Sequence[Linear | Newton], n_slots: int, n_known: int) -> tuple[Step, ...]:

@@ -1,45 +1,60 @@
 """Inputs of time as outputs of linear systems of their own, so that a forced linear scene is an unforced larger one.
 
-On each interval between breakpoints u(t) = H s(t - start), s' = S s, s(0) = s0. Polynomials come from chains of integrators, a
-sine and a cosine from a rotation, an exponential from a real rate; inputs that share a frequency share its block.
+On each interval between breakpoints u(t) = H s(t - start), s' = S s. Each block of s generates one v(t) = p(t) exp(lambda t), p
+a polynomial of degree d, by the chain w_i = (D - lambda)**i v: w_i' = lambda w_i + w_{i+1}, w_{d+1} = 0.
+
+A smooth scene shares the block t**d/d! exp(lambda t) among all inputs. Where there are many intervals, each input has blocks
+of its own instead: intervals of the same form then differ in the start of s alone, and share their matrix exponentials.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
-from gearlib.solve.quasipolynomials import OutsideClass, Signal, known_rate, parse
+from gearlib.solve.quasipolynomials import OutsideClassError, Signal, known_rate, parse
 from gearlib.solve.switches import distinct, switch_times
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
+
+
+Block = tuple[complex, tuple[complex, ...]]  # rate lambda (1/s, imaginary part >= 0), coefficients of p
 
 
 @dataclass(frozen=True, eq=False)
 class Exosystem:
-    """Generates the inputs of one interval: u = H s, s' = S s, s(0) = s0."""
+    """Generates the inputs of one interval: u = H s, s' = S s."""
 
     H: Floats  # (inputs, order)
     S: Floats  # (order, order)
-    blocks: tuple[tuple[complex, int], ...]  # rate (1/s, imaginary part >= 0) and degree of each block of s
+    blocks: tuple[Block, ...]
 
-    def state(self, s: float) -> Floats:
-        """s at local time ``s`` (s), in closed form."""
+    def state(self, time: float) -> Floats:
+        """The state s at local time ``time`` (s), in closed form: w_i = p^(i)(t) exp(lambda t)."""
         parts: list[float] = []
-        for rate, degree in self.blocks:
-            for k in range(degree + 1):
-                size = s**k / math.factorial(k) * math.exp(rate.real * s)
-                parts += [size * math.cos(rate.imag * s), size * math.sin(rate.imag * s)] if rate.imag else [size]
+        for rate, p in self.blocks:
+            growth = cmath.exp(rate * time)
+            for i in range(len(p)):
+                w = 0j
+                for j in range(len(p) - 1, i - 1, -1):
+                    w = w * time + math.perm(j, i) * p[j]
+                w *= growth
+                parts += [w.real, w.imag] if rate.imag else [w.real]
         return np.array(parts)
 
-    @property
+    @cached_property
     def key(self) -> bytes:
-        """Equal for exosystems that are the same."""
+        """Equal for exosystems that differ in their start only."""
         return self.H.tobytes() + self.S.tobytes()
 
 
@@ -112,50 +127,106 @@ def recognise(u: Sequence[Any], t0: float, t_end: float) -> Forcing | NotExact:
     t0, t_end = float(t0), float(t_end)
     if not (math.isfinite(t0) and math.isfinite(t_end)):
         return NotExact(f"the interval from {t0:g} to {t_end:g} s is not finite")
-    number, expression = 0, None
+    inputs = [sympy.sympify(expression) for expression in u]
     try:
-        switches = [np.empty(0)]
-        for number, expression in enumerate(u, 1):
-            switches.append(switch_times(expression, t0, t_end))
-        breakpoints = distinct(np.concatenate(switches), t0, t_end)
+        switches = _each(inputs, lambda expression: switch_times(expression, t0, t_end))
+        breakpoints = distinct(np.concatenate([np.empty(0), *switches]), t0, t_end)
         edges = [t0, *breakpoints.tolist(), t_end]
-        pieces = []
-        for start, end in zip(edges, edges[1:], strict=False):
-            signals = []
-            for number, expression in enumerate(u, 1):
-                signals.append(parse(expression, start, 0.5 * (end - start)))
-            pieces.append(_exosystem(signals))
-            pieces[-1].state(end - start)
-    except OutsideClass as error:
-        return NotExact(f"input {number}, {expression}: {error}")
+        signals = [_each(inputs, partial(parse, origin=a, probe=0.5 * (b - a))) for a, b in pairwise(edges)]
+        pieces = _exosystems(signals)
+        for piece, (start, end) in zip(pieces, pairwise(edges), strict=True):
+            piece.state(end - start)
+    except OutsideClassError as error:
+        return NotExact(str(error))
     except OverflowError:
         return NotExact(f"the inputs leave the range of floating-point numbers before t = {t_end:g} s")
-    return Forcing(t0, t_end, breakpoints, tuple(pieces))
+    return Forcing(t0, t_end, breakpoints, pieces)
 
 
-def _exosystem(signals: list[Signal]) -> Exosystem:
-    """One linear system that generates all signals of an interval."""
+def _each(inputs: list[Any], rule: Callable[[Any], T]) -> list[T]:
+    """``rule`` of each input; what is outside the class is named."""
+    results = []
+    for number, expression in enumerate(inputs, 1):
+        try:
+            results.append(rule(expression))
+        except OutsideClassError as error:
+            raise OutsideClassError(f"input {number}, {expression}: {error}") from None
+    return results
+
+
+def _exosystems(pieces: list[list[Signal]]) -> tuple[Exosystem, ...]:
+    """Of all intervals: with blocks of their own for each input where there are many, unless that makes them much larger."""
+    shared = [_degrees([signals]) for signals in pieces]
+    if len(pieces) > 2:
+        inputs = range(len(pieces[0]))
+        own = [_degrees([[signals[k]] for signals in pieces]) for k in inputs]
+        if sum(map(_order, own)) <= 4 + 2 * max(map(_order, shared)):
+            return tuple(_separate(signals, own) for signals in pieces)
+    return tuple(_shared(signals, degrees) for signals, degrees in zip(pieces, shared, strict=True))
+
+
+def _degrees(pieces: list[list[Signal]]) -> dict[complex, int]:
+    """The rates of all signals, with the highest degree of their polynomials."""
     degrees: dict[complex, int] = {}
     known: Signal = {}
-    for signal in signals:
-        for rate, c in signal.items():
+    for signal in (signal for signals in pieces for signal in signals):
+        for rate, p in signal.items():
             if rate.imag >= 0:
                 rate = known_rate(rate, known)
                 known[rate] = []
-                degrees[rate] = max(degrees.get(rate, 0), len(c) - 1)
-    order = sum((2 if rate.imag else 1) * (degree + 1) for rate, degree in degrees.items())
-    H, S = np.zeros((len(signals), order)), np.zeros((order, order))
+                degrees[rate] = max(degrees.get(rate, 0), len(p) - 1)
+    return degrees
+
+
+def _order(degrees: dict[complex, int]) -> int:
+    return sum((2 if rate.imag else 1) * (degree + 1) for rate, degree in degrees.items())
+
+
+def _shared(signals: list[Signal], degrees: dict[complex, int]) -> Exosystem:
+    """One block for each rate; its w_{d-k} is t**k/k! exp(lambda t), of which each input takes its share."""
+    blocks = tuple((rate, (0j,) * d + (1.0 / math.factorial(d) + 0j,)) for rate, d in degrees.items())
+    H = np.zeros((len(signals), _order(degrees)))
     first = 0
-    for rate, degree in degrees.items():
+    for rate, d in degrees.items():
         width = 2 if rate.imag else 1
-        for k in range(degree + 1):
-            i = first + k * width
-            S[i : i + width, i : i + width] = [[rate.real, -rate.imag], [rate.imag, rate.real]] if width == 2 else rate.real
-            if k:
-                S[range(i, i + width), range(i - width, i)] = 1.0
         for row, signal in zip(H, signals, strict=True):
-            for k, c in enumerate(signal.get(known_rate(rate, signal), [])):
-                i, c = first + k * width, math.factorial(k) * complex(c)
-                row[i : i + width] = (2.0 * c.real, -2.0 * c.imag) if width == 2 else c.real
-        first += width * (degree + 1)
-    return Exosystem(H, S, tuple(degrees.items()))
+            for k, coefficient in enumerate(signal.get(known_rate(rate, signal), [])):
+                i, a = first + (d - k) * width, math.factorial(k) * complex(coefficient)
+                row[i : i + width] = (2.0 * a.real, -2.0 * a.imag) if width == 2 else a.real
+        first += width * (d + 1)
+    return Exosystem(H, _chains(blocks), blocks)
+
+
+def _separate(signals: list[Signal], own: list[dict[complex, int]]) -> Exosystem:
+    """Blocks of its own for each input, which takes the first state of each."""
+    blocks: list[Block] = []
+    takes: list[tuple[int, int, float]] = []
+    first = 0
+    for k, (signal, degrees) in enumerate(zip(signals, own, strict=True)):
+        for rate, d in degrees.items():
+            p = [complex(c) for c in signal.get(known_rate(rate, signal), [])]
+            blocks.append((rate, tuple(p + [0j] * (d + 1 - len(p)))))
+            takes.append((k, first, 2.0 if rate.imag else 1.0))
+            first += (2 if rate.imag else 1) * (d + 1)
+    H = np.zeros((len(signals), first))
+    for k, i, share in takes:
+        H[k, i] = share
+    return Exosystem(H, _chains(tuple(blocks)), tuple(blocks))
+
+
+def _chains(blocks: tuple[Block, ...]) -> Floats:
+    """S of the blocks one after another."""
+    S = np.zeros((order := _order_of(blocks), order))
+    i = 0
+    for rate, p in blocks:
+        width = 2 if rate.imag else 1
+        for link in range(len(p)):
+            S[i : i + width, i : i + width] = [[rate.real, -rate.imag], [rate.imag, rate.real]] if width == 2 else rate.real
+            if link < len(p) - 1:
+                S[range(i, i + width), range(i + width, i + 2 * width)] = 1.0
+            i += width
+    return S
+
+
+def _order_of(blocks: tuple[Block, ...]) -> int:
+    return sum((2 if rate.imag else 1) * len(p) for rate, p in blocks)

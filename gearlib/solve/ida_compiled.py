@@ -17,13 +17,12 @@ from llvmlite import ir
 from numba import carray, cfunc, from_dtype, njit, types
 from numba.extending import intrinsic
 
-# How `drive` ends. Non-negative: all samples taken, back for a breath, event log full. Negative: failures that are not IDA's own.
-DONE, PAUSE, LOG_FULL = 0, 1, 2
-RHS_FAILED, UPDATE_FAILED, UNSETTLED, CHATTER, STEP_LIMIT, ROOTS_FAILED, START_FAILED = -101, -102, -103, -104, -105, -106, -107
+from gearlib.solve.ida_request import CHATTER, RHS_FAILED, ROOTS_FAILED, START_FAILED, STEP_LIMIT, UNSETTLED, UPDATE_FAILED
 
-IDA_NORMAL, IDA_TSTOP_RETURN, IDA_ROOT_RETURN, IDA_TOO_MUCH_WORK, IDA_YA_YDP_INIT = 1, 1, 2, -1, 1
+# How `drive` ends, beside the failures of `ida_request`: all samples taken, back for a breath, event log full.
+DONE, PAUSE, LOG_FULL = 0, 1, 2
+IDA_NORMAL, IDA_ROOT_RETURN, IDA_TOO_MUCH_WORK, IDA_YA_YDP_INIT = 1, 2, -1, 1
 CHUNK = 1000  # steps between two returns to Python, so that Ctrl-C works
-BURST = 1000  # so many events within `FRAME.window` are chattering
 NEGATIVE_ZERO = -1e-300  # what an event function that is exactly zero is taken for: zero belongs to the negative side
 
 _addresses = [
@@ -36,7 +35,7 @@ _addresses = [
 ]  # fmt: skip
 _integers = [
     "n", "nnz", "n_diagonal", "n_pattern", "n_roots", "n_algebraic", "n_times", "n_time_events", "n_modes", "first_mode",
-    "event_capacity", "started", "sample", "next_event", "events", "instants", "burst", "max_steps", "flag",
+    "event_capacity", "started", "sample", "next_event", "events", "burst", "burst_limit", "max_steps", "flag",
     "n_rhs", "n_jac", "steps", "attempts", "restarts", "refused", "bad_state",
 ]  # fmt: skip
 _reals = ["t", "t_end", "window", "burst_start", "ic_span", "attempt_time", "bad_time"]
@@ -300,9 +299,8 @@ def located(s: Any, t: float) -> int:
     for k in range(s.n_roots):
         if fired[k] != 0:
             log_event(s, t, k)
-    if s.burst > BURST:
+    if s.burst > s.burst_limit:
         return CHATTER
-    s.instants += 1
     return settle(s, t, False)  # type: ignore[no-any-return]
 
 
@@ -314,7 +312,6 @@ def arrived(s: Any, t: float) -> int:
         fired[k] = 0
     log_event(s, t, -1)
     s.next_event += 1
-    s.instants += 1
     return settle(s, t, s.update == 0)  # type: ignore[no-any-return]
 
 

@@ -1,7 +1,8 @@
 """Sums of t**k exp(lambda t), lambda complex: what a linear system with constant coefficients can generate.
 
-A signal is held as ``{lambda: [c_0, c_1, ...]}``, its value at local time s = t - origin being the sum of c_k s**k exp(lambda s).
-Sines and cosines are pairs of conjugate rates. Local time keeps the coefficients well scaled however late an interval begins.
+A signal is held as ``{lambda: [c_0, c_1, ...]}``, its value at local time s = t - origin being the sum of
+c_k s**k exp(lambda s). Sines and cosines are pairs of conjugate rates. Local time keeps the coefficients well scaled however
+late an interval begins.
 """
 
 from __future__ import annotations
@@ -9,11 +10,15 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
+import numpy as np
 import sympy
 
-from gearlib.language.expressions import time as TIME
+from gearlib.language.expressions import time
+
+TIME: Any = time
 
 Signal = dict[complex, list[complex]]
 
@@ -22,7 +27,7 @@ MAX_RATES = 200  # of one signal: sin(t)**n has n + 1 of them
 SAME_RATE = 8.0 * 2.0**-52  # rates that differ by rounding only are one rate
 
 
-class OutsideClass(Exception):
+class OutsideClassError(Exception):
     """An expression that is no sum of t**k exp(lambda t); the text says why."""
 
 
@@ -94,11 +99,11 @@ def _checked(signal: Signal) -> Signal:
         if c:
             tidy[rate] = c
         if len(c) > MAX_DEGREE + 1:
-            raise OutsideClass(f"it holds a power of time above {MAX_DEGREE}")
+            raise OutsideClassError(f"it holds a power of time above {MAX_DEGREE}")
         if not (cmath.isfinite(rate) and all(cmath.isfinite(a) for a in c)):
-            raise OutsideClass("it leaves the range of floating-point numbers")
+            raise OutsideClassError("it leaves the range of floating-point numbers")
     if len(tidy) > MAX_RATES:
-        raise OutsideClass(f"it holds more than {MAX_RATES} different frequencies and rates")
+        raise OutsideClassError(f"it holds more than {MAX_RATES} different frequencies and rates")
     return tidy
 
 
@@ -116,7 +121,7 @@ def parse(expression: Any, origin: float, probe: float | None = None) -> Signal:
 
     Raises
     ------
-    OutsideClass
+    OutsideClassError
         With the reason in words.
 
     Examples
@@ -126,26 +131,26 @@ def parse(expression: Any, origin: float, probe: float | None = None) -> Signal:
     """
     if expression == TIME:
         return _checked({0j: [origin, 1.0]})
+    if expression.func in BRANCHING and probe is not None:
+        return parse(_branch(expression, origin, probe), origin, probe)
     if not expression.free_symbols:
         return _checked({0j: [_number(expression)]})
     strangers = sorted(str(s) for s in expression.free_symbols if s != TIME)
     if strangers:
-        raise OutsideClass(f"it depends on {', '.join(strangers)}, not on time alone")
+        raise OutsideClassError(f"it depends on {', '.join(strangers)}, not on time alone")
     rule = _RULES.get(expression.func)
     if rule is not None:
         return rule(expression, origin, probe)
     if expression.func in BRANCHING:
-        if probe is None:
-            raise OutsideClass(f"{expression} has branches of its own")
-        return parse(_branch(expression, origin, probe), origin, probe)
-    raise OutsideClass(f"{expression} is not a sum of products of polynomials, sines, cosines and exponentials of time")
+        raise OutsideClassError(f"{expression} has branches of its own")
+    raise OutsideClassError(f"{expression} is not a sum of products of polynomials, sines, cosines and exponentials of time")
 
 
 def _number(expression: Any) -> float:
     try:
         return float(expression)
     except (TypeError, ValueError, OverflowError):
-        raise OutsideClass(f"{expression} is not a real number") from None
+        raise OutsideClassError(f"{expression} is not a real number") from None
 
 
 def _sum(expression: Any, origin: float, probe: float | None) -> Signal:
@@ -172,7 +177,7 @@ def _power(expression: Any, origin: float, probe: float | None) -> Signal:
     base, exponent = expression.args
     if exponent.is_Integer and exponent > 0:
         if exponent > MAX_DEGREE:
-            raise OutsideClass(f"{expression} is a power above {MAX_DEGREE}")
+            raise OutsideClassError(f"{expression} is a power above {MAX_DEGREE}")
         signal = parse(base, origin, probe)
         total = signal
         for _ in range(int(exponent) - 1):
@@ -183,8 +188,8 @@ def _power(expression: Any, origin: float, probe: float | None) -> Signal:
         log = math.log(_number(base))
         return _checked({complex(slope * log): [_exponential(start * log, expression)]})
     if not exponent.free_symbols and _number(exponent) < 0:
-        raise OutsideClass(f"{expression} divides by a function of time")
-    raise OutsideClass(f"{expression} is not a whole, positive power")
+        raise OutsideClassError(f"{expression} divides by a function of time")
+    raise OutsideClassError(f"{expression} is not a whole, positive power")
 
 
 def _affine(argument: Any, expression: Any, origin: float, probe: float | None) -> tuple[float, float]:
@@ -192,7 +197,7 @@ def _affine(argument: Any, expression: Any, origin: float, probe: float | None) 
     signal = parse(argument, origin, probe)
     coefficients = signal.get(0j, [0.0])
     if any(rate != 0 for rate in signal) or len(coefficients) > 2:
-        raise OutsideClass(f"the argument of {expression} is not linear in time")
+        raise OutsideClassError(f"the argument of {expression} is not linear in time")
     a, b = (*coefficients, 0.0)[:2]
     return a.real, b.real
 
@@ -201,7 +206,7 @@ def _exponential(exponent: float, expression: Any) -> float:
     try:
         return math.exp(exponent)
     except OverflowError:
-        raise OutsideClass(f"{expression} leaves the range of floating-point numbers") from None
+        raise OutsideClassError(f"{expression} leaves the range of floating-point numbers") from None
 
 
 def _sine(expression: Any, origin: float, probe: float | None) -> Signal:
@@ -215,11 +220,12 @@ def _sine(expression: Any, origin: float, probe: float | None) -> Signal:
 
 def _growth(expression: Any, origin: float, probe: float | None) -> Signal:
     start, slope = _affine(expression.args[0], expression, origin, probe)
-    up = {complex(slope): [_exponential(start, expression)]}
+    up: Signal = {complex(slope): [_exponential(start, expression)]}
     if expression.func is sympy.exp:
         return _checked(up)
     sign = 1.0 if expression.func is sympy.cosh else -1.0
-    return multiply({0j: [0.5]}, add(up, {complex(-slope): [sign * _exponential(-start, expression)]}))
+    down: Signal = {complex(-slope): [sign * _exponential(-start, expression)]}
+    return multiply({0j: [0.5]}, add(up, down))
 
 
 _RULES: dict[Any, Callable[[Any, float, float | None], Signal]] = {
@@ -233,10 +239,13 @@ BRANCHING = frozenset({sympy.Piecewise, sympy.Abs, sympy.sign, sympy.Heaviside, 
 def _branch(expression: Any, origin: float, probe: float) -> Any:
     """The smooth expression that a branching one equals around the probe."""
     if expression.func is sympy.Piecewise:
+        ladder = _ladder(expression)
+        if ladder is not None:
+            return expression.args[int(np.searchsorted(ladder, origin + probe))].expr
         for branch, condition in expression.args:
             if holds(condition, origin, probe):
                 return branch
-        raise OutsideClass(f"{expression} has no value at time = {origin + probe:g}")
+        raise OutsideClassError(f"{expression} has no value at time = {origin + probe:g}")
     arguments = expression.args
     if expression.func in (sympy.Max, sympy.Min):
         chosen = max if expression.func is sympy.Max else min
@@ -247,6 +256,17 @@ def _branch(expression: Any, origin: float, probe: float) -> Any:
     if expression.func is sympy.sign:
         return sympy.Integer(1 if positive else -1)
     return sympy.Integer(1 if positive else 0)
+
+
+@lru_cache(maxsize=64)
+def _ladder(expression: Any) -> Any:
+    """The increasing a, b, ... of a Piecewise whose conditions are time < a, time < b, ..., True (as tables have), else None."""
+    *rungs, last = [condition for _, condition in expression.args]
+    rising = all(isinstance(r, sympy.Lt | sympy.Le) and r.lhs == TIME and r.rhs.is_number for r in rungs)
+    if last != sympy.true or not rising:
+        return None
+    ladder = np.array([_number(rung.rhs) for rung in rungs])
+    return ladder if (np.diff(ladder) >= 0).all() else None
 
 
 def holds(condition: Any, origin: float, probe: float) -> bool:
@@ -274,4 +294,4 @@ def holds(condition: Any, origin: float, probe: float) -> bool:
         return not parts[0]
     if isinstance(condition, sympy.Xor):
         return sum(parts) % 2 == 1
-    raise OutsideClass(f"the condition {condition} is not made of relations, And, Or, Not")
+    raise OutsideClassError(f"the condition {condition} is not made of relations, And, Or, Not")

@@ -13,7 +13,7 @@ from typing import Any
 from numba import njit
 
 from gearlib.solve.native_call import call_native
-from gearlib.solve.rk_stages import interpolate, interpolation_weights
+from gearlib.solve.rk_stages import INNER, interpolate, interpolation_weights
 from gearlib.solve.rk_steps import dense_stages, take_step
 
 __all__ = ["crossing", "flipped", "slopes"]
@@ -21,7 +21,13 @@ __all__ = ["crossing", "flipped", "slopes"]
 _ROUNDING = 4.4e-16
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
+def _copy(a: Any, b: Any) -> None:
+    for i in range(a.size):  # numba takes a second to compile the checks of a slice assignment
+        b[i] = a[i]
+
+
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def flipped(g: Any, side: Any) -> bool:
     """Whether any event function has left its side."""
     for k in range(side.size):
@@ -30,7 +36,7 @@ def flipped(g: Any, side: Any) -> bool:
     return False
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def slopes(native: Any, t: float, h: float, x: Any, f: Any, g: Any, y: Any, slope: Any) -> None:
     """``slope`` = time derivative of the event functions ``g`` along the solution, by a difference over a part of ``h``."""
     dt = 1e-4 * h
@@ -41,7 +47,7 @@ def slopes(native: Any, t: float, h: float, x: Any, f: Any, g: Any, y: Any, slop
         slope[k] = (slope[k] - g[k]) / dt
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _look(order: int, native: Any, t: float, h: float, x: Any, k: Any, b: Any, y: Any, theta: float, g: Any) -> None:
     """``y``, ``g`` = state and event functions at ``t + theta h``, from the dense output."""
     interpolation_weights(order, theta, b)
@@ -49,7 +55,7 @@ def _look(order: int, native: Any, t: float, h: float, x: Any, k: Any, b: Any, y
     call_native(native[1], t + theta * h, y.ctypes.data, g.ctypes.data, native[3], native[4])
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _dip(h: float, g_old: Any, g_new: Any, slope_old: Any, slope_new: Any, side: Any) -> float:
     """Where within the step a function that keeps its side at both ends may have crossed zero twice; 2 where none may.
 
@@ -69,7 +75,7 @@ def _dip(h: float, g_old: Any, g_new: Any, slope_old: Any, slope_new: Any, side:
     return first
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _locate(
     order: int, native: Any, t: float, h: float, x: Any, k: Any, b: Any, y: Any, low: float, high: float, tolerance: float,
     g: Any, side: Any,
@@ -101,11 +107,11 @@ def _locate(
             alpha = 2.0 * alpha if last_moved == 2 else 1.0
             last_moved = 2
     if hi != 1:
-        g[1, :] = g[hi, :]
+        _copy(g[hi], g[1])
     return high
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def crossing(
     order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, b: Any, y: Any, g: Any, side: Any
 ) -> tuple[int, float, float, int]:
@@ -120,7 +126,7 @@ def crossing(
     bracket = g[4:7]
     high = 1.0
     if flipped(g[1], side):
-        bracket[1, :] = g[1, :]
+        _copy(g[1], bracket[1])
         extra = dense_stages(order, native, t, h, x, k, y)
     else:
         high = _dip(h, g[0], g[1], g[2], g[3], side)
@@ -130,7 +136,7 @@ def crossing(
         _look(order, native, t, h, x, k, b, y, high, bracket[1])
         if not flipped(bracket[1], side):
             return 0, h, 1.0, extra
-    bracket[0, :] = g[0, :]
+    _copy(g[0], bracket[0])
     h_event = h * _locate(order, native, t, h, x, k, b, y, 0.0, high, 1e-6, bracket, side)
     if take_step(order, native, t, h_event, x, x_new, k, y) != 0:
         return -1, h_event, 1.0, extra
@@ -139,7 +145,7 @@ def crossing(
     width = 4e-6
     call_native(native[1], t + h_event, x_new.ctypes.data, g[1].ctypes.data, native[3], native[4])
     if flipped(g[1], side):
-        bracket[1, :] = g[1, :]
+        _copy(g[1], bracket[1])
         while low > 0.0:
             low = 1.0 - width if width < 0.5 else 0.0
             _look(order, native, t, h_event, x, k, b, y, low, bracket[0])
@@ -147,9 +153,9 @@ def crossing(
                 break
             width *= 16.0
         if low == 0.0:
-            bracket[0, :] = g[0, :]
+            _copy(g[0], bracket[0])
     else:
-        bracket[0, :] = g[1, :]
+        _copy(g[1], bracket[0])
         while True:
             high = 1.0 + width
             _look(order, native, t, h_event, x, k, b, y, high, bracket[1])
@@ -162,5 +168,5 @@ def crossing(
     rounding = _ROUNDING * (1.0 + abs(t) / h_event)
     theta = _locate(order, native, t, h_event, x, k, b, y, low, high, rounding, bracket, side)
     _look(order, native, t, h_event, x, k, b, y, theta, g[1])
-    x_new[:] = y
+    _copy(y, x_new)
     return 1, h_event, theta, extra

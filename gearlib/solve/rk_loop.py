@@ -15,7 +15,7 @@ from numba import njit, types
 
 from gearlib.solve.native_call import call_native
 from gearlib.solve.rk_events import crossing, slopes
-from gearlib.solve.rk_stages import error5, error8, interpolate, interpolation_weights
+from gearlib.solve.rk_stages import INNER, error5, error8, interpolate, interpolation_weights
 from gearlib.solve.rk_steps import dense_stages, first_step, stiffness, take_step
 
 __all__ = ["advance"]
@@ -30,9 +30,10 @@ CHATTER_EVENTS = 1000  # that many events within CHATTER_SPAN of the time span a
 CHATTER_SPAN = 1e-10
 STIFF_LEFT = 500  # a stiff run that needs fewer steps than this to its end is finished all the same
 ROUNDING = 8.9e-16
+TINY = 1e-250
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _restart(order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any) -> int:
     """Begin anew at ``x``: the right-hand side, the sides of the event functions and their slopes."""
     code = call_native(native[0], clock[T], x.ctypes.data, k.ctypes.data, native[3], native[4])
@@ -46,13 +47,14 @@ def _restart(order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y:
     return code
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _start(
     order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any, fired: Any, atol: Any, rtol: float
 ) -> int:
     count[STARTED] = 1
     if native[2] != 0:
-        fired[:] = 0
+        for i in range(fired.size):
+            fired[i] = 0
         if call_native(native[2], clock[T], x.ctypes.data, fired.ctypes.data, native[3], native[4]) < 0:
             return UPDATE_FAILED
     if _restart(order, native, clock, count, x, k, y, g, side) != 0:
@@ -64,7 +66,7 @@ def _start(
     return DONE
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _emit(
     order: int, t: float, t_new: float, h: float, x: Any, k: Any, b: Any, count: Any, times: Any, out_x: Any, out_modes: Any,
     data: Any, first_mode: int,
@@ -80,21 +82,22 @@ def _emit(
     count[SAMPLE] = i
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _emit_here(
     t: float, x: Any, count: Any, times: Any, out_x: Any, out_modes: Any, data: Any, first_mode: int
 ) -> None:
     """Store the samples at ``t`` itself."""
     i = count[SAMPLE]
     while i < times.size and times[i] <= t:
-        out_x[i, :] = x
+        for j in range(x.size):
+            out_x[i, j] = x[j]
         for j in range(out_modes.shape[1]):
             out_modes[i, j] = data[first_mode + j]
         i += 1
     count[SAMPLE] = i
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _handle(
     order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any, fired: Any, log_t: Any,
     log_root: Any, found: int, timed: bool,
@@ -134,7 +137,7 @@ def _handle(
     return DONE
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def _is_stiff(stiff: bool, clock: Any, count: Any) -> bool:
     """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row."""
     if stiff:
@@ -224,9 +227,9 @@ def _advance(
         rejected = False
         reached = t_new >= stop - ROUNDING * abs(stop)
         clock[T] = stop if reached else t_new
-        for i in range(x.size):
-            x[i] = x_new[i]
-            k[0, i] = k[last, i]
+        for i in range(x.size):  # numbers near underflow, as far from a load as nothing has arrived yet, are slow: they become zero
+            x[i] = x_new[i] if abs(x_new[i]) > TINY else 0.0
+            k[0, i] = k[last, i] if abs(k[last, i]) > TINY else 0.0
         if side.size > 0:
             for i in range(side.size):
                 g[0, i] = g[1, i]
@@ -252,5 +255,5 @@ advance = njit(
         types.float64, _floats, _rows, _rows, _floats, types.int64, _floats, _flags, _rows, _signs, _signs, _floats, _integers,
         types.int64, types.boolean,
     ),
-    cache=True, nogil=True, error_model="numpy",
+    cache=True, nogil=True, error_model="numpy", _nrt=False,
 )(_advance)  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from gearlib.solve.native_call import call_native
-from gearlib.solve.rk_stages import stage5, stage8
+from gearlib.solve.rk_stages import INNER, stage5, stage8
 from gearlib.solve.tableaux import DOP853_C, TSIT5_C
 
 __all__ = ["dense_stages", "first_step", "stiffness", "take_step"]
@@ -21,7 +21,7 @@ _C5 = np.array(TSIT5_C)
 _C8 = np.array(DOP853_C)
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def take_step(order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, y: Any) -> int:
     """Fill ``x_new`` and the stages of a step from ``x``, whose right-hand side is ``k[0]``; the code of a failing one."""
     row = k.strides[0]
@@ -43,7 +43,7 @@ def take_step(order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k
     return call_native(native[0], t + h, new, k0 + 12 * row, native[3], native[4])
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def dense_stages(order: int, native: Any, t: float, h: float, x: Any, k: Any, y: Any) -> int:
     """Evaluate the stages that only the dense output of order 7 needs; returns how many right-hand sides that took."""
     if order == 5:
@@ -54,7 +54,7 @@ def dense_stages(order: int, native: Any, t: float, h: float, x: Any, k: Any, y:
     return 3
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def first_step(order: int, native: Any, t: float, x: Any, k: Any, y: Any, atol: Any, rtol: float, h_max: float) -> float:
     """Hairer's guess: the step over which an Euler step and the curvature of the solution stay within the tolerance."""
     n = x.size
@@ -80,7 +80,7 @@ def first_step(order: int, native: Any, t: float, x: Any, k: Any, y: Any, atol: 
     return min(100.0 * h0, h1, h_max)
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(**INNER)  # type: ignore[untyped-decorator]
 def stiffness(order: int, h: float, x_new: Any, k: Any, y: Any, atol: Any, rtol: float) -> bool:
     """Whether the step is at the limit of stability along the negative real axis.
 

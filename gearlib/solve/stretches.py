@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +59,7 @@ def _equal_steps(points: Floats, begin: float, same: float, piece: int, row: int
     """Stretches from ``begin`` through ``points``: steps are equal where they differ by the rounding of the times."""
     steps = np.diff(points, prepend=begin)
     cuts = [0, *(np.flatnonzero(np.abs(np.diff(steps)) > same) + 1).tolist(), len(points)]
-    for first, last in zip(cuts, cuts[1:], strict=False):
+    for first, last in pairwise(cuts):
         start = float(points[first - 1]) if first else begin
         count = last - first
         h = (float(points[last - 1]) - start) / count

@@ -63,7 +63,6 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "IDASetJacFn": (_int, [_pointer, _pointer]),
     "IDASetUserData": (_int, [_pointer, _pointer]),
     "IDASetId": (_int, [_pointer, _pointer]),
-    "IDASetNonlinConvCoef": (_int, [_pointer, _double]),
     "IDASetMaxOrd": (_int, [_pointer, _int]),
     "IDASetMaxNumSteps": (_int, [_pointer, _long]),
     "IDASetStopTime": (_int, [_pointer, _double]),
@@ -237,8 +236,7 @@ class Solver:
         self._check(lib.IDASetUserData(self.mem, user_data))
         self._check(lib.IDASVtolerances(self.mem, rtol, self.vector(atol)))
         self._check(lib.IDASetId(self.mem, self.vector(differential)))
-        self._check(lib.IDASetMaxOrd(self.mem, int(os.environ.get("MO","5"))))
-        self._check(lib.IDASetNonlinConvCoef(self.mem, float(os.environ.get("EPC","0.33"))))
+        self._check(lib.IDASetMaxOrd(self.mem, 5))
 
     def use_dense(self) -> int:
         """A full matrix; returns the address of its columns."""

@@ -11,7 +11,7 @@ import sympy
 from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError
-from gearlib.solve.quasipolynomials import TIME, OutsideClass, Signal, add, multiply, parse
+from gearlib.solve.quasipolynomials import TIME, OutsideClassError, Signal, add, multiply, parse
 
 Floats = NDArray[np.float64]
 
@@ -51,12 +51,12 @@ def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
     """
     try:
         return switch_times(expression, t0, t_end)
-    except OutsideClass as error:
+    except OutsideClassError as error:
         raise ArgumentError(f"cannot tell when {expression} switches between t = {t0:g} and {t_end:g} s: {error}") from None
 
 
 def switch_times(expression: Any, t0: float, t_end: float) -> Floats:
-    """As `times_of_breakpoints`, raising OutsideClass."""
+    """As `times_of_breakpoints`, raising OutsideClassError."""
     found: list[float] = []
     for difference in _differences(expression):
         found.extend(_roots(difference, t0, t_end))
@@ -101,7 +101,7 @@ def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
             return [math.log(ratio) / rates[0].real] if ratio > 0 else []
         if len(rates) == 2 and all(rate.real == 0 for rate in rates):
             return _sinusoid_roots(constant[0].real, signal, t0, t_end)
-    raise OutsideClass(f"the zeros of {pair[0]} - ({pair[1]}) are not known in closed form")
+    raise OutsideClassError(f"the zeros of {pair[0]} - ({pair[1]}) are not known in closed form")
 
 
 def _polynomial_roots(c: list[float]) -> list[float]:
@@ -126,7 +126,7 @@ def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) ->
     if abs(constant) > amplitude:
         return []
     if omega * (t_end - t0) > MAX_SWITCHES * math.pi:
-        raise OutsideClass(f"it switches more than {MAX_SWITCHES} times")
+        raise OutsideClassError(f"it switches more than {MAX_SWITCHES} times")
     angle = math.acos(-constant / amplitude)
     turns = np.arange(math.floor(omega * t0 / math.tau) - 2, math.ceil(omega * t_end / math.tau) + 3)
     times = np.concatenate([(math.tau * turns + sign * angle - phase) / omega for sign in (1, -1)])

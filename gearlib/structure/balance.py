@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import networkx as nx
 
@@ -52,7 +53,7 @@ def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) 
     graph.add_nodes_from(left)
     graph.add_nodes_from(("v", v) for v in variables)
     graph.add_edges_from((("e", e), ("v", v)) for e, row in enumerate(rows) for v in row)
-    partner = _maximum_matching(rows)
+    partner = maximum_matching(rows)
     taken = {v: e for e, v in partner.items()}
     free_equations = [e for e in range(len(rows)) if e not in partner]
     free_variables = [v for v in variables if v not in taken]
@@ -61,16 +62,16 @@ def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) 
     return Balance(partner, over_e, over_v, under_e, under_v, len(free_equations), len(free_variables))
 
 
-def _maximum_matching(rows: Sequence[Sequence[int]]) -> dict[int, int]:
-    """Equation -> variable. Whatever has only one partner left is matched at once; Hopcroft and Karp's algorithm does the rest."""
-    holders: dict[int, list[int]] = {}
+def maximum_matching(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
+    """Row -> column. Whatever has only one partner left is matched at once; Hopcroft and Karp's algorithm does the rest."""
+    holders: dict[Any, list[int]] = {}
     for e, row in enumerate(rows):
         for v in row:
             holders.setdefault(v, []).append(e)
     degree_e, degree_v = [len(r) for r in rows], {v: len(es) for v, es in holders.items()}
     partner: dict[int, int] = {}
-    taken: set[int] = set()
-    stack = [("e", e) for e, d in enumerate(degree_e) if d == 1] + [("v", v) for v, d in degree_v.items() if d == 1]
+    taken: set[Any] = set()
+    stack: list[tuple[str, Any]] = [("e", e) for e, d in enumerate(degree_e) if d == 1] + [("v", v) for v, d in degree_v.items() if d == 1]
     while stack:
         side, i = stack.pop()
         if side == "e":

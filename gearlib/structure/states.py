@@ -1,8 +1,11 @@
-"""The choice of states, by dummy derivatives.
+"""The choice of states.
 
-For each differentiated constraint one derivative that it holds becomes a "dummy": an unknown like any other, so that its integral
-is no state. Which ones, is a matter of preference (absolute angles first) among the choices that keep the constraints solvable,
-and that is checked with numbers: a structurally sound pivot can be zero in a gear loop.
+After Pantelides' algorithm every equation but its last derivative is a constraint on what could be a state: on all derivatives of
+variables but the highest. As many of them as there are constraints are solved for; the rest are states. Any choice that keeps the
+constraints solvable will do, so it is made by preference (absolute angles are given up first), and solvability is checked with
+numbers, since a structurally sound pivot can be zero in a gear loop. The derivatives that are solved for, and so are not integrals
+of anything, are the dummy derivatives of Mattsson and Soderlind; unlike theirs, the choice on one level of differentiation does not
+bind that on another, so that a deflection can be a state where the angles on both its sides are differentiated twice.
 
 S. E. Mattsson and G. Soderlind, "Index reduction in differential-algebraic equations using dummy derivatives", SIAM Journal on
 Scientific Computing 14 (1993) 677-692, doi 10.1137/0914043.
@@ -14,6 +17,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from gearlib.structure.balance import maximum_matching
 from gearlib.structure.incidence import Entries, Node
 from gearlib.structure.pantelides import Differentiation
 
@@ -32,10 +36,8 @@ class StateChoice:
     singular: tuple[int, ...]  # equations left without a pivot
 
 
-def choose_states(
-    result: Differentiation, entries: Entries, badness: Mapping[Node, tuple[float, ...]]
-) -> StateChoice:
-    """Select dummy derivatives.
+def choose_states(result: Differentiation, entries: Entries, badness: Mapping[Node, tuple[float, ...]]) -> StateChoice:
+    """Select the states.
 
     Parameters
     ----------
@@ -48,67 +50,53 @@ def choose_states(
     """
     counts, orders = result.counts, result.orders
     solved_by: dict[Node, Node] = {(v, orders[v]): (e, counts[e]) for e, v in result.assignment.items()}
-    coefficients: dict[int, dict[int, float]] = defaultdict(dict)
+    rows: dict[Node, dict[Node, float]] = {(e, k): {} for e, c in enumerate(counts) for k in range(c)}
     for e, v, order, value in zip(
         entries.rows.tolist(), entries.variables.tolist(), entries.orders.tolist(), entries.values.tolist(), strict=True
     ):
-        if order == orders[v] - counts[e] and value != 0.0:
-            coefficients[e][v] = coefficients[e].get(v, 0.0) + value
-    dummies: set[Node] = set()
-    candidates = {v for v, order in orders.items() if order >= 1}
-    rows = [e for e, c in enumerate(counts) if c >= 1]
-    singular: list[int] = []
-    stage = 1
-    while rows:
-        pivots, failed = select_columns(
-            {e: {v: a for v, a in coefficients[e].items() if v in candidates} for e in rows},
-            {v: badness.get((v, orders[v] - stage), (0.0,)) for v in candidates},
-        )
-        singular += failed
-        for e, v in pivots.items():
-            dummies.add((v, orders[v] - stage + 1))
-            solved_by[v, orders[v] - stage] = (e, counts[e] - stage)
-        stage += 1
-        chosen = set(pivots.values())
-        candidates = {v for v in chosen if orders[v] >= stage}
-        rows = [e for e in rows if counts[e] >= stage and e in pivots]
-    states = tuple(
-        (v, k) for v, order in sorted(orders.items()) for k in range(order) if (v, k + 1) not in dummies
-    )
-    return StateChoice(states, solved_by, tuple(singular))
+        for k in range(counts[e]):
+            if value != 0.0 and order + k < orders[v]:
+                rows[e, k][v, order + k] = rows[e, k].get((v, order + k), 0.0) + value
+    chosen, failed = select_columns(rows, badness)
+    keys = list(rows)
+    partner = maximum_matching([[n for n, a in rows[key].items() if n in chosen and a != 0.0] for key in keys])
+    solved_by.update({node: keys[r] for r, node in partner.items()})
+    states = tuple((v, k) for v, order in sorted(orders.items()) for k in range(order) if (v, k) not in chosen)
+    return StateChoice(states, solved_by, tuple(sorted({e for e, _ in failed})))
 
 
 def select_columns(
-    rows: Mapping[int, Mapping[int, float]], badness: Mapping[int, Sequence[float]]
-) -> tuple[dict[int, int], list[int]]:
-    """Independent columns, the worst first: row -> column, and the rows that found none.
+    rows: Mapping[Node, Mapping[Node, float]], badness: Mapping[Node, Sequence[float]]
+) -> tuple[set[Node], list[Node]]:
+    """As many independent columns as there are rows, the worst first; and the rows that found none.
 
-    Columns are taken in the order of their badness; each becomes the pivot of a row unless it depends on the earlier ones, as the
-    greedy algorithm for a basis of greatest weight has it. Among equals a column with few entries goes first, which keeps the
-    elimination sparse.
+    Columns are taken in the order of their badness; each is chosen unless it depends on the earlier ones, as the greedy algorithm
+    for a basis of greatest weight has it. Among equals a column with few entries goes first, which keeps the elimination sparse.
 
     Examples
     --------
-    >>> select_columns({0: {7: -1.0, 8: 1.0, 9: 1.0}}, {7: (3,), 8: (3,), 9: (1,)})
-    ({0: 7}, [])
+    A deflection is the difference of two angles; the first angle is given up:
+
+    >>> select_columns({(0, 0): {(7, 0): -1.0, (8, 0): 1.0, (9, 0): 1.0}}, {(7, 0): (3,), (8, 0): (3,), (9, 0): (1,)})
+    ({(7, 0)}, [])
     """
     work = {r: dict(row) for r, row in rows.items()}
     scale = {r: max((abs(a) for a in row.values()), default=1.0) for r, row in rows.items()}
-    holders: dict[int, set[int]] = defaultdict(set)
+    holders: dict[Node, set[Node]] = defaultdict(set)
     for r, row in work.items():
         for v in row:
             holders[v].add(r)
     largest = {v: max(abs(work[r][v]) / scale[r] for r in rs) for v, rs in holders.items()}
     queue = sorted(holders, key=lambda v: ([-b for b in badness.get(v, (0.0,))], len(holders[v]), -largest[v], v))
     open_rows = set(work)
-    pivots: dict[int, int] = {}
+    chosen: set[Node] = set()
     for column in queue:
         usable = [r for r in holders[column] & open_rows if abs(work[r][column]) > ZERO * scale[r]]
         if not usable:
             continue
         best = max(abs(work[r][column]) / scale[r] for r in usable)
         pivot = min((r for r in usable if abs(work[r][column]) >= 0.1 * best * scale[r]), key=lambda r: (len(work[r]), r))
-        pivots[pivot] = column
+        chosen.add(column)
         open_rows.remove(pivot)
         for r in sorted(usable):
             if r == pivot:
@@ -124,4 +112,4 @@ def select_columns(
                     holders[v].add(r)
         if not open_rows:
             break
-    return pivots, sorted(open_rows)
+    return chosen, sorted(open_rows)

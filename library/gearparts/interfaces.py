@@ -1,7 +1,7 @@
 """Connectors, and the declarations that families of components share.
 
-Sign convention, as in Modelica: a flow is positive into the component, so a positive torque at a flange accelerates the component
-in the direction of a growing angle, and the power that flows in is the sum of ``tau * der(phi)`` over its flanges.
+Sign convention, as in Modelica: a flow is positive into the component, so a positive torque at a flange accelerates the
+component in the direction of a growing angle, and the power that flows in is the sum of ``tau * der(phi)`` over its flanges.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ class Torque(OneFlange):
 class QuadraticSpeedDependentTorque(OneFlange):
     """Load torque that grows with speed squared, ``tau_nominal`` at ``w_nominal``.
 
-    With ``torque_direction`` (the default) it has the sign of ``tau_nominal`` whichever way the shaft turns; without, it changes
-    sign with the speed, as a fan's does.
+    With ``torque_direction`` (the default) it has the sign of ``tau_nominal`` whichever way the shaft turns; without, it
+    changes sign with the speed, as a fan's does.
     """
 
     tau_nominal = gl.Parameter("N.m", "torque at nominal speed; negative: a load")

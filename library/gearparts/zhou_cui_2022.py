@@ -229,21 +229,17 @@ def printed_rhs(x: Any, p: Any, dp: Any, u: Any, params: BondParameters, repairs
 
     Parameters
     ----------
-    x : array of 8
-        States, in the order of :data:`STATES` (momenta in kg.m2/s, deflections in m).
+    x, u : arrays of 8 and 4
+        :data:`STATES` (momenta in kg.m2/s, deflections in m) and :data:`SOURCES` (N.m, then m/s), in their orders.
     p, dp : array of 10
         Momenta of the bonds :data:`DEPENDENT` and their derivatives. The equations take them as given.
-    u : array of 4
-        Sources, in the order of :data:`SOURCES` (N.m, then m/s).
-    params : BondParameters
-        Moduli, inertias, resistances and compliances.
-    repairs : Repairs
-        Departures from the printed text.
+    params, repairs : BondParameters, Repairs
+        Moduli, inertias, resistances and compliances; departures from the printed text.
 
     Returns
     -------
     array of 8
-        dx/dt, in the order of :data:`STATES`.
+        dx/dt.
     """
     _, m1, m2, m3, m4, m5, m6, _, m8, m9, m10, m11, m12, m13, m14, m15, m16, m17, m18, m19, m20, m21, m22 = params.m
     I, R, C = params.I, params.R, params.C

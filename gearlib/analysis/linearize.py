@@ -1,0 +1,150 @@
+"""Exact linear models of a scene: symbolic partial derivatives, no differences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.program import build
+from gearlib.codegen.sensitivity import sensitivity
+from gearlib.errors import NameLookupError, nearest
+from gearlib.flatten.model import FlatModel
+from gearlib.flatten.templates import parse_column
+from gearlib.solve.scene import Scene, needed_states, node_name
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """dx/dt = A x + B u, y = C x + D u about an operating point; arrays, or sparse matrices where these would be large."""
+
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Point:
+    """An operating point: time, and a value of every state of the structure that is known there."""
+
+    t: float
+    states: dict[tuple[int, int], float]
+    inputs: Floats
+    guess: Floats
+
+
+def input_names(model: FlatModel) -> list[str]:
+    """Everything that can be an input of a linear model: unbound inputs, and bound ones."""
+    unbound = [model.name(int(v)) for v in model.inputs]
+    bound = []
+    for group in model.groups:
+        if group.template.label == "binding":
+            j = group.template.locals.index("bound")
+            bound += [model.name(int(v)) for v in group.variables[:, j]]
+    return unbound + bound
+
+
+def linearize(
+    structure_scene: Scene, parameters: Floats, inputs: Sequence[str], outputs: Sequence[str], point: Point
+) -> LinearModel:
+    """Linear model from ``inputs`` to ``outputs`` with the states that these need.
+
+    Raises
+    ------
+    NameLookupError
+        An input or output that the model does not have.
+    """
+    structure, model = structure_scene.structure, structure_scene.model
+    targets, signs = [], []
+    for name in outputs:
+        base, order = parse_column(name)
+        variable = model.variable(base, "output")
+        targets.append((int(model.representative[variable]), order))
+        signs.append(int(model.sign[variable]))
+    states = needed_states(structure, targets)
+    scene = Scene(structure, states)
+    program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
+    prepared = prepare(program, structure, parameters)
+    numbers = scene.numbers(parameters)
+    x = np.array([point.states.get(s, 0.0) for s in states])
+    u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
+    now = np.array([point.t])
+    flags = scene.relation_values(numbers, now, x[:, None], u[:, None])
+    slots = evaluate(prepared, now, x[:, None], u[:, None], flags, scene.guess(program, point.guess))[:, 0]
+    seeds, added, scale = list(range(len(states))), [], []
+    position: list[tuple[str, int]] = []
+    for name in inputs:
+        variable = _input(model, name)
+        node, sign = (int(model.representative[variable]), 0), int(model.sign[variable])
+        slot = program.slots.get(node)
+        scale.append(float(sign))
+        if slot is None:
+            position.append(("none", 0))
+        elif node in program.inputs:
+            position.append(("seed", len(seeds)))
+            seeds.append(slot)
+        else:
+            position.append(("added", len(added)))
+            added.append(slot)
+    d = sensitivity(prepared, point.t, slots, flags[:, 0], seeds, added)
+    n = len(states)
+    columns = [{"seed": i, "added": len(seeds) + i, "none": -1}[kind] for kind, i in position]
+    rates = d[[program.slots[v, k + 1] for v, k in states]] if n else d[:0]
+    present = [program.slots.get(t, 0) for t in targets]
+    rows = d[present]
+    sign_out = np.array(signs, float)
+    full = isinstance(d, np.ndarray)
+    B, D = _columns(rates, columns, np.array(scale), full), _columns(rows, columns, np.array(scale), full)
+    if full:
+        C, D = sign_out[:, None] * rows[:, :n], sign_out[:, None] * D
+    else:
+        import scipy.sparse as sparse
+
+        C, D = sparse.diags(sign_out) @ rows[:, :n], sparse.diags(sign_out) @ D
+    names = tuple(node_name(model, s) for s in states)
+    return LinearModel(rates[:, :n], B, C, D, names, tuple(inputs), tuple(outputs))
+
+
+def _input(model: FlatModel, name: str) -> int:
+    valid = input_names(model)
+    variable = model.find(name)
+    known = {int(model.representative[model.variable(v)]) for v in valid}
+    if variable is None or (name not in valid and int(model.representative[variable]) not in known):
+        raise NameLookupError(f"the model has no input '{name}'; {nearest(name, valid)}")
+    return variable
+
+
+def _columns(matrix: Any, columns: Sequence[int], scale: Floats, full: bool) -> Any:
+    if full:
+        result = np.zeros((matrix.shape[0], len(columns)))
+        for i, c in enumerate(columns):
+            if c >= 0:
+                result[:, i] = scale[i] * matrix[:, c]
+        return result
+    import scipy.sparse as sparse
+
+    parts = [scale[i] * matrix[:, [c]] if c >= 0 else sparse.csr_matrix((matrix.shape[0], 1)) for i, c in enumerate(columns)]
+    return sparse.hstack(parts).tocsr() if parts else sparse.csr_matrix((matrix.shape[0], 0))
+
+
+def state_space(model: LinearModel) -> Any:
+    """The same as a ``control.StateSpace`` with signal names."""
+    import control
+
+    def array(m: Any) -> Floats:
+        return m.toarray() if hasattr(m, "toarray") else np.asarray(m)  # type: ignore[no-any-return]
+
+    return control.ss(
+        array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states),
+        inputs=list(model.inputs), outputs=list(model.outputs), remove_useless_states=False,
+    )  # fmt: skip

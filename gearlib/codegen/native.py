@@ -1,0 +1,115 @@
+"""Native functions of a program: generated source, compiled by numba, kept on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen import cache
+from gearlib.codegen.events import root_numbers, roots_body, update_body
+from gearlib.codegen.jacobian import Pattern, jacobian_body, pattern_of
+from gearlib.codegen.layout import Layout, Shared, lay_out
+from gearlib.codegen.names import identifiers
+from gearlib.codegen.program import Program, Relations
+from gearlib.codegen.source import HEADER, SOLVE, Body, function, is_small, looped, written_out
+
+Integers = NDArray[np.int64]
+
+
+RHS, JAC, ROOTS, UPDATE = range(4)  # entries of ``index`` that say where each function's integers begin
+
+
+@dataclass(frozen=True)
+class NativeFunction:
+    """A compiled function and its parts of the data and index blocks."""
+
+    compiled: Any
+    body: Body
+    layout: Layout
+    source: str
+
+    @property
+    def address(self) -> int:
+        return int(self.compiled.address)
+
+
+@dataclass(frozen=True)
+class NativeScene:
+    """All native functions of a scene, with one data and one index block between them."""
+
+    rhs: NativeFunction
+    jac: NativeFunction | None
+    pattern: Pattern | None
+    roots: NativeFunction | None
+    update: NativeFunction | None
+    shared: Shared
+    index: Integers
+    size: int  # of the data block
+
+
+def rhs_source(program: Program, layout: Layout, names: Sequence[str], parameter_names: Sequence[str]) -> tuple[str, Body]:
+    """Source of the right-hand side: written out where it is small, else in loops."""
+    if is_small(program):
+        body = written_out(program, layout, dict(enumerate(identifiers(names))), parameter_names)
+    else:
+        body = looped(program, layout)
+    return function("rhs", "RHS", ["x", "dx", "data", "index"], body, RHS), body
+
+
+def compile_scene(
+    program: Program, relations: Relations | None, names: Sequence[str], parameter_names: Sequence[str], n_relations: int,
+    jacobian: bool,
+) -> NativeScene:  # fmt: skip
+    """Compile what a run needs.
+
+    Parameters
+    ----------
+    program : Program
+        Computes the derivatives of the states.
+    relations : Relations, optional
+        Where the program uses relations.
+    names : sequence of str
+        Of each slot.
+    parameter_names : sequence of str
+    n_relations : int
+        Of the whole model.
+    jacobian : bool
+        Whether the analytic Jacobian is wanted.
+    """
+    shared = Shared(len(parameter_names), n_relations, len(program.inputs))
+    layout = lay_out(program, shared, shared.size)
+    text, body = rhs_source(program, layout, names, parameter_names)
+    rhs = _compile("rhs", text, body, layout)
+    end = layout.size
+    jac = pattern = roots = update = None
+    if jacobian:
+        layout = lay_out(program, shared, end)
+        pattern = pattern_of(program)
+        body, end = jacobian_body(program, layout, pattern)
+        jac = _compile("jac", function("jac", "RHS", ["x", "values", "data", "index"], body, JAC), body, layout)
+    if relations is not None:
+        layout = lay_out(relations.program, shared, end)
+        end = layout.size
+        if len(root_numbers(relations)):
+            body = roots_body(relations, layout)
+            roots = _compile("roots", function("roots", "RHS", ["x", "values", "data", "index"], body, ROOTS), body, layout)
+        body = update_body(relations, layout)
+        update = _compile("update", function("update", "UPDATE", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
+    packed: list[Integers] = []
+    bases, base = [], 4
+    for part in (rhs, jac, roots, update):
+        bases.append(base)
+        if part is not None:
+            packed.append(part.body.packed(base))
+            base += len(packed[-1])
+    index = np.concatenate([np.array(bases, np.int64), *packed])
+    return NativeScene(rhs, jac, pattern, roots, update, shared, index, end)
+
+
+def _compile(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:
+    full = HEADER + (SOLVE if "solve(" in text else "") + "\n\n" + text
+    return NativeFunction(getattr(cache.load(full), name), body, layout, full)

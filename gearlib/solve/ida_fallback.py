@@ -1,0 +1,294 @@
+"""The road to IDA through scikit-sundae's Python interface, with the model's native functions called through ctypes.
+
+It follows `gearlib.solve.ida_compiled` decision by decision, so that both roads take the same steps. scikit-sundae does not tell
+how many steps were accepted nor in which state the error was largest, and ignores what its callbacks return: a right-hand side that
+asks for a smaller step is answered by not-a-number, which Newton's iteration cannot converge with.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import io
+import warnings
+from typing import Any
+
+import numpy as np
+
+from gearlib.errors import SolverError
+from gearlib.solve.ida_request import (
+    BURST,
+    CHATTER,
+    RHS_FAILED,
+    ROOTS_FAILED,
+    START_FAILED,
+    STEP_LIMIT,
+    UNSETTLED,
+    UPDATE_FAILED,
+    Outcome,
+    Request,
+)
+from gearlib.solve.problem import Native
+
+_ROOT_RETURN, _TOO_MUCH_WORK = 2, -1
+_NEGATIVE_ZERO = -1e-300
+_pointer = ctypes.c_void_p
+
+
+class _Failed(Exception):
+    """A callback failed for good; carries the status."""
+
+
+def run(asked: Request) -> Outcome:
+    """Integrate through scikit-sundae.
+
+    Raises
+    ------
+    SolverError
+        If scikit-sundae is not installed.
+    """
+    try:
+        from sksundae.ida import IDA
+    except ImportError as problem:
+        raise SolverError("the package scikit-sundae, which brings SUNDIALS, is not installed") from problem
+    driver = _Driver(asked, IDA)
+    with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints SUNDIALS' messages
+        status = driver.drive()
+    return driver.outcome(status)
+
+
+def _function(native: Native | None, third: Any = _pointer) -> Any:
+    if native is None:
+        return None
+    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, _pointer, third, _pointer, _pointer)(native.address)
+
+
+class _Driver:
+    """The state of a run; methods mirror the functions of `gearlib.solve.ida_compiled`."""
+
+    def __init__(self, asked: Request, ida: Any) -> None:
+        problem, matrix = asked.problem, asked.matrix
+        n = len(problem.x0)
+        self.asked, self.n = asked, n
+        self.n_roots = problem.n_roots if problem.roots is not None else 0
+        self.order: Any = slice(None) if matrix.order is None else matrix.order
+        self.differential = np.asarray(problem.differential, dtype=np.float64)[self.order]
+        self.algebraic = np.flatnonzero(self.differential == 0)
+        self.index = np.ascontiguousarray(problem.index, dtype=np.int64)
+        self.pointers = (asked.data.ctypes.data, self.index.ctypes.data)
+        self.rhs, self.jac = _function(problem.rhs), _function(problem.jac)
+        self.root_values, self.update = _function(problem.roots), _function(problem.update)
+
+        self.y, self.x, self.f = np.array(problem.x0, dtype=np.float64)[self.order], np.zeros(n), np.zeros(n)
+        self.values, self.g = np.zeros(len(matrix.position)), np.zeros(self.n_roots)
+        self.fired = np.zeros(self.n_roots, dtype=np.int32)
+        self.out = np.empty((len(asked.times), n))
+        self.modes = np.empty((len(asked.times), asked.modes.stop - asked.modes.start))
+        self.t, self.sample, self.next_event = float(asked.times[0]), 0, 0
+        self.burst, self.burst_start = 0, self.t
+        self.event_times: list[float] = []
+        self.event_roots: list[int] = []
+        self.n_rhs = self.n_jac = self.attempts = self.restarts = 0
+        self.attempt_time, self.bad_time, self.bad_state = np.nan, -np.inf, -1
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that a sparse pattern with a Jacobian needs no differences
+            self.ida = ida(self._residual, **self._options())
+
+    def _options(self) -> dict[str, Any]:
+        asked, matrix = self.asked, self.asked.matrix
+        options: dict[str, Any] = {
+            "rtol": asked.rtol,
+            "atol": asked.atol[self.order],
+            "linsolver": matrix.kind,
+            "max_num_steps": asked.max_steps,
+            "jacfn": self._sparse_jacobian if matrix.pattern is not None else self._full_jacobian,
+        }
+        if self.jac is None:
+            del options["jacfn"]
+        if matrix.kind == "band":
+            options |= {"lband": matrix.lower, "uband": matrix.upper}
+        if matrix.pattern is not None:
+            from scipy.sparse import csc_matrix
+
+            starts, rows = matrix.pattern
+            options["sparsity"] = csc_matrix((np.ones(len(rows)), rows, starts), shape=(self.n, self.n))
+        if len(self.algebraic):
+            options |= {"algebraic_idx": self.algebraic.tolist(), "calc_initcond": "yp0", "calc_init_dt": asked.start_span}
+        if self.n_roots:
+
+            def events(t: float, y: Any, dy: Any, g: Any) -> None:
+                self._events(t, y)
+                g[:] = self.g
+
+            options |= {"eventsfn": events, "num_events": self.n_roots}
+        return options
+
+    def _natural(self, y: Any) -> int:
+        self.x[self.order] = y
+        return int(self.x.ctypes.data)
+
+    def _refuse(self, t: float, bad_state: int) -> None:
+        self.bad_time, self.bad_state = t, bad_state
+
+    def _evaluate(self, t: float, y: Any) -> int:
+        """f at (t, y); a positive result asks for a smaller step."""
+        self.n_rhs += 1
+        status = int(self.rhs(t, self._natural(y), self.f.ctypes.data, *self.pointers))
+        wrong = np.flatnonzero(~np.isfinite(self.f))
+        if status != 0 or len(wrong):
+            self._refuse(t, int(wrong[0]) if len(wrong) and status >= 0 else -1)
+        return status or int(len(wrong) > 0)
+
+    def _residual(self, t: float, y: Any, dy: Any, r: Any) -> None:
+        if t != self.attempt_time:
+            self.attempt_time = t
+            self.attempts += 1
+        status = self._evaluate(t, y)
+        if status < 0:
+            raise _Failed(-8)
+        r[:] = np.nan if status > 0 else self.differential * dy - self.f[self.order]
+
+    def _jacobian_values(self, t: float, y: Any) -> None:
+        self.n_jac += 1
+        status = self.jac(t, self._natural(y), self.values.ctypes.data, *self.pointers)
+        if status < 0:
+            raise _Failed(-6)
+        if status > 0 or not np.all(np.isfinite(self.values)):
+            self._refuse(t, -1)
+            self.values[:] = np.nan
+
+    def _full_jacobian(self, t: float, y: Any, dy: Any, r: Any, cj: float, jj: Any) -> None:
+        self._jacobian_values(t, y)
+        matrix, own = self.asked.matrix, np.flatnonzero(self.differential)
+        jj[own, own] = 0.0
+        jj[matrix.rows, matrix.columns] = -self.values
+        jj[own, own] += cj
+
+    def _sparse_jacobian(self, t: float, y: Any, dy: Any, r: Any, cj: float, jj: Any) -> None:
+        self._jacobian_values(t, y)
+        jj[:] = 0.0
+        jj[self.asked.matrix.position] = -self.values
+        jj[self.asked.matrix.diagonal] += cj
+
+    def _events(self, t: float, y: Any) -> None:
+        if self.root_values(t, self._natural(y), self.g.ctypes.data, *self.pointers) != 0:
+            raise _Failed(ROOTS_FAILED)
+        self.g[self.g == 0.0] = _NEGATIVE_ZERO
+
+    def _restart(self, t: float) -> None:
+        self.restarts += 1
+        if self._evaluate(t, self.y) != 0:
+            raise _Failed(RHS_FAILED)
+        dy = self.differential * self.f[self.order]
+        self.attempt_time = t
+        try:
+            self.y = self.ida.init_step(t, self.y, dy).y
+        except RuntimeError as problem:  # scikit-sundae tells the reason only in words
+            raise _Failed(START_FAILED if "IDACalcIC" in str(problem) else -99) from problem
+        self.attempt_time = t
+
+    def _settle(self, t: float, forced: bool) -> None:
+        for _ in range(100):
+            if self.update is not None:
+                outcome = self.update(t, self._natural(self.y), self.fired.ctypes.data, *self.pointers)
+                if outcome < 0:
+                    raise _Failed(UPDATE_FAILED)
+                if outcome == 2:
+                    self.y = self.x[self.order].copy()
+                if outcome == 0 and not forced:
+                    return
+            elif not forced:
+                return
+            watch = len(self.algebraic) > 0 and self.n_roots > 0 and self.update is not None
+            if watch:
+                self._events(t, self.y)
+                before = self.g > 0
+            self._restart(t)
+            if not watch:
+                return
+            self._events(t, self.y)
+            after = self.g > 0
+            self.fired[:] = np.where(after == before, 0, np.where(after, 1, -1))
+            if not self.fired.any():
+                return
+            forced = False
+        raise _Failed(UNSETTLED)
+
+    def _log(self, t: float, root: int) -> None:
+        self.event_times.append(t)
+        self.event_roots.append(root)
+
+    def _located(self, t: float, fired: Any) -> None:
+        if t - self.burst_start > self.asked.window:
+            self.burst_start, self.burst = t, 0
+        self.burst += 1
+        self.fired[:] = fired
+        for k in np.flatnonzero(self.fired):
+            self._log(t, int(k))
+        if self.burst > BURST:
+            raise _Failed(CHATTER)
+        self._settle(t, False)
+
+    def _arrived(self, t: float) -> None:
+        self.fired[:] = 0
+        self._log(t, -1)
+        self.next_event += 1
+        self._settle(t, self.update is None)
+
+    def _record(self) -> None:
+        self.out[self.sample][self.order] = self.y
+        self.modes[self.sample] = self.asked.data[self.asked.modes]
+        self.sample += 1
+
+    def drive(self) -> int:
+        try:
+            self._settle(self.t, True)
+            while self._advance():
+                pass
+        except _Failed as problem:
+            return int(problem.args[0])
+        return 0
+
+    def _advance(self) -> bool:
+        """One sample or event further; False when all samples are taken."""
+        times, events = self.asked.times, self.asked.time_events
+        tiny = 10 * float(np.finfo(np.float64).eps) * abs(self.t)
+        while self.sample < len(times) and times[self.sample] <= self.t + tiny:
+            self._record()
+        if self.sample == len(times):
+            return False
+        pending = self.next_event < len(events) and events[self.next_event] <= times[-1]
+        stop = float(events[self.next_event] if pending else times[-1])
+        if pending and stop <= self.t + tiny:
+            self._arrived(self.t)
+            return True
+        if self.attempts >= self.asked.max_steps:
+            raise _Failed(STEP_LIMIT)
+        target = min(float(times[self.sample]), stop)
+        step = self.ida.step(target, method="normal", tstop=stop)
+        self.t, self.y = float(step.t), step.y
+        if step.status < 0:
+            raise _Failed(STEP_LIMIT if step.status == _TOO_MUCH_WORK else step.status)
+        if step.status == _ROOT_RETURN:
+            self._located(self.t, step.i_events[-1])
+        elif pending and target == stop:
+            self.t = stop
+            self._arrived(stop)
+        return True
+
+    def outcome(self, status: int) -> Outcome:
+        return Outcome(
+            status=status,
+            t=self.t,
+            x=self.out,
+            modes=self.modes,
+            event_times=np.array(self.event_times),
+            event_roots=np.array(self.event_roots, dtype=np.int64),
+            rhs=self.n_rhs,
+            jac=self.n_jac,
+            attempts=self.attempts,
+            restarts=self.restarts - 1,
+            bad_time=self.bad_time if self.bad_time >= self.t else None,
+            bad_state=self.bad_state,
+            residuals=self.f if status == START_FAILED else None,
+        )

@@ -1,0 +1,158 @@
+"""The native road to IDA: SUNDIALS driven by compiled callbacks and a compiled loop."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gearlib.solve import ida_compiled as compiled
+from gearlib.solve.ida_request import BURST, Outcome, Request
+from gearlib.solve.problem import Floats
+from gearlib.solve.sundials import Solver, Sundials
+
+_FUNCTIONS = {
+    "array_pointer": "N_VGetArrayPointer",
+    "solve": "IDASolve",
+    "reinit": "IDAReInit",
+    "calc_ic": "IDACalcIC",
+    "get_ic": "IDAGetConsistentIC",
+    "root_info": "IDAGetRootInfo",
+    "set_stop": "IDASetStopTime",
+    "set_max_steps": "IDASetMaxNumSteps",
+    "get_steps": "IDAGetNumSteps",
+}
+_LOG = 256  # events; grows
+
+
+@dataclass
+class _Run:
+    """The frame that the compiled code works on, and the arrays that it points to."""
+
+    frame: Any  # one record of `compiled.FRAME`
+    arrays: dict[str, Any]
+
+    def point(self, **arrays: Any) -> None:
+        """Let the frame point to arrays, and keep them alive."""
+        for name, array in arrays.items():
+            self.arrays[name] = array
+            self.frame[name] = array.ctypes.data if array.size else 0
+
+    def log_space(self, capacity: int) -> None:
+        """Make room for so many events, keeping those already logged."""
+        times, roots = np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
+        if "event_times" in self.arrays:
+            used = int(self.frame["events"][0])
+            times[:used], roots[:used] = self.arrays["event_times"][:used], self.arrays["event_roots"][:used]
+        self.point(event_times=times, event_roots=roots)
+        self.frame["event_capacity"] = capacity
+
+
+def run(sundials: Sundials, asked: Request) -> Outcome:
+    """Integrate natively.
+
+    Parameters
+    ----------
+    sundials
+        The libraries, from `gearlib.solve.sundials.load`.
+    asked
+        The problem and what is wanted of it.
+    """
+    problem, order = asked.problem, asked.matrix.order
+    x0 = np.asarray(problem.x0, dtype=np.float64)
+    y, dy = np.array(x0 if order is None else x0[order]), np.zeros(len(x0))
+    solver = Solver(sundials, y, dy)
+    try:
+        state = _prepare(sundials, solver, asked, y, dy)
+        drive = compiled.drive.ctypes
+        frame = ctypes.cast(state.frame.ctypes.data, drive.argtypes[0])
+        status = compiled.PAUSE
+        while status > 0:
+            status = int(drive(frame))
+            if status == compiled.LOG_FULL:
+                state.log_space(2 * int(state.frame["event_capacity"][0]) + problem.n_roots)
+        return _outcome(solver, state, asked, status)
+    finally:
+        solver.close()
+
+
+def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: Floats) -> _Run:
+    problem, matrix = asked.problem, asked.matrix
+    n, samples, n_roots = len(y), len(asked.times), problem.n_roots if problem.roots is not None else 0
+    n_modes = asked.modes.stop - asked.modes.start
+    permuted = slice(None) if matrix.order is None else matrix.order
+    differential = np.asarray(problem.differential, dtype=np.float64)[permuted]
+
+    state = _Run(np.zeros(1, dtype=compiled.FRAME), {})
+    frame = state.frame
+    state.point(
+        data=asked.data,
+        index=np.ascontiguousarray(problem.index, dtype=np.int64),
+        x=y if matrix.order is None else np.zeros(n),
+        f=np.zeros(n), y=y, dy=dy, differential=differential,
+        order=np.empty(0) if matrix.order is None else matrix.order,
+        values=np.zeros(len(matrix.position)), position=matrix.position, diagonal=matrix.diagonal,
+        fired=np.zeros(n_roots, dtype=np.int32), sides=np.zeros(n_roots, dtype=np.int32), g=np.zeros(n_roots),
+        times=asked.times, out=np.empty((samples, n)), modes_out=np.empty((samples, n_modes)),
+        time_events=asked.time_events, scratch=np.zeros(1), counter=np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+    state.log_space(_LOG + n_roots)
+    numbers = {
+        "n": n, "nnz": len(matrix.position), "n_diagonal": len(matrix.diagonal), "n_roots": n_roots,
+        "n_algebraic": n - int(np.count_nonzero(differential)), "n_times": samples,
+        "n_time_events": len(asked.time_events), "n_modes": n_modes, "first_mode": asked.modes.start,
+        "max_steps": asked.max_steps, "burst_limit": BURST, "t": asked.times[0], "t_end": asked.times[-1],
+        "window": asked.window, "burst_start": asked.times[0], "ic_span": asked.start_span,
+    }  # fmt: skip
+    for name, number in numbers.items():
+        frame[name] = number
+    for name in ("rhs", "jac", "roots", "update"):
+        function = getattr(problem, name)
+        frame[name] = 0 if function is None else function.address
+    for name, function in _FUNCTIONS.items():
+        frame[name] = sundials.address(function)
+    _attach(solver, state, asked, differential, permuted, n_roots)
+    frame["mem"], frame["yy"], frame["yp"] = solver.mem, solver.yy, solver.yp
+    return state
+
+
+def _attach(solver: Solver, state: _Run, asked: Request, differential: Floats, permuted: Any, n_roots: int) -> None:
+    matrix, frame = asked.matrix, state.frame
+    t, user_data = float(asked.times[0]), frame.ctypes.data
+    solver.create(compiled.residual.address, t, user_data, asked.rtol, asked.atol[permuted], differential)
+    if matrix.pattern is not None:
+        starts, rows = matrix.pattern
+        frame["matrix"], frame["pattern"], frame["starts"] = solver.use_sparse(len(rows))
+        frame["n_pattern"] = len(rows)
+        state.point(pattern_source=rows, starts_source=starts)
+    else:
+        frame["matrix"] = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
+    solver.attach(None if asked.problem.jac is None else compiled.jacobian.address, n_roots, compiled.roots.address)
+
+
+def _outcome(solver: Solver, state: _Run, asked: Request, status: int) -> Outcome:
+    s = state.frame[0]
+    order, events = asked.matrix.order, int(s["events"])
+    worst = solver.worst() if status < 0 and s["steps"] > 0 else -1
+    residuals = state.arrays["f"] if status == compiled.START_FAILED else None
+    return Outcome(
+        status=status,
+        t=float(s["t"]),
+        x=state.arrays["out"],
+        modes=state.arrays["modes_out"],
+        event_times=state.arrays["event_times"][:events].copy(),
+        event_roots=state.arrays["event_roots"][:events].copy(),
+        rhs=int(s["n_rhs"]),
+        jac=int(s["n_jac"]),
+        attempts=int(s["attempts"]),
+        restarts=int(s["restarts"]) - 1,
+        steps=int(s["steps"]),
+        order=solver.number("IDAGetLastOrder", ctypes.c_int),
+        step_size=solver.number("IDAGetCurrentStep"),
+        worst_state=int(order[worst]) if order is not None and worst >= 0 else worst,
+        bad_time=float(s["bad_time"]) if s["refused"] > 0 and s["bad_time"] >= s["t"] else None,
+        bad_state=int(s["bad_state"]),
+        residuals=residuals,
+    )

@@ -1,0 +1,192 @@
+"""Consistent start values: what is fixed holds, what is only guessed gives way, contradictions are named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.numbers import start_guess
+from gearlib.codegen.program import build
+from gearlib.codegen.sensitivity import sensitivity
+from gearlib.errors import StartError
+from gearlib.flatten.model import FlatModel
+from gearlib.solve.scene import Numbers, Scene, node_name
+from gearlib.structure.analysis import Structure
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class Start:
+    """Start values."""
+
+    states: Floats  # of the scene
+    guess: Floats  # of every representative variable, for iterations
+    free: tuple[str, ...]  # states that nothing fixes
+
+
+def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, float]) -> dict[int, tuple[float, str]]:
+    """Fixed start values by representative variable, with the name under which each was given."""
+    fixed: dict[int, tuple[float, str]] = {}
+    given = [
+        (int(v), float(parameters[slot]))
+        for v, slot, is_fixed in zip(model.starts.variables, model.starts.slots, model.starts.fixed, strict=True)
+        if is_fixed and int(v) not in overrides
+    ]
+    for v, value in [*given, *overrides.items()]:
+        rep, sign = int(model.representative[v]), int(model.sign[v])
+        if sign == 0:
+            if value != 0.0:
+                raise StartError(f"start of {model.name(v)} is {value:g}, but it is always zero")
+            continue
+        if rep in fixed and abs(fixed[rep][0] - sign * value) > TOLERANCE * max(1.0, abs(value)):
+            other = fixed[rep][1]
+            raise StartError(
+                f"start values contradict each other: {other} and {model.name(v)} are one variable (up to its sign), but are "
+                f"fixed at {fixed[rep][0]:g} and {sign * value:g}"
+            )
+        fixed[rep] = (sign * value, model.name(v))
+    return fixed
+
+
+def start_values(
+    scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float]
+) -> Start:
+    """Find the start of a run.
+
+    Parameters
+    ----------
+    scene : Scene
+    parameters : array
+    inputs : array, shape (inputs,)
+        Values of the inputs at the start.
+    t : float
+    overrides : mapping of int to float
+        Start values given for this run, by variable.
+
+    Raises
+    ------
+    StartError
+        Fixed values that contradict each other.
+    """
+    structure, model = scene.structure, scene.model
+    fixed = fixed_values(model, parameters, overrides)
+    guess = start_guess(model, parameters)
+    for v, (value, _) in fixed.items():
+        guess[v] = value
+    everything = structure.states
+    place = {node: i for i, node in enumerate(everything)}
+    x = np.array([guess[v] if k == 0 else 0.0 for v, k in everything])
+    direct = {place[v, 0] for v in fixed if (v, 0) in place}
+    others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]
+    free = [i for i in range(len(everything)) if i not in direct]
+    moved: set[int] = set()
+    if others:
+        moved = _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free)
+    names = tuple(
+        node_name(model, everything[i]) for i in free if i not in moved and everything[i] in scene.states
+    )
+    return Start(np.array([x[place[s]] for s in scene.states]), guess, names)
+
+
+def _satisfy(
+    structure: Structure, scene: Scene, parameters: Floats, inputs: Floats, t: float, x: Floats, guess: Floats,
+    others: list[Node], fixed: Mapping[int, tuple[float, str]], free: list[int],
+) -> set[int]:  # fmt: skip
+    """Move the free states (as little as possible) until the other fixed values hold. Changes ``x``; returns what moved."""
+    program = build(structure, others, structure.states, dynamic=False)
+    prepared = prepare(program, structure, parameters)
+    wanted = np.array([fixed[v][0] for v, _ in others])
+    here = Scene(structure, structure.states)
+    scale = here.nominal[free] if free else np.empty(0)
+    start = here.guess(program, guess)
+    slots_of = program.output_slots
+    u = inputs[:, None]
+    flags = np.zeros((scene.n_relations, 1))
+    moved: set[int] = set()
+    for _ in range(30):
+        slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
+        error = slots[slots_of, 0] - wanted
+        if (np.abs(error) <= 1e-12 * np.maximum(1.0, np.abs(wanted))).all() or not free:
+            break
+        gradient = _dense(sensitivity(prepared, t, slots[:, 0], flags[:, 0], range(len(x)))[slots_of])
+        step = _basic_solution(gradient[:, free] * scale, -error) * scale
+        x[free] += step
+        moved |= {free[i] for i in np.flatnonzero(np.abs(step) > 0)}
+        if not step.any():
+            break
+    slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
+    error = slots[slots_of, 0] - wanted
+    bad = np.flatnonzero(~(np.abs(error) <= TOLERANCE * np.maximum(1.0, np.abs(wanted))))
+    if len(bad):
+        i = int(bad[0])
+        rest = [fixed[v][1] for v in fixed if v != others[i][0]]
+        raise StartError(
+            f"start values contradict each other: {fixed[others[i][0]][1]} is fixed at {wanted[i]:g}, but the other fixed values "
+            f"({', '.join(rest[:6])}{', ...' if len(rest) > 6 else ''}) and the connections make it {slots[slots_of[i], 0]:g}; "
+            "fix fewer, or give some of them as guess={...}"
+        )
+    return moved
+
+
+def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
+    """A least-squares solution that moves few variables (QR with column pivoting)."""
+    from scipy.linalg import lstsq, qr
+
+    m, n = matrix.shape
+    if not n:
+        return np.zeros(n)
+    _, r, order = qr(matrix, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(r))
+    rank = int((diagonal > 1e-11 * max(diagonal[0], 1e-300)).sum()) if len(diagonal) else 0
+    result = np.zeros(n)
+    if rank:
+        chosen = order[:rank]
+        result[chosen] = lstsq(matrix[:, chosen], rhs)[0]
+    return result
+
+
+def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
+    """States at which nothing accelerates: all derivatives vanish (absolute angles in which the train turns are not states).
+
+    Raises
+    ------
+    StartError
+        There is none (a train without load under a torque), or the iteration does not find it.
+    """
+    x = start.states.copy()
+    guess = scene.guess(scene.program, start.guess)
+    now, u = np.array([t]), inputs[:, None]
+    scale = np.maximum(scene.nominal, 1e-300)
+    size = 1.0
+    for _ in range(60):
+        flags = scene.relation_values(numbers, now, x[:, None], u)
+        slots = evaluate(numbers.main, now, x[:, None], u, flags, guess)
+        rate = slots[scene.program.output_slots, 0]
+        gradient = _dense(sensitivity(numbers.main, t, slots[:, 0], flags[:, 0], range(len(x)))[scene.program.output_slots])
+        row = np.maximum(np.abs(gradient * scale).max(axis=1), 1e-300)
+        step, *_ = np.linalg.lstsq(gradient * scale / row[:, None], -rate / row, rcond=1e-12)
+        x = x + step * scale
+        size = float(np.max(np.abs(step)))
+        if size <= 1e-12 * max(1.0, float(np.max(np.abs(x / scale)))):
+            break
+    flags = scene.relation_values(numbers, now, x[:, None], u)
+    slots = evaluate(numbers.main, now, x[:, None], u, flags, guess)
+    rate = slots[scene.program.output_slots, 0]
+    worst = int(np.argmax(np.abs(rate) / row)) if len(rate) else 0
+    if len(rate) and not abs(rate[worst]) / row[worst] <= 1e-8 * max(1.0, float(np.max(np.abs(x / scale)))):
+        raise StartError(
+            f"no steady state was found: der({node_name(scene.model, scene.states[worst])}) stays at {rate[worst]:g}; a train "
+            "that is driven needs a load that grows with its speed"
+        )
+    return x
+
+
+def _dense(matrix: object) -> Floats:
+    return matrix.toarray() if hasattr(matrix, "toarray") else matrix  # type: ignore[return-value]

@@ -1,0 +1,107 @@
+"""The linear time-invariant form of a scene, and what drives it: x' = A x + B u(t)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from gearlib.codegen.program import Batch
+from gearlib.codegen.sensitivity import affine_seeds, rest_expression, sensitivity
+from gearlib.flatten.templates import Relation
+from gearlib.solve.scene import Numbers, Scene
+from gearlib.solve.table import Table
+
+Floats = NDArray[np.float64]
+TIME: Any = sympy.Symbol("time", real=True)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """x' = A x + B u(t); the inputs u are expressions of time with numbers in them."""
+
+    A: Any  # (states, states), array or sparse
+    B: Floats  # (states, inputs)
+    inputs: tuple[Any, ...]
+
+
+def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linear | str:
+    """The linear form of a scene, or the reason why it has none.
+
+    Parameters
+    ----------
+    scene : Scene
+    numbers : Numbers
+    signals : sequence
+        The unbound inputs: numbers, tables or functions of time.
+    """
+    program = scene.program
+    if not program.is_linear:
+        return "the equations are not linear with constant coefficients"
+    if scene.relations is not None and not scene.relations.on_time.all():
+        return "relations between variables make events"
+    if any(callable(s) and not isinstance(s, Table) for s in signals):
+        return "an input is a Python function"
+    n, m = len(program.states), len(program.inputs)
+    seeds = affine_seeds(program)
+    expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in seeds]
+    constant = [k for k, e in enumerate(expressions) if e.is_number]
+    moving = [k for k, e in enumerate(expressions) if not e.is_number]
+    slots = np.zeros(program.n_slots)
+    flags = np.zeros(scene.n_relations)
+    added = [int(batch.targets[i]) for batch, i in seeds]
+    d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), added)[program.output_slots]
+    full = d if isinstance(d, np.ndarray) else None
+    B = d[:, n:] if full is not None else d[:, n:].toarray()
+    columns = [B[:, k] for k in range(m)] + [B[:, m + k] for k in moving]
+    inputs = [s.expression() if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
+    inputs += [expressions[k] for k in moving]
+    if constant:
+        columns.append(sum(B[:, m + k] * float(expressions[k]) for k in constant))
+        inputs.append(sympy.Integer(1))
+    return Linear(d[:, :n], np.array(columns).reshape(len(columns), n).T, tuple(inputs))
+
+
+def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats) -> Any:
+    """What a batch's row adds of its own, as an expression of time with numbers."""
+    kernel, template = batch.kernel, batch.kernel.template
+    g, i = scene.structure.rows[int(batch.equations[row])]
+    group = scene.model.groups[g]
+    value = {
+        name: sympy.Float(parameters[slot], 17)
+        for name, slot in zip(group.template.parameters, group.parameters[i].tolist(), strict=True)
+    }
+    table: dict[Any, Any] = {sympy.Symbol("t", real=True): TIME}
+    table |= {sympy.Symbol(f"p{k}", real=True): value[name] for k, name in enumerate(template.parameters)}
+    by_name = {sympy.Symbol(name, real=True): v for name, v in value.items()}
+    for r in kernel.relations:
+        held = sympy.Ne(sympy.Symbol(f"r{r}", real=True), 0)
+        table[held] = _condition(template.relations[r]).xreplace(by_name)
+    return int(batch.signs[row]) * rest_expression(batch).xreplace(table)
+
+
+def _condition(relation: Relation) -> Any:
+    zero = sympy.S.Zero
+    if relation.negated:
+        return relation.g < zero if relation.strict else relation.g <= zero
+    return relation.g > zero if relation.strict else relation.g >= zero
+
+
+def time_conditions(scene: Scene, numbers: Numbers) -> list[Any]:
+    """The relations of time that a scene uses, with numbers: where they switch, the integrator must stop."""
+    relations = scene.relations
+    if relations is None:
+        return []
+    timed = relations.used[relations.on_time]
+    found = []
+    for batch in relations.batches:
+        for i in np.flatnonzero(np.isin(batch.targets, timed)).tolist():
+            table = {sympy.Symbol("t", real=True): TIME}
+            for a, p in enumerate(batch.kernel.parameters):
+                table[sympy.Symbol(f"p{p}", real=True)] = sympy.Float(numbers.parameters[batch.parameters[i, a]], 17)
+            found.append(batch.kernel.expression.xreplace(table) > 0)
+    return found

@@ -1,0 +1,265 @@
+"""One interface to the integrators: exact for linear scenes, Runge-Kutta and IDA for the others, and the choice between them."""
+
+from __future__ import annotations
+
+import ctypes
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.layout import Shared
+from gearlib.codegen.native import NativeScene
+from gearlib.errors import ArgumentError, SolverError
+from gearlib.solve.initialize import Start
+from gearlib.solve.lti import Linear, linear_form, time_conditions
+from gearlib.solve.problem import Native, Problem, Solution
+from gearlib.solve.scene import Numbers, Scene
+from gearlib.solve.table import Table, breakpoints, values
+
+Floats = NDArray[np.float64]
+METHODS = ("auto", "exact", "ida", "rk", "rk5", "rk8")
+LARGEST_EXACT = 3000  # states
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is to be integrated, from when to when, and how accurately."""
+
+    scene: Scene
+    numbers: Numbers
+    start: Start
+    signals: tuple[Any, ...]
+    times: Floats
+    rtol: float
+    atol: Floats | None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """States and relation values at the times, events and statistics."""
+
+    states: Floats
+    relations: Floats
+    events: list[Any]
+    stats: dict[str, Any]
+
+
+def integrate(run: Run, method: str) -> Outcome:
+    """Integrate with a method, or with the one that fits.
+
+    Raises
+    ------
+    ArgumentError
+        A method that cannot do this scene.
+    SolverError
+        The integration failed.
+    """
+    begin = clock.perf_counter()
+    if method == "auto":
+        outcome = _automatic(run)
+    elif method == "exact":
+        form = _exact_form(run)
+        if isinstance(form, str):
+            raise ArgumentError(f"method='exact' needs a linear time-invariant scene: {form}; use method='auto', 'rk' or 'ida'")
+        outcome = _exact(run, form, "asked for")
+    elif method == "ida":
+        outcome = _native(run, "ida", "asked for")
+    else:
+        outcome = _native(run, method, "asked for")
+    outcome.stats["seconds"] = clock.perf_counter() - begin
+    return outcome
+
+
+def _automatic(run: Run) -> Outcome:
+    form = _exact_form(run)
+    if not isinstance(form, str):
+        return _exact(run, form, "the scene is linear and time-invariant")
+    if not run.scene.states:
+        return _exact(run, Linear(np.zeros((0, 0)), np.zeros((0, 0)), ()), "there are no states")
+    return _native(run, "rk", form, hand_over=True)
+
+
+def _exact_form(run: Run) -> Any:
+    if len(run.scene.states) > LARGEST_EXACT:
+        return f"{len(run.scene.states)} states are too many for an exponential"
+    form = linear_form(run.scene, run.numbers, run.signals)
+    if isinstance(form, str):
+        return form
+    from gearlib.solve.forcing import NotExact, recognise
+
+    forcing = recognise(form.inputs, float(run.times[0]), float(run.times[-1]))
+    if isinstance(forcing, NotExact):
+        return forcing.reason
+    return form, forcing
+
+
+def _exact(run: Run, form: Any, why: str) -> Outcome:
+    inputs = values(run.signals, run.times)
+    n = len(run.scene.states)
+    if isinstance(form, Linear):
+        states = np.zeros((len(run.times), 0))
+    else:
+        from gearlib.solve import exact
+
+        linear, forcing = form
+        states = exact.integrate(linear.A, linear.B, forcing, run.start.states, run.times, rtol=min(run.rtol, 1e-12))
+    extra = np.zeros((len(run.scene.program.inputs) - len(inputs), len(run.times)))
+    flags = run.scene.relation_values(run.numbers, run.times, states.T.reshape(n, -1), np.vstack([inputs, extra]))
+    stats = {"method": "exact", "why": why, "states": n, "steps": 0, "rhs": 0, "events": 0}
+    return Outcome(states, flags.T, [], stats)
+
+
+def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome:
+    scene = run.scene
+    if not scene.states:
+        return _exact(run, Linear(np.zeros((0, 0)), np.zeros((0, 0)), ()), "there are no states")
+    problem, keep = _problem(run, jacobian=method == "ida")
+    if method == "ida":
+        from gearlib.solve import ida
+
+        solution = ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol)
+    else:
+        from gearlib.solve import rungekutta
+
+        order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 3e-7 else 5)
+        solution = rungekutta.integrate(
+            problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over
+        )
+    failure = keep.failure()
+    if failure is not None:
+        raise failure
+    if solution.status == "stiff":
+        return _continue(run, solution, why)
+    return _outcome(run, solution, method, why)
+
+
+def _continue(run: Run, first: Solution, why: str) -> Outcome:
+    """Go on with IDA from where the explicit method met stiffness."""
+    done = int(np.searchsorted(run.times, first.t_last, side="left"))
+    done = min(done, len(first.t))
+    later = np.concatenate([[first.t_last], run.times[done:]])
+    start = replace(run.start, states=first.x_last)
+    rest = _native(replace(run, start=start, times=later), "ida", why)
+    states = np.vstack([first.x[:done], rest.states[1:]])
+    modes = np.vstack([first.modes[:done], rest.relations[1:]])
+    stats = dict(rest.stats)
+    stats["why"] = f"{why}; explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s and handed over to IDA"
+    stats["steps"] = int(first.stats.get("steps", 0)) + int(rest.stats.get("steps", 0))
+    stats["rhs"] = int(first.stats.get("rhs", 0)) + int(rest.stats.get("rhs", 0))
+    return Outcome(states, modes, [*_events(run, first), *rest.events], stats)
+
+
+def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
+    if not np.isfinite(solution.x).all():
+        bad = int(np.argmax(~np.isfinite(solution.x).all(axis=1)))
+        raise SolverError(f"the solution is not finite at t = {solution.t[bad]:g} s")
+    stats = {"method": method, "why": why, "states": len(run.scene.states), **solution.stats}
+    stats["method"] = method if method == "ida" else f"rk{solution.stats.get('order', '')}"
+    return Outcome(solution.x, solution.modes, _events(run, solution), stats)
+
+
+def _events(run: Run, solution: Solution) -> list[Any]:
+    """(time, component, relation) of each event; time events have no component."""
+    relations = run.scene.relations
+    if relations is None or not len(solution.event_times):
+        return []
+    numbers = relations.used[~relations.on_time]
+    owner: dict[int, str] = {}
+    for batch in relations.batches:
+        for i, number in enumerate(batch.targets.tolist()):
+            g, row = run.scene.structure.rows[int(batch.equations[i])]
+            owner[number] = f"{run.scene.model.owner(g, row)}: {batch.kernel.template.label}"
+    return [
+        (float(t), owner[int(numbers[r])] if r >= 0 else "time event")
+        for t, r in zip(solution.event_times, solution.event_roots, strict=True)
+    ]
+
+
+class _Keep:
+    """Holds Python callbacks alive during a run, and what they raised."""
+
+    def __init__(self) -> None:
+        self.callbacks: list[Any] = []
+        self.problem: BaseException | None = None
+
+    def failure(self) -> BaseException | None:
+        if self.problem is None:
+            return None
+        return SolverError(f"an input raised {type(self.problem).__name__}: {self.problem}")
+
+
+@dataclass(frozen=True)
+class _Wrapped:
+    """A native function with Python inputs written into its data first."""
+
+    address: int
+
+
+def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
+    scene = run.scene
+    native: NativeScene = scene.native_with_jacobian if jacobian else scene.native
+    t0 = float(run.times[0])
+    program = scene.program
+    at_start = values(run.signals, run.times[:1])
+    extra = len(program.inputs) - len(at_start)
+    inputs = np.concatenate([at_start[:, 0], np.zeros(extra)])
+    flags = scene.relation_values(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])
+    data = scene.data(native, run.numbers, inputs, flags[:, 0], scene.guess(program, run.start.guess))
+    keep = _Keep()
+
+    def wrap(function: Any, third: Any) -> Native | None:
+        if function is None:
+            return None
+        moving = [(k, s) for k, s in enumerate(run.signals) if callable(s)]
+        return _feed(function, native.shared, moving, keep, third) if moving else function  # type: ignore[no-any-return]
+
+    double = ctypes.POINTER(ctypes.c_double)
+    fired = ctypes.POINTER(ctypes.c_int32)
+    relations = scene.relations
+    n_roots = int((~relations.on_time).sum()) if relations is not None else 0
+    pattern = native.pattern
+    problem = Problem(
+        rhs=wrap(native.rhs, double), x0=run.start.states, data=data, index=native.index,  # type: ignore[arg-type]
+        differential=np.ones(len(scene.states), bool), nominal=scene.nominal, jac=wrap(native.jac, double),
+        jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
+        roots=wrap(native.roots, double) if n_roots else None, n_roots=n_roots, update=wrap(native.update, fired),
+        modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
+        time_events=_time_events(run, t0, float(run.times[-1])),
+    )  # fmt: skip
+    return problem, keep
+
+
+def _time_events(run: Run, t0: float, t1: float) -> Floats:
+    found = [breakpoints(run.signals)]
+    conditions = time_conditions(run.scene, run.numbers)
+    if conditions:
+        from gearlib.solve.switches import times_of_breakpoints
+
+        found += [times_of_breakpoints(c, t0, t1) for c in conditions]
+    times = np.unique(np.concatenate(found))
+    return times[(times > t0) & (times < t1)]
+
+
+def _feed(
+    function: Any, shared: Shared, moving: Sequence[tuple[int, Callable[[float], float]]], keep: _Keep, third: Any
+) -> _Wrapped:
+    double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
+    kind = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, double, third, double, whole)
+    native = kind(function.address)
+
+    def call(t: float, x: Any, out: Any, data: Any, index: Any) -> int:
+        try:
+            for k, signal in moving:
+                data[shared.inputs + k] = float(signal(t))
+        except Exception as problem:  # it must not cross the native frames
+            keep.problem = problem
+            return -1
+        return int(native(t, x, out, data, index))
+
+    callback = kind(call)
+    keep.callbacks += [callback, native]
+    return _Wrapped(ctypes.cast(callback, ctypes.c_void_p).value or 0)

@@ -1,0 +1,158 @@
+"""`Scene`: a reduced model and the states that a run integrates; programs and native code are made when first needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.evaluate import Prepared, batch_values, evaluate, prepare
+from gearlib.codegen.events import relation_of
+from gearlib.codegen.layout import fill
+from gearlib.codegen.native import NativeScene, compile_scene
+from gearlib.codegen.program import Batch, Program, Relations, build, relations_of
+from gearlib.flatten.model import FlatModel
+from gearlib.structure.analysis import Structure
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import reach
+
+Floats = NDArray[np.float64]
+
+
+def node_name(model: FlatModel, node: Node) -> str:
+    """ "load.w", or "der(load.w)" for its derivative."""
+    return "der(" * node[1] + model.name(node[0]) + ")" * node[1]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A scene's programs with the numbers of one set of parameters."""
+
+    parameters: Floats
+    main: Prepared
+    relations: Prepared | None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is integrated.
+
+    Attributes
+    ----------
+    structure : Structure
+    states : tuple of nodes
+        In the order in which they are integrated.
+    """
+
+    structure: Structure
+    states: tuple[Node, ...]
+
+    @property
+    def model(self) -> FlatModel:
+        return self.structure.model
+
+    @cached_property
+    def program(self) -> Program:
+        """Computes the derivatives of the states."""
+        return build(self.structure, [(v, k + 1) for v, k in self.states], self.states, dynamic=True)
+
+    @cached_property
+    def n_relations(self) -> int:
+        return sum(len(g.template.relations) * len(g) for g in self.model.groups)
+
+    @cached_property
+    def relations(self) -> Relations | None:
+        """The relations that the derivatives depend on, if any."""
+        if not self.n_relations:
+            return None
+        found = relations_of(self.structure, self.program)
+        return found if len(found.used) else None
+
+    @cached_property
+    def slot_names(self) -> list[str]:
+        names = [""] * self.program.n_slots
+        for node, slot in self.program.slots.items():
+            names[slot] = node_name(self.model, node)
+        return [name or f"known_{i}" for i, name in enumerate(names)]
+
+    @cached_property
+    def native(self) -> NativeScene:
+        """Compiled functions without a Jacobian."""
+        return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.n_relations, False)
+
+    @cached_property
+    def native_with_jacobian(self) -> NativeScene:
+        """Compiled functions with one."""
+        return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.n_relations, True)
+
+    @cached_property
+    def nominal(self) -> Floats:
+        return np.array([self.model.nominal[v] if k == 0 else 1.0 for v, k in self.states])
+
+    def numbers(self, parameters: Floats) -> Numbers:
+        """Prepare for a set of parameters."""
+        main = prepare(self.program, self.structure, parameters)
+        relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
+        return Numbers(parameters, main, relations)
+
+    def relation_values(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats) -> Floats:
+        """Relations as they are at some times, by iteration, shape (relations, times)."""
+        flags = np.zeros((self.n_relations, len(t)))
+        relations = self.relations
+        if relations is None or numbers.relations is None:
+            return flags
+        for _ in range(100):
+            slots = evaluate(numbers.relations, t, states, inputs, flags)
+            new = flags.copy()
+            for batch in relations.batches:
+                late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
+                new[batch.targets] = relation_flags(batch, relations, late, t, slots, numbers.parameters, flags)
+            if (new == flags).all():
+                break
+            flags = new
+        return flags
+
+    def data(self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Floats | None) -> Floats:
+        """The data block of a run."""
+        shared = native.shared
+        data = np.zeros(native.size)
+        data[: shared.n_parameters] = numbers.parameters
+        data[shared.relations : shared.relations + shared.n_relations] = flags
+        data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
+        fill(data, native.rhs.layout, numbers.main, guess)
+        if native.jac is not None:
+            fill(data, native.jac.layout, numbers.main, guess)
+        for part in (native.roots, native.update):
+            if part is not None and numbers.relations is not None:
+                fill(data, part.layout, numbers.relations)
+        return data
+
+    def guess(self, program: Program, start: Floats) -> Floats:
+        """Where Newton's iterations start: the start values of variables, zero for their derivatives."""
+        result = np.zeros(program.n_slots)
+        for (v, k), slot in program.slots.items():
+            if k == 0:
+                result[slot] = start[v]
+        return result
+
+
+def relation_flags(
+    batch: Batch, relations: Relations, late: Floats, t: Floats, slots: Floats, parameters: Floats, flags: Floats
+) -> Floats:
+    """1 where a relation holds, 0 where it does not; relations of time take their right-hand limit."""
+    timed = np.isin(batch.targets, relations.used[relations.on_time])
+    g = batch_values(batch, t, slots, parameters, flags) * np.ones((len(batch), len(t)))
+    if timed.any():
+        g[timed] = (batch_values(batch, late, slots, parameters, flags) * np.ones((len(batch), len(t))))[timed]
+    strict, negated = relation_of(batch)
+    test = {(False, False): g >= 0, (True, False): g > 0, (False, True): g <= 0, (True, True): g < 0}[strict, negated]
+    return test.astype(float)
+
+
+def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, ...]:
+    """The states that must be integrated to know some variables."""
+    _, states = reach(structure.dependence, targets, dynamic=True)
+    return tuple(sorted(states))

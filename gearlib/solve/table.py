@@ -1,0 +1,80 @@
+"""`Table`: an input given by points, joined by straight lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import ArrayLike, NDArray
+
+from gearlib.errors import ArgumentError
+
+
+class Table:
+    """Piecewise linear function of time; constant before the first and after the last point.
+
+    Parameters
+    ----------
+    t : sequence of float, shape (n,)
+        Increasing times, s. Two equal times make a step.
+    y : sequence of float, shape (n,)
+        Values.
+
+    Examples
+    --------
+    >>> Table([0, 1, 1, 2], [0, 1, 3, 3])(np.array([0.5, 1.0, 5.0]))
+    array([0.5, 3. , 3. ])
+    """
+
+    def __init__(self, t: ArrayLike, y: ArrayLike) -> None:
+        self.t, self.y = np.asarray(t, float), np.asarray(y, float)
+        if self.t.ndim != 1 or self.t.shape != self.y.shape or len(self.t) < 1:
+            raise ArgumentError(f"Table(t, y): expected two sequences of one length, got shapes {self.t.shape} and {self.y.shape}")
+        if not (np.isfinite(self.t).all() and np.isfinite(self.y).all()):
+            raise ArgumentError("Table(t, y): all times and values must be finite")
+        if (np.diff(self.t) < 0).any():
+            raise ArgumentError("Table(t, y): the times must not decrease")
+
+    def __call__(self, time: Any) -> NDArray[np.float64]:
+        t = np.asarray(time, float)
+        k = np.searchsorted(self.t, t, side="right")
+        left, right = np.clip(k - 1, 0, None), np.clip(k, None, len(self.t) - 1)
+        width = self.t[right] - self.t[left]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(width > 0, (t - self.t[left]) / width, 0.0)
+        result: NDArray[np.float64] = self.y[left] + np.clip(share, 0.0, 1.0) * (self.y[right] - self.y[left])
+        return result
+
+    def expression(self) -> Any:
+        """The same as an expression of time."""
+        time = sympy.Symbol("time", real=True)
+        pieces: list[Any] = [(float(self.y[0]), time < float(self.t[0]))]
+        for t0, t1, y0, y1 in zip(self.t, self.t[1:], self.y, self.y[1:], strict=False):
+            if t1 > t0:
+                slope = (y1 - y0) / (t1 - t0)
+                pieces.append((float(y0) + float(slope) * (time - float(t0)), time < float(t1)))
+        return sympy.Piecewise(*pieces, (float(self.y[-1]), True))
+
+
+Signal = Any  # a number, a function of time, or a Table
+
+
+def breakpoints(signals: Sequence[Signal]) -> NDArray[np.float64]:
+    """Times at which tables have corners."""
+    tables = [s.t for s in signals if isinstance(s, Table)]
+    return np.unique(np.concatenate(tables)) if tables else np.empty(0)
+
+
+def values(signals: Sequence[Signal], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values of the signals at some times, shape (signals, times)."""
+    rows = []
+    for signal in signals:
+        if isinstance(signal, Table):
+            rows.append(signal(times))
+        elif callable(signal):
+            rows.append(np.array([float(signal(float(t))) for t in times]))
+        else:
+            rows.append(np.full(len(times), float(signal)))
+    return np.array(rows, float).reshape(len(rows), len(times))

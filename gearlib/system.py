@@ -1,0 +1,377 @@
+"""`compile` turns a component into a `System`; a system is simulated, linearised, and says what it is made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearlib.codegen.layout import Shared, lay_out
+from gearlib.codegen.native import rhs_source
+from gearlib.codegen.numbers import numbers_of
+from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.flatten.flatten import check_bounds, flatten
+from gearlib.flatten.model import FlatModel
+from gearlib.flatten.templates import parse_column
+from gearlib.language.component import Component
+from gearlib.solve.initialize import Start, start_values, steady_state
+from gearlib.solve.methods import METHODS, Run, integrate
+from gearlib.solve.result import Result
+from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
+from gearlib.solve.table import Table, values
+from gearlib.structure.analysis import Structure, analyse
+from gearlib.structure.incidence import Node
+from gearlib.summary import summary
+
+Floats = NDArray[np.float64]
+
+
+def compile(component: Component, outputs: Sequence[str] | None = None) -> System:
+    """Flatten a component, reduce its index, choose its states.
+
+    Parameters
+    ----------
+    component : Component
+        The outermost one.
+    outputs : sequence of str, optional
+        Variables that are wanted. What none of them depends on is not computed. By default everything can be asked for later;
+        absolute angles that nothing depends on are then integrated only if they are asked for.
+
+    Returns
+    -------
+    System
+
+    Raises
+    ------
+    ModelError
+        Anything that is wrong with the model, by path.
+    NameLookupError
+        An output that the model does not have.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Drive(gl.Component):
+    ...     def assemble(self):
+    ...         self.torque, self.load = gp.Torque(tau=3.0), gp.Inertia(J=1.5)
+    ...         return [gl.connect(self.torque.flange, self.load.flange_a)]
+    >>> system = gl.compile(Drive(), outputs=["load.w"])
+    >>> system.states
+    ('load.w',)
+    >>> system.simulate(t_end=2.0, samples=3)["load.w"]
+    array([0., 2., 4.])
+    """
+    model = flatten(component)
+    parameters = model.parameters.evaluate(model.parameters.values)
+    structure = analyse(model, numbers_of(model, parameters, 0.0))
+    return System(structure, None if outputs is None else tuple(outputs), type(component).__name__)
+
+
+def simulate(component: Component, t_end: float, **options: Any) -> Result:
+    """`compile` and `System.simulate` in one call; ``outputs`` goes to the first, all other options to the second.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Spin(gl.Component):
+    ...     def assemble(self):
+    ...         self.body = gp.Inertia(J=1.0, start={"w": 2.0})
+    ...         return []
+    >>> gl.simulate(Spin(), t_end=1.0, samples=2)["body.w"]
+    array([2., 2.])
+    """
+    outputs = options.pop("outputs", None)
+    return compile(component, outputs).simulate(t_end, **options)
+
+
+class System:
+    """A compiled model.
+
+    Attributes
+    ----------
+    states : tuple of str
+        What is integrated.
+    outputs : tuple of str or None
+        What was asked for.
+    """
+
+    def __init__(self, structure: Structure, outputs: tuple[str, ...] | None, name: str) -> None:
+        self._structure = structure
+        self.outputs = outputs
+        self.name = name
+        model = structure.model
+        if outputs is None:
+            targets = [(v, k + 1) for v, k in structure.states if (v, k) not in structure.angles]
+            wanted = [s for s in structure.states if s not in structure.angles]
+            states = tuple(sorted({*wanted, *needed_states(structure, targets)}))
+        else:
+            if isinstance(outputs, str):
+                raise ArgumentError(f"outputs is a list of names, such as [{outputs!r}]")
+            states = needed_states(structure, [self._node(n, "output") for n in outputs])
+        self._scene = Scene(structure, states)
+        self._scenes: dict[tuple[Node, ...], Scene] = {states: self._scene}
+        self._numbers: dict[tuple[Node, ...], tuple[bytes, Numbers]] = {}
+        self.states = tuple(node_name(model, s) for s in states)
+
+    @property
+    def _model(self) -> FlatModel:
+        return self._structure.model
+
+    def _node(self, name: str, what: str = "variable") -> Node:
+        base, order = parse_column(name)
+        variable = self._model.variable(base, what)
+        node = (int(self._model.representative[variable]), order)
+        solved = node in self._structure.choice.solved_by or node in self._structure.dependence.is_state
+        if not (solved or node[0] in self._structure.dependence.given or self._model.sign[variable] == 0):
+            raise NameLookupError(f"{name} does not occur in the model's equations, so it cannot be an {what}; {base} can")
+        return node
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Paths of all variables."""
+        return tuple(self._model.names())
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Paths and default values of all parameters."""
+        table = self._model.parameters
+        return dict(zip(table.names, table.evaluate(table.values).tolist(), strict=True))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Inputs that nothing is bound to."""
+        return tuple(self._model.name(int(v)) for v in self._model.inputs)
+
+    def summary(self) -> str:
+        """What came in, what each phase did, and what is integrated."""
+        parameters = self._parameters(None)
+        free = self._start(self._scene, parameters, 0.0, None, [0.0] * len(self.inputs)).free
+        return summary(self.name, self._scene, self.outputs, free)
+
+    @cached_property
+    def source(self) -> str:
+        """The generated source of the derivatives."""
+        scene, names = self._scene, self._model.parameters.names
+        shared = Shared(len(names), scene.n_relations, len(scene.program.inputs))
+        return rhs_source(scene.program, lay_out(scene.program, shared, shared.size), scene.slot_names, names)[0]
+
+    def simulate(
+        self, t_end: float, *, t_start: float = 0.0, samples: int | None = None, times: ArrayLike | None = None,
+        method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None, parameters: Mapping[str, float] | None = None,
+        start: Mapping[str, float] | str | None = None, inputs: Mapping[str, Any] | None = None, progress: bool = False,
+    ) -> Result:  # fmt: skip
+        """Integrate from ``t_start`` to ``t_end``.
+
+        Parameters
+        ----------
+        t_end, t_start : float
+            Interval, s.
+        samples : int, optional
+            Number of equidistant output times (501).
+        times : array, optional
+            Output times instead, s, increasing.
+        method : {"auto", "exact", "ida", "rk", "rk5", "rk8"}
+            ``"exact"``: matrix exponential of a linear scene. ``"ida"``: SUNDIALS IDA. ``"rk"``: explicit Runge-Kutta, order by
+            tolerance. ``"auto"`` picks, and ``result.stats`` says why.
+        rtol : float
+            Relative tolerance, 1e-13 .. 0.1.
+        atol : float or array, optional
+            Absolute tolerance of the states; by default ``rtol`` times their nominal values.
+        parameters : mapping, optional
+            Values for this run, by path.
+        start : mapping or "steady", optional
+            Start values for this run, by path; or a search for a steady state.
+        inputs : mapping, optional
+            Of unbound inputs: a number, a function of time, or a `Table`.
+        progress : bool
+            Whether to print what is done.
+
+        Returns
+        -------
+        Result
+
+        Raises
+        ------
+        ArgumentError, NameLookupError, BoundError, StartError, SolverError
+            Each names what was found and what was expected.
+        """
+        grid = _grid(t_start, t_end, samples, times)
+        _check(method, rtol)
+        numbers = self._parameters(parameters)
+        signals = self._signals(inputs)
+        options = (grid, method, rtol, atol, numbers, start, signals, progress)
+        return self._run(self._scene, *options)
+
+    def _run(
+        self, scene: Scene, grid: Floats, method: str, rtol: float, atol: ArrayLike | None, parameters: Floats,
+        start: Mapping[str, float] | str | None, signals: list[Any], progress: bool,
+    ) -> Result:  # fmt: skip
+        numbers = self._prepared(scene, parameters)
+        begin = self._start(scene, parameters, float(grid[0]), start, signals, numbers)
+        absolute = None if atol is None else np.broadcast_to(np.asarray(atol, float), (len(scene.states),)).copy()
+        if absolute is not None and not (np.isfinite(absolute).all() and (absolute >= 0).all()):
+            raise ArgumentError(f"atol is {atol}; expected numbers that are not negative")
+        run = Run(scene, numbers, begin, tuple(signals), grid, rtol, absolute)
+        if progress:
+            print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {method}")
+        outcome = integrate(run, method)
+        if progress:
+            print(f"{self.name}: done with {outcome.stats['method']} in {outcome.stats['seconds']:.3g} s")
+
+        def again(states: tuple[Node, ...]) -> Result:
+            wider = self._scenes.setdefault(states, Scene(self._structure, states))
+            return self._run(wider, grid, method, rtol, None if np.ndim(atol or 0.0) else atol, parameters, start, signals, progress)
+
+        outputs = self.outputs if self.outputs is not None else self.states
+        return Result(
+            scene, grid, outcome.states, outcome.relations, parameters, signals, begin.guess, outcome.stats, outcome.events,
+            outputs, again,
+        )  # fmt: skip
+
+    def linearize(
+        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, *, at: Any = None,
+        parameters: Mapping[str, float] | None = None, sparse: bool = False,
+    ) -> Any:  # fmt: skip
+        """Linear model about an operating point, with exact derivatives.
+
+        Parameters
+        ----------
+        inputs : sequence of str, optional
+            Unbound inputs (all, by default); bound ones may be named too, their binding is the operating point.
+        outputs : sequence of str, optional
+            Variables; by default the system's outputs, or its states.
+        at : None, "steady", mapping, or (Result, time)
+            The start values, a steady state, values of states by path, or a moment of a run.
+        parameters : mapping, optional
+            Values by path.
+        sparse : bool
+            Return a `LinearModel` with sparse matrices instead.
+
+        Returns
+        -------
+        control.StateSpace
+            With the names of states, inputs and outputs. It holds the states that the outputs need.
+        """
+        from gearlib.analysis.linearize import Point, linearize, state_space
+
+        numbers = self._parameters(parameters)
+        chosen_inputs = list(self.inputs if inputs is None else inputs)
+        chosen = list(outputs if outputs is not None else (self.outputs if self.outputs is not None else self.states))
+        if isinstance(inputs, str) or isinstance(outputs, str):
+            raise ArgumentError("inputs and outputs are lists of names, such as ['torque.tau']")
+        states = needed_states(self._structure, [self._node(n, "output") for n in chosen])
+        scene = self._scenes.setdefault(states, Scene(self._structure, states))
+        t, signals = 0.0, [0.0] * len(self.inputs)
+        if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+            result, t = at[0], float(at[1])
+            known = {s: float(np.interp(t, result.time, result._history(s))) for s in states}
+            begin = self._start(scene, numbers, t, None, signals)
+        else:
+            begin = self._start(scene, numbers, t, at, signals)
+            known = dict(zip(states, begin.states.tolist(), strict=True))
+        point = Point(t, known, np.array(signals, float), begin.guess)
+        model = linearize(scene, numbers, chosen_inputs, chosen, point)
+        return model if sparse else state_space(model)
+
+    def _parameters(self, given: Mapping[str, float] | None) -> Floats:
+        table = self._model.parameters
+        if not given:
+            return self._defaults
+        chosen = table.values.copy()
+        overridden = set()
+        for name, value in given.items():
+            k = table.index.get(name)
+            if k is None:
+                valid = [n for n in table.names if "#" not in n and not n.startswith("start(")]
+                raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
+            if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+                raise ArgumentError(f"parameter {name} is {value!r} ({type(value).__name__}); expected a number")
+            chosen[k] = float(value)
+            overridden.add(k)
+        result = table.evaluate(chosen, frozenset(overridden))
+        check_bounds(table, result)
+        return result
+
+    @cached_property
+    def _defaults(self) -> Floats:
+        table = self._model.parameters
+        return table.evaluate(table.values)
+
+    def _prepared(self, scene: Scene, parameters: Floats) -> Numbers:
+        """The numbers of a scene, kept for the parameters that were last used."""
+        key = parameters.tobytes()
+        last = self._numbers.get(scene.states)
+        if last is None or last[0] != key:
+            last = (key, scene.numbers(parameters))
+            self._numbers[scene.states] = last
+        return last[1]
+
+    def _signals(self, given: Mapping[str, Any] | None) -> list[Any]:
+        names = self.inputs
+        given = dict(given or {})
+        for name, value in given.items():
+            if name not in names:
+                bound = self._model.find(name) is not None
+                hint = "it is bound in the model, or no input" if bound else nearest(name, names)
+                raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
+            if not (isinstance(value, Table) or callable(value)):
+                if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
+                    raise ArgumentError(f"input {name} is {value!r}; expected a finite number, a function of time or a gl.Table")
+        return [given.get(name, 0.0) for name in names]
+
+    def _start(
+        self, scene: Scene, parameters: Floats, t: float, start: Mapping[str, float] | str | None, signals: Sequence[Any],
+        numbers: Numbers | None = None,
+    ) -> Start:  # fmt: skip
+        overrides: dict[int, float] = {}
+        if isinstance(start, str) and start != "steady":
+            raise ArgumentError(f"start is {start!r}; expected a mapping of start values, or 'steady'")
+        if isinstance(start, Mapping):
+            for name, value in start.items():
+                if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
+                    raise ArgumentError(f"start of {name} is {value!r}; expected a finite number")
+                overrides[self._model.variable(name)] = float(value)
+        inputs = values(signals, np.array([t]))[:, 0]
+        inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
+        begin = start_values(scene, parameters, inputs, t, overrides)
+        if start == "steady":
+            steady = steady_state(scene, numbers or self._prepared(scene, parameters), begin, inputs, t)
+            return Start(steady, begin.guess, ())
+        return begin
+
+    def __repr__(self) -> str:
+        return f"<System {self.name}: {len(self.states)} states>"
+
+
+def _grid(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None) -> Floats:
+    for name, value in (("t_start", t_start), ("t_end", t_end)):
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
+            raise ArgumentError(f"{name} is {value!r}; expected a finite number of seconds")
+    if not t_end > t_start:
+        raise ArgumentError(f"t_end ({t_end:g}) must be greater than t_start ({t_start:g})")
+    if times is not None:
+        if samples is not None:
+            raise ArgumentError("give samples or times, not both")
+        grid = np.array(times, float)
+        if grid.ndim != 1 or len(grid) < 1 or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
+            raise ArgumentError("times must be an increasing sequence of finite numbers")
+        if grid[0] < t_start or grid[-1] > t_end:
+            raise ArgumentError(f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {grid[0]:g} .. {grid[-1]:g}")
+        if grid[0] > t_start:
+            raise ArgumentError(f"times must begin at t_start ({t_start:g}), got {grid[0]:g}")
+        return grid
+    count = 501 if samples is None else samples
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
+        raise ArgumentError(f"samples is {samples!r}; expected a whole number, 2 or more")
+    return np.linspace(t_start, t_end, int(count))
+
+
+def _check(method: str, rtol: float) -> None:
+    if method not in METHODS:
+        raise ArgumentError(f"there is no method {method!r}; {nearest(str(method), METHODS)}")
+    if isinstance(rtol, bool) or not isinstance(rtol, (int, float, np.number)) or not 1e-13 <= rtol <= 0.1:
+        raise ArgumentError(f"rtol is {rtol!r}; expected a number from 1e-13 to 0.1")

@@ -1,0 +1,58 @@
+"""Meshes of two gears: a spring and a damper along the line of action, driven by the transmission error.
+
+The deflection ``q`` is counted from unloaded contact and is positive where the teeth are pressed together by a positive turn of
+``flange_a``. It is a state, and the shafts' angles enter by their rates alone, so that no absolute angle becomes one.
+"""
+
+from __future__ import annotations
+
+import gearlib as gl
+from gearparts.interfaces import HeatPort, TwoFlanges
+
+
+class GearMesh(TwoFlanges):
+    """Declares what meshes share: radii, compliance, deflection, force and the transmission error's rate."""
+
+    r_a = gl.Parameter("m", "base radius of the gear on flange_a (pitch radius where forces act along the pitch line)", min=0)
+    r_b = gl.Parameter("m", "base radius of the gear on flange_b", min=0)
+    c = gl.Parameter("N/m", "mesh stiffness along the line of action", min=0)
+    d = gl.Parameter("N.s/m", "mesh damping along the line of action", min=0)
+    e_rate = gl.Input("m/s", "rate of the transmission error; adds to the deflection", default=0.0)
+    use_heat_port = gl.Structural(False, "whether the loss flows to a heat port")
+    heat_port = HeatPort("takes the loss", when="use_heat_port")
+    q = gl.Variable("m", "deflection along the line of action", state="prefer", nominal=1e-6)
+    v = gl.Variable("m/s", "rate of deflection")
+    f = gl.Variable("N", "force along the line of action; acts against a positive turn of flange_a")
+
+    def mesh_equations(self, turns_against: int) -> list[gl.Eq]:
+        """Deflection, force and torques; ``turns_against`` is 1 where the gears turn against each other, -1 otherwise."""
+        r_b = turns_against * self.r_b
+        heat = [gl.Eq(self.heat_port.Q_flow, -self.d * self.v**2)] if self.use_heat_port else []
+        return [
+            gl.Eq(gl.der(self.q), self.v),
+            gl.Eq(self.v, self.r_a * gl.der(self.flange_a.phi) + r_b * gl.der(self.flange_b.phi) + self.e_rate),
+            gl.Eq(self.f, self.c * self.q + self.d * self.v),
+            gl.Eq(self.flange_a.tau, self.r_a * self.f),
+            gl.Eq(self.flange_b.tau, r_b * self.f),
+            *heat,
+        ]
+
+
+class ExternalMesh(GearMesh):
+    """Two outer gears, which turn against each other: ``der(q) = r_a w_a + r_b w_b + e_rate``, ``f = c q + d der(q)``.
+
+    Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
+    """
+
+    def equations(self) -> list[gl.Eq]:
+        return self.mesh_equations(1)
+
+
+class InternalMesh(GearMesh):
+    """A ring on flange_a and a gear inside it, same sense: ``der(q) = r_a w_a - r_b w_b + e_rate``, ``f = c q + d der(q)``.
+
+    Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
+    """
+
+    def equations(self) -> list[gl.Eq]:
+        return self.mesh_equations(-1)

@@ -1,0 +1,178 @@
+"""Gear units, and the trains made of them: the XP single-loop train of Zhou and Cui (2022).
+
+References
+----------
+X. Zhou, Y. Cui, "Dynamic characteristics of single-loop gear system based on bond graph method", Journal of
+Vibroengineering, 2022. https://doi.org/10.21595/jve.2021.22290
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gearlib as gl
+from gearparts.gears import IdealGear
+from gearparts.interfaces import Flange, TwoFlanges
+from gearparts.meshes import ExternalMesh
+from gearparts.planetary import PlanetaryUnit
+from gearparts.shafts import Damper, Fixed, Inertia, Spring
+from gearparts.sources import Torque
+
+if TYPE_CHECKING:
+    from gearlib.language.component import Connection
+
+
+class FixedAxisUnit(TwoFlanges):
+    """Two outer gears on fixed axes with an elastic mesh, one degree of freedom (the P unit)."""
+
+    R_1 = gl.Parameter("m", "pitch radius of gear 1, on flange_a", min=0)
+    R_2 = gl.Parameter("m", "pitch radius of gear 2, on flange_b", min=0)
+    I_1 = gl.Parameter("kg.m2", "moment of inertia of gear 1", min=0)
+    I_2 = gl.Parameter("kg.m2", "moment of inertia of gear 2", min=0)
+    K_g = gl.Parameter("N/m", "mesh stiffness", min=0)
+    C_g = gl.Parameter("N.s/m", "mesh damping", min=0)
+    e_rate = gl.Input("m/s", "rate of the transmission error", default=0.0)
+
+    def assemble(self) -> list[Connection]:
+        self.gear_1, self.gear_2 = Inertia(J=self.I_1), Inertia(J=self.I_2)
+        self.mesh = ExternalMesh(r_a=self.R_1, r_b=self.R_2, c=self.K_g, d=self.C_g, e_rate=self.e_rate)
+        return [
+            gl.connect(self.flange_a, self.gear_1.flange_a),
+            gl.connect(self.gear_1.flange_b, self.mesh.flange_a),
+            gl.connect(self.mesh.flange_b, self.gear_2.flange_a),
+            gl.connect(self.gear_2.flange_b, self.flange_b),
+        ]
+
+
+class XPSymbols(gl.Component):
+    """Declares the parameters of the XP train: Table 4's symbols and values, then what the paper leaves open.
+
+    The table is silent about the P unit's gears, the shaft's two ends, the planets' inertias as the meshes see them, and the
+    moduli m18, m19 and m22. Their defaults are assumptions: gear 1 is like the sun and gear 2 like a planet, each end of the
+    shaft has I_f, all inertias of planets are I_p, and the moduli are 1. C_v acts along the line of action, as C_g does.
+    """
+
+    planets = gl.Structural(3, "number of planets")
+    elastic_shafts = gl.Structural(
+        False, "whether the shaft between sun and P unit is a spring K_s; equations (2)-(9) have none"
+    )
+
+    R_s = gl.Parameter("m", "pitch radius of the sun", default=0.0285, min=0)
+    R_p = gl.Parameter("m", "pitch radius of a planet", default=0.0465, min=0)
+    R_r = gl.Parameter("m", "pitch radius of the ring", default=0.1215, min=0)
+    R_h = gl.Parameter("m", "radius of the carrier", default=0.075, min=0)
+    I_s = gl.Parameter("kg.m2", "moment of inertia of the sun", default=0.0015, min=0)
+    I_p = gl.Parameter("kg.m2", "moment of inertia of a planet", default=0.0094, min=0)
+    I_r = gl.Parameter("kg.m2", "moment of inertia of the ring", default=0.1510, min=0)
+    I_h = gl.Parameter("kg.m2", "moment of inertia of the carrier", default=0.0491, min=0)
+    I_f = gl.Parameter("kg.m2", "moment of inertia of a shaft's end", default=0.0036, min=0)
+    K_g = gl.Parameter("N/m", "mesh stiffness", default=1.8e8, min=0)
+    C_g = gl.Parameter("N.s/m", "mesh damping", default=2000.0, min=0)
+    C_v = gl.Parameter("N.s/m", "support damping of a planet, and damping of the load", default=1800.0, min=0)
+    K_s = gl.Parameter(
+        "N.m/rad", "stiffness of the shaft, with elastic_shafts; the table has its number in N/m", default=2.0e8, min=0
+    )
+
+    R_1 = gl.Parameter("m", "pitch radius of the P unit's gear 1", default=lambda train: train.R_s, min=0)
+    R_2 = gl.Parameter("m", "pitch radius of the P unit's gear 2", default=lambda train: train.R_p, min=0)
+    I_1 = gl.Parameter("kg.m2", "moment of inertia of gear 1 (bond 69)", default=lambda train: train.I_s, min=0)
+    I_2 = gl.Parameter("kg.m2", "moment of inertia of gear 2 (bond 78)", default=lambda train: train.I_p, min=0)
+    I_62 = gl.Parameter("kg.m2", "moment of inertia of the shaft's end at the sun", default=lambda train: train.I_f, min=0)
+    I_66 = gl.Parameter("kg.m2", "moment of inertia of the shaft's end at the P unit", default=lambda train: train.I_f, min=0)
+    I_11 = gl.Parameter("kg.m2", "planets as the ring's mesh sees them", default=lambda train: train.I_p, min=0)
+    I_35 = gl.Parameter("kg.m2", "planets as the sun's mesh sees them", default=lambda train: train.I_p, min=0)
+    I_17 = gl.Parameter("kg.m2", "spin of a planet (bonds 17, 41, 51)", default=lambda train: train.I_p, min=0)
+    I_22 = gl.Parameter("kg.m2", "orbit of a planet (bonds 22, 46, 56)", default=lambda train: train.I_p, min=0)
+    m_18 = gl.Parameter("1", "speed of the shaft over speed of the sun", default=1.0)
+    m_19 = gl.Parameter("1", "speed of gear 1 over speed of the shaft", default=1.0)
+    m_22 = gl.Parameter("1", "speed of gear 2 over speed of the carrier, against each other", default=1.0)
+
+    def symbols(self) -> dict[str, Any]:
+        """All of them by name, to be handed to a part that has the same."""
+        return {n: getattr(self, n) for n, d in vars(XPSymbols).items() if isinstance(d, (gl.Parameter, gl.Structural))}
+
+
+class XPTrain(XPSymbols):
+    """The XP single-loop train: an X unit whose sun drives a P unit that joins the X unit's carrier at the output.
+
+    Ring - mesh - planets - support dampers - mesh - sun - shaft - gear 1 - mesh - gear 2 - coupling - carrier, which moves the
+    planets: the loop is closed, and one degree of freedom is left.
+    """
+
+    flange_in = Flange("ring")
+    flange_out = Flange("carrier")
+    e_rate = gl.Input("m/s", "rate of the transmission error, with the paper's signs (Sf8 = Sf32 = Sf72)", default=0.0)
+
+    def assemble(self) -> list[Connection]:
+        self.x_unit = PlanetaryUnit(
+            planets=self.planets, R_s=self.R_s, R_p=self.R_p, R_r=self.R_r, R_h=self.R_h,
+            I_s=self.I_s, I_r=self.I_r, I_h=self.I_h, I_spin=self.I_17, I_orbit=self.I_22, I_at_ring=self.I_11,
+            I_at_sun=self.I_35, K_ring=self.K_g, C_ring=self.C_g, K_sun=self.K_g, C_sun=self.C_g, C_v=self.C_v,
+            e_rate=self.e_rate,
+        )  # fmt: skip
+        self.step_18 = IdealGear(ratio=1 / self.m_18)
+        self.shaft_at_sun = Inertia(J=self.I_62)
+        self.step_19 = IdealGear(ratio=1 / self.m_19)
+        self.shaft_at_pair = Inertia(J=self.I_66)
+        # The paper counts the pair's deflection on the other flank: f74 = Sf72 - R_1 f69 - R_2 f78.
+        self.p_unit = FixedAxisUnit(
+            R_1=self.R_1, R_2=self.R_2, I_1=self.I_1, I_2=self.I_2, K_g=self.K_g, C_g=self.C_g, e_rate=-self.e_rate
+        )
+        self.coupling = IdealGear(ratio=-self.m_22)
+        if self.elastic_shafts:
+            self.shaft = Spring(c=self.K_s)
+            shaft = [
+                gl.connect(self.shaft_at_sun.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.step_19.flange_a),
+            ]
+        else:
+            shaft = [gl.connect(self.shaft_at_sun.flange_b, self.step_19.flange_a)]
+        return [
+            gl.connect(self.flange_in, self.x_unit.ring),
+            gl.connect(self.x_unit.sun, self.step_18.flange_a),
+            gl.connect(self.step_18.flange_b, self.shaft_at_sun.flange_a),
+            *shaft,
+            gl.connect(self.step_19.flange_b, self.shaft_at_pair.flange_a),
+            gl.connect(self.shaft_at_pair.flange_b, self.p_unit.flange_a),
+            gl.connect(self.p_unit.flange_b, self.coupling.flange_a),
+            gl.connect(self.coupling.flange_b, self.x_unit.carrier, self.flange_out),
+        ]
+
+
+class ZhouCui2022(XPSymbols):
+    """The paper's complete system: a driving torque on the ring, the XP train, and a damper ``C_v R_h**2`` as load.
+
+    All three meshes are excited by the transmission error's rate ``e_amplitude cos(e_omega t + e_phase)``.
+    """
+
+    tau_in = gl.Input("N.m", "driving torque on the ring (Se1)")
+    e_amplitude = gl.Parameter("m/s", "amplitude of the transmission error's rate", default=0.0027)
+    e_omega = gl.Parameter("rad/s", "angular frequency of the transmission error", default=28.0)
+    e_phase = gl.Parameter("rad", "phase of the transmission error's rate", default=21 * gl.pi)
+    w_in = gl.Variable("rad/s", "speed of the ring (f2)")
+    w_sun = gl.Variable("rad/s", "speed of the sun (f26)")
+    w_out = gl.Variable("rad/s", "speed of the carrier (f81)")
+    q_ring = gl.Variable("m", "deflection of the mesh at the ring (q6)", nominal=1e-6)
+    q_sun = gl.Variable("m", "deflection of the mesh at the sun (q30)", nominal=1e-6)
+    q_pair = gl.Variable("m", "deflection of the P unit's mesh (q74)", nominal=1e-6)
+
+    def assemble(self) -> list[Connection]:
+        self.drive = Torque(tau=self.tau_in)
+        self.train = XPTrain(**self.symbols(), e_rate=self.e_amplitude * gl.cos(self.e_omega * gl.time + self.e_phase))
+        self.load = Damper(d=self.C_v * self.R_h**2)
+        self.ground = Fixed()
+        return [
+            gl.connect(self.drive.flange, self.train.flange_in),
+            gl.connect(self.train.flange_out, self.load.flange_a),
+            gl.connect(self.load.flange_b, self.ground.flange),
+        ]
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.w_in, self.train.x_unit.ring_gear.w),
+            gl.Eq(self.w_sun, self.train.x_unit.sun_gear.w),
+            gl.Eq(self.w_out, self.train.x_unit.carrier_body.w),
+            gl.Eq(self.q_ring, self.train.x_unit.ring_mesh.q),
+            gl.Eq(self.q_sun, self.train.x_unit.sun_mesh.q),
+            gl.Eq(self.q_pair, -self.train.p_unit.mesh.q),
+        ]

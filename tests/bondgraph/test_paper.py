@@ -1,0 +1,211 @@
+"""The paper's bond graph: its causality, and its equations against the printed ones, term by term and by numbers."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from gearlib.bondgraph import GY, TF, C, I, RunTime, assign_causality, rate_of, state_equations
+from gearlib.bondgraph.elements import Junction, Zero
+from gearlib.bondgraph.paper import PREFERENCE, fixed_axis_unit, planetary_unit, single_loop_train
+from gearparts import zhou_cui_2022 as zc
+
+
+@cache
+def train(*prefer: int) -> RunTime:
+    return RunTime(state_equations(single_loop_train().graph, prefer))
+
+
+def named(kind: str, bond: int) -> Any:
+    return sp.Symbol(f"{kind}_{bond}", real=True)
+
+
+def split(name: str) -> Any:
+    """``p11`` as p_11, ``Sf32`` as Sf_32."""
+    letters = name.rstrip("0123456789")
+    return named(letters, int(name[len(letters) :]))
+
+
+@cache
+def printed(repairs: zc.Repairs) -> dict[Any, Any]:
+    """Equations (2)-(9), evaluated on symbols instead of numbers."""
+    symbols: Any = SimpleNamespace(
+        m=[named("m", k) for k in range(23)],
+        I={bond: named("I", bond) for bond in zc.INERTIAS},
+        R={bond: named("R", bond) for bond in zc.RESISTANCES},
+        C={bond: named("C", bond) for bond in zc.COMPLIANCES},
+    )
+    x, u = [split(name) for name in zc.STATES], [split(name) for name in zc.SOURCES]
+    p = [named("p", bond) for bond in zc.DEPENDENT]
+    values = zc.printed_rhs(x, p, [rate_of(variable) for variable in p], u, symbols, repairs)
+    return dict(zip(x, values, strict=True))
+
+
+def numbers(run: RunTime, params: zc.BondParameters) -> dict[str, float]:
+    every = {f"m_{k}": float(params.m[k]) for k in range(1, 23)}
+    for kind in "IRC":
+        every |= {f"{kind}_{bond}": value for bond, value in getattr(params, kind).items()}
+    return {name: every[name] for name in run.parameters}
+
+
+def random_parameters(rng: np.random.Generator) -> zc.BondParameters:
+    def draw(bonds: tuple[int, ...]) -> dict[int, float]:
+        return {bond: float(rng.uniform(0.3, 3.0)) for bond in bonds}
+
+    m = rng.uniform(0.3, 3.0, 23) * rng.choice([-1.0, 1.0], 23)
+    return zc.BondParameters(m, draw(zc.INERTIAS), draw(zc.RESISTANCES), draw(zc.COMPLIANCES))
+
+
+def test_all_bonds_are_numbered_from_1_to_85() -> None:
+    graph = single_loop_train().graph
+    assert list(graph.bonds) == list(range(1, 86))
+    assert graph.of_kind(I) == zc.INERTIAS
+    assert graph.of_kind(C) == zc.COMPLIANCES
+    assert not [element for element in graph.elements if isinstance(element, GY)]
+
+
+def test_causality_with_the_papers_preference() -> None:
+    causality = assign_causality(single_loop_train().graph, PREFERENCE)
+    assert causality.integral == (2, 6, 11, 26, 30, 35, 74, 78)
+    assert causality.derivative == zc.DEPENDENT == (17, 22, 41, 46, 51, 56, 62, 66, 69, 81)
+    assert causality.loops == ()
+
+
+def test_causality_with_the_lowest_bond_first() -> None:
+    causality = assign_causality(single_loop_train().graph)
+    assert causality.integral == (2, 6, 11, 17, 26, 30, 35, 74)
+    assert 78 in causality.derivative
+
+
+@pytest.mark.parametrize("state", zc.STATES)
+def test_derived_equation_has_exactly_the_printed_terms(state: str) -> None:
+    derived = train(*PREFERENCE).equations.printed[split(state)]
+    expected = sp.expand(printed(zc.Repairs())[split(state)])
+    assert set(sp.Add.make_args(derived)) == set(sp.Add.make_args(expected))
+
+
+def test_the_printed_text_differs_by_the_named_repairs_only() -> None:
+    letter = printed(zc.Repairs(shaft_inertia=False, sun_mesh_source=False, p69_term=False))
+    derived = train(*PREFERENCE).equations.printed
+    missing = {str(x): sp.expand(derived[x] - value) for x, value in letter.items() if sp.expand(derived[x] - value) != 0}
+    m_3, m_18, m_20, m_21, R_31, R_75, I_69 = map(split, ("m3", "m18", "m20", "m21", "R31", "R75", "I69"))
+    Sf_8, Sf_32, p_69, dp_62 = map(split, ("Sf8", "Sf32", "p69", "dp62"))
+    assert missing == {
+        "p_26": -m_18 * dp_62 + sp.expand((Sf_8 - Sf_32) * R_31 / m_3),
+        "p_78": -m_20 * m_21 * R_75 * p_69 / I_69,
+    }
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_right_sides_agree(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    params, x, u = random_parameters(rng), rng.normal(size=8), rng.normal(size=4)
+    run = train(*PREFERENCE)
+    order = [run.states.index(str(split(name))) for name in zc.STATES]
+    sources = {str(split(name)): value for name, value in zip(zc.SOURCES, u, strict=True)}
+    mine, state = numbers(run, params), np.empty(8)
+    state[order] = x
+    expected = zc.explicit_rhs(0.0, x, params, u)
+    scale = np.abs(expected).max()
+    for found in (run.rhs(0.0, state, sources, mine), run.bind(mine, inputs=sources)(0.0, state)):
+        assert np.abs(found[order] - expected).max() < 1e-11 * scale
+
+
+@pytest.mark.parametrize(
+    "params", [zc.bond_parameters(), random_parameters(np.random.default_rng(7))], ids=["Table 4", "random"]
+)
+def test_frequency_responses_agree(params: zc.BondParameters) -> None:
+    run = train(*PREFERENCE)
+    order = [run.states.index(str(split(name))) for name in zc.STATES]
+    columns = [run.inputs.index(str(split(name))) for name in zc.SOURCES]
+    A, B = run.matrices(numbers(run, params))
+    A, B = A[np.ix_(order, order)], B[np.ix_(order, columns)]
+    A_printed, B_printed = zc.explicit_matrices(params)
+    for w in np.geomspace(1e-2, 1e5, 60):
+        found, expected = (np.linalg.solve(1j * w * np.eye(8) - a, b) for a, b in ((A, B), (A_printed, B_printed)))
+        assert np.all(np.abs(found - expected) <= 1e-9 * np.abs(expected).max(axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("prefer", [(), (81, 62), (17, 22), (69, 51, 35), (56, 66)])
+def test_any_preference_gives_the_same_motion(prefer: tuple[int, ...]) -> None:
+    """Efforts and flows of all bonds, which include all rates p' and q', are the same in the same state of motion."""
+    rng = np.random.default_rng(len(prefer))
+    params, u = random_parameters(rng), dict(zip(("Se_1", "Sf_8", "Sf_32", "Sf_72"), rng.normal(size=4), strict=True))
+    first, second = train(*PREFERENCE), train(*prefer)
+    # sources held constant: with another choice of states their rates stay out as well
+    x = rng.normal(size=8)
+    variables = first.bond_variables(0.0, x, u, numbers(first, params))
+    q = dict(zip(first.states, x, strict=True))
+    other = [q.get(n) if n[0] == "q" else params.I[int(n[2:])] * variables[int(n[2:])][1] for n in second.states]
+    assert len(other) == 8
+    assert second.states != first.states
+    again = second.bond_variables(0.0, other, u, numbers(second, params))
+    scale = max(abs(value) for pair in variables.values() for value in pair)
+    assert all(again[n] == pytest.approx(variables[n], abs=1e-11 * scale) for n in variables)
+    rates = dict(zip(second.states, second.rhs(0.0, other, u, numbers(second, params)), strict=True))
+    for name, rate in rates.items():
+        assert rate == pytest.approx(variables[int(name[2:])][0 if name[0] == "p" else 1], abs=1e-11 * scale)
+
+
+def test_power_and_shared_variables_at_every_junction_and_transformer() -> None:
+    rng = np.random.default_rng(5)
+    params, run = random_parameters(rng), train(*PREFERENCE)
+    x, u = rng.normal(size=8), rng.normal(size=4)
+    variables, graph = run.bond_variables(0.0, x, u, numbers(run, params)), run.equations.graph
+    scale = max(abs(e * f) for e, f in variables.values())
+    for element in graph.elements:
+        if isinstance(element, Junction | TF):
+            bonds = graph.at(element)
+            assert abs(sum(b.sign(element) * np.prod(variables[b.number]) for b in bonds)) < 1e-12 * scale
+            if isinstance(element, Junction):
+                shared = [variables[b.number][0 if isinstance(element, Zero) else 1] for b in bonds]
+                assert np.ptp(shared) < 1e-12 * max(1, np.abs(shared).max())
+    stored = sum(np.prod(variables[n]) for n in (*zc.INERTIAS, *zc.COMPLIANCES))
+    lost = sum(np.prod(variables[n]) for n in zc.RESISTANCES)
+    assert sum(np.prod(variables[n]) for n in (1, 8, 32, 72)) == pytest.approx(stored + lost, rel=1e-11)
+
+
+def test_flows_are_those_of_the_reading() -> None:
+    rng = np.random.default_rng(6)
+    params, run = random_parameters(rng), train(*PREFERENCE)
+    x, u = rng.normal(size=8), rng.normal(size=4)
+    order = [run.states.index(str(split(name))) for name in zc.STATES]
+    state = np.empty(8)
+    state[order] = x
+    sources = {str(split(name)): value for name, value in zip(zc.SOURCES, u, strict=True)}
+    variables = run.bond_variables(0.0, state, sources, numbers(run, params))
+    for bond, flow in zc.flows(x, params, u).items():
+        assert variables[bond][1] == pytest.approx(flow, rel=1e-11, abs=1e-12)
+
+
+def test_units_alone() -> None:
+    # the P unit: gear 1, mesh, gear 2, against the well-known two-inertia model
+    run = RunTime(state_equations(fixed_axis_unit().graph))
+    assert run.states == ("p_69", "q_74", "p_78")
+    I1, I2, r1, r2, k, c = 1.3, 0.7, 0.2, 0.5, 40.0, 3.0
+    A, _ = run.matrices({"I_69": I1, "I_78": I2, "m_20": r1, "m_21": r2, "C_74": 1 / k, "R_75": c})
+    r = np.array([r1, r2])
+    expected = np.zeros((3, 3))
+    expected[np.ix_([0, 2], [0, 2])] = -c * np.outer(r, r) / [I1, I2]
+    expected[[0, 2], 1] = k * r
+    expected[1, [0, 2]] = -r / [I1, I2]
+    np.testing.assert_allclose(A, expected, rtol=1e-14)
+    # the X unit has two degrees of freedom more than its three planets' slips and two meshes leave
+    causality = assign_causality(planetary_unit().graph, (*PREFERENCE[:6], 81))
+    assert causality.integral == (2, 6, 11, 26, 30, 35, 81)
+
+
+def test_the_documentation_shows_the_derived_equations() -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "bond_graph.md").read_text(encoding="utf-8")
+    shown_red = (r"- m_{18} \dot{p}_{62}", r"- \frac{R_{31}}{m_{3}} Sf_{32}", r"- \frac{R_{75} m_{20} m_{21}}{I_{69}} p_{69}")
+    for term in shown_red:
+        assert rf"\textcolor{{red}}{{{term}}}" in page
+        page = page.replace(rf"\textcolor{{red}}{{{term}}}", term)
+    for line in train(*PREFERENCE).equations.latex(terms=4).splitlines()[1:-1]:
+        assert line.removesuffix(" \\\\") in page
