@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gearlib.errors import GearlibError as GearlibError
     from gearlib.language.component import Component as Component
+    from gearlib.language.component import Connection as Connection
     from gearlib.language.component import connect as connect
     from gearlib.language.declarations import Connector as Connector
+    from gearlib.language.declarations import Discrete as Discrete
     from gearlib.language.declarations import Flow as Flow
     from gearlib.language.declarations import Input as Input
     from gearlib.language.declarations import Parameter as Parameter
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from gearlib.language.expressions import Not as Not
     from gearlib.language.expressions import Or as Or
     from gearlib.language.expressions import Piecewise as Piecewise
+    from gearlib.language.expressions import When as When
     from gearlib.language.expressions import acos as acos
     from gearlib.language.expressions import asin as asin
     from gearlib.language.expressions import atan as atan
@@ -33,10 +36,15 @@ if TYPE_CHECKING:
     from gearlib.language.expressions import cos as cos
     from gearlib.language.expressions import cosh as cosh
     from gearlib.language.expressions import der as der
+    from gearlib.language.expressions import equals as equals
     from gearlib.language.expressions import exp as exp
+    from gearlib.language.expressions import holds as holds
+    from gearlib.language.expressions import initial as initial
     from gearlib.language.expressions import log as log
     from gearlib.language.expressions import no_event as no_event
     from gearlib.language.expressions import pi as pi
+    from gearlib.language.expressions import pre as pre
+    from gearlib.language.expressions import reinit as reinit
     from gearlib.language.expressions import sign as sign
     from gearlib.language.expressions import sin as sin
     from gearlib.language.expressions import sinh as sinh
@@ -54,14 +62,15 @@ __version__ = "0.1.0"
 
 _HOME = {
     "GearlibError": "gearlib.errors",
-    **dict.fromkeys(["Component", "connect"], "gearlib.language.component"),
+    **dict.fromkeys(["Component", "Connection", "connect"], "gearlib.language.component"),
     **dict.fromkeys(
-        ["Connector", "Flow", "Input", "Parameter", "Potential", "Structural", "Variable"], "gearlib.language.declarations"
+        ["Connector", "Discrete", "Flow", "Input", "Parameter", "Potential", "Structural", "Variable"], "gearlib.language.declarations"
     ),
     **dict.fromkeys(
         [
-            "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "acos", "asin", "atan", "atan2", "cos", "cosh", "der", "exp",
-            "log", "no_event", "pi", "sign", "sin", "sinh", "sqrt", "tan", "tanh", "time",
+            "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "When", "acos", "asin", "atan", "atan2", "cos", "cosh", "der",
+            "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sign", "sin", "sinh", "sqrt", "tan",
+            "tanh", "time",
         ],
         "gearlib.language.expressions",
     ),

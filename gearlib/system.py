@@ -23,7 +23,7 @@ from gearlib.solve.methods import METHODS, Run, integrate
 from gearlib.solve.result import Result
 from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
 from gearlib.solve.table import Table, values
-from gearlib.structure.analysis import Structure, analyse
+from gearlib.structure.analysis import Structure, analyse, discrete_nodes
 from gearlib.structure.incidence import Node
 from gearlib.summary import summary
 
@@ -106,13 +106,18 @@ class System:
         model = structure.model
         if outputs is None:
             targets = [(v, k + 1) for v, k in structure.states if (v, k) not in structure.angles]
+            discretes = list(range(len(model.discretes)))
+            targets += [n for d in discretes for n in discrete_nodes(model, d)]
             wanted = [s for s in structure.states if s not in structure.angles]
             states = tuple(sorted({*wanted, *needed_states(structure, targets)}))
         else:
             if isinstance(outputs, str):
                 raise ArgumentError(f"outputs is a list of names, such as [{outputs!r}]")
-            states = needed_states(structure, [self._node(n, "output") for n in outputs])
-        self._scene = Scene(structure, states)
+            discretes = [model.discretes.names.index(n) for n in outputs if n in model.discretes.names]
+            targets = [self._node(n, "output") for n in outputs if n not in model.discretes.names]
+            targets += [n for d in discretes for n in discrete_nodes(model, d)]
+            states = needed_states(structure, targets)
+        self._scene = Scene(structure, states, tuple(discretes))
         self._scenes: dict[tuple[Node, ...], Scene] = {states: self._scene}
         self._numbers: dict[tuple[Node, ...], tuple[bytes, Numbers]] = {}
         self.states = tuple(node_name(model, s) for s in states)
@@ -156,7 +161,7 @@ class System:
     def source(self) -> str:
         """The generated source of the derivatives."""
         scene, names = self._scene, self._model.parameters.names
-        shared = Shared(len(names), scene.n_relations, len(scene.program.inputs))
+        shared = Shared(len(names), scene.n_modes, len(scene.program.inputs))
         return rhs_source(scene.program, lay_out(scene.program, shared, shared.size), scene.slot_names, names)[0]
 
     def simulate(
@@ -223,7 +228,7 @@ class System:
             print(f"{self.name}: done with {outcome.stats['method']} in {outcome.stats['seconds']:.3g} s")
 
         def again(states: tuple[Node, ...]) -> Result:
-            wider = self._scenes.setdefault(states, Scene(self._structure, states))
+            wider = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted))
             return self._run(wider, grid, method, rtol, None if np.ndim(atol or 0.0) else atol, parameters, start, signals, progress)
 
         outputs = self.outputs if self.outputs is not None else self.states
@@ -264,7 +269,7 @@ class System:
         if isinstance(inputs, str) or isinstance(outputs, str):
             raise ArgumentError("inputs and outputs are lists of names, such as ['torque.tau']")
         states = needed_states(self._structure, [self._node(n, "output") for n in chosen])
-        scene = self._scenes.setdefault(states, Scene(self._structure, states))
+        scene = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted))
         t, signals = 0.0, [0.0] * len(self.inputs)
         if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
             result, t = at[0], float(at[1])

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.codegen.program import build
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.templates import parse_column
 from gearlib.solve.scene import Scene, needed_states, node_name
+from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    from gearlib.system import System
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +45,25 @@ class Point:
     states: dict[tuple[int, int], float]
     inputs: Floats
     guess: Floats
+
+
+def operating_point(
+    system: System, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None
+) -> tuple[Scene, Floats, Point]:
+    """A scene with some states, the parameters' numbers, and the point that ``at`` stands for (see `System.linearize`)."""
+    from gearlib.solve.result import Result
+
+    numbers = system._parameters(parameters)
+    scene = system._scenes.setdefault(states, Scene(system._structure, states))
+    t, signals = 0.0, [0.0] * len(system.inputs)
+    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+        result, t = at[0], float(at[1])
+        known = {s: float(np.interp(t, result.time, result._history(s))) for s in states}
+        begin = system._start(scene, numbers, t, None, signals)
+    else:
+        begin = system._start(scene, numbers, t, at, signals)
+        known = dict(zip(states, begin.states.tolist(), strict=True))
+    return scene, numbers, Point(t, known, np.array(signals, float), begin.guess)
 
 
 def input_names(model: FlatModel) -> list[str]:
@@ -75,12 +98,7 @@ def linearize(
     scene = Scene(structure, states)
     program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
     prepared = prepare(program, structure, parameters)
-    numbers = scene.numbers(parameters)
-    x = np.array([point.states.get(s, 0.0) for s in states])
-    u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
-    now = np.array([point.t])
-    flags = scene.relation_values(numbers, now, x[:, None], u[:, None])
-    slots = evaluate(prepared, now, x[:, None], u[:, None], flags, scene.guess(program, point.guess))[:, 0]
+    slots, flags = slots_at(scene, parameters, prepared, point)
     seeds, added, scale = list(range(len(states))), [], []
     position: list[tuple[str, int]] = []
     for name in inputs:
@@ -96,7 +114,7 @@ def linearize(
         else:
             position.append(("added", len(added)))
             added.append(slot)
-    d = sensitivity(prepared, point.t, slots, flags[:, 0], seeds, added)
+    d = sensitivity(prepared, point.t, slots, flags, seeds, added)
     n = len(states)
     columns = [{"seed": i, "added": len(seeds) + i, "none": -1}[kind] for kind, i in position]
     rates = d[[program.slots[v, k + 1] for v, k in states]] if n else d[:0]
@@ -113,6 +131,17 @@ def linearize(
         C, D = sparse.diags(sign_out) @ rows[:, :n], sparse.diags(sign_out) @ D
     names = tuple(node_name(model, s) for s in states)
     return LinearModel(rates[:, :n], B, C, D, names, tuple(inputs), tuple(outputs))
+
+
+def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:
+    """Values of a program's slots, and of the discrete variables, at an operating point."""
+    program = prepared.program
+    x = np.array([point.states.get(s, 0.0) for s in scene.states])
+    u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
+    now = np.array([point.t])
+    flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None])
+    guess = scene.guess(program, point.guess)
+    return evaluate(prepared, now, x[:, None], u[:, None], flags, guess)[:, 0], flags[:, 0]
 
 
 def _input(model: FlatModel, name: str) -> int:
@@ -144,7 +173,10 @@ def state_space(model: LinearModel) -> Any:
     def array(m: Any) -> Floats:
         return m.toarray() if hasattr(m, "toarray") else np.asarray(m)  # type: ignore[no-any-return]
 
-    return control.ss(
-        array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states),
-        inputs=list(model.inputs), outputs=list(model.outputs), remove_useless_states=False,
+    system = control.ss(
+        array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states), remove_useless_states=False,
     )  # fmt: skip
+    # python-control takes no dots in the names of inputs and outputs where a system is made, though it can look them up.
+    system.input_index = {name: i for i, name in enumerate(model.inputs)}
+    system.output_index = {name: i for i, name in enumerate(model.outputs)}
+    return system

@@ -16,12 +16,13 @@ from types import MappingProxyType
 from typing import Any
 
 import sympy as sp
+from sympy.solvers.solveset import NonlinearError
 
 from gearlib.bondgraph.causality import Causality, assign_causality, evaluation_order
 from gearlib.bondgraph.elements import C, I, Se, Sf, symbol, time
 from gearlib.bondgraph.expressions import Walk, rate_of
 from gearlib.bondgraph.graph import BondGraph
-from gearlib.errors import SingularError
+from gearlib.errors import DeclarationError, SingularError
 
 __all__ = ["StateEquations", "state_equations"]
 
@@ -218,9 +219,7 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
     rates = {x: sp.expand(walk(("e" if x.name[0] == "p" else "f", n))) for n, x in states.items()}
     dependent = {walk.energy(n): sp.expand(straight.stored(n)) for n in causality.derivative}
     tears = {walk.tear(q): sp.expand(walk.set_value(q)) for q in causality.tears}
-    unsettled = {*tears, *dependent, *map(rate_of, dependent)}
-    if looped := sorted(str(p) for p, value in dependent.items() if value.free_symbols & unsettled):
-        raise SingularError(f"{graph.name}: {', '.join(looped)} depend on an algebraic loop or on each other")
+    dependent = _without_tears(dependent, straight)
     inputs = tuple(symbol(f"{'Se' if isinstance(graph.element(n, Se, Sf), Se) else 'Sf'}_{n}") for n in _open_sources(graph))
     efforts = {n: walk(("e", n)) for n in graph.bonds}
     flows = {n: walk(("f", n)) for n in graph.bonds}
@@ -232,6 +231,39 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
         MappingProxyType(rates), MappingProxyType(dependent), MappingProxyType(tears), MappingProxyType(efforts),
         MappingProxyType(flows),
     )  # fmt: skip
+
+
+def _without_tears(dependent: dict[Any, Any], straight: Walk) -> dict[Any, Any]:
+    """Dependent p and q in terms of states and inputs alone: in a rigid loop, flows depend on each other and are solved for."""
+    name, tears = straight.graph.name, {straight.tear(q): q for q in straight.causality.tears}
+    values: dict[Any, Any] = {}
+    missing = {s for value in dependent.values() for s in value.free_symbols & tears.keys()}
+    while missing:
+        z = missing.pop()
+        values[z] = sp.expand(straight.set_value(tears[z]))
+        missing |= (values[z].free_symbols & tears.keys()) - values.keys()
+    unsettled = {*dependent, *map(rate_of, dependent)}
+    if any(value.free_symbols & unsettled for value in (*dependent.values(), *values.values())):
+        raise SingularError(f"{name}: {', '.join(map(str, dependent))} depend on each other's rates")
+    if not values:
+        return dependent
+    loop = ", ".join(map(str, values))
+    try:
+        matrix, vector = sp.linear_eq_to_matrix([z - value for z, value in values.items()], *values)
+        solution = dict(zip(values, matrix.LUsolve(vector, iszerofunc=_vanishes), strict=True))
+    except NonlinearError:
+        raise DeclarationError(f"{name}: {', '.join(map(str, dependent))} depend on a nonlinear algebraic loop ({loop})") from None
+    except (ValueError, ZeroDivisionError):
+        raise SingularError(
+            f"{name}: {', '.join(map(str, dependent))} do not follow from the states through the loop of {loop}: with these moduli "
+            "the train is locked, or some of the states depend on each other and others must be preferred"
+        ) from None
+    return {p: sp.together(value.xreplace(solution)) for p, value in dependent.items()}
+
+
+def _vanishes(value: Any) -> bool:
+    """Whether a pivot is zero, up to rounding where it is a number."""
+    return bool(abs(value) < 1e-12) if value.is_number else bool(sp.simplify(value) == 0)
 
 
 def _open_sources(graph: BondGraph) -> list[int]:

@@ -90,7 +90,7 @@ class Walk:
             return sp.sympify(element.inverse(imposed))
         variable = self.energy(number)
         if element.law is None:
-            return sp.solve(_law(element, variable) - symbol("imposed"), variable)[0].subs(symbol("imposed"), imposed)
+            return imposed * expression(element.value, f"{element.kind}_{number}")
         return _solved(_law(element, variable), variable, imposed, f"{self.graph.name}: {self.graph.label(element)}", "inverse")
 
     def _junction(self, junction: Junction, letter: str, bond: Bond) -> Any:

@@ -9,7 +9,7 @@ All rotations are angular velocities and torques, the meshes are deflection rate
 References
 ----------
 X. Zhou, Y. Cui, "Dynamic characteristics of single-loop gear system based on bond graph method", Journal of
-Vibroengineering, 2022. https://doi.org/10.21595/jve.2022.22290
+Vibroengineering, 2022. https://doi.org/10.21595/jve.2021.22290
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ class RunTime:
         """A and B of the linear model about (t, x, u): d(x')/dx and d(x')/du, the rates of the inputs being zero."""
         x = np.zeros(len(self.states)) if x is None else x
         arguments = self._arguments(t, x, u, (), parameters)
-        y = self._unknowns(*arguments)
+        y = self._unknowns(*arguments) if self._bends else np.zeros(len(self.equations.unknowns))
         by_y, by_x, by_u = self._jacobians(*arguments, y)
         count = len(self.states)
         return -self._solve(by_y, by_x)[:count], -self._solve(by_y, by_u)[:count]
@@ -203,11 +203,21 @@ class RunTime:
         return lambda *arguments: np.array(flat(*arguments), dtype=float)
 
     @cached_property
-    def _jacobians(self) -> Any:
+    def _slopes(self) -> list[Any]:
+        """Derivatives of the residual with respect to the unknowns, the states and the inputs."""
         residual = sp.Matrix(self.equations.residual)
         wanted = (self.equations.unknowns, self.equations.states, self.equations.inputs)
-        found = [residual.jacobian(list(v)) if v else sp.zeros(len(residual), 0) for v in wanted]
-        return self._function(found, of_unknowns=True)
+        return [residual.jacobian(list(v)) if v else sp.zeros(len(residual), 0) for v in wanted]
+
+    @cached_property
+    def _bends(self) -> bool:
+        """Whether the derivatives depend on the unknowns, so that these must be found before."""
+        unknowns = set(self.equations.unknowns)
+        return any(slope.free_symbols & unknowns for slope in self._slopes)
+
+    @cached_property
+    def _jacobians(self) -> Any:
+        return self._function(self._slopes, of_unknowns=True)
 
     @cached_property
     def _bonds(self) -> Any:
@@ -217,7 +227,9 @@ class RunTime:
 
     def _solve(self, M: Array, right: Array) -> Array:
         try:
-            return np.asarray(np.linalg.solve(M, right), dtype=np.float64)
+            if np.isfinite(M).all():  # it is not where a rigid loop is locked by the values
+                return np.asarray(np.linalg.solve(M, right), dtype=np.float64)
+            raise np.linalg.LinAlgError
         except np.linalg.LinAlgError:
             names = ", ".join(map(str, self.equations.unknowns))
             raise SingularError(f"{self.equations.graph.name}: these values make the equations for {names} singular") from None

@@ -71,6 +71,9 @@ def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepa
 
 def owner_of(structure: Structure, equation: int) -> str:
     """Path of the component that wrote an equation."""
+    if equation < 0:
+        instance = structure.model.instances[-1 - equation]
+        return instance.path or instance.kind
     return structure.model.owner(*structure.rows[equation])
 
 

@@ -32,43 +32,98 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
     return body
 
 
-def update_body(relations: Relations, layout: Layout) -> Body:
-    """Evaluate all relations until none changes; a relation whose root was located takes the side that it crossed to."""
-    inner = looped(relations.program, layout)
+def update_body(relations: Relations, layout: Layout, n_relations: int, n_discrete: int) -> Body:
+    """The event iteration.
+
+    With the values before the event held, relations and discrete variables are evaluated until none changes; then the values before
+    are set to these, and all is repeated until that changes nothing either. A relation whose root was located takes the side that it
+    crossed to. States with a new value are set at the end.
+    """
+    body = looped(relations.program, layout)
     numbers = root_numbers(relations)
-    head, inner.lines = inner.lines[:2], inner.lines[2:-3]
+    head, compute, body.lines = body.lines[:2], body.lines[2:-3], []
+    if any(batch.arguments.size for batch in relations.discretes):
+        body.lines += compute
+    for batch in relations.discretes:  # first, so that what has just become stuck is tried as locked
+        _loop(body, batch, "y = {value}")
+        body.lines += [
+            "    if data[r + index[o + 1 + k]] != y:",
+            "        data[r + index[o + 1 + k]] = y",
+            "        changed = 1",
+        ]
+    body.lines += compute
     for batch in relations.batches:
-        relation = relation_of(batch)
-        located = np.isin(batch.targets, numbers)
-        for rows, timed in ((np.flatnonzero(located), False), (np.flatnonzero(~located), True)):
-            if not len(rows):
-                continue
-            part = batch.take(rows)
-            place = inner.array(np.searchsorted(numbers, part.targets) if not timed else np.zeros(len(rows), np.int64))
-            if timed:
-                inner.lines += ["now = t", "t = t + 1e-12 * max(abs(t), 1e-3)"]
-            inner.lines.append(f"e = {place}")
-            _loop(inner, part, "y = {value}")
-            compare = {(False, False): ">=", (True, False): ">", (False, True): "<=", (True, True): "<"}[relation]
-            side = "fired[index[e + k]] < 0" if relation[1] else "fired[index[e + k]] > 0"
-            test = f"1.0 if y {compare} 0.0 else 0.0"
-            inner.lines += [f"    f = {test}"]
-            if not timed:
-                inner.lines += ["    if fired[index[e + k]] != 0:", f"        f = 1.0 if {side} else 0.0"]
-            inner.lines += [
-                "    if data[r + index[o + 1 + k]] != f:",
-                "        data[r + index[o + 1 + k]] = f",
-                "        changed = 1",
-            ]
-            if timed:
-                inner.lines.append("t = now")
-    lines = [
-        *head, "any_change = 0", f"for iteration in range({MOST_ITERATIONS}):", "    changed = 0",
-        *(f"    {line}" for line in inner.lines),
-        "    if changed == 0:", "        return any_change", "    any_change = 1", "return -1",
+        _relation_loops(body, batch, numbers)
+    inner, body.lines = body.lines, []
+    sizes = body.array([n_relations, n_discrete])
+    for batch in relations.reinits:
+        _loop(body, batch, "y = {value}")
+        body.lines += ["    if x[index[o + 1 + k]] != y:", "        x[index[o + 1 + k]] = y", "        result = 2"]
+    reinits = body.lines
+    body.lines = [
+        *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", "result = 0", "moved = 1",
+        f"for outer in range({MOST_ITERATIONS}):",
+        "    changed = 1",
+        f"    for iteration in range({MOST_ITERATIONS}):",
+        "        changed = 0",
+        *(f"        {line}" for line in inner),
+        "        if changed == 0:",
+        "            break",
+        "        result = 1",
+        "    if changed != 0:",
+        "        return -1",
+        "    moved = 0",
+        "    for k in range(nd):",
+        "        if data[r + nr + nd + k] != data[r + nr + k]:",
+        "            moved = 1",
+        *([f"    {line}" for line in reinits] if reinits else []),
+        "    for k in range(nd):",
+        "        data[r + nr + nd + k] = data[r + nr + k]",
+        "    if moved == 0:",
+        "        break",
+        "    result = max(result, 1)",
+        "if moved != 0:",
+        "    return -1",
+        "return result",
     ]  # fmt: skip
-    inner.lines = lines
-    return inner
+    return body
+
+
+def _relation_loops(body: Body, batch: Batch, numbers: Integers) -> None:
+    strict, negated = relation_of(batch)
+    compare = {(False, False): ">=", (True, False): ">", (False, True): "<=", (True, True): "<"}[strict, negated]
+    located = np.isin(batch.targets, numbers)
+    for rows, timed in ((np.flatnonzero(located), False), (np.flatnonzero(~located), True)):
+        if not len(rows):
+            continue
+        part = batch.take(rows)
+        roots = np.searchsorted(numbers, part.targets) if not timed else np.zeros(len(rows), np.int64)
+        if timed:  # the right-hand limit
+            body.lines += ["now = t", "t = t + 1e-12 * max(abs(t), 1e-3)"]
+        _relation_loop(body, part, roots, timed, compare, negated)
+        if timed:
+            body.lines.append("t = now")
+
+
+def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compare: str, negated: bool) -> None:
+    patterns = np.concatenate([part.signs[:, None], part.argument_signs], axis=1)
+    _, which = np.unique(patterns, axis=0, return_inverse=True)
+    for number in range(int(which.max()) + 1):
+        rows = np.flatnonzero(which.ravel() == number)
+        body.lines.append(f"e = {body.array(roots[rows])}")
+        _loop(body, part.take(rows), "y = {value}")
+        body.lines.append(f"    f = 1.0 if y {compare} 0.0 else 0.0")
+        if not timed:
+            side = "<" if negated else ">"
+            body.lines += [
+                "    if fired[index[e + k]] != 0:",
+                f"        f = 1.0 if fired[index[e + k]] {side} 0 else 0.0",
+            ]
+        body.lines += [
+            "    if data[r + index[o + 1 + k]] != f:",
+            "        data[r + index[o + 1 + k]] = f",
+            "        changed = 1",
+        ]
 
 
 def relation_of(batch: Batch) -> tuple[bool, bool]:

@@ -24,7 +24,8 @@ from gearlib.language.expressions import time
 class Kernel:
     """One scalar expression of a template.
 
-    ``columns``, ``parameters`` and ``relations`` are the positions in the template's lists that the text uses.
+    ``columns``, ``parameters`` and ``relations`` are the positions in the template's lists that the text uses; discrete variables
+    count as relations, after these.
     """
 
     template: Template
@@ -78,8 +79,9 @@ def _kernel(template: Template, expression: Any) -> Kernel:
         if symbol in used:
             table[symbol] = sympy.Symbol(f"p{i}", real=True)
             parameters.append(i)
-    for i in range(len(template.relations)):
-        symbol = sympy.Symbol(f"relation_{i}", real=True)
+    modes = [*(f"relation_{i}" for i in range(len(template.relations))), *template.held]
+    for i, name_ in enumerate(modes):
+        symbol = sympy.Symbol(name_, real=True)
         if symbol in used:
             table[symbol] = sympy.Symbol(f"r{i}", real=True)
             relations.append(i)
@@ -99,7 +101,7 @@ def differentiated(template: Template, times: int) -> Template:
 def solve_kernel(template: Template, column: int) -> Kernel | None:
     """The equation solved for one of its columns; None where it is not linear in it."""
     partial = template.partials[column]
-    if column in partial.depends_on:
+    if column in partial.depends_on or partial.on_modes:
         return None
     rest = template.residual.xreplace({template.symbols[column]: sympy.S.Zero})
     if partial.number is not None:

@@ -16,7 +16,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Shared:
-    """What all functions of a scene share at the beginning of ``data``: parameters, relation values, inputs."""
+    """What all functions of a scene share at the beginning of ``data``: parameters, modes (relations, discrete values), inputs."""
 
     n_parameters: int
     n_relations: int
@@ -76,7 +76,7 @@ def lay_out(program: Program, shared: Shared, base: int) -> Layout:
             at += len(rows) * len(step.known)
         elif isinstance(step, Newton):
             n = len(step.unknowns)
-            scratch = max(scratch, n * n + 2 * n)
+            scratch = max(scratch, n * n + 2 * n)  # right-hand side, matrix, order of columns
     end = at + program.n_slots
     return Layout(shared, tuple(solutions), at, end, end + scratch, tuple(needed))
 

@@ -62,7 +62,7 @@ def rhs_source(program: Program, layout: Layout, names: Sequence[str], parameter
 
 def compile_scene(
     program: Program, relations: Relations | None, names: Sequence[str], parameter_names: Sequence[str], n_relations: int,
-    jacobian: bool,
+    n_discrete: int, jacobian: bool,
 ) -> NativeScene:  # fmt: skip
     """Compile what a run needs.
 
@@ -75,12 +75,13 @@ def compile_scene(
     names : sequence of str
         Of each slot.
     parameter_names : sequence of str
-    n_relations : int
+    n_relations, n_discrete : int
         Of the whole model.
     jacobian : bool
         Whether the analytic Jacobian is wanted.
     """
-    shared = Shared(len(parameter_names), n_relations, len(program.inputs))
+    n_modes = n_relations + (2 * n_discrete + 1 if n_discrete else 0)
+    shared = Shared(len(parameter_names), n_modes, len(program.inputs))
     layout = lay_out(program, shared, shared.size)
     text, body = rhs_source(program, layout, names, parameter_names)
     rhs = _compile("rhs", text, body, layout)
@@ -97,7 +98,7 @@ def compile_scene(
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
             roots = _compile("roots", function("roots", "RHS", ["x", "values", "data", "index"], body, ROOTS), body, layout)
-        body = update_body(relations, layout)
+        body = update_body(relations, layout, n_relations, n_discrete)
         update = _compile("update", function("update", "UPDATE", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []
     bases, base = [], 4

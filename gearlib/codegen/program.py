@@ -35,7 +35,7 @@ class Batch:
     """One kernel for many instances: ``slot[targets] = signs * kernel(slot[arguments] * argument_signs, ...)``."""
 
     kernel: Kernel
-    equations: Integers  # for messages
+    equations: Integers  # which wrote it; -1 - instance for equations of discrete variables
     targets: Integers  # (n,)
     signs: Integers  # (n,)
     arguments: Integers  # (n, columns)
@@ -163,8 +163,8 @@ class _Builder:
         self.table = np.full((1 + max((k for _, k in self.slots), default=0), self.model.n_variables), -1)
         for (v, k), slot in self.slots.items():
             self.table[k, v] = slot
-        counts = [len(g.template.relations) * len(g) for g in self.model.groups]
-        self.first_relation = np.cumsum([0, *counts])
+        self.groups = (*self.model.groups, *(u.equations for u in self.model.discretes.updates))
+        self.first_equation = np.cumsum([0, *(len(g) for g in self.model.groups)])
         self.variables = [g.variables.tolist() for g in self.model.groups]
         self.signs = [g.signs.tolist() for g in self.model.groups]
 
@@ -176,37 +176,54 @@ class _Builder:
             done = len(block.unknowns) == 1 and self._assign(block, scalar, pivots)
             if not done:
                 others.append(self._block(block, scalar))
-        batches = [self._batch(kernel, g, k, rows) for (kernel, g, k), rows in scalar.items()]
-        checks = tuple(self._batch(kernel, g, k, rows) for (kernel, g, k), rows in pivots.items())
+        batches = [self.batch(kernel, g, k, rows) for (kernel, g, k), rows in scalar.items()]
+        checks = tuple(self.batch(kernel, g, k, rows) for (kernel, g, k), rows in pivots.items())
         steps = schedule(batches, others, self.n_slots, len(self.states) + len(self.inputs))
         return Program(self.states, self.inputs, self.slots, self.n_slots, steps, outputs, checks)
 
-    def relation_rows(self, used: Integers) -> dict[int, list[Node]]:
-        """What each relation compares: variables with their orders."""
-        found: dict[int, list[Node]] = {}
-        for relation in used.tolist():
-            g, i, j = self._relation(relation)
-            group = self.model.groups[g]
-            kernel = relation_kernel(group.template, j)
-            columns = [*group.template.columns, *group.template.relation_columns]
-            where = {name: c for c, name in enumerate(group.template.locals)}
-            names = [(where[columns[c][0]], columns[c][1]) for c in kernel.columns]
-            found[relation] = [(self.variables[g][i][c], order) for c, order in names if self.signs[g][i][c]]
+    def places(self, used: Integers) -> list[tuple[Kernel, int, int, int, int, int]]:
+        """(kernel, group, row, kind, target, sign) of what must be evaluated: 0 relations, 1 discrete variables, 2 states."""
+        model, n_relations, n_discrete = self.model, self.model.n_relations, len(self.model.discretes)
+        found: list[tuple[Kernel, int, int, int, int, int]] = []
+        for relation in used[used < n_relations].tolist():
+            g = int(np.searchsorted(model.first_relations, relation, side="right")) - 1
+            i, j = divmod(relation - int(model.first_relations[g]), len(self.groups[g].template.relations))
+            found.append((relation_kernel(self.groups[g].template, j), g, i, 0, relation, 1))
+        discrete = {int(m - n_relations) % n_discrete for m in used if n_relations <= m < n_relations + 2 * n_discrete}
+        position = {node: i for i, node in enumerate(self.states)}
+        for u, update in enumerate(model.discretes.updates):
+            g = len(model.groups) + u
+            kernel = residual_kernel(update.equations.template)
+            for i, target in enumerate(update.targets.tolist()):
+                node = (int(model.representative[target]), 0) if update.reinit else (-1, 0)
+                if update.reinit and node in position:
+                    found.append((kernel, g, i, 2, position[node], int(model.sign[target])))
+                elif not update.reinit and target in discrete:
+                    found.append((kernel, g, i, 1, n_relations + target, 1))
         return found
 
-    def relation_batches(self, used: Integers) -> tuple[Batch, ...]:
-        """Kernels of relations, with the relation's number as target."""
-        rows: dict[tuple[Kernel, int, int], list[tuple[int, int, int]]] = defaultdict(list)
-        for relation in used.tolist():
-            g, i, j = self._relation(relation)
-            rows[relation_kernel(self.model.groups[g].template, j), g, 0].append((i, relation, 1))
-        return tuple(self._batch(kernel, g, k, found) for (kernel, g, k), found in rows.items())
+    def nodes(self, kernel: Kernel, g: int, i: int) -> list[Node]:
+        """Variables with their orders that a kernel of one row needs."""
+        group = self.groups[g]
+        columns = [*kernel.template.columns, *kernel.template.relation_columns]
+        where = {name: c for c, name in enumerate(group.template.locals)}
+        named = [(where[columns[c][0]], columns[c][1]) for c in kernel.columns]
+        return [(int(group.variables[i, c]), order) for c, order in named if group.signs[i, c]]
 
-    def _relation(self, number: int) -> tuple[int, int, int]:
-        """(group, row, relation of the template)."""
-        g = int(np.searchsorted(self.first_relation, number, side="right")) - 1
-        i, j = divmod(number - int(self.first_relation[g]), len(self.model.groups[g].template.relations))
-        return g, i, j
+    def modes(self, kernel: Kernel, g: int, i: int) -> Integers:
+        """Relations and discrete values that a kernel of one row needs."""
+        return self._modes(kernel, g, np.array([i]))[0]
+
+    def _modes(self, kernel: Kernel, g: int, rows: Integers) -> Integers:
+        group, template = self.groups[g], kernel.template
+        n = len(template.relations)
+        result = np.empty((len(rows), len(kernel.relations)), np.int64)
+        for a, c in enumerate(kernel.relations):
+            if c < n:
+                result[:, a] = self.model.first_relations[g] + rows * n + c
+            else:
+                result[:, a] = self.model.n_relations + group.held[rows, group.template.held.index(template.held[c - n])]
+        return result
 
     def _place(self, e: int) -> tuple[int, int]:
         return self.structure.rows[e]
@@ -264,7 +281,7 @@ class _Builder:
             rows.append((template, g, i, k, frozenset(columns)))
         unknowns = np.array([self.slots[u] for u in block.unknowns], np.int64)
         equations = np.array([e for e, _ in block.equations], np.int64)
-        entries = tuple(self._batch(kernel, g, k, found) for (kernel, g, k), found in matrix.items())
+        entries = tuple(self.batch(kernel, g, k, found) for (kernel, g, k), found in matrix.items())
         if constant and linear:
             known, known_rows = [], []
             for r, (template, g, i, k, columns_) in enumerate(rows):
@@ -277,11 +294,12 @@ class _Builder:
             return Linear(unknowns, entries, np.array(known, np.int64), np.array(known_rows, np.int64), equations)
         for r, (template, g, i, k, _) in enumerate(rows):
             residual[residual_kernel(template), g, k].append((i, r, 1))
-        residuals = tuple(self._batch(kernel, g, k, found) for (kernel, g, k), found in residual.items())
+        residuals = tuple(self.batch(kernel, g, k, found) for (kernel, g, k), found in residual.items())
         return Newton(unknowns, residuals, entries, linear, equations)
 
-    def _batch(self, kernel: Kernel, g: int, k: int, found: list[tuple[int, int, int]]) -> Batch:
-        group = self.model.groups[g]
+    def batch(self, kernel: Kernel, g: int, k: int, found: list[tuple[int, int, int]]) -> Batch:
+        """The rows (row of the group, target, sign) of one kernel as a batch."""
+        group = self.groups[g]
         rows, targets, signs = (np.array(x, np.int64) for x in zip(*found, strict=True))
         where = {name: j for j, name in enumerate(group.template.locals)}
         template = kernel.template
@@ -295,44 +313,54 @@ class _Builder:
             arguments[:, a] = np.where(argument_signs[:, a] == 0, 0, self.table[order, group.variables[rows, j]])
         own = {name: j for j, name in enumerate(group.template.parameters)}
         parameters = group.parameters[rows][:, [own[template.parameters[p]] for p in kernel.parameters]]
-        n_relations = len(group.template.relations)
-        relations = self.first_relation[g] + rows[:, None] * n_relations + np.array(kernel.relations, np.int64)[None, :]
-        first = np.searchsorted(np.array([r[0] for r in self.structure.rows]), g)
-        return Batch(kernel, first + rows, targets, signs, arguments, argument_signs, parameters, relations)
+        continuous = g < len(self.model.groups)
+        equations = self.first_equation[g] + rows if continuous else -1 - group.owners[rows]
+        relations = self._modes(kernel, g, rows)
+        return Batch(kernel, equations, targets, signs, arguments, argument_signs, parameters, relations)
 
 
 @dataclass(frozen=True)
 class Relations:
-    """The comparisons that a program uses, and the program that computes what they compare.
+    """What changes at events: comparisons and discrete variables that a program uses, and the program that they need.
 
-    ``batches`` hold one kernel each; their targets are numbers of relations, in a numbering of the whole model.
+    Modes are numbered through the whole model: relations, then discrete values (see `gearlib.flatten.model.Discretes`). Each batch
+    holds one kernel; its targets are modes, or states for ``reinits``.
     """
 
     program: Program
-    batches: tuple[Batch, ...]
-    used: Integers  # sorted
+    batches: tuple[Batch, ...]  # what relations compare
+    discretes: tuple[Batch, ...]
+    reinits: tuple[Batch, ...]
+    used: Integers  # relations, sorted
     on_time: NDArray[np.bool_]  # of each used one: compares nothing but time
 
 
-def relations_of(structure: Structure, program: Program) -> Relations:
-    """Everything needed to evaluate the relations of a program (and those that this needs in turn)."""
-    used = _used_relations(program)
+def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:
+    """Everything needed to handle the events of a program, and of discrete variables that are wanted as outputs."""
+    model = structure.model
+    builder = _Builder(structure, (), program.states)
+    used = np.union1d(_used_modes(program), model.n_relations + np.array(wanted, np.int64))
     while True:
-        builder = _Builder(structure, (), program.states)
-        found = builder.relation_rows(used)
-        targets = sorted({n for nodes in found.values() for n in nodes})
-        helper = build(structure, targets, program.states, dynamic=False)
-        more = np.union1d(used, _used_relations(helper))
+        places = builder.places(used)
+        nodes = sorted({n for p in places for n in builder.nodes(*p[:3])})
+        helper = build(structure, nodes, program.states, dynamic=False)
+        held = [builder.modes(*p[:3]) for p in places]
+        more = np.unique(np.concatenate([used, _used_modes(helper), *held]).astype(np.int64))
         if len(more) == len(used):
             break
         used = more
-    builder.table = _slot_table(helper, structure.model.n_variables)
-    batches = builder.relation_batches(used)
-    on_time = np.array([not found[int(r)] for r in used], bool)
-    return Relations(helper, batches, used, on_time)
+    builder.table = _slot_table(helper, model.n_variables)
+    kinds: list[dict[tuple[Kernel, int, int], list[tuple[int, int, int]]]] = [defaultdict(list) for _ in range(3)]
+    for kernel, g, i, kind, target, sign in places:
+        kinds[kind][kernel, g, 0].append((i, target, sign))
+    batches = [tuple(builder.batch(kernel, g, k, rows) for (kernel, g, k), rows in kind.items()) for kind in kinds]
+    relations = used[used < model.n_relations]
+    moving = {p[4] for p in places if p[3] == 0 and (builder.nodes(*p[:3]) or len(builder.modes(*p[:3])))}
+    on_time = np.array([int(r) not in moving for r in relations], bool)
+    return Relations(helper, batches[0], batches[1], batches[2], relations, on_time)
 
 
-def _used_relations(program: Program) -> Integers:
+def _used_modes(program: Program) -> Integers:
     parts = [np.empty(0, np.int64)]
     for step in program.steps:
         if isinstance(step, Batch):

@@ -14,19 +14,22 @@ from gearlib.flatten.instances import Tree, walk
 from gearlib.flatten.model import (
     Counts,
     Dependent,
+    Discretes,
     EquationGroup,
     FlatModel,
     Floats,
     Integers,
     ParameterTable,
     StartValues,
+    UpdateGroup,
 )
 from gearlib.flatten.templates import Template
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
 
 PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
-Raw = list[tuple[Template, Integers, Integers, Integers, Integers]]  # template, variables, signs, parameters, owners
+# template, variables, signs, parameters, owners
+Raw = list[tuple[Template, Integers, Integers, Integers, Integers]]
 
 
 def flatten(component: Component) -> FlatModel:
@@ -77,7 +80,7 @@ def flatten(component: Component) -> FlatModel:
     merged_nominal[rep[set_nominal]] = nominal[set_nominal]
     has_flow = np.zeros(n_variables, bool)
     has_flow[rep[flow]] = True
-    groups = tuple(_group(r, aliases) for r in raw)
+    groups = tuple(_group(r, aliases, tree) for r in raw)
     counts = Counts(
         len(tree.instances), n_variables, sum(len(g) for g in groups) + len(equalities), n_sets, len(equalities) - aliases.redundant
     )
@@ -89,7 +92,7 @@ def flatten(component: Component) -> FlatModel:
             np.array([s[2] for s in starts], bool),
         ),
         np.array(tree.inputs, np.int64), rep, aliases.sign, merged_preference, has_potential, has_flow, merged_nominal,
-        tree.n_variables, aliases.redundant, counts,
+        tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases),
     )  # fmt: skip
 
 
@@ -205,6 +208,37 @@ def _attributes(tree: Tree, n_variables: int) -> Sequence[np.ndarray]:
     return potential, flow, rank, preference, nominal
 
 
-def _group(raw: tuple[Template, Integers, Integers, Integers, Integers], aliases: Aliases) -> EquationGroup:
+def _group(raw: tuple[Template, Integers, Integers, Integers, Integers], aliases: Aliases, tree: Tree) -> EquationGroup:
     template, variables, signs, parameters, owners = raw
-    return EquationGroup(template, aliases.representative[variables], signs * aliases.sign[variables], parameters, owners)
+    held = np.array([_held(template, tree, int(i)) for i in owners] if template.held else [], np.int64)
+    return EquationGroup(
+        template, aliases.representative[variables], signs * aliases.sign[variables], parameters, owners,
+        held.reshape(len(variables), len(template.held)),
+    )  # fmt: skip
+
+
+def _held(template: Template, tree: Tree, instance: int) -> list[int]:
+    """Where the held names of a template stand for an instance, see `Discretes`."""
+    n = len(tree.discrete_names)
+    places = []
+    for name in template.held:
+        if name == "initial()":
+            places.append(2 * n)
+            continue
+        before = name.startswith("pre(")
+        local = name[4:-1] if before else name
+        own = tree.first_discrete[instance] + list(tree.records[instance].discretes).index(local)
+        places.append(own + n * before)
+    return places
+
+
+def _discretes(tree: Tree, aliases: Aliases) -> Discretes:
+    updates = []
+    for (template, reinit), rows in tree.updates.items():
+        n = len(rows)
+        variables = np.array([r[1] for r in rows], np.int64).reshape(n, -1)
+        parameters = np.array([r[2] for r in rows], np.int64).reshape(n, -1)
+        owners, targets = np.array([r[0] for r in rows], np.int64), np.array([r[3] for r in rows], np.int64)
+        group = _group((template, variables, np.ones_like(variables), parameters, owners), aliases, tree)
+        updates.append(UpdateGroup(group, targets, reinit))
+    return Discretes(tuple(tree.discrete_names), np.array(tree.discrete_starts), tuple(updates))

@@ -12,10 +12,11 @@ from weakref import WeakKeyDictionary
 
 from gearlib.errors import BindingError, ConnectionError, DeclarationError, nearest
 from gearlib.flatten.bindings import BoundInput, bind_input, canonical, is_expression, number
+from gearlib.flatten.discrete import Update, split_equations
 from gearlib.flatten.model import Instance
 from gearlib.flatten.templates import Template, template_of
 from gearlib.language.component import Component, Declared, _inside, declared_by, equations_of
-from gearlib.language.declarations import NO_VALUE, Input
+from gearlib.language.declarations import NO_VALUE, Discrete, Input
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class ClassRecord:
     parameter_index: dict[str, int]
     templates: tuple[Template, ...]
     local: bool  # the equations hold the component's own variables and parameters only
+    updates: tuple[Update, ...]
+    discretes: dict[str, Discrete]
 
 
 @dataclass
@@ -49,6 +52,12 @@ class Tree:
     numbers: dict[int, int] = field(default_factory=dict)  # id(component) -> instance
     records: list[ClassRecord] = field(default_factory=list)
     n_variables: int = 0
+    discrete_names: list[str] = field(default_factory=list)
+    discrete_starts: list[float] = field(default_factory=list)
+    first_discrete: dict[int, int] = field(default_factory=dict)  # of each instance that has any
+    updates: dict[tuple[Template, bool], list[tuple[int, list[int], list[int], int]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
 
 
 _records: WeakKeyDictionary[type[Component], dict[Any, ClassRecord]] = WeakKeyDictionary()
@@ -65,21 +74,28 @@ def class_record(component: Component) -> ClassRecord:
         raise DeclarationError(f"{type(component).__name__}: values of structural choices must be hashable, got {key}") from None
     declared = declared_by(component)
     name = type(component).__name__
-    equations = equations_of(component)
-    unknown = _Lookup(component, declared)
-    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", unknown.is_parameter) for e in equations)
-    own = all(local in declared.variables for t in templates for local in t.locals)
-    own = own and all(p in declared.parameters for t in templates for p in t.parameters)
-    for t in templates:
+    lookup = _Lookup(component, declared)
+    split = split_equations(name, equations_of(component), declared.discretes, lookup.is_parameter, declared.variables)
+
+    def is_held(symbol: str) -> bool:
+        return symbol == "initial()" or symbol.removeprefix("pre(").removesuffix(")") in split.discretes
+
+    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", lookup.is_parameter, is_held) for e in split.continuous)
+    everything = (*templates, *(u.template for u in split.updates))
+    for t in everything:
         for local in t.locals:
-            if unknown.find(local) is None:
+            if lookup.find(local) is None:
                 raise DeclarationError(f"{t.label}: '{local}' is not declared; {nearest(local, declared.variables)}")
+    own = all(local in declared.variables for t in everything for local in t.locals)
+    own = own and all(p in declared.parameters for t in everything for p in t.parameters)
     record = ClassRecord(
         declared,
         {n: i for i, n in enumerate(declared.variables)},
         {n: i for i, n in enumerate(declared.parameters)},
         templates,
-        own,
+        own and not split.updates and not any(t.held for t in templates),
+        split.updates,
+        split.discretes,
     )
     known[key] = record
     return record
@@ -140,6 +156,14 @@ def walk(root: Component) -> Tree:
                 variables = [_variable(tree, component, name) for name in template.locals]
                 parameters = [_parameter(tree, component, name) for name in template.parameters]
                 tree.rows[template].append((number_, variables, parameters))
+            for update in record.updates:
+                variables = [_variable(tree, component, name) for name in update.template.locals]
+                parameters = [_parameter(tree, component, name) for name in update.template.parameters]
+                if update.reinit:
+                    target = own_variable(tree.instances[number_], record, update.target)
+                else:
+                    target = tree.first_discrete[number_] + list(record.discretes).index(update.target)
+                tree.updates[update.template, update.reinit].append((number_, variables, parameters, target))
     return tree
 
 
@@ -160,6 +184,11 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
         tree.parameter_values.append(float("nan"))
         tree.lower.append(p.min)
         tree.upper.append(p.max)
+    if record.discretes:
+        tree.first_discrete[number_] = len(tree.discrete_names)
+        for name, discrete in record.discretes.items():
+            tree.discrete_names.append(prefix + name)
+            tree.discrete_starts.append(float(component._start.get(name, discrete.start)))
     if record.local:
         for template in record.templates:
             tree.local_rows[template].append(number_)
@@ -220,6 +249,8 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
     for given, fixed in ((component._guess, False), (component._start, True)):
         for name, value in given.items():
             local = name.removesuffix(")").removeprefix("der(") if name.startswith("der(") else name
+            if name in record.discretes:
+                continue
             if name not in instance.variables:
                 raise BindingError(
                     f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is no variable of "

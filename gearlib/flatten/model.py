@@ -43,6 +43,7 @@ class EquationGroup:
     signs: Integers
     parameters: Integers
     owners: Integers  # which instance wrote it
+    held: Integers  # which discrete values stand for the held names, see `Discretes`
 
     def __len__(self) -> int:
         return len(self.variables)
@@ -95,6 +96,31 @@ class StartValues:
 
 
 @dataclass(frozen=True)
+class UpdateGroup:
+    """Equations of discrete variables, or new values of states (``reinit``), that share a template."""
+
+    equations: EquationGroup
+    targets: Integers  # discrete variables, or variables
+    reinit: bool
+
+
+@dataclass(frozen=True)
+class Discretes:
+    """Variables that change at events only.
+
+    Their values, the values before the event, and one that is 1 while the run is being started follow each other: d is variable d,
+    n + d is pre(d), 2 n is initial().
+    """
+
+    names: tuple[str, ...]
+    starts: Floats
+    updates: tuple[UpdateGroup, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@dataclass(frozen=True)
 class Counts:
     """How many there were before aliases were removed; for the summary."""
 
@@ -123,6 +149,7 @@ class FlatModel:
     auxiliary: int  # first of the variables that flattening added
     redundant: int  # equations found to say nothing new
     counts: Counts
+    discretes: Discretes
     closed: tuple[int, ...] = ()  # flows set to zero because nothing determines them
 
     @property
@@ -181,6 +208,21 @@ class FlatModel:
         """All variables' paths, in order."""
         for instance in self.instances:
             yield from self._names_of(instance)
+
+    @cached_property
+    def first_relations(self) -> Integers:
+        """Number of the first relation of each group; the last entry counts them all. Those of updates come last."""
+        groups = [*self.groups, *(u.equations for u in self.discretes.updates)]
+        return np.cumsum([0, *(len(g.template.relations) * len(g) for g in groups)])
+
+    @property
+    def n_relations(self) -> int:
+        return int(self.first_relations[-1])
+
+    @property
+    def n_modes(self) -> int:
+        """Relations, then discrete values (see `Discretes`)."""
+        return self.n_relations + (2 * len(self.discretes) + 1 if len(self.discretes) else 0)
 
     def owner(self, group: int, row: int) -> str:
         """Path of the component that wrote an equation."""

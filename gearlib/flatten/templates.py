@@ -38,11 +38,12 @@ class Partial:
     expression: Any
     depends_on: frozenset[int]  # columns that it depends on
     on_time: bool
+    on_modes: bool  # changes at events
 
     @property
     def constant(self) -> bool:
         """Whether it depends on parameters only."""
-        return not self.depends_on and not self.on_time
+        return not self.depends_on and not self.on_time and not self.on_modes
 
     @property
     def number(self) -> float | None:
@@ -66,6 +67,8 @@ class Template:
         The parameters it holds.
     relations : tuple of Relation
         Comparisons that were replaced by the symbols ``relation_0``, ``relation_1``, ... (1: true, 0: false).
+    held : tuple of str
+        Discrete variables that it holds: ``mode``, ``pre(mode)``, ``initial()``.
     """
 
     label: str
@@ -73,6 +76,7 @@ class Template:
     columns: tuple[Column, ...]
     parameters: tuple[str, ...]
     relations: tuple[Relation, ...] = ()
+    held: tuple[str, ...] = ()
 
     @cached_property
     def locals(self) -> tuple[str, ...]:
@@ -82,7 +86,7 @@ class Template:
     @cached_property
     def relation_columns(self) -> tuple[Column, ...]:
         """The variables that its relations compare."""
-        known = {*self.parameters, time.name}
+        known = {*self.parameters, *self.held, time.name}
         names = {s.name for r in self.relations for s in r.g.free_symbols} - known
         return tuple(parse_column(n) for n in sorted(names))
 
@@ -109,7 +113,8 @@ class Template:
         for symbol in self.symbols:
             d = sympy.diff(self.residual, symbol)
             free = d.free_symbols
-            result.append(Partial(d, frozenset(position[s] for s in free if s in position), time in free))
+            modes = any(s.name in self.held or s.name.startswith("relation_") for s in free)
+            result.append(Partial(d, frozenset(position[s] for s in free if s in position), time in free, modes))
         return tuple(result)
 
     @cached_property
@@ -129,7 +134,7 @@ class Template:
     @cached_property
     def alias(self) -> tuple[int, int, int] | None:
         """(i, j, s) where the equation says local i = s * local j; (i, -1, 0) where it says local i = 0."""
-        if self.parameters or self.on_time or any(order for _, order in self.columns) or len(self.columns) not in (1, 2):
+        if self.parameters or self.held or self.relations or self.on_time or any(order for _, order in self.columns) or len(self.columns) not in (1, 2):
             return None
         if not self.linear or self.rest != 0:
             return None
@@ -143,9 +148,9 @@ class Template:
     @cached_property
     def derivative(self) -> Template:
         """The equation differentiated with respect to time."""
-        constant = frozenset(self.parameters) | {f"relation_{i}" for i in range(len(self.relations))}
+        constant = frozenset({*self.parameters, *self.held, *(f"relation_{i}" for i in range(len(self.relations)))})
         residual = total_derivative(self.residual, constant)
-        return make_template(f"der({self.label})", residual, self.parameters, self.relations)
+        return make_template(f"der({self.label})", residual, self.parameters, self.relations, self.held)
 
 
 def column_symbol(column: Column) -> Any:
@@ -166,16 +171,28 @@ def parse_column(name: str) -> Column:
     return name, order
 
 
-def make_template(label: str, residual: Any, parameters: Collection[str], relations: tuple[Relation, ...] = ()) -> Template:
+def make_template(
+    label: str, residual: Any, parameters: Collection[str], relations: tuple[Relation, ...] = (), held: Collection[str] = ()
+) -> Template:
     """A template of a residual whose relations were replaced already."""
-    named = sorted((s.name for s in residual.free_symbols if s != time), key=str)
-    known = set(parameters)
-    columns = tuple(parse_column(n) for n in named if n not in known and not n.startswith("relation_"))
+    named = sorted(s.name for s in residual.free_symbols if s != time)
+    apart = {*parameters, *held}
+    columns = tuple(parse_column(n) for n in named if n not in apart and not n.startswith("relation_"))
     used = {s.name for r in relations for s in r.g.free_symbols}.union(named)
-    return Template(label, residual, columns, tuple(n for n in sorted(known) if n in used), relations)
+    return Template(
+        label, residual, columns, tuple(n for n in sorted(parameters) if n in used), relations,
+        tuple(n for n in sorted(held) if n in used),
+    )  # fmt: skip
 
 
-def template_of(equation: Eq, label: str, is_parameter: Callable[[str], bool]) -> Template:
+def never(name: str) -> bool:
+    """No name is one."""
+    return False
+
+
+def template_of(
+    equation: Eq, label: str, is_parameter: Callable[[str], bool], is_held: Callable[[str], bool] = never
+) -> Template:
     """Analyse one equation of a class.
 
     Parameters
@@ -184,24 +201,32 @@ def template_of(equation: Eq, label: str, is_parameter: Callable[[str], bool]) -
         On the symbols of the class.
     label : str
         For messages.
-    is_parameter : callable
-        Whether a symbol of that name is a parameter.
+    is_parameter, is_held : callable
+        Whether a symbol of that name is a parameter, a discrete variable.
     """
     try:
         residual = equation.residual
     except (TypeError, sympy.SympifyError) as problem:
         raise DeclarationError(f"{label}: {equation.left!r} == {equation.right!r} is no equation: {problem}") from None
+    return template_of_value(residual, label, is_parameter, is_held)
+
+
+def template_of_value(residual: Any, label: str, is_parameter: Callable[[str], bool], is_held: Callable[[str], bool]) -> Template:
+    """As `template_of`, of an expression."""
     if not isinstance(residual, sympy.Expr) or residual.has(sympy.nan, sympy.zoo, sympy.oo, sympy.I):
         raise DeclarationError(f"{label}: the residual is {residual}; expected a real expression of variables and parameters")
-    parameters = {s.name for s in residual.free_symbols if is_parameter(s.name)}
     gone = {s: 0 for s in residual.free_symbols if is_parameter(parse_column(s.name)[0]) and parse_column(s.name)[1]}
-    residual, relations = lift_relations(residual.xreplace(gone))
-    parameters.update(s.name for r in relations for s in r.g.free_symbols if is_parameter(s.name))
-    return make_template(label, residual, parameters, relations)
+    residual, relations = lift_relations(residual.xreplace(gone), is_held)
+    names = {s.name for s in residual.free_symbols}.union(s.name for r in relations for s in r.g.free_symbols)
+    parameters = {n for n in names if is_parameter(n)}
+    return make_template(label, residual, parameters, relations, {n for n in names if is_held(n)})
 
 
-def lift_relations(expression: Any) -> tuple[Any, tuple[Relation, ...]]:
-    """Replace the comparisons in ``expression`` by symbols that hold their value between events."""
+def lift_relations(expression: Any, is_held: Callable[[str], bool] = never) -> tuple[Any, tuple[Relation, ...]]:
+    """Replace the comparisons in ``expression`` by symbols that hold their value between events.
+
+    A comparison between discrete variables changes at events only, and stays as it is.
+    """
     if not expression.has(Relational, sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Piecewise):
         return expression, ()
     protected = {a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if a.func.__name__ == "no_event"}
@@ -213,6 +238,8 @@ def lift_relations(expression: Any) -> tuple[Any, tuple[Relation, ...]]:
     found: list[Relation] = []
     lifted: dict[Any, Any] = {}
     for atom in sorted(expression.atoms(Relational), key=str):
+        if all(is_held(s.name) for s in atom.free_symbols):
+            continue
         if isinstance(atom, (sympy.Eq, sympy.Ne)):
             raise DeclarationError(f"the comparison {atom}: use <, <=, >, >=; equality of real numbers is no event")
         less = isinstance(atom, (sympy.StrictLessThan, sympy.LessThan))

@@ -20,13 +20,14 @@ from gearlib.language.declarations import (
     NO_VALUE,
     Connector,
     Declaration,
+    Discrete,
     Input,
     Parameter,
     Port,
     Structural,
     Variable,
 )
-from gearlib.language.expressions import Eq
+from gearlib.language.expressions import Eq, When
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
 
@@ -159,7 +160,7 @@ class Component:
         put(self, "_structural", structural)
         put(self, "_bindings", bindings)
 
-    def equations(self) -> Sequence[Eq]:
+    def equations(self) -> Sequence[Eq | When]:
         """The equations of the class, on symbols that stand for any instance."""
         return []
 
@@ -288,6 +289,7 @@ class Declared:
     variables: dict[str, Variable]  # connectors' variables as "flange_a.phi"
     parameters: dict[str, Parameter]
     connectors: dict[str, Connector]
+    discretes: dict[str, Discrete]
 
 
 def declared_by(component: Component) -> Declared:
@@ -295,22 +297,25 @@ def declared_by(component: Component) -> Declared:
     variables: dict[str, Variable] = {}
     parameters: dict[str, Parameter] = {}
     connectors: dict[str, Connector] = {}
+    discretes: dict[str, Discrete] = {}
     for name, declared in component._declarations.items():
         if isinstance(declared, Parameter):
             parameters[name] = declared
+        elif isinstance(declared, Discrete):
+            discretes[name] = declared
         elif isinstance(declared, Variable):
             variables[name] = declared
         elif isinstance(declared, Connector) and (declared.when is None or component._structural[declared.when]):
             connectors[name] = declared
             variables.update({f"{name}.{inner}": v for inner, v in declared.variables.items()})
-    return Declared(variables, parameters, connectors)
+    return Declared(variables, parameters, connectors, discretes)
 
 
-def equations_of(component: Component) -> list[Eq]:
+def equations_of(component: Component) -> list[Eq | When]:
     """The equations that `component` writes, on symbols named from its own scope."""
     with _inside(component):
         equations = component.equations()
-    if equations is None or not all(isinstance(e, Eq) for e in equations):
-        bad = next((e for e in equations or [] if not isinstance(e, Eq)), equations)
+    if equations is None or not all(isinstance(e, (Eq, When)) for e in equations):
+        bad = next((e for e in equations or [] if not isinstance(e, (Eq, When))), equations)
         raise DeclarationError(f"{type(component).__name__}.equations() must return a list of gl.Eq(left, right); got {bad!r}")
     return list(equations)

@@ -96,6 +96,17 @@ class Input(Variable):
 
 
 @dataclass(frozen=True, eq=False)
+class Discrete(Declaration):
+    """A variable that changes at events only: the mode of a clutch, a counter.
+
+    Its equation ``gl.Eq(self.mode, ...)`` is evaluated at events; ``gl.pre(self.mode)`` is its value before.
+    """
+
+    description: str = ""
+    start: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Structural(Declaration):
     """A choice that changes the equations: a number of planets, backlash or not. Its value is a plain Python object.
 

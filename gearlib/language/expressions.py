@@ -12,10 +12,12 @@ from typing import Any
 import sympy
 from sympy import And, Max, Min, Not, Or, Piecewise
 from sympy.core.function import UndefinedFunction
+from sympy.logic.boolalg import Boolean
 
 __all__ = [
-    "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "acos", "asin", "atan", "atan2", "cos", "cosh", "der", "exp", "log",
-    "no_event", "pi", "sign", "sin", "sinh", "sqrt", "tan", "tanh", "time",
+    "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "When", "acos", "asin", "atan", "atan2", "cos", "cosh", "der",
+    "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sign", "sin", "sinh", "sqrt", "tan", "tanh",
+    "time",
 ]  # fmt: skip
 
 time: Any = sympy.Symbol("time", real=True)
@@ -46,7 +48,73 @@ class Eq:
 
     @property
     def residual(self) -> Any:
-        return sympy.sympify(self.left) - sympy.sympify(self.right)
+        return sympy.sympify(self.left) - value_of(self.right)
+
+
+@dataclass(frozen=True)
+class Reinit:
+    """What `reinit` returns: a state and its new value."""
+
+    state: Any
+    value: Any
+
+
+@dataclass(frozen=True, init=False)
+class When:
+    """Actions at the moment at which a condition becomes true.
+
+    Parameters
+    ----------
+    condition : relation or Boolean expression of relations
+    *actions : Eq or reinit
+        Equations of discrete variables, and new values of states.
+
+    Examples
+    --------
+    A ball that bounces, in the equations of a component::
+
+        gl.When(self.h < 0, gl.reinit(self.v, -0.8 * self.v), gl.Eq(self.bounces, gl.pre(self.bounces) + 1))
+    """
+
+    condition: Any
+    actions: tuple[Eq | Reinit, ...]
+
+    def __init__(self, condition: Any, *actions: Eq | Reinit) -> None:
+        object.__setattr__(self, "condition", condition)
+        object.__setattr__(self, "actions", actions)
+
+
+def reinit(state: Any, value: Any) -> Reinit:
+    """Give a state a new value; only in `When`."""
+    return Reinit(state, value)
+
+
+def value_of(expression: Any) -> Any:
+    """An expression as a number: 1 for a condition that holds, 0 for one that does not."""
+    expression = sympy.sympify(expression)
+    if isinstance(expression, Boolean) and not isinstance(expression, sympy.Symbol):  # sympy's symbols are Boolean, too
+        return sympy.Piecewise((1, expression), (0, True))
+    return expression
+
+
+def pre(variable: Any) -> Any:
+    """The value of a discrete variable before the event that is being handled."""
+    return sympy.Symbol(f"pre({variable.name})", real=True)
+
+
+def holds(variable: Any) -> Any:
+    """The condition that a discrete variable is not zero."""
+    return sympy.Ne(variable, 0)
+
+
+def equals(variable: Any, value: float) -> Any:
+    """The condition that a discrete variable has a value."""
+    return sympy.Eq(variable, value)
+
+
+def initial() -> Any:
+    """The condition that the run is just being started."""
+    return sympy.Ne(sympy.Symbol("initial()", real=True), 0)
 
 
 def der(expression: Any) -> Any:

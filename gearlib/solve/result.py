@@ -45,6 +45,8 @@ class Result:
         self._extended: Result | None = None
 
     def __getitem__(self, name: str) -> Floats:
+        if name in self._scene.model.discretes.names:
+            return self._discrete(name)
         node, sign = self._node(name)
         if sign == 0:
             return np.zeros_like(self.time)
@@ -63,6 +65,15 @@ class Result:
     def states(self) -> Floats:
         """Histories of the integrated states, shape (samples, states)."""
         return self._states
+
+    def _discrete(self, name: str) -> Floats:
+        scene, model = self._scene, self._scene.model
+        number = model.discretes.names.index(name)
+        used = scene.relations
+        place = model.n_relations + number
+        if used is None or not any(place in b.targets for b in used.discretes):
+            raise NameLookupError(f"the discrete variable {name} was not needed in this run; name it in outputs=[...]")
+        return self._relations[:, place].copy()
 
     def _node(self, name: str) -> tuple[Node, int]:
         base, order = parse_column(name)

@@ -10,10 +10,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
-from gearlib.solve.native_call import call_native
-from gearlib.solve.rk_stages import INNER, interpolate, interpolation_weights
+from gearlib.solve.native_call import call_native, inner
+from gearlib.solve.rk_stages import interpolate, interpolation_weights
 from gearlib.solve.rk_steps import dense_stages, take_step
 
 __all__ = ["crossing", "flipped", "slopes"]
@@ -21,22 +19,22 @@ __all__ = ["crossing", "flipped", "slopes"]
 _ROUNDING = 4.4e-16
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def _copy(a: Any, b: Any) -> None:
     for i in range(a.size):  # numba takes a second to compile the checks of a slice assignment
         b[i] = a[i]
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def flipped(g: Any, side: Any) -> bool:
     """Whether any event function has left its side."""
-    for k in range(side.size):
+    for k in range(side.size):  # noqa: SIM110  (numba)
         if g[k] * side[k] < 0.0 or (side[k] == 0 and g[k] != 0.0):
             return True
     return False
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def slopes(native: Any, t: float, h: float, x: Any, f: Any, g: Any, y: Any, slope: Any) -> None:
     """``slope`` = time derivative of the event functions ``g`` along the solution, by a difference over a part of ``h``."""
     dt = 1e-4 * h
@@ -47,7 +45,7 @@ def slopes(native: Any, t: float, h: float, x: Any, f: Any, g: Any, y: Any, slop
         slope[k] = (slope[k] - g[k]) / dt
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def _look(order: int, native: Any, t: float, h: float, x: Any, k: Any, b: Any, y: Any, theta: float, g: Any) -> None:
     """``y``, ``g`` = state and event functions at ``t + theta h``, from the dense output."""
     interpolation_weights(order, theta, b)
@@ -55,7 +53,7 @@ def _look(order: int, native: Any, t: float, h: float, x: Any, k: Any, b: Any, y
     call_native(native[1], t + theta * h, y.ctypes.data, g.ctypes.data, native[3], native[4])
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def _dip(h: float, g_old: Any, g_new: Any, slope_old: Any, slope_new: Any, side: Any) -> float:
     """Where within the step a function that keeps its side at both ends may have crossed zero twice; 2 where none may.
 
@@ -75,15 +73,15 @@ def _dip(h: float, g_old: Any, g_new: Any, slope_old: Any, slope_new: Any, side:
     return first
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def _locate(
     order: int, native: Any, t: float, h: float, x: Any, k: Any, b: Any, y: Any, low: float, high: float, tolerance: float,
     g: Any, side: Any,
 ) -> float:  # fmt: skip
     """Right end of a bracket, no wider than ``tolerance``, of the first flip between ``low`` and ``high``.
 
-    The Illinois method on the event function that seems to cross first, as in SUNDIALS. The rows of ``g`` (low, high, free) hold
-    the event functions at both ends at the start.
+    The Illinois method on the event function that seems to cross first, as in SUNDIALS. The rows of ``g`` (low, high, free)
+    hold the event functions at both ends at the start.
     """
     lo, hi, free = 0, 1, 2
     alpha, last_moved = 1.0, 0
@@ -111,15 +109,16 @@ def _locate(
     return high
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def crossing(
     order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, b: Any, y: Any, g: Any, side: Any
 ) -> tuple[int, float, float, int]:
     """Look for the first event in the step from ``x`` to ``x_new``.
 
-    Returns ``(found, h, theta, rhs)``. Without an event the step stands, or was cut to a shorter ``h`` (found = 0). With one, the
-    step was repeated up to the event, so that its full accuracy holds there, and ``x_new`` is the state at ``t + theta h``, ``theta``
-    close to 1, just after the flip; row 1 of ``g`` is taken there (found = 1). found = -1: the repeated step failed.
+    Returns ``(found, h, theta, rhs)``. Without an event the step stands, or was cut to a shorter ``h`` (found = 0). With one,
+    the step was repeated up to the event, so that its full accuracy holds there, and ``x_new`` is the state at ``t + theta h``,
+    ``theta`` close to 1, just after the flip; row 1 of ``g`` is taken there (found = 1). found = -1: the repeated step failed.
+    Rows of ``g``: old and new values, old and new slopes, three for the bracket.
     """
     call_native(native[1], t + h, x_new.ctypes.data, g[1].ctypes.data, native[3], native[4])
     slopes(native, t + h, h, x_new, k[6 if order == 5 else 12], g[1], y, g[3])

@@ -1,8 +1,8 @@
 """The integration loop of the explicit Runge-Kutta methods: one compiled function for all models.
 
 It is compiled when this module is first imported on a machine (and found in numba's cache afterwards), so import it late. The
-loop keeps its state in arrays and returns after a given number of steps, so that Python can look after interrupts, grow the event
-log and call again.
+loop keeps its state in arrays and returns after a given number of steps, so that Python can look after interrupts, grow the
+event log and call again.
 """
 
 from __future__ import annotations
@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numba
 import numpy as np
-from numba import njit, types
+from numba import types
 
-from gearlib.solve.native_call import call_native
+from gearlib.solve.native_call import call_native, inner
 from gearlib.solve.rk_events import crossing, slopes
-from gearlib.solve.rk_stages import INNER, error5, error8, interpolate, interpolation_weights
+from gearlib.solve.rk_stages import error5, error8, interpolate, interpolation_weights
 from gearlib.solve.rk_steps import dense_stages, first_step, stiffness, take_step
 
 __all__ = ["advance"]
@@ -24,7 +25,7 @@ __all__ = ["advance"]
 DONE, MORE, STIFF, RHS_FAILED, UNDERFLOW, CHATTERING, UPDATE_FAILED = 0, 1, 2, -1, -2, -3, -4
 # elements of clock and of count
 T, H, LOG_ERROR, H_HELD, SPAN, H_MAX = range(6)
-SAMPLE, STOP, STEPS, REJECTED, RHS, EVENTS, STIFF_STEPS, CALM_STEPS, STARTED = range(9)
+SAMPLE, STOP, STEPS, REJECTED, RHS, EVENTS, STIFF_STEPS, CALM_STEPS, STARTED, RETRY = range(10)
 
 CHATTER_EVENTS = 1000  # that many events within CHATTER_SPAN of the time span are a chattering model, not a rattling gear
 CHATTER_SPAN = 1e-10
@@ -33,24 +34,25 @@ ROUNDING = 8.9e-16
 TINY = 1e-250
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def _restart(order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any) -> int:
     """Begin anew at ``x``: the right-hand side, the sides of the event functions and their slopes."""
-    code = call_native(native[0], clock[T], x.ctypes.data, k.ctypes.data, native[3], native[4])
+    code: int = call_native(native[0], clock[T], x.ctypes.data, k.ctypes.data, native[3], native[4])
     count[RHS] += 1
     clock[LOG_ERROR] = math.log(1e-4)
     if side.size > 0 and code == 0:
         call_native(native[1], clock[T], x.ctypes.data, g.ctypes.data, native[3], native[4])
-        slopes(native, clock[T], 1e-6 * clock[H_MAX], x, k[0], g[0], y, g[2])
+        slopes(native, clock[T], max(clock[H], 1e-6 * clock[H_MAX]), x, k[0], g[0], y, g[2])
         for i in range(side.size):
             side[i] = np.sign(g[0, i])
     return code
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def _start(
-    order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any, fired: Any, atol: Any, rtol: float
-) -> int:
+    order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any, fired: Any, atol: Any,
+    rtol: float,
+) -> int:  # fmt: skip
     count[STARTED] = 1
     if native[2] != 0:
         for i in range(fired.size):
@@ -66,7 +68,7 @@ def _start(
     return DONE
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def _emit(
     order: int, t: float, t_new: float, h: float, x: Any, k: Any, b: Any, count: Any, times: Any, out_x: Any, out_modes: Any,
     data: Any, first_mode: int,
@@ -82,10 +84,8 @@ def _emit(
     count[SAMPLE] = i
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
-def _emit_here(
-    t: float, x: Any, count: Any, times: Any, out_x: Any, out_modes: Any, data: Any, first_mode: int
-) -> None:
+@inner()
+def _emit_here(t: float, x: Any, count: Any, times: Any, out_x: Any, out_modes: Any, data: Any, first_mode: int) -> None:
     """Store the samples at ``t`` itself."""
     i = count[SAMPLE]
     while i < times.size and times[i] <= t:
@@ -97,7 +97,7 @@ def _emit_here(
     count[SAMPLE] = i
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def _handle(
     order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any, fired: Any, log_t: Any,
     log_root: Any, found: int, timed: bool,
@@ -137,17 +137,68 @@ def _handle(
     return DONE
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
-def _is_stiff(stiff: bool, clock: Any, count: Any) -> bool:
+@inner()
+def _is_stiff(looks_stiff: bool, far_from_end: bool, count: Any) -> bool:
     """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row."""
-    if stiff:
+    if looks_stiff:
         count[STIFF_STEPS] += 1
         count[CALM_STEPS] = 0
-        return count[STIFF_STEPS] >= 15
+        return far_from_end and count[STIFF_STEPS] >= 15
     count[CALM_STEPS] += 1
     if count[CALM_STEPS] >= 6:
         count[STIFF_STEPS] = 0
     return False
+
+
+@inner()
+def _attempt(
+    order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, y: Any, atol: Any, rtol: float, count: Any
+) -> float:
+    """Try a step; its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops the run."""
+    count[STEPS] += 1
+    count[RHS] += 6 if order == 5 else 12
+    code = take_step(order, native, t, h, x, x_new, k, y)
+    if code < 0:
+        return -1.0
+    error = math.inf
+    if code == 0:
+        error = error5(x, x_new, h, k, atol, rtol) if order == 5 else error8(x, x_new, h, k, atol, rtol)
+    return error if error < math.inf else math.inf
+
+
+@inner()
+def _adapt(order: int, h: float, error: float, clock: Any, count: Any) -> bool:
+    """Choose the next step size; whether the step is accepted.
+
+    PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before. These constants leave hardly a
+    step to be rejected, and make steps at the limit of stability much more accurate than alpha = 1 / order, beta = 0.
+    """
+    if not error <= 1.0:
+        count[REJECTED] += 1
+        count[RETRY] = 1
+        clock[H] = h * (max(0.2, 0.9 * error ** (-1.0 / order)) if error < math.inf else 0.25)
+        return False
+    alpha, beta = (0.14, 0.08) if order == 5 else (0.0875, 0.05)
+    log_error = math.log(max(error, 1e-10))
+    growth = min(10.0, max(0.2, 0.9 * math.exp(beta * clock[LOG_ERROR] - alpha * log_error)))
+    if count[RETRY] == 1:
+        growth = min(growth, 1.0)
+    # a step that was cut short to meet a stop says nothing against the size wanted before
+    clock[H] = max(h * growth, clock[H]) if h < clock[H] else h * growth
+    clock[LOG_ERROR] = log_error
+    count[RETRY] = 0
+    return True
+
+
+@inner()
+def _move(last: int, x: Any, x_new: Any, k: Any, g: Any) -> None:
+    """Make the end of a step the start of the next one."""
+    for i in range(x.size):  # numbers near underflow, as far from a load as nothing has arrived yet, are slow: they become zero
+        x[i] = x_new[i] if abs(x_new[i]) > TINY else 0.0
+        k[0, i] = k[last, i] if abs(k[last, i]) > TINY else 0.0
+    for i in range(g.shape[1]):
+        g[0, i] = g[1, i]
+        g[2, i] = g[3, i]
 
 
 def _advance(
@@ -155,103 +206,65 @@ def _advance(
     times: Any, out_x: Any, out_modes: Any, data: Any, first_mode: int, stops: Any, timed: Any, g: Any, side: Any, fired: Any,
     log_t: Any, log_root: Any, budget: int, detect: bool,
 ) -> int:  # fmt: skip
-    """Integrate for ``budget`` steps or until something happens that Python must see to."""
-    last = 6 if order == 5 else 12
-    # PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before
-    alpha, beta = (0.14, 0.08) if order == 5 else (0.125, 0.0)
+    """Integrate for ``budget`` steps, or until something happens that Python must see to."""
     if count[STARTED] == 0:
         code = _start(order, native, clock, count, x, k, y, g, side, fired, atol, rtol)
         if code != DONE:
             return code
-    t_end = stops[stops.size - 1]
-    rejected = False
-    left = budget
-    while True:
-        t = clock[T]
+    for _ in range(budget):
+        t, stop = clock[T], stops[count[STOP]]
         _emit_here(t, x, count, times, out_x, out_modes, data, first_mode)
-        if t >= t_end:
+        if t >= stops[stops.size - 1]:
             return DONE
-        if left == 0 or log_t.size - count[EVENTS] < side.size + 2:
+        if log_t.size - count[EVENTS] < side.size + 2:
             return MORE
-        left -= 1
-        stop = stops[count[STOP]]
         h = min(clock[H], clock[H_MAX])
         if h < 10.0 * ROUNDING * abs(t) + 1e-25 * clock[SPAN]:
             return UNDERFLOW
-        t_new = t + h
-        if t + 1.0001 * h >= stop:
-            t_new = stop
+        last_of_span = t + 1.0001 * h >= stop
+        if last_of_span:
             h = stop - t
-        count[STEPS] += 1
-        count[RHS] += last
-        code = take_step(order, native, t, h, x, x_new, k, y)
-        if code < 0:
+        error = _attempt(order, native, t, h, x, x_new, k, y, atol, rtol, count)
+        if error < 0.0:
             return RHS_FAILED
-        error = math.inf
-        if code == 0:
-            error = error5(x, x_new, h, k, atol, rtol) if order == 5 else error8(x, x_new, h, k, atol, rtol)
-        if not error <= 1.0:
-            count[REJECTED] += 1
-            rejected = True
-            shrink = 0.25
-            if error < math.inf:
-                shrink = max(0.2, 0.9 * error ** (-1.0 / order))
-            clock[H] = h * shrink
+        if not _adapt(order, h, error, clock, count):
             continue
-        log_error = math.log(max(error, 1e-10))
-        grow = min(10.0, max(0.2, 0.9 * math.exp(beta * clock[LOG_ERROR] - alpha * log_error)))
-        if rejected:
-            grow = min(grow, 1.0)
-        if detect and _is_stiff(stiffness(order, h, x_new, k, y, atol, rtol), clock, count):
-            if (t_end - t) > STIFF_LEFT * h:
-                return STIFF
-            count[STIFF_STEPS] = 0
-        found = 0
-        extra = 0
-        theta = 1.0
-        h_taken = h
+        far_from_end = stops[stops.size - 1] - t > STIFF_LEFT * h
+        if detect and _is_stiff(stiffness(order, h, x_new, k, y, atol, rtol), far_from_end, count):
+            return STIFF
+        found, taken, theta, extra = 0, h, 1.0, 0
         if side.size > 0:
-            found, h_taken, theta, extra = crossing(order, native, t, h, x, x_new, k, b, y, g, side)
+            found, taken, theta, extra = crossing(order, native, t, h, x, x_new, k, b, y, g, side)
             count[RHS] += extra
             if found < 0:
-                clock[H] = 0.5 * h_taken
+                clock[H] = 0.5 * taken
                 continue
-            if h_taken != h or found == 1:
-                t_new = t + theta * h_taken
-        if count[SAMPLE] < times.size and times[count[SAMPLE]] < t_new - ROUNDING * abs(t_new):
+        t_new = stop if last_of_span and found == 0 and taken == h else t + theta * taken
+        before = t_new - ROUNDING * abs(t_new)
+        if count[SAMPLE] < times.size and times[count[SAMPLE]] < before:
             if extra == 0:
-                count[RHS] += dense_stages(order, native, t, h, x, k, y)
-            _emit(order, t, t_new - ROUNDING * abs(t_new), h_taken, x, k, b, count, times, out_x, out_modes, data, first_mode)
-        clock[H] = max(h * grow, clock[H]) if h < clock[H] and not rejected else h * grow
-        clock[LOG_ERROR] = log_error
-        rejected = False
+                count[RHS] += dense_stages(order, native, t, taken, x, k, y)
+            _emit(order, t, before, taken, x, k, b, count, times, out_x, out_modes, data, first_mode)
         reached = t_new >= stop - ROUNDING * abs(stop)
         clock[T] = stop if reached else t_new
-        for i in range(x.size):  # numbers near underflow, as far from a load as nothing has arrived yet, are slow: they become zero
-            x[i] = x_new[i] if abs(x_new[i]) > TINY else 0.0
-            k[0, i] = k[last, i] if abs(k[last, i]) > TINY else 0.0
-        if side.size > 0:
-            for i in range(side.size):
-                g[0, i] = g[1, i]
-                g[2, i] = g[3, i]
+        _move(6 if order == 5 else 12, x, x_new, k, g)
         if found == 1 or (reached and timed[count[STOP]]):
-            code = _handle(
-                order, native, clock, count, x, k, y, g, side, fired, log_t, log_root, found, reached and timed[count[STOP]]
-            )
+            at_time = reached and timed[count[STOP]]
+            code = _handle(order, native, clock, count, x, k, y, g, side, fired, log_t, log_root, found, at_time)
             if code != DONE:
                 return code
-        if reached:
+        if reached and count[STOP] < stops.size - 1:
             count[STOP] += 1
+    return MORE
 
 
-_floats = types.Array(types.float64, 1, "C")
-_rows = types.Array(types.float64, 2, "C")
-_integers = types.Array(types.int64, 1, "C")
-_flags = types.Array(types.boolean, 1, "C")
-_signs = types.Array(types.int32, 1, "C")
-advance = njit(
+_types: Any = types
+_floats, _rows = _types.Array(types.float64, 1, "C"), _types.Array(types.float64, 2, "C")
+_integers, _signs, _flags = (_types.Array(t, 1, "C") for t in (types.int64, types.int32, types.boolean))
+_njit: Any = numba.njit
+advance: Any = _njit(
     types.int64(
-        types.int64, types.UniTuple(types.int64, 5), _floats, _integers, _floats, _floats, _floats, _rows, _floats, _floats,
+        types.int64, _types.UniTuple(types.int64, 5), _floats, _integers, _floats, _floats, _floats, _rows, _floats, _floats,
         types.float64, _floats, _rows, _rows, _floats, types.int64, _floats, _flags, _rows, _signs, _signs, _floats, _integers,
         types.int64, types.boolean,
     ),

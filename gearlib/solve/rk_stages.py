@@ -1,7 +1,7 @@
 """The linear combinations of a Runge-Kutta step, compiled as parts of the loop in ``rk_loop``.
 
-``k[j]`` is the right-hand side at stage j. Each combination is one loop over the states with the coefficients as constants, which
-LLVM turns into vector instructions.
+``k[j]`` is the right-hand side at stage j. Each combination is one loop over the states with the coefficients as constants,
+which LLVM turns into vector instructions.
 """
 
 from __future__ import annotations
@@ -11,27 +11,24 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import extending, types
 
+from gearlib.solve.native_call import inner
 from gearlib.solve.tableaux import DOP853_A, DOP853_D, DOP853_E, TSIT5_A, TSIT5_E, TSIT5_R
 
-__all__ = ["INNER", "error5", "error8", "interpolate", "interpolation_weights", "stage5", "stage8"]
+__all__ = ["error5", "error8", "interpolate", "interpolation_weights", "stage5", "stage8"]
 
 _TABLES = (TSIT5_A, DOP853_A, (TSIT5_E,), DOP853_E)
 A5, A8, E5, E8 = range(4)
 _R5 = np.array(TSIT5_R)
 _B8 = np.array(DOP853_A[12])
 _D8 = np.array(DOP853_D)
-# options of functions that only the compiled loop calls
-INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 # sums may be reordered and fused, but not-a-number is kept: it is how a failed step is recognised
 _FAST = {"contract", "reassoc", "nsz"}
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
-def _sum(typing_context: Any, table: Any, row: Any, k: Any, i: Any) -> Any:
-    """``sum_j a[j] k[j, i]`` over the coefficients a, not zero, of a row of a table; both numbers must be literal.
+def _make_sum(typing_context: Any, table: Any, row: Any, k: Any, i: Any) -> Any:
+    """``_sum(table, row, k, i)``: ``sum_j a[j] k[j, i]`` over the coefficients a, not zero, of a row of a table, both literal.
 
     Written out in Python, the 150 products of both methods take numba 10 s longer to compile.
     """
@@ -52,13 +49,17 @@ def _sum(typing_context: Any, table: Any, row: Any, k: Any, i: Any) -> Any:
     return types.float64(table, row, k, types.intp), generate
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+_intrinsic: Any = extending.intrinsic
+_sum: Any = _intrinsic(prefer_literal=True)(_make_sum)
+
+
+@inner()
 def _larger(a: float, b: float) -> float:
     a, b = abs(a), abs(b)
     return a if a > b else b
 
 
-@njit(fastmath={"contract"}, **INNER)  # type: ignore[untyped-decorator]
+@inner(fastmath={"contract"})
 def stage5(s: int, x: Any, h: float, k: Any, y: Any) -> None:
     """``y`` = argument of stage ``s`` of Tsitouras' method; stage 6 is the new state."""
     n = x.size
@@ -82,7 +83,7 @@ def stage5(s: int, x: Any, h: float, k: Any, y: Any) -> None:
             y[i] = x[i] + h * _sum(A5, 6, k, i)
 
 
-@njit(fastmath={"contract"}, **INNER)  # type: ignore[untyped-decorator]
+@inner(fastmath={"contract"})
 def stage8(s: int, x: Any, h: float, k: Any, y: Any) -> None:
     """``y`` = argument of stage ``s`` of DOP853; stage 12 is the new state, 13 to 15 serve the dense output."""
     n = x.size
@@ -133,7 +134,7 @@ def stage8(s: int, x: Any, h: float, k: Any, y: Any) -> None:
             y[i] = x[i] + h * _sum(A8, 15, k, i)
 
 
-@njit(fastmath=_FAST, **INNER)  # type: ignore[untyped-decorator]
+@inner(fastmath=_FAST)
 def error5(x: Any, x_new: Any, h: float, k: Any, atol: Any, rtol: float) -> float:
     """Root mean square of the error estimate over its tolerance."""
     total = 0.0
@@ -142,7 +143,7 @@ def error5(x: Any, x_new: Any, h: float, k: Any, atol: Any, rtol: float) -> floa
     return h * math.sqrt(total / x.size)
 
 
-@njit(fastmath=_FAST, **INNER)  # type: ignore[untyped-decorator]
+@inner(fastmath=_FAST)
 def error8(x: Any, x_new: Any, h: float, k: Any, atol: Any, rtol: float) -> float:
     """Hairer's blend of the root mean squares of two estimates, of order 3 and 5, over their tolerance."""
     total3 = total5 = 0.0
@@ -155,7 +156,7 @@ def error8(x: Any, x_new: Any, h: float, k: Any, atol: Any, rtol: float) -> floa
     return h * total5 / math.sqrt((total5 + 0.01 * total3) * x.size)
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def interpolation_weights(order: int, theta: float, b: Any) -> None:
     """``b`` = weights of the stages in the dense output at ``t + theta h``."""
     if order == 5:
@@ -179,7 +180,7 @@ def interpolation_weights(order: int, theta: float, b: Any) -> None:
     b[12] -= p2
 
 
-@njit(fastmath=_FAST, **INNER)  # type: ignore[untyped-decorator]
+@inner(fastmath=_FAST)
 def interpolate(order: int, x: Any, h: float, k: Any, b: Any, y: Any) -> None:
     """``y`` = dense output with the weights ``b``."""
     if order == 5:

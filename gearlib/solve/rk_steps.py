@@ -9,10 +9,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from gearlib.solve.native_call import call_native
-from gearlib.solve.rk_stages import INNER, stage5, stage8
+from gearlib.solve.native_call import call_native, inner
+from gearlib.solve.rk_stages import stage5, stage8
 from gearlib.solve.tableaux import DOP853_C, TSIT5_C
 
 __all__ = ["dense_stages", "first_step", "stiffness", "take_step"]
@@ -21,7 +20,7 @@ _C5 = np.array(TSIT5_C)
 _C8 = np.array(DOP853_C)
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def take_step(order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, y: Any) -> int:
     """Fill ``x_new`` and the stages of a step from ``x``, whose right-hand side is ``k[0]``; the code of a failing one."""
     row = k.strides[0]
@@ -29,21 +28,23 @@ def take_step(order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k
     if order == 5:
         for s in range(1, 6):
             stage5(s, x, h, k, y)
-            code = call_native(native[0], t + _C5[s] * h, y0, k0 + s * row, native[3], native[4])
+            code: int = call_native(native[0], t + _C5[s] * h, y0, k0 + s * row, native[3], native[4])
             if code != 0:
                 return code
         stage5(6, x, h, k, x_new)
-        return call_native(native[0], t + h, new, k0 + 6 * row, native[3], native[4])
+        code = call_native(native[0], t + h, new, k0 + 6 * row, native[3], native[4])
+        return code
     for s in range(1, 12):
         stage8(s, x, h, k, y)
         code = call_native(native[0], t + _C8[s] * h, y0, k0 + s * row, native[3], native[4])
         if code != 0:
             return code
     stage8(12, x, h, k, x_new)
-    return call_native(native[0], t + h, new, k0 + 12 * row, native[3], native[4])
+    code = call_native(native[0], t + h, new, k0 + 12 * row, native[3], native[4])
+    return code
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def dense_stages(order: int, native: Any, t: float, h: float, x: Any, k: Any, y: Any) -> int:
     """Evaluate the stages that only the dense output of order 7 needs; returns how many right-hand sides that took."""
     if order == 5:
@@ -54,7 +55,7 @@ def dense_stages(order: int, native: Any, t: float, h: float, x: Any, k: Any, y:
     return 3
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def first_step(order: int, native: Any, t: float, x: Any, k: Any, y: Any, atol: Any, rtol: float, h_max: float) -> float:
     """Hairer's guess: the step over which an Euler step and the curvature of the solution stay within the tolerance."""
     n = x.size
@@ -80,13 +81,13 @@ def first_step(order: int, native: Any, t: float, x: Any, k: Any, y: Any, atol: 
     return min(100.0 * h0, h1, h_max)
 
 
-@njit(**INNER)  # type: ignore[untyped-decorator]
+@inner()
 def stiffness(order: int, h: float, x_new: Any, k: Any, y: Any, atol: Any, rtol: float) -> bool:
     """Whether the step is at the limit of stability along the negative real axis.
 
-    The last two stages belong to the same time: their difference shows the dominant eigenvalue, |h lambda| as in Hairer's codes and
-    Re(h lambda) as a Rayleigh quotient in the norm of the tolerances. A lightly damped vibration has its eigenvalues near the
-    imaginary axis, where an implicit method would not take larger steps.
+    The last two stages belong to the same time: their difference shows the dominant eigenvalue, |h lambda| as in Hairer's codes
+    and Re(h lambda) as a Rayleigh quotient in the norm of the tolerances. A lightly damped vibration has its eigenvalues near
+    the imaginary axis, where an implicit method would not take larger steps.
     """
     last = 6 if order == 5 else 12
     square_k = square_x = product = 0.0

@@ -43,9 +43,11 @@ def integrate(
     rtol
         Relative tolerance of the error of a step.
     atol
-        Absolute tolerance, one number or one for each state, in the units of the states; ``rtol * problem.nominal`` if not given.
+        Absolute tolerance, one number or one for each state, in the units of the states; ``rtol * problem.nominal`` if not
+        given.
     order
-        5 (Tsitouras, dense output of order 4) for moderate tolerances, 8 (Dormand and Prince, dense output of order 7) for tight ones.
+        5 (Tsitouras, dense output of order 4) for coarse tolerances, 8 (Dormand and Prince, dense output of order 7) for fine
+        ones: on gear chains it is the faster one from 1e-6 on.
     detect_stiffness
         Stop with the status ``"stiff"`` where the step is limited by the stability of the method and much is left to do.
     max_steps
@@ -93,38 +95,43 @@ def integrate(
     from gearlib.solve import rk_loop  # imports numba
 
     n, n_roots = problem.x0.size, problem.n_roots if problem.roots is not None else 0
-    n_modes = len(range(*problem.modes.indices(problem.data.size)))
+    first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
     data, index = np.array(problem.data, dtype=np.float64), np.ascontiguousarray(problem.index, dtype=np.int64)
     x = np.array(problem.x0, dtype=np.float64)
-    out_x, out_modes = np.empty((times.size, n)), np.empty((times.size, n_modes))
-    stops, timed = _stops(problem.time_events, times)
+    out_x, out_modes = np.empty((times.size, n)), np.empty((times.size, max(last_mode - first_mode, 0)))
     span = float(times[-1] - times[0])
-    clock = np.array([times[0], 0.0 if first_step is None else first_step, 0.0, 0.0, span, 0.1 * span])
-    count = np.zeros(9, dtype=np.int64)
+    clock = np.array([times[0], first_step or 0.0, 0.0, 0.0, span, 0.1 * span])
+    count = np.zeros(10, dtype=np.int64)
     addresses = tuple(0 if f is None else f.address for f in (problem.rhs, problem.roots, problem.update))
-    native = (*addresses, data.ctypes.data, index.ctypes.data)
-    work = (np.empty(n), np.empty(n), np.zeros((_ROWS[order], n)), np.empty(16), tolerance, float(rtol), times, out_x, out_modes)
-    marks = (data, problem.modes.start or 0, stops, timed, np.zeros((7, n_roots)))
-    signs = (np.zeros(n_roots, dtype=np.int32), np.zeros(n_roots, dtype=np.int32))
-    log: tuple[Floats, NDArray[np.int64]] = (np.empty(_EVENTS_AT_FIRST + n_roots), np.empty(_EVENTS_AT_FIRST + n_roots, dtype=np.int64))
+    fixed = (
+        (*addresses, data.ctypes.data, index.ctypes.data), clock, count, x, np.empty(n), np.empty(n),
+        np.zeros((_ROWS[order], n)), np.empty(16), tolerance, float(rtol), times, out_x, out_modes, data, first_mode,
+        *_stops(problem.time_events, times), np.zeros((7, n_roots)), np.zeros(n_roots, dtype=np.int32),
+        np.zeros(n_roots, dtype=np.int32),
+    )  # fmt: skip
+    log_t, log_root = np.empty(_EVENTS_AT_FIRST + n_roots), np.empty(_EVENTS_AT_FIRST + n_roots, dtype=np.int64)
     code = rk_loop.MORE
     while code == rk_loop.MORE:
-        if count[rk_loop.STEPS] >= max_steps:
-            raise SolverError(f"gave up at t = {clock[0]:.9g} after {max_steps} steps, of which {count[rk_loop.REJECTED]} rejected")
-        budget = min(_STEPS_PER_CALL, max_steps - int(count[rk_loop.STEPS]))
-        code = rk_loop.advance(order, native, clock, count, x, *work, *marks, *signs, *log, budget, detect_stiffness)
-        if log[0].size < count[rk_loop.EVENTS] + n_roots + 2:
-            log = (np.concatenate((log[0], np.empty_like(log[0]))), np.concatenate((log[1], np.empty_like(log[1]))))
+        left = max_steps - int(count[rk_loop.STEPS])
+        if left <= 0 and clock[rk_loop.T] < times[-1]:
+            raise SolverError(f"gave up {_where(clock, count)}: max_steps is {max_steps}")
+        code = rk_loop.advance(order, *fixed, log_t, log_root, max(1, min(_STEPS_PER_CALL, left)), detect_stiffness)
+        if log_t.size < count[rk_loop.EVENTS] + n_roots + 2:
+            log_t, log_root = np.resize(log_t, 2 * log_t.size), np.resize(log_root, 2 * log_t.size)
+    events = int(count[rk_loop.EVENTS])
     if code < 0:
-        raise SolverError(_complaint(code, clock, count, log[1]))
-    samples, events = int(count[rk_loop.SAMPLE]), int(count[rk_loop.EVENTS])
+        raise SolverError(_complaint(code, _where(clock, count), log_root[max(0, events - 100) : events]))
+    samples, stiff = int(count[rk_loop.SAMPLE]), code == rk_loop.STIFF
     stats: dict[str, Any] = {
         "method": _METHODS[order], "order": order, "steps": int(count[rk_loop.STEPS] - count[rk_loop.REJECTED]),
-        "rejected": int(count[rk_loop.REJECTED]), "rhs": int(count[rk_loop.RHS]), "events": events, "data": data,
+        "rejected": int(count[rk_loop.REJECTED]), "rhs": int(count[rk_loop.RHS]), "events": events,
     }  # fmt: skip
+    if stiff:
+        stats["data"] = data
     return Solution(
-        t=times[:samples], x=out_x[:samples], modes=out_modes[:samples], status="stiff" if code == rk_loop.STIFF else "done",
-        t_last=float(clock[0]), x_last=x, event_times=log[0][:events].copy(), event_roots=log[1][:events].copy(), stats=stats,
+        t=times[:samples], x=out_x[:samples], modes=out_modes[:samples], status="stiff" if stiff else "done",
+        t_last=float(clock[rk_loop.T]), x_last=x, event_times=log_t[:events].copy(), event_roots=log_root[:events].copy(),
+        stats=stats,
     )  # fmt: skip
 
 
@@ -160,16 +167,21 @@ def _stops(time_events: Floats, times: Floats) -> tuple[Floats, NDArray[np.bool_
     return inside, timed
 
 
-def _complaint(code: int, clock: Floats, count: NDArray[np.int64], roots: NDArray[np.int64]) -> str:
+def _where(clock: Floats, count: NDArray[np.int64]) -> str:
+    from gearlib.solve.rk_loop import REJECTED, STEPS, H, T
+
+    return f"at t = {clock[T]:.9g} s after {count[STEPS]} steps ({count[REJECTED]} rejected, the next of {clock[H]:.1g} s)"
+
+
+def _complaint(code: int, where: str, last_roots: NDArray[np.int64]) -> str:
     """What a negative code of the loop means."""
     from gearlib.solve import rk_loop
 
-    where = f"at t = {clock[0]:.9g}, after {count[rk_loop.STEPS]} steps ({count[rk_loop.REJECTED]} rejected)"
     if code == rk_loop.UNDERFLOW:
         return f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
     if code == rk_loop.CHATTERING:
-        last = sorted({int(r) for r in roots[max(0, count[rk_loop.EVENTS] - 100) : count[rk_loop.EVENTS]]})
-        return f"events chatter {where}: {rk_loop.CHATTER_EVENTS} of them hardly apart, the last ones by the roots {last}"
+        roots = sorted({int(r) for r in last_roots})
+        return f"events chatter {where}: {rk_loop.CHATTER_EVENTS} of them hardly apart, the last ones of roots {roots}"
     if code == rk_loop.UPDATE_FAILED:
         return f"an event could not be handled {where}"
     return f"the right-hand side cannot be evaluated {where}"

@@ -49,6 +49,7 @@ class Scene:
 
     structure: Structure
     states: tuple[Node, ...]
+    wanted: tuple[int, ...] = ()  # discrete variables that are outputs
 
     @property
     def model(self) -> FlatModel:
@@ -59,17 +60,17 @@ class Scene:
         """Computes the derivatives of the states."""
         return build(self.structure, [(v, k + 1) for v, k in self.states], self.states, dynamic=True)
 
-    @cached_property
-    def n_relations(self) -> int:
-        return sum(len(g.template.relations) * len(g) for g in self.model.groups)
+    @property
+    def n_modes(self) -> int:
+        return self.model.n_modes
 
     @cached_property
     def relations(self) -> Relations | None:
-        """The relations that the derivatives depend on, if any."""
-        if not self.n_relations:
+        """What changes at events, if anything does."""
+        if not self.n_modes:
             return None
-        found = relations_of(self.structure, self.program)
-        return found if len(found.used) else None
+        found = relations_of(self.structure, self.program, self.wanted)
+        return found if len(found.used) or found.discretes or found.reinits else None
 
     @cached_property
     def slot_names(self) -> list[str]:
@@ -81,12 +82,14 @@ class Scene:
     @cached_property
     def native(self) -> NativeScene:
         """Compiled functions without a Jacobian."""
-        return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.n_relations, False)
+        return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.model.n_relations,
+                             len(self.model.discretes), False)  # fmt: skip
 
     @cached_property
     def native_with_jacobian(self) -> NativeScene:
         """Compiled functions with one."""
-        return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.n_relations, True)
+        return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.model.n_relations,
+                             len(self.model.discretes), True)  # fmt: skip
 
     @cached_property
     def nominal(self) -> Floats:
@@ -98,22 +101,48 @@ class Scene:
         relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
         return Numbers(parameters, main, relations)
 
-    def relation_values(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats) -> Floats:
-        """Relations as they are at some times, by iteration, shape (relations, times)."""
-        flags = np.zeros((self.n_relations, len(t)))
+    def modes(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats) -> Floats:
+        """Relations and discrete variables as they are at some times, each by itself, shape (modes, times).
+
+        Discrete variables are as if the run was started there.
+        """
+        modes = np.zeros((self.n_modes, len(t)))
         relations = self.relations
         if relations is None or numbers.relations is None:
-            return flags
+            return modes
+        n, d = self.model.n_relations, len(self.model.discretes)
+        if d:
+            modes[n : n + d] = modes[n + d : n + 2 * d] = self.model.discretes.starts[:, None]
+            modes[n + 2 * d] = 1.0
         for _ in range(100):
-            slots = evaluate(numbers.relations, t, states, inputs, flags)
-            new = flags.copy()
-            for batch in relations.batches:
-                late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
-                new[batch.targets] = relation_flags(batch, relations, late, t, slots, numbers.parameters, flags)
-            if (new == flags).all():
+            for _ in range(100):
+                new = self._modes_once(numbers, t, states, inputs, modes)
+                settled, modes = bool((new == modes).all()), new
+                if settled:
+                    break
+            before = modes[n + d : n + 2 * d].copy()
+            modes[n + d : n + 2 * d] = modes[n : n + d]
+            if d:
+                modes[n + 2 * d] = 0.0
+            if settled and (before == modes[n + d : n + 2 * d]).all():
                 break
-            flags = new
-        return flags
+        return modes
+
+    def _modes_once(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, modes: Floats) -> Floats:
+        relations, prepared = self.relations, numbers.relations
+        assert relations is not None and prepared is not None
+        new = modes.copy()
+        slots = np.zeros((prepared.program.n_slots, len(t)))
+        if any(batch.arguments.size for batch in relations.discretes):
+            slots = evaluate(prepared, t, states, inputs, new)
+        for batch in relations.discretes:  # in the order and with the meaning of the native event iteration
+            new[batch.targets] = batch_values(batch, t, slots, numbers.parameters, new)
+        slots = evaluate(prepared, t, states, inputs, new)
+        late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
+        flags = [relation_flags(b, relations, late, t, slots, numbers.parameters, new) for b in relations.batches]
+        for batch, flag in zip(relations.batches, flags, strict=True):
+            new[batch.targets] = flag
+        return new
 
     def data(self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Floats | None) -> Floats:
         """The data block of a run."""
@@ -154,5 +183,5 @@ def relation_flags(
 
 def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, ...]:
     """The states that must be integrated to know some variables."""
-    _, states = reach(structure.dependence, targets, dynamic=True)
+    _, states = reach(structure.dependence, targets, dynamic=True, events=True)
     return tuple(sorted(states))

@@ -81,7 +81,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
 }
 
 
-class Unavailable(Exception):
+class UnavailableError(Exception):
     """The native road cannot be taken; says why."""
 
 
@@ -113,7 +113,7 @@ class Sundials:
             if function is not None:
                 function.restype, function.argtypes = _SIGNATURES[name]
                 return function
-        raise Unavailable(f"the SUNDIALS libraries of scikit-sundae lack {name}")
+        raise UnavailableError(f"the SUNDIALS libraries of scikit-sundae lack {name}")
 
 
 def _files(folder: Path, words: tuple[str, ...]) -> list[Path]:
@@ -131,7 +131,7 @@ def _configuration(package: Path) -> dict[str, str]:
     """How scikit-sundae's SUNDIALS was built, from the file that its wheel keeps of it (importing it takes half a second)."""
     path = package / "py_config.pxi"
     if not path.is_file():
-        raise Unavailable("scikit-sundae does not say how its SUNDIALS was built")
+        raise UnavailableError("scikit-sundae does not say how its SUNDIALS was built")
     return dict(re.findall(r'^(\w+) = "([^"]*)"', path.read_text(), re.MULTILINE))
 
 
@@ -139,7 +139,7 @@ def _configuration(package: Path) -> dict[str, str]:
 def _load() -> Sundials | str:
     try:
         return _open()
-    except (Unavailable, OSError) as problem:
+    except (UnavailableError, OSError) as problem:
         return str(problem)
 
 
@@ -148,26 +148,26 @@ def load() -> Sundials:
 
     Raises
     ------
-    Unavailable
+    UnavailableError
         With the reason: scikit-sundae not installed, built from source against other libraries, or another SUNDIALS.
     """
     found = _load()
     if isinstance(found, str):
-        raise Unavailable(found)
+        raise UnavailableError(found)
     return found
 
 
 def _open() -> Sundials:
     spec = importlib.util.find_spec("sksundae")
     if spec is None or spec.origin is None:
-        raise Unavailable("scikit-sundae is not installed")
+        raise UnavailableError("scikit-sundae is not installed")
     package = Path(spec.origin).parent
     folder = package / ".dylibs" if sys.platform == "darwin" else package.parent / "scikit_sundae.libs"
     if not folder.is_dir():
-        raise Unavailable("this scikit-sundae ships no shared SUNDIALS libraries")
+        raise UnavailableError("this scikit-sundae ships no shared SUNDIALS libraries")
     built = _configuration(package)
     if built.get("SUNDIALS_FLOAT_TYPE") != "double" or built.get("SUNDIALS_INT_TYPE") != "int":
-        raise Unavailable("scikit-sundae's SUNDIALS was not built for double precision and 32-bit indices")
+        raise UnavailableError("scikit-sundae's SUNDIALS was not built for double precision and 32-bit indices")
     if sys.platform == "win32":
         os.add_dll_directory(str(folder))
     # libsundials_ida holds the serial vectors, the dense and the band solver too, but for symbols a linker may have dropped.
@@ -178,7 +178,7 @@ def _open() -> Sundials:
     sundials.SUNDIALSGetVersionNumber(ctypes.byref(major), ctypes.byref(minor), ctypes.byref(patch), label, 64)
     version = f"{major.value}.{minor.value}.{patch.value}"
     if major.value != 7 or version != sundials.version:
-        raise Unavailable(f"SUNDIALS {version} found, {sundials.version} declared, 7 expected")
+        raise UnavailableError(f"SUNDIALS {version} found, {sundials.version} declared, 7 expected")
     for name in _SIGNATURES:
         if name != "SUNLinSol_SuperLUMT":
             getattr(sundials, name)

@@ -1,7 +1,7 @@
 """Coefficients of the explicit Runge-Kutta methods, in the letters of Hairer, Norsett and Wanner.
 
-Stage i is evaluated at ``t + c[i] h`` and ``x + h sum_j a[i][j] k[j]``. In both tables the row of ``A`` that gives the new state
-(6 of Tsitouras, 12 of Dormand and Prince) is that of a stage, which is the first one of the next step.
+Stage i is evaluated at ``t + c[i] h`` and ``x + h sum_j a[i][j] k[j]``. In both tables the row of ``A`` that gives the new
+state (6 of Tsitouras, 12 of Dormand and Prince) is that of a stage, which is the first one of the next step.
 
 References
 ----------

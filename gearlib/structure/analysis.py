@@ -123,7 +123,8 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
         rows = Rows(model)
     del balance
     result = pantelides(len(rows.place), rows.columns)
-    choice = choose_states(result, _entries(model, rows, result, numbers), _badness(model, result))
+    varying = frozenset(e for e, (g, _) in enumerate(rows.place) if result.counts[e] and not model.groups[g].template.linear)
+    choice = choose_states(result, _entries(model, rows, result, numbers), _badness(model, result), varying)
     if choice.singular:
         owners = sorted({model.owner(*rows.place[e]) for e in choice.singular})
         raise SingularError(
@@ -131,7 +132,7 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
             "zero); change a ratio, or make one of the connections elastic"
         )
     given = frozenset(model.inputs.tolist())
-    dependence = Dependence(choice, rows.columns, given, frozenset(choice.states))
+    dependence = Dependence(choice, rows.columns, given, frozenset(choice.states), decisive_nodes(model, rows))
     plain_rates = _rate_equations(model, rows)
 
     def position(state: Node) -> bool:
@@ -140,6 +141,51 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
 
     angles = sinks(dependence, choice.states, position)
     return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed)
+
+
+def decisive_nodes(model: FlatModel, rows: Rows) -> dict[int, list[Node]]:
+    """Of each equation with relations or discrete variables: the variables that decide on these, through all updates."""
+    n = len(model.discretes)
+    known: dict[int, list[Node]] = {}
+    result: dict[int, list[Node]] = {}
+    for g, group in enumerate(model.groups):
+        template = group.template
+        if not (template.relation_columns or template.held):
+            continue
+        where = {name: j for j, name in enumerate(template.locals)}
+        for i in range(len(group)):
+            found = {(int(group.variables[i, where[c]]), o) for c, o in template.relation_columns if group.signs[i, where[c]]}
+            for place in group.held[i].tolist():
+                if place < 2 * n:
+                    d = place % n
+                    if d not in known:
+                        known[d] = discrete_nodes(model, d)
+                    found.update(known[d])
+            result[int(rows.first[g]) + i] = sorted(found)
+    return result
+
+
+def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
+    """The variables that decide on a discrete variable (those of its own equation and, through it, of others)."""
+    found: set[Node] = set()
+    seen: set[int] = set()
+    stack = [discrete]
+    n = len(model.discretes)
+    while stack:
+        d = stack.pop()
+        if d in seen:
+            continue
+        seen.add(d)
+        for update in model.discretes.updates:
+            if update.reinit:
+                continue
+            group = update.equations
+            where = {name: j for j, name in enumerate(group.template.locals)}
+            for i in np.flatnonzero(update.targets == d).tolist():
+                columns = [*group.template.columns, *group.template.relation_columns]
+                found |= {(int(group.variables[i, where[c]]), o) for c, o in columns if group.signs[i, where[c]]}
+                stack += [p % n for p in group.held[i].tolist() if p < 2 * n]
+    return sorted(found)
 
 
 def _rate_equations(model: FlatModel, rows: Rows) -> set[int]:
@@ -194,7 +240,7 @@ def _without(model: FlatModel, rows: Rows, dropped: list[int]) -> FlatModel:
         group = groups[g]
         groups[g] = EquationGroup(
             group.template, np.delete(group.variables, gone, 0), np.delete(group.signs, gone, 0),
-            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0),
+            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0), np.delete(group.held, gone, 0),
         )  # fmt: skip
     return model.with_groups(tuple(groups), model.redundant + len(dropped))
 
@@ -230,8 +276,15 @@ def _balanced(model: FlatModel, rows: Rows, redundant: int) -> tuple[FlatModel, 
 
 def _zeroed(model: FlatModel, variable: int) -> FlatModel:
     sign = np.where(model.representative == variable, 0, model.sign)
-    groups = tuple(replace(g, signs=np.where(g.variables == variable, 0, g.signs)) for g in model.groups)
-    return replace(model, sign=sign, groups=groups, closed=(*model.closed, variable))
+
+    def zeroed(group: EquationGroup) -> EquationGroup:
+        return replace(group, signs=np.where(group.variables == variable, 0, group.signs))
+
+    updates = tuple(replace(u, equations=zeroed(u.equations)) for u in model.discretes.updates)
+    return replace(
+        model, sign=sign, groups=tuple(zeroed(g) for g in model.groups), discretes=replace(model.discretes, updates=updates),
+        closed=(*model.closed, variable),
+    )  # fmt: skip
 
 
 def _explain(model: FlatModel, rows: Rows, balance: Balance) -> str:

@@ -6,8 +6,8 @@ linear graph algorithms", SIAM Journal on Computing 1 (1972) 146-160, doi 10.113
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import networkx as nx
 
@@ -31,6 +31,7 @@ class Dependence:
     columns: Columns
     given: Collection[int] = ()  # variables that come from outside
     is_state: frozenset[Node] = frozenset()
+    at_events: Mapping[int, Sequence[Node]] = field(default_factory=dict)  # of an equation: what decides on its modes
 
     def of(self, node: Node) -> list[Node]:
         """What else stands in the equation that determines ``node``."""
@@ -38,8 +39,13 @@ class Dependence:
         return [n for n in self.columns(e, k) if n != node and n[0] not in self.given]
 
 
-def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool) -> tuple[list[Node], set[Node]]:
-    """Unknowns and states that the targets depend on; with ``dynamic``, also what the states' derivatives depend on."""
+def reach(
+    dependence: Dependence, targets: Iterable[Node], dynamic: bool, events: bool = False
+) -> tuple[list[Node], set[Node]]:
+    """Unknowns and states that the targets depend on.
+
+    With ``dynamic``, also what the states' derivatives depend on; with ``events``, also what decides on the modes of equations.
+    """
     unknowns: dict[Node, None] = {}
     states: set[Node] = set()
     stack = [t for t in targets if t[0] not in dependence.given]
@@ -52,6 +58,9 @@ def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool) -> tup
         else:
             unknowns[node] = None
             following = dependence.of(node)
+            if events:
+                decisive = dependence.at_events.get(dependence.choice.solved_by[node][0], ())
+                following = [*following, *(n for n in decisive if n[0] not in dependence.given)]
         for other in following:
             if other not in seen:
                 seen.add(other)
@@ -81,5 +90,5 @@ def sort_blocks(dependence: Dependence, unknowns: Collection[Node]) -> tuple[Blo
 def sinks(dependence: Dependence, states: Iterable[Node], position: Callable[[Node], bool]) -> frozenset[Node]:
     """States that are the integral of something and that nothing depends on, themselves included: absolute angles, as a rule."""
     remaining = list(states)
-    _, needed = reach(dependence, [(v, k + 1) for v, k in remaining], dynamic=False)
+    _, needed = reach(dependence, [(v, k + 1) for v, k in remaining], dynamic=False, events=True)
     return frozenset(s for s in remaining if s not in needed and position(s))

@@ -36,7 +36,9 @@ class StateChoice:
     singular: tuple[int, ...]  # equations left without a pivot
 
 
-def choose_states(result: Differentiation, entries: Entries, badness: Mapping[Node, tuple[float, ...]]) -> StateChoice:
+def choose_states(
+    result: Differentiation, entries: Entries, badness: Mapping[Node, tuple[float, ...]], varying: frozenset[int] = frozenset()
+) -> StateChoice:
     """Select the states.
 
     Parameters
@@ -47,6 +49,8 @@ def choose_states(result: Differentiation, entries: Entries, badness: Mapping[No
         Partial derivatives of the differentiated equations (as written) with respect to each variable and order.
     badness : mapping
         Of each candidate node (v, k), how little it is wanted as a state; larger is worse.
+    varying : frozenset of int
+        Equations whose coefficients change during a run.
     """
     counts, orders = result.counts, result.orders
     solved_by: dict[Node, Node] = {(v, orders[v]): (e, counts[e]) for e, v in result.assignment.items()}
@@ -57,7 +61,7 @@ def choose_states(result: Differentiation, entries: Entries, badness: Mapping[No
         for k in range(counts[e]):
             if value != 0.0 and order + k < orders[v]:
                 rows[e, k][v, order + k] = rows[e, k].get((v, order + k), 0.0) + value
-    chosen, failed = select_columns(rows, badness)
+    chosen, failed = select_columns(rows, badness, varying)
     keys = list(rows)
     partner = maximum_matching([[n for n, a in rows[key].items() if n in chosen and a != 0.0] for key in keys])
     solved_by.update({node: keys[r] for r, node in partner.items()})
@@ -66,12 +70,13 @@ def choose_states(result: Differentiation, entries: Entries, badness: Mapping[No
 
 
 def select_columns(
-    rows: Mapping[Node, Mapping[Node, float]], badness: Mapping[Node, Sequence[float]]
+    rows: Mapping[Node, Mapping[Node, float]], badness: Mapping[Node, Sequence[float]], varying: frozenset[int] = frozenset()
 ) -> tuple[set[Node], list[Node]]:
     """As many independent columns as there are rows, the worst first; and the rows that found none.
 
     Columns are taken in the order of their badness; each is chosen unless it depends on the earlier ones, as the greedy algorithm
-    for a basis of greatest weight has it. Among equals a column with few entries goes first, which keeps the elimination sparse.
+    for a basis of greatest weight has it. Among equals a column with few entries goes first, which keeps the elimination sparse; but
+    in an equation with ``varying`` coefficients the one with the largest coefficient does, which is the farthest from vanishing.
 
     Examples
     --------
@@ -90,15 +95,25 @@ def select_columns(
     queue = sorted(holders, key=lambda v: ([-b for b in badness.get(v, (0.0,))], len(holders[v]), -largest[v], v))
     open_rows = set(work)
     chosen: set[Node] = set()
-    for column in queue:
+    waiting = queue[::-1]
+    while waiting and open_rows:
+        column = waiting.pop()
+        if column in chosen:
+            continue
         usable = [r for r in holders[column] & open_rows if abs(work[r][column]) > ZERO * scale[r]]
         if not usable:
             continue
         best = max(abs(work[r][column]) / scale[r] for r in usable)
         pivot = min((r for r in usable if abs(work[r][column]) >= 0.1 * best * scale[r]), key=lambda r: (len(work[r]), r))
+        if pivot[0] in varying:
+            equals = [v for v in work[pivot] if badness.get(v) == badness.get(column) and v not in chosen]
+            largest_one = max(equals, key=lambda v: abs(work[pivot][v]))
+            if abs(work[pivot][largest_one]) > (1 + 1e-6) * abs(work[pivot][column]):
+                waiting.append(column)
+                column = largest_one
         chosen.add(column)
         open_rows.remove(pivot)
-        for r in sorted(usable):
+        for r in sorted(holders[column] & open_rows):
             if r == pivot:
                 continue
             factor = work[r][column] / work[pivot][column]
@@ -110,6 +125,4 @@ def select_columns(
                 else:
                     work[r][v] = value
                     holders[v].add(r)
-        if not open_rows:
-            break
     return chosen, sorted(open_rows)

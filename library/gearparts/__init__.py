@@ -9,36 +9,108 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gearparts.bond_graph import BondGraphPart as BondGraphPart
+    from gearparts.bond_graph import from_bond_graph as from_bond_graph
+    from gearparts.friction import Brake as Brake
+    from gearparts.friction import Clutch as Clutch
     from gearparts.gears import IdealGear as IdealGear
+    from gearparts.gears import IdealGearR2T as IdealGearR2T
     from gearparts.gears import IdealPlanetary as IdealPlanetary
+    from gearparts.gears import IdealRollingWheel as IdealRollingWheel
     from gearparts.interfaces import Flange as Flange
     from gearparts.interfaces import HeatPort as HeatPort
     from gearparts.interfaces import TranslationalFlange as TranslationalFlange
     from gearparts.meshes import ExternalMesh as ExternalMesh
     from gearparts.meshes import InternalMesh as InternalMesh
+    from gearparts.motions import Accelerate as Accelerate
+    from gearparts.motions import ConstantSpeed as ConstantSpeed
+    from gearparts.motions import Move as Move
+    from gearparts.motions import Position as Position
+    from gearparts.motions import Speed as Speed
     from gearparts.planetary import Planet as Planet
     from gearparts.planetary import PlanetaryUnit as PlanetaryUnit
     from gearparts.planetary import PlanetOnCarrier as PlanetOnCarrier
+    from gearparts.sensors import AccSensor as AccSensor
+    from gearparts.sensors import AngleSensor as AngleSensor
+    from gearparts.sensors import MultiSensor as MultiSensor
+    from gearparts.sensors import PowerSensor as PowerSensor
+    from gearparts.sensors import RelAccSensor as RelAccSensor
+    from gearparts.sensors import RelAngleSensor as RelAngleSensor
+    from gearparts.sensors import RelSpeedSensor as RelSpeedSensor
+    from gearparts.sensors import SpeedSensor as SpeedSensor
+    from gearparts.sensors import TorqueSensor as TorqueSensor
     from gearparts.shafts import Damper as Damper
+    from gearparts.shafts import Disc as Disc
     from gearparts.shafts import Fixed as Fixed
     from gearparts.shafts import Inertia as Inertia
+    from gearparts.shafts import InitializeFlange as InitializeFlange
+    from gearparts.shafts import RelativeStates as RelativeStates
     from gearparts.shafts import Spring as Spring
     from gearparts.shafts import SpringDamper as SpringDamper
+    from gearparts.shafts import TorsionalShaft as TorsionalShaft
+    from gearparts.sources import ConstantTorque as ConstantTorque
+    from gearparts.sources import EddyCurrentTorque as EddyCurrentTorque
+    from gearparts.sources import InverseSpeedDependentTorque as InverseSpeedDependentTorque
+    from gearparts.sources import LinearSpeedDependentTorque as LinearSpeedDependentTorque
     from gearparts.sources import QuadraticSpeedDependentTorque as QuadraticSpeedDependentTorque
+    from gearparts.sources import SignTorque as SignTorque
     from gearparts.sources import Torque as Torque
+    from gearparts.sources import Torque2 as Torque2
+    from gearparts.sources import TorqueStep as TorqueStep
+    from gearparts.thermal import Convection as Convection
+    from gearparts.thermal import FixedTemperature as FixedTemperature
+    from gearparts.thermal import HeatCapacitor as HeatCapacitor
+    from gearparts.thermal import ThermalConductor as ThermalConductor
     from gearparts.trains import FixedAxisUnit as FixedAxisUnit
     from gearparts.trains import XPTrain as XPTrain
     from gearparts.trains import ZhouCui2022 as ZhouCui2022
+    from gearparts.translational import Force as Force
+    from gearparts.translational import Mass as Mass
+    from gearparts.translational import QuadraticSpeedDependentForce as QuadraticSpeedDependentForce
+    from gearparts.translational import TranslationalDamper as TranslationalDamper
+    from gearparts.translational import TranslationalFixed as TranslationalFixed
+    from gearparts.translational import TranslationalSpring as TranslationalSpring
+    from gearparts.translational import TranslationalSpringDamper as TranslationalSpringDamper
 
 _HOME = {
-    **dict.fromkeys(["IdealGear", "IdealPlanetary"], "gearparts.gears"),
+    **dict.fromkeys(["BondGraphPart", "from_bond_graph"], "gearparts.bond_graph"),
+    **dict.fromkeys(["Brake", "Clutch"], "gearparts.friction"),
+    **dict.fromkeys(["IdealGear", "IdealGearR2T", "IdealPlanetary", "IdealRollingWheel"], "gearparts.gears"),
     **dict.fromkeys(["Flange", "HeatPort", "TranslationalFlange"], "gearparts.interfaces"),
     **dict.fromkeys(["ExternalMesh", "InternalMesh"], "gearparts.meshes"),
+    **dict.fromkeys(["Accelerate", "ConstantSpeed", "Move", "Position", "Speed"], "gearparts.motions"),
     **dict.fromkeys(["Planet", "PlanetOnCarrier", "PlanetaryUnit"], "gearparts.planetary"),
-    **dict.fromkeys(["Damper", "Fixed", "Inertia", "Spring", "SpringDamper"], "gearparts.shafts"),
-    **dict.fromkeys(["QuadraticSpeedDependentTorque", "Torque"], "gearparts.sources"),
+    **dict.fromkeys(
+        [
+            "AccSensor", "AngleSensor", "MultiSensor", "PowerSensor", "RelAccSensor", "RelAngleSensor",
+            "RelSpeedSensor", "SpeedSensor", "TorqueSensor",
+        ],
+        "gearparts.sensors",
+    ),
+    **dict.fromkeys(
+        [
+            "Damper", "Disc", "Fixed", "Inertia", "InitializeFlange", "RelativeStates", "Spring", "SpringDamper",
+            "TorsionalShaft",
+        ],
+        "gearparts.shafts",
+    ),
+    **dict.fromkeys(
+        [
+            "ConstantTorque", "EddyCurrentTorque", "InverseSpeedDependentTorque", "LinearSpeedDependentTorque",
+            "QuadraticSpeedDependentTorque", "SignTorque", "Torque", "Torque2", "TorqueStep",
+        ],
+        "gearparts.sources",
+    ),
+    **dict.fromkeys(["Convection", "FixedTemperature", "HeatCapacitor", "ThermalConductor"], "gearparts.thermal"),
     **dict.fromkeys(["FixedAxisUnit", "XPTrain", "ZhouCui2022"], "gearparts.trains"),
-}
+    **dict.fromkeys(
+        [
+            "Force", "Mass", "QuadraticSpeedDependentForce", "TranslationalDamper", "TranslationalFixed",
+            "TranslationalSpring", "TranslationalSpringDamper",
+        ],
+        "gearparts.translational",
+    ),
+}  # fmt: skip
 
 __all__ = sorted(_HOME)
 

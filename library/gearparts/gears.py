@@ -1,9 +1,11 @@
-"""Rigid gears between shafts."""
+"""Rigid gears between shafts, and from a shaft to a rack or a road."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import gearlib as gl
-from gearparts.interfaces import Flange, TwoFlanges
+from gearparts.interfaces import Flange, TranslationalFlange, TwoFlanges
 
 
 class IdealGear(TwoFlanges):
@@ -37,4 +39,54 @@ class IdealPlanetary(gl.Component):
             gl.Eq((1 + self.ratio) * self.carrier.phi, self.sun.phi + self.ratio * self.ring.phi),
             gl.Eq(self.ring.tau, self.ratio * self.sun.tau),
             gl.Eq(self.carrier.tau, -(1 + self.ratio) * self.sun.tau),
+        ]
+
+
+class RotationToTranslation(gl.Component):
+    """Declares what rack and wheel share: a flange that turns, a flange that slides, and a housing for each."""
+
+    use_support_r = gl.Structural(False, "whether the housing of the shaft is a flange; otherwise it stands still")
+    use_support_t = gl.Structural(False, "whether the housing of the rod is a flange; otherwise it stands still")
+    flange_r = Flange("shaft")
+    flange_t = TranslationalFlange("rod")
+    support_r = Flange("housing of the shaft", when="use_support_r")
+    support_t = TranslationalFlange("housing of the rod", when="use_support_t")
+
+    def angle(self) -> Any:
+        """The shaft's angle relative to its housing."""
+        return self.flange_r.phi - self.support_r.phi if self.use_support_r else self.flange_r.phi
+
+    def position(self) -> Any:
+        """The rod's position relative to its housing."""
+        return self.flange_t.s - self.support_t.s if self.use_support_t else self.flange_t.s
+
+    def support_equations(self) -> list[gl.Eq]:
+        """The housings take the reactions."""
+        turning = [gl.Eq(self.support_r.tau, -self.flange_r.tau)] if self.use_support_r else []
+        return [*turning, gl.Eq(self.support_t.f, -self.flange_t.f)] if self.use_support_t else turning
+
+
+class IdealGearR2T(RotationToTranslation):
+    """Rack and pinion without inertia or losses: ``phi_r = ratio s_t``, ``ratio tau_r + f_t = 0``."""
+
+    ratio = gl.Parameter("rad/m", "transmission ratio, angle of flange_r over travel of flange_t")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.angle(), self.ratio * self.position()),
+            gl.Eq(self.ratio * self.flange_r.tau + self.flange_t.f, 0),
+            *self.support_equations(),
+        ]
+
+
+class IdealRollingWheel(RotationToTranslation):
+    """Wheel that rolls without slip, inertia or losses: ``radius phi_r = s_t``, ``radius f_t + tau_r = 0``."""
+
+    radius = gl.Parameter("m", "radius of the wheel")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.radius * self.angle(), self.position()),
+            gl.Eq(self.radius * self.flange_t.f + self.flange_r.tau, 0),
+            *self.support_equations(),
         ]

@@ -6,6 +6,8 @@ component in the direction of a growing angle, and the power that flows in is th
 
 from __future__ import annotations
 
+from typing import Any
+
 import gearlib as gl
 
 
@@ -35,6 +37,34 @@ class TwoFlanges(gl.Component):
 
     flange_a = Flange("left")
     flange_b = Flange("right")
+
+
+class OneFlange(gl.Component):
+    """Declares the flange of a source, and its support: the housing that takes the reaction."""
+
+    use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
+    flange = Flange("driven shaft")
+    support = Flange("housing", when="use_support")
+
+    def angle(self) -> Any:
+        """The shaft's angle relative to the housing."""
+        return self.flange.phi - self.support.phi if self.use_support else self.flange.phi
+
+    def support_equations(self) -> list[gl.Eq]:
+        """The housing takes the reaction."""
+        return [gl.Eq(self.support.tau, -self.flange.tau)] if self.use_support else []
+
+
+class Dissipative(gl.Component):
+    """Declares what elements with losses share: the power lost, and the heat port that may take it."""
+
+    use_heat_port = gl.Structural(False, "whether the loss flows to a heat port")
+    heat_port = HeatPort("takes the loss", when="use_heat_port")
+    loss_power = gl.Variable("W", "power lost to heat")
+
+    def heat_equations(self) -> list[gl.Eq]:
+        """The loss leaves the element through its heat port."""
+        return [gl.Eq(self.heat_port.Q_flow, -self.loss_power)] if self.use_heat_port else []
 
 
 class Compliant(TwoFlanges):

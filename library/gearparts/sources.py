@@ -1,25 +1,18 @@
-"""Torques, speeds and angles that drive a train."""
+"""Torques that drive or load a train, given in time or as functions of speed; forced motions are in ``motions``.
+
+A positive torque accelerates the connected shaft, so ``flange.tau = -tau``.
+"""
 
 from __future__ import annotations
 
 import gearlib as gl
-from gearparts.interfaces import Flange
+from gearparts.interfaces import Dissipative, OneFlange, TwoFlanges
 
-
-class OneFlange(gl.Component):
-    """Declares the flange of a source, and its support."""
-
-    use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
-    flange = Flange("driven shaft")
-    support = Flange("housing", when="use_support")
-
-    def support_equations(self) -> list[gl.Eq]:
-        """The housing takes the reaction."""
-        return [gl.Eq(self.support.tau, -self.flange.tau)] if self.use_support else []
+SMALLEST = 1e-15  # as Modelica.Constants.eps: a speed that something is divided by
 
 
 class Torque(OneFlange):
-    """A given torque: positive ``tau`` accelerates the connected shaft."""
+    """A given torque: ``flange.tau = -tau``; a positive ``tau`` accelerates the connected shaft."""
 
     tau = gl.Input("N.m", "driving torque")
 
@@ -27,25 +20,155 @@ class Torque(OneFlange):
         return [gl.Eq(self.flange.tau, -self.tau), *self.support_equations()]
 
 
-class QuadraticSpeedDependentTorque(OneFlange):
-    """Load torque that grows with speed squared, ``tau_nominal`` at ``w_nominal``.
+class Torque2(TwoFlanges):
+    """A given torque between two shafts: ``flange_a.tau = tau``, ``flange_b.tau = -tau``; positive: it accelerates flange_b."""
 
-    With ``torque_direction`` (the default) it has the sign of ``tau_nominal`` whichever way the shaft turns; without, it
-    changes sign with the speed, as a fan's does.
+    tau = gl.Input("N.m", "torque that drives flange_b and takes its reaction from flange_a")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange_a.tau, self.tau), gl.Eq(self.flange_b.tau, -self.tau)]
+
+
+class ConstantTorque(OneFlange):
+    """A constant torque: ``flange.tau = -tau_constant``."""
+
+    tau_constant = gl.Parameter("N.m", "torque; negative: a load in positive direction of rotation")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, -self.tau_constant), *self.support_equations()]
+
+
+class TorqueStep(OneFlange):
+    """A torque that jumps: ``tau = offset_torque`` before ``start_time``, ``offset_torque + step_torque`` from then on."""
+
+    step_torque = gl.Parameter("N.m", "height of the step; negative: a load")
+    offset_torque = gl.Parameter("N.m", "torque before the step", default=0.0)
+    start_time = gl.Parameter("s", "time of the step", default=0.0)
+    tau = gl.Variable("N.m", "torque that accelerates the shaft")
+
+    def equations(self) -> list[gl.Eq]:
+        step = gl.Piecewise((0, gl.time < self.start_time), (self.step_torque, True))
+        return [
+            gl.Eq(self.tau, self.offset_torque + step),
+            gl.Eq(self.flange.tau, -self.tau),
+            *self.support_equations(),
+        ]
+
+
+class SpeedDependentTorque(OneFlange):
+    """Declares what torques that depend on speed share: the speed, and the torque that accelerates the shaft."""
+
+    w = gl.Variable("rad/s", "speed of the flange relative to the support", state="avoid")
+    tau = gl.Variable("N.m", "torque at the flange that accelerates it")
+
+    def speed_equations(self) -> list[gl.Eq]:
+        """Speed, torque at the flange and reaction."""
+        return [gl.Eq(self.w, gl.der(self.angle())), gl.Eq(self.flange.tau, -self.tau), *self.support_equations()]
+
+
+class LinearSpeedDependentTorque(SpeedDependentTorque):
+    """Torque that grows with speed: ``tau = tau_nominal w / w_nominal``.
+
+    With ``torque_direction`` (the default) ``abs(w)`` stands for ``w``: the torque has the sign of ``tau_nominal`` whichever
+    way the shaft turns.
     """
 
     tau_nominal = gl.Parameter("N.m", "torque at nominal speed; negative: a load")
-    w_nominal = gl.Parameter("rad/s", "nominal speed")
+    w_nominal = gl.Parameter("rad/s", "nominal speed", min=SMALLEST)
     torque_direction = gl.Structural(True, "same direction of torque in both directions of rotation")
-    w = gl.Variable("rad/s", "speed of the flange relative to the support")
-    tau = gl.Variable("N.m", "torque at the flange that accelerates it")
 
     def equations(self) -> list[gl.Eq]:
-        relative = self.flange.phi - self.support.phi if self.use_support else self.flange.phi
+        speed = abs(self.w) if self.torque_direction else self.w
+        return [*self.speed_equations(), gl.Eq(self.tau, self.tau_nominal * speed / self.w_nominal)]
+
+
+class QuadraticSpeedDependentTorque(SpeedDependentTorque):
+    """Torque that grows with speed squared: ``tau = tau_nominal (w / w_nominal)**2``.
+
+    With ``torque_direction`` (the default) it has the sign of ``tau_nominal`` whichever way the shaft turns; without, it
+    changes sign with the speed, as a fan's does: ``tau = tau_nominal w abs(w) / w_nominal**2``.
+    """
+
+    tau_nominal = gl.Parameter("N.m", "torque at nominal speed; negative: a load")
+    w_nominal = gl.Parameter("rad/s", "nominal speed", min=SMALLEST)
+    torque_direction = gl.Structural(True, "same direction of torque in both directions of rotation")
+
+    def equations(self) -> list[gl.Eq]:
         square = self.w**2 if self.torque_direction else self.w * gl.no_event(abs(self.w))
+        return [*self.speed_equations(), gl.Eq(self.tau, self.tau_nominal * square / self.w_nominal**2)]
+
+
+class InverseSpeedDependentTorque(SpeedDependentTorque):
+    """Torque of constant power: ``tau = tau_nominal w_nominal / w`` from the speed ``w0`` on.
+
+    With ``torque_direction`` (the default) ``abs(w)`` stands for ``w``, and below ``w0`` the torque stays as it is there.
+    Without, it is ``tau_nominal w / w0`` below ``w0``, so that it jumps by the factor ``w_nominal / w0`` at that speed; this
+    is how the Modelica Standard Library 4.1.0 has it.
+    """
+
+    tau_nominal = gl.Parameter("N.m", "torque at nominal speed; negative: a load")
+    w_nominal = gl.Parameter("rad/s", "nominal speed", min=SMALLEST)
+    w0 = gl.Parameter("rad/s", "speed below which the law is another one", min=SMALLEST)
+    torque_direction = gl.Structural(True, "same direction of torque in both directions of rotation")
+
+    def equations(self) -> list[gl.Eq]:
+        w, w0, power = self.w, self.w0, self.tau_nominal * self.w_nominal
+        if self.torque_direction:
+            tau = gl.Piecewise((power / w, w >= w0), (-power / w, w <= -w0), (power / w0, True))
+        else:
+            tau = gl.Piecewise((power / w, w >= w0), (power / w, w <= -w0), (self.tau_nominal * w / w0, True))
+        return [*self.speed_equations(), gl.Eq(self.tau, tau)]
+
+
+class SignTorque(SpeedDependentTorque):
+    """Constant torque whose sign follows the speed: ``tau = tau_nominal sign(w)``, made continuous near standstill.
+
+    ``"exp"``: ``tau_nominal (2 / (1 + exp(-w / (0.01 w0))) - 1)`` at any speed. Within ``-w0 < w < w0``, ``"sine"``:
+    ``tau_nominal sin(pi w / (2 w0))``; ``"linear"``: ``tau_nominal w / w0``; ``"cosine"``:
+    ``tau_nominal sign(w) (1 - cos(pi w / (2 w0)))``.
+    """
+
+    tau_nominal = gl.Parameter("N.m", "torque; negative: it brakes in both directions of rotation")
+    w0 = gl.Parameter("rad/s", "speed below which the torque is smaller", min=SMALLEST)
+    reg = gl.Structural("exp", "law near standstill", choices=("exp", "sine", "linear", "cosine"))
+
+    def equations(self) -> list[gl.Eq]:
+        x = self.w / self.w0
+        if self.reg == "exp":
+            direction = gl.tanh(50 * x)  # the same function, without the overflow
+        else:
+            smooth = gl.no_event(gl.sign(self.w)) * (1 - gl.cos(gl.pi * x / 2))
+            inside = {"sine": gl.sin(gl.pi * x / 2), "linear": x, "cosine": smooth}[self.reg]
+            direction = gl.Piecewise((1, self.w >= self.w0), (-1, self.w <= -self.w0), (inside, True))
+        return [*self.speed_equations(), gl.Eq(self.tau, self.tau_nominal * direction)]
+
+
+class EddyCurrentTorque(OneFlange, Dissipative):
+    """Eddy current brake after Kloss: ``tau = 2 tau_nominal excitation**2 w_n / (1 + w_n**2)``, ``flange.tau = +tau``.
+
+    ``w_n = w / (w_nominal (1 + alpha (T - T_ref)))`` with ``alpha = alpha20 / (1 + alpha20 (T_ref - 293.15))``: a warm disc
+    brakes best at a higher speed. The temperature is that of the heat port, or ``T`` without one. It loses ``tau w``.
+    """
+
+    tau_nominal = gl.Parameter("N.m", "largest torque; it always brakes", min=0)
+    w_nominal = gl.Parameter("rad/s", "speed of the largest torque at T_ref", min=SMALLEST)
+    T_ref = gl.Parameter("K", "reference temperature", default=293.15, min=0)
+    alpha20 = gl.Parameter("1/K", "temperature coefficient of the disc's resistance at 20 degC", default=0.0)
+    T = gl.Parameter("K", "temperature without heat port", default=lambda brake: brake.T_ref, min=0)
+    excitation = gl.Input("1", "excitation current over its nominal value", default=1.0)
+    w = gl.Variable("rad/s", "speed of the flange relative to the support", state="avoid")
+    w_normalized = gl.Variable("1", "speed over the speed of the largest torque")
+    tau = gl.Variable("N.m", "braking torque")
+
+    def equations(self) -> list[gl.Eq]:
+        temperature = self.heat_port.T if self.use_heat_port else self.T
+        alpha = self.alpha20 / (1 + self.alpha20 * (self.T_ref - 293.15))
         return [
-            gl.Eq(self.w, gl.der(relative)),
-            gl.Eq(self.tau, self.tau_nominal * square / self.w_nominal**2),
-            gl.Eq(self.flange.tau, -self.tau),
+            gl.Eq(self.w, gl.der(self.angle())),
+            gl.Eq(self.w_normalized * self.w_nominal * (1 + alpha * (temperature - self.T_ref)), self.w),
+            gl.Eq(self.tau, 2 * self.tau_nominal * self.excitation**2 * self.w_normalized / (1 + self.w_normalized**2)),
+            gl.Eq(self.flange.tau, self.tau),
+            gl.Eq(self.loss_power, self.tau * self.w),
             *self.support_equations(),
+            *self.heat_equations(),
         ]

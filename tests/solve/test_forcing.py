@@ -101,6 +101,7 @@ def test_branches_and_their_breakpoints(expression: Any, switches: list[float]) 
 
 def test_linear_relations_switch_to_the_last_bit() -> None:
     assert known([Piecewise((1, t < 0.7), (0, True))], 0.1).breakpoints.tolist() == [0.7]
+    assert times_of_breakpoints((t >= 0.3) | (t < 0.1 + 1e-17) | (t > 0.7), 0.1, 0.7).tolist() == [0.3]  # neither end
     assert times_of_breakpoints((t > 0.3) & (t <= 0.7), 0.1, 0.7).tolist() == [0.3]
 
 

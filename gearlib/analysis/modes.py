@@ -1,0 +1,298 @@
+"""`modes`: natural frequencies, damping, mode shapes, and where each mode keeps its energy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.analysis.energies import Family, energies, families
+from gearlib.analysis.linearize import operating_point, slots_at
+from gearlib.analysis.spectrum import Spectrum, dense_spectrum, sparse_spectrum
+from gearlib.codegen.evaluate import prepare
+from gearlib.codegen.program import build
+from gearlib.codegen.sensitivity import sensitivity
+from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.flatten.model import FlatModel
+from gearlib.flatten.templates import parse_column
+from gearlib.solve.scene import needed_states, node_name
+from gearlib.structure.analysis import Structure
+from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    import pandas
+
+    from gearlib.system import System
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+MOST_DENSE = 500  # states up to which all eigenvalues are computed
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes of a system about an operating point: free motions first, then by natural frequency.
+
+    Attributes
+    ----------
+    eigenvalues : complex array (modes,)
+        Rad/s; one of each conjugate pair. 0 for free motions.
+    shapes : complex array (states, modes)
+        Amplitudes of the states.
+    states : tuple of str
+    free : int
+        Free motions: ways to turn with no spring strained.
+    preloads : int or None
+        Poles at 0 that are no motion but a constant preload locked into a loop of meshes (not counted for large systems).
+    decays : array
+        Poles (1/s) of motions that die away without oscillating; for large systems those found on the way.
+    """
+
+    eigenvalues: Complexes
+    shapes: Complexes
+    states: tuple[str, ...]
+    free: int
+    preloads: int | None
+    decays: Floats
+    _model: FlatModel
+    _rows: Any  # (variables, states): amplitude of each representative variable ...
+    _orders: Any  # ... in this order of its derivative, -1 where it is not known
+    _find_families: Callable[[], list[Family]]
+
+    def __len__(self) -> int:
+        return len(self.eigenvalues)
+
+    @property
+    def omega(self) -> Floats:
+        """Natural angular frequencies, rad/s."""
+        return np.abs(self.eigenvalues)
+
+    @property
+    def frequencies(self) -> Floats:
+        """Natural frequencies, Hz: magnitude of the eigenvalue over 2 pi (the undamped ones where damping is proportional)."""
+        result: Floats = self.omega / (2 * np.pi)
+        return result
+
+    @property
+    def damped_frequencies(self) -> Floats:
+        """Frequencies at which the modes ring, Hz."""
+        result: Floats = np.abs(self.eigenvalues.imag) / (2 * np.pi)
+        return result
+
+    @property
+    def damping(self) -> Floats:
+        """Damping ratios; 0 for free motions."""
+        size = self.omega
+        return np.divide(-self.eigenvalues.real, size, out=np.zeros(len(size)), where=size > 0)
+
+    def amplitudes(self, mode: int) -> Complexes:
+        """Complex amplitude of every representative variable; of free motions, the rates are real and finite."""
+        s = self._s(mode)
+        known = np.asarray(self._rows @ self.shapes[:, mode]).ravel()
+        with np.errstate(all="ignore"):
+            value = known / s ** np.maximum(self._orders, 0)
+        if self.eigenvalues[mode] == 0:  # x = rate / s at a frequency that stands for "slowly"
+            value = np.where(self._orders == 0, 0.0, value)
+        return np.where(self._orders < 0, 0.0, value)
+
+    def _s(self, mode: int) -> complex:
+        value = complex(self.eigenvalues[mode])
+        return value if value else 1j * self._slow
+
+    @cached_property
+    def _slow(self) -> float:
+        moving = self.omega[self.omega > 0]
+        return float(moving.min()) if len(moving) else 1.0
+
+    def shape(self, mode: int, *names: str) -> Complexes:
+        """Complex amplitudes of variables (or of derivatives, ``"der(load.w)"``) in a mode.
+
+        Of a free motion these are the amplitudes over those of a slow oscillation, so that ratios of speeds are right.
+        """
+        self._check(mode)
+        amplitude, s = self.amplitudes(mode), self._s(mode)
+        result = []
+        for name in names:
+            base, order = parse_column(name)
+            v = self._model.variable(base)
+            rep = int(self._model.representative[v])
+            if self._model.sign[v] and self._orders[rep] < 0:
+                raise NameLookupError(f"{name} has no amplitude in the mode; {nearest(name, self.states)}")
+            result.append(int(self._model.sign[v]) * amplitude[rep] * s**order)
+        return np.array(result)
+
+    def _check(self, mode: int) -> None:
+        if not -len(self) <= mode < len(self):
+            raise ArgumentError(f"there is no mode {mode}; there are {len(self)}, from 0")
+
+    @cached_property
+    def _families(self) -> list[Family]:
+        return self._find_families()
+
+    @cached_property
+    def components(self) -> tuple[str, ...]:
+        """Components that keep energy in some mode, in the order of the model."""
+        return tuple(self._model.instances[i].path for i in self._energies[0])
+
+    @cached_property
+    def _energies(self) -> tuple[list[int], Floats, Floats]:
+        numbers = [i for family in self._families for i in family.instances]
+        kinetic = np.zeros((len(self), len(numbers)))
+        potential = np.zeros_like(kinetic)
+        for mode, value in enumerate(self.eigenvalues):
+            amplitude = self.amplitudes(mode)
+            parts = [energies(family, amplitude, abs(self._s(mode))) for family in self._families]
+            if parts:
+                kinetic[mode] = np.concatenate([p[0] for p in parts])
+                potential[mode] = np.concatenate([p[1] for p in parts]) if value else 0.0
+        for table in (kinetic, potential):
+            total = table.sum(axis=1, keepdims=True)
+            np.divide(100 * table, total, out=table, where=np.abs(total) > 0)
+            table[np.abs(table) < 1e-6] = 0.0  # percent
+        order = [k for k in np.argsort(numbers) if kinetic[:, k].any() or potential[:, k].any()]
+        return [numbers[k] for k in order], kinetic[:, order], potential[:, order]
+
+    @property
+    def kinetic(self) -> Floats:
+        """Share of each component in the mode's kinetic energy, percent, shape (modes, components)."""
+        return self._energies[1]
+
+    @property
+    def potential(self) -> Floats:
+        """Share of each component in the mode's potential energy, percent, shape (modes, components); 0 for free motions."""
+        return self._energies[2]
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """A row for each mode: frequencies, damping, and the shares of energy as columns ``("kinetic", component)``."""
+        import pandas
+
+        table = {
+            ("mode", "frequency, Hz"): self.frequencies,
+            ("mode", "damped frequency, Hz"): self.damped_frequencies,
+            ("mode", "damping ratio"): self.damping,
+        }
+        for kind, shares in (("kinetic, %", self.kinetic), ("potential, %", self.potential)):
+            table |= {(kind, c): shares[:, k] for k, c in enumerate(self.components) if shares[:, k].any()}
+        return pandas.DataFrame(table, index=pandas.RangeIndex(len(self), name="mode"))
+
+    def __str__(self) -> str:
+        lines = ["mode  frequency, Hz    damping   kinetic energy                      potential energy"]
+        for k in range(len(self)):
+            most = [self._largest(shares[k]) for shares in (self.kinetic, self.potential)]
+            lines.append(f"{k:4d}  {self.frequencies[k]:13.6g}  {self.damping[k]:9.5f}   {most[0]:<34}  {most[1]}".rstrip())
+        if self.preloads:
+            lines.append(f"Besides these, {self.preloads} poles at 0 are constant preloads, locked into loops of meshes.")
+        if len(self.decays):
+            lines.append(f"Decays without oscillation, 1/s: {', '.join(f'{-d:.6g}' for d in self.decays[:8])}")
+        return "\n".join(lines)
+
+    def _largest(self, shares: Floats) -> str:
+        best = [i for i in np.argsort(-shares, kind="stable")[:2] if shares[i] > 0.5]
+        return ", ".join(f"{self.components[i]} {shares[i]:.0f} %" for i in best)
+
+    def draw(self, mode: int, *, axes: Any = None) -> Any:
+        """Draw a mode: amplitudes of the bodies, and the shares of energy. Returns the matplotlib axes."""
+        from gearlib.analysis.draw_mode import draw_mode
+
+        self._check(mode)
+        return draw_mode(self, mode, axes)
+
+
+def modes(
+    system: System, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None
+) -> Modes:
+    """Natural frequencies, damping ratios and mode shapes, with the energy of each component.
+
+    Parameters
+    ----------
+    system : System
+    count : int, optional
+        How many modes that oscillate, from the lowest; all by default (20 above 500 states, where sparse matrices are used).
+    at : None, "steady", mapping, or (Result, time)
+        Operating point, as for `System.linearize`.
+    parameters : mapping, optional
+        Values by path.
+
+    Returns
+    -------
+    Modes
+
+    Notes
+    -----
+    Of a repeated frequency the shapes are one choice out of many, and so are the shares of energy of each; their sums are not.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Pair(gl.Component):
+    ...     def assemble(self):
+    ...         self.a, self.b, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0)
+    ...         return [gl.connect(self.a.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.b.flange_a)]
+    >>> found = gl.modes(gl.compile(Pair()))
+    >>> print(found)
+    mode  frequency, Hz    damping   kinetic energy                      potential energy
+       0              0    0.00000   b 75 %, a 25 %
+       1       0.31831    0.00000   a 75 %, b 25 %                      shaft 100 %
+    """
+    if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1):
+        raise ArgumentError(f"count is {count!r}; expected a whole number, 1 or more")
+    structure = system._structure
+    states = _moving_states(structure)
+    scene, numbers, point = operating_point(system, states, at, parameters)
+    nodes = _amplitude_nodes(structure)
+    targets = [(v, k) for v, k in nodes.items()]
+    program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
+    prepared = prepare(program, structure, numbers)
+    slots, flags = slots_at(scene, numbers, prepared, point)
+    d = sensitivity(prepared, point.t, slots, flags, range(len(states)))
+    A = d[[program.slots[v, k + 1] for v, k in states]]
+    n_variables = structure.model.n_variables
+    orders = np.full(n_variables, -1)
+    pick = np.zeros(n_variables, np.int64)
+    for v, k in nodes.items():
+        if (v, k) in program.slots:
+            orders[v], pick[v] = k, program.slots[v, k]
+    rows = d[pick]
+    spectrum = _spectrum(A, rows, orders, count)
+    names = tuple(node_name(structure.model, s) for s in states)
+    return Modes(
+        np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([spectrum.free, spectrum.vectors]), names,
+        spectrum.free.shape[1], spectrum.preloads, spectrum.decays, structure.model, rows, orders,
+        lambda: families(structure, prepared, slots, flags, point.t),
+    )  # fmt: skip
+
+
+def _spectrum(A: Any, rows: Any, orders: Any, count: int | None) -> Spectrum:
+    """All modes of a small matrix, the lowest of a large one."""
+    speeds = rows[np.flatnonzero(orders == 1)]
+    if A.shape[0] <= MOST_DENSE:
+        full = [m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (A, speeds)]
+        return dense_spectrum(full[0], full[1], count)
+    return sparse_spectrum(A, speeds, 20 if count is None else count)
+
+
+def _moving_states(structure: Structure) -> tuple[Node, ...]:
+    """All states but absolute angles that nothing depends on."""
+    wanted = [s for s in structure.states if s not in structure.angles]
+    return tuple(sorted({*wanted, *needed_states(structure, [(v, k + 1) for v, k in wanted])}))
+
+
+def _amplitude_nodes(structure: Structure) -> dict[int, int]:
+    """For each variable an order of derivative whose amplitude is known without integrating absolute angles."""
+    choice, model = structure.choice, structure.model
+    states = set(structure.states) - set(structure.angles)
+    solved = set(choice.solved_by)
+    result: dict[int, int] = {}
+    top = 1 + max([0, *(k for _, k in solved)])
+    absolute = {v for v, _ in structure.angles}
+    for v in sorted({int(r) for r in np.unique(model.representative[model.sign != 0])}):
+        preferred = (1, 0) if model.potential[v] or v in absolute else (0, 1)
+        for k in (*preferred, *range(2, top)):
+            if (v, k) in solved or (v, k) in states:
+                result[v] = k
+                break
+    return result

@@ -1,0 +1,173 @@
+"""Poles of a linear model: exact zeros with their chains, the others with the accuracy to which they are known.
+
+A free-turning train has a pole at 0, and rounding would put it on either side of the imaginary axis. The zeros are therefore taken
+out first, by the ranks of the matrix on shrinking quotient spaces (the staircase of V. N. Kublanovskaya, "On a method of solving
+the complete eigenvalue problem for a degenerate matrix", USSR Comput. Math. Math. Phys. 6 (1966), doi
+10.1016/0041-5553(66)90001-8); of the others each is compared with the bound of its own rounding error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import ArgumentError
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Verdict = Literal["stable", "marginal", "drifting", "unstable"]
+RANK = 1e-13  # singular values below this fraction of the largest count as zero
+MEANING: dict[Verdict, str] = {
+    "stable": "asymptotically stable: every motion dies away",
+    "marginal": "marginally stable: nothing grows, but not everything dies away",
+    "drifting": "drifting: no pole lies in the right half-plane, but a repeated pole on the imaginary axis makes motions grow with time",
+    "unstable": "unstable: a motion grows exponentially",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """Eigenvalues of a matrix, by magnitude.
+
+    Attributes
+    ----------
+    values : complex array
+        Rad/s; poles at 0 are exactly 0, and so are the real parts of poles on the imaginary axis.
+    tolerances : array
+        Bound of the rounding error of each.
+    chains : tuple of int
+        Ranks of the staircase at 0: ``(2, 1)`` means two independent motions that stand still, one of which can also drift.
+    chained : tuple of float
+        Frequencies other than 0 (rad/s) of poles on the imaginary axis that are repeated without as many independent motions.
+    """
+
+    values: Complexes
+    tolerances: Floats
+    chains: tuple[int, ...]
+    chained: tuple[float, ...] = ()
+
+    @cached_property
+    def at_zero(self) -> int:
+        """Number of poles at 0."""
+        return sum(self.chains)
+
+    @cached_property
+    def right(self) -> int:
+        """Number of poles in the right half-plane."""
+        return int((self.values.real > 0).sum())
+
+    @cached_property
+    def on_axis(self) -> Floats:
+        """Imaginary parts of the poles on the imaginary axis, each once, not negative."""
+        found: list[float] = []
+        for value, tolerance in zip(self.values, self.tolerances, strict=True):
+            w = float(value.imag)
+            if value.real == 0 and w >= 0 and not any(abs(w - other) <= max(tolerance, 1e-9 * w) for other in found):
+                found.append(w)
+        return np.array(sorted(found))
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the eigenvalues say: "stable", "marginal", "drifting" or "unstable"."""
+        if self.right:
+            return "unstable"
+        if len(self.chains) > 1 or self.chained:
+            return "drifting"
+        return "marginal" if (self.values.real == 0).any() else "stable"
+
+    @property
+    def damping(self) -> Floats:
+        """Damping ratio of each: 1 for real poles in the left half-plane, NaN at 0."""
+        size = np.abs(self.values)
+        return np.divide(-self.values.real, size, out=np.full(len(size), np.nan), where=size > 0)
+
+
+def poles(A: Any) -> Poles:
+    """Eigenvalues of a square matrix, with exact zeros.
+
+    Parameters
+    ----------
+    A : array, shape (states, states)
+
+    Returns
+    -------
+    Poles
+
+    Raises
+    ------
+    ArgumentError
+        A matrix that is not square, or holds numbers that are not finite.
+
+    Examples
+    --------
+    >>> found = poles([[0.0, 1.0], [0.0, 0.0]])
+    >>> found.chains, found.verdict
+    ((1, 1), 'drifting')
+    """
+    from scipy.linalg import eig, matrix_balance
+
+    matrix = np.array(A.toarray() if hasattr(A, "toarray") else A, float)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise ArgumentError(f"a matrix of shape {matrix.shape} has no eigenvalues; expected a square one")
+    if not np.isfinite(matrix).all():
+        raise ArgumentError("the matrix holds numbers that are not finite")
+    if not matrix.size:
+        return Poles(np.empty(0, complex), np.empty(0), ())
+    balanced = matrix_balance(matrix)[0]
+    _, others, chains = deflate(balanced)
+    if not others.shape[1]:
+        return Poles(np.zeros(len(matrix), complex), np.zeros(len(matrix)), chains)
+    rest = others.T @ balanced @ others
+    values, left, right = eig(rest, left=True, right=True)
+    overlap = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    error = 40 * np.finfo(float).eps * float(np.linalg.norm(rest)) / np.maximum(overlap, 1e-12)
+    values = np.where(np.abs(values.real) <= error, 1j * values.imag, values)
+    chained = _chained(balanced, values, error)
+    values = np.concatenate([np.zeros(sum(chains)), values])
+    error = np.concatenate([np.zeros(sum(chains)), error])
+    order = np.lexsort((values.imag, np.abs(values.imag), np.round(np.abs(values), 12)))
+    return Poles(values[order], error[order], chains, chained)
+
+
+def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
+    """Orthonormal bases of the motions that belong to poles at 0 and of the rest, and the ranks of the staircase.
+
+    With these bases the matrix is block triangular: its rest depends on nothing at 0.
+    """
+    from scipy.linalg import svd
+
+    n = len(matrix)
+    zero, others = np.empty((n, 0)), np.eye(n)
+    chains: list[int] = []
+    limit = 0.0
+    while others.shape[1]:
+        _, sizes, rows = svd(others.T @ matrix @ others)
+        limit = limit or RANK * max(10, n) / 10 * float(sizes[0])
+        null = int((sizes <= limit).sum())
+        if not null:
+            break
+        chains.append(null)
+        zero = np.hstack([zero, others @ rows[len(rows) - null :].T])
+        others = others @ rows[: len(rows) - null].T
+    return zero, others, tuple(chains)
+
+
+def _chained(matrix: Floats, values: Complexes, error: Floats) -> tuple[float, ...]:
+    """Frequencies of repeated poles on the imaginary axis that have too few eigenvectors."""
+    found = []
+    axis = (values.real == 0) & (values.imag > 0)
+    done = np.zeros(len(values), bool)
+    for i in np.flatnonzero(axis):
+        w = values[i].imag
+        near = axis & (np.abs(values.imag - w) <= np.maximum(np.maximum(error, error[i]), 1e-9 * w))
+        if done[i] or near.sum() < 2:
+            continue
+        done |= near
+        sizes = np.linalg.svd(matrix - 1j * np.mean(values[near].imag) * np.eye(len(matrix)), compute_uv=False)
+        if (sizes <= 1e-7 * sizes[0]).sum() < near.sum():
+            found.append(float(w))
+    return tuple(found)

@@ -1,0 +1,154 @@
+"""Eigenvalues and eigenvectors of a train's matrix: all of a small one, the lowest of a large sparse one.
+
+A train has poles at 0 in two ways: it turns freely, or a loop of meshes carries a constant preload. Both are told apart by whether
+anything moves. In large trains there may be hundreds of them, so that a search for the eigenvalues nearest to 0 would find nothing
+else. The sparse search therefore looks for the largest values of ``x / (x - s)^2``, which maps 0 to 0 and falls as 1/x beyond s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.analysis.poles import deflate
+from gearlib.errors import SolverError
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Oscillating modes, free motions, decays.
+
+    Attributes
+    ----------
+    values, vectors : complex arrays (modes,), (states, modes)
+        By magnitude, positive imaginary parts.
+    free : array (states, free motions)
+    preloads : int or None
+    decays : array
+        Real poles, slowest first.
+    """
+
+    values: Complexes
+    vectors: Complexes
+    free: Complexes
+    preloads: int | None
+    decays: Floats
+
+
+def dense_spectrum(A: Floats, speeds: Floats, count: int | None) -> Spectrum:
+    """All eigenvalues; ``speeds`` (variables, states) tells free motions from preloads."""
+    from scipy.linalg import eig, matrix_balance
+
+    n = len(A)
+    if not n:
+        return Spectrum(np.empty(0, complex), np.empty((0, 0), complex), np.empty((0, 0), complex), 0, np.empty(0))
+    balanced, (scale, permutation) = matrix_balance(A, separate=True)
+    zero, others, _ = deflate(balanced)
+    values, vectors = eig(others.T @ balanced @ others) if others.shape[1] else (np.empty(0, complex), np.empty((0, 0)))
+    inner, coupling = zero.T @ balanced @ zero, zero.T @ balanced @ others
+    full = np.zeros((n, len(values)), complex)
+    for k, value in enumerate(values):
+        w = vectors[:, k]
+        at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
+        full[:, k] = others @ w + zero @ at_zero
+    full, zero = _unscaled(full, scale, permutation), _unscaled(zero, scale, permutation)
+    free = _free(zero, speeds)
+    return _ordered(values, full, free, zero.shape[1] - free.shape[1], count)
+
+
+def _unscaled(vectors: Any, scale: Floats, permutation: Any) -> Any:
+    """Vectors of the balanced matrix in the states' own order and units."""
+    result = np.empty_like(vectors)
+    result[permutation] = vectors * scale[permutation][:, None]
+    return result
+
+
+def _free(zero: Floats, speeds: Any) -> Complexes:
+    """Those combinations of motions at 0 in which something turns."""
+    if not zero.shape[1]:
+        return np.empty((len(zero), 0), complex)
+    moving = np.asarray(speeds @ zero)
+    size = np.abs(moving).max(initial=0.0)
+    if not size:
+        return np.empty((len(zero), 0), complex)
+    # A unit of preload and a unit of speed differ by orders of magnitude; what counts is whether anything turns at all.
+    per_column = np.abs(moving).max(axis=0)
+    moving = np.where(per_column > 1e-9 * np.abs(zero).max(axis=0), moving, 0.0)
+    _, sizes, rows = np.linalg.svd(moving / size, full_matrices=False)
+    rank = int((sizes > 1e-9).sum())
+    result: Complexes = (zero @ rows[:rank].conj().T).astype(complex)
+    return result
+
+
+def _ordered(values: Complexes, vectors: Complexes, free: Complexes, preloads: int | None, count: int | None) -> Spectrum:
+    size = np.maximum(np.abs(values), 1e-300)
+    real = np.abs(values.imag) <= 1e-9 * size
+    decays = np.sort(values[real].real)[::-1]
+    ringing = np.flatnonzero(~real & (values.imag > 0))
+    ringing = ringing[np.argsort(np.abs(values[ringing]), kind="stable")][:count]
+    chosen = values[ringing]
+    # What rounding leaves of a damping that is not there.
+    chosen = np.where(np.abs(chosen.real) < 1e-11 * np.abs(values).max(initial=0.0), 1j * chosen.imag, chosen)
+    shapes = vectors[:, ringing]
+    peak = np.abs(shapes).max(axis=0, initial=1e-300)
+    return Spectrum(chosen, shapes / peak, free, preloads, decays)
+
+
+def sparse_spectrum(A: Any, speeds: Any, count: int) -> Spectrum:
+    """The lowest modes of a large matrix, by ARPACK on the mapped matrix.
+
+    Raises
+    ------
+    SolverError
+        The search did not converge.
+    """
+    import scipy.sparse as sparse
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
+
+    A = sparse.csc_matrix(A)
+    n = A.shape[0]
+    size = np.sqrt(abs(A.diagonal()).max() ** 2 + abs(A.multiply(A.T)).max())  # about the highest frequency
+    wanted = min(2 * count + 8, n - 2)
+    shift = size / n
+    eye = sparse.identity(n, format="csc")
+    start = np.random.default_rng(0).normal(size=n)
+    for _ in range(12):
+        solve = splu(A - shift * eye).solve
+
+        def mapped(x: Any, solve: Any = solve) -> Any:
+            return solve(solve(A @ x))
+
+        try:
+            _, vectors = eigs(LinearOperator((n, n), mapped, dtype=float), k=wanted, which="LM", v0=A @ start, tol=1e-12)
+        except ArpackError as error:
+            raise SolverError(f"the search for the lowest {count} modes did not converge: {error}") from None
+        product = A @ vectors
+        values = (vectors.conj() * product).sum(axis=0) / (np.abs(vectors) ** 2).sum(axis=0)
+        lowest = float(np.abs(values).min())
+        if shift < 0.7 * lowest:
+            break
+        shift = min(lowest, shift) / 4
+    residual = np.linalg.norm(product - vectors * values, axis=0) / np.linalg.norm(product, axis=0)
+    good = residual < 1e-5
+    projected = start[:, None] * np.random.default_rng(1).normal(size=(n, 8))
+    slow = splu(A - 1e-3 * lowest * eye)
+    for _ in range(6):  # what is left is at 0: every other motion shrinks a thousandfold at each turn
+        projected = -1e-3 * lowest * slow.solve(projected)
+    free = _free(projected, speeds)
+    found = _ordered(values[good], vectors[:, good], free, None, count)
+    if len(found.values) < count and wanted < n - 2:
+        return _more(A, speeds, count, found)
+    return found
+
+
+def _more(A: Any, speeds: Any, count: int, found: Spectrum) -> Spectrum:
+    """Where decays took the places of modes: the full spectrum, if that can be afforded."""
+    if A.shape[0] > 4000:
+        return found
+    return dense_spectrum(A.toarray(), speeds.toarray() if hasattr(speeds, "toarray") else speeds, count)

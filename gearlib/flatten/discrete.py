@@ -1,0 +1,87 @@
+"""Equations of discrete variables: evaluated at events, apart from the continuous ones.
+
+``When`` is written with what is left: a hidden variable holds its condition, and the actions are due where that has just become 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from gearlib.errors import DeclarationError, nearest
+from gearlib.flatten.templates import Template, template_of_value
+from gearlib.language.declarations import Discrete
+from gearlib.language.expressions import Eq, Reinit, When, holds, pre, value_of
+
+
+@dataclass(frozen=True)
+class Update:
+    """At an event ``target`` takes the value of the template; a state (``reinit``) or a discrete variable."""
+
+    target: str
+    template: Template
+    reinit: bool
+
+
+@dataclass(frozen=True)
+class Split:
+    """A class's equations, sorted by kind."""
+
+    continuous: tuple[Eq, ...]
+    updates: tuple[Update, ...]
+    discretes: dict[str, Discrete]  # with the hidden ones
+
+
+def split_equations(
+    name: str, equations: Sequence[Eq | When], discretes: Mapping[str, Discrete], is_parameter: Callable[[str], bool],
+    variables: Mapping[str, Any],
+) -> Split:  # fmt: skip
+    """Tell continuous from discrete equations.
+
+    Raises
+    ------
+    DeclarationError
+        An action that is none, a discrete variable with two equations or none.
+    """
+    continuous: list[Eq] = []
+    values: list[tuple[str, Any, bool]] = []
+    known = dict(discretes)
+
+    def action(given: Any, due: Any) -> None:
+        if isinstance(given, Reinit):
+            target = getattr(given.state, "name", str(given.state))
+            if target not in variables:
+                raise DeclarationError(f"{name}: reinit({given.state}): no variable of the class; {nearest(target, variables)}")
+            values.append((target, sympy.Piecewise((value_of(given.value), due), (given.state, True)), True))
+        elif isinstance(given, Eq) and getattr(given.left, "name", "") in known:
+            values.append((given.left.name, sympy.Piecewise((value_of(given.right), due), (pre(given.left), True)), False))
+        else:
+            raise DeclarationError(f"{name}: {given!r} in When: expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)")
+
+    for equation in equations:
+        if isinstance(equation, When):
+            hidden = sympy.Symbol(f"when_{sum(n.startswith('when_') for n in known)}", real=True)
+            known[hidden.name] = Discrete("condition of a When", start=1.0)
+            values.append((hidden.name, value_of(equation.condition), False))
+            for given in equation.actions:
+                action(given, sympy.And(holds(hidden), sympy.Not(holds(pre(hidden)))))
+        elif getattr(equation.left, "name", "") in known:
+            values.append((equation.left.name, value_of(equation.right), False))
+        else:
+            continuous.append(equation)
+
+    def is_held(symbol: str) -> bool:
+        return symbol in known or symbol == "initial()" or (symbol.startswith("pre(") and symbol[4:-1] in known)
+
+    updates = tuple(
+        Update(target, template_of_value(value, f"{name}: {target}", is_parameter, is_held), reinit)
+        for target, value, reinit in values
+    )
+    for discrete in known:
+        count = sum(u.target == discrete and not u.reinit for u in updates)
+        if count != 1:
+            raise DeclarationError(f"{name}: the discrete variable '{discrete}' has {count} equations; expected one")
+    return Split(tuple(continuous), updates, known)

@@ -1,0 +1,255 @@
+"""Bond graphs as parts of a model: a bond that a source drives becomes a flange, and all else is equations.
+
+The equations are those of the elements and junctions, one by one, with no causality: what becomes a state and what is solved
+from what is found as for any other component. :func:`gearlib.bondgraph.state_equations` goes its own way from the same graph.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, cast
+
+import sympy as sp
+
+import gearlib as gl
+from gearlib.bondgraph import GY, TF, C, I, R, Se, Sf, Zero
+from gearlib.bondgraph import time as graph_time
+from gearlib.bondgraph.elements import Element, Junction, Storage, expression
+from gearlib.errors import ArgumentError, DeclarationError, nearest
+from gearparts.interfaces import Flange, TranslationalFlange
+
+if TYPE_CHECKING:
+    from gearlib.bondgraph import Bond, BondGraph
+
+SAMPLE = sp.Dummy("first", real=True), sp.Dummy("second", real=True)
+"""What laws are called with to see which parameters they hold."""
+RESERVED = frozenset({"time", "start", "guess", "equations", "assemble", "graph", "ports"})
+
+
+class BondGraphPart(gl.Component):
+    """Base of the classes that :func:`from_bond_graph` makes.
+
+    Every bond has an effort ``e_<number>`` and a flow ``f_<number>``, counted along its half arrow; every I stores ``p_<number>``,
+    every C ``q_<number>``.
+    """
+
+    graph: ClassVar[BondGraph]
+    ports: ClassVar[Mapping[str, int]]
+
+    def equations(self) -> list[gl.Eq]:
+        """All elements, one after the other; a port is an element, too."""
+        port_at = {number: name for name, number in self.ports.items()}
+        found: list[gl.Eq] = []
+        for element in self.graph.elements:
+            bonds = self.graph.at(element)
+            if isinstance(element, Se | Sf) and bonds[0].number in port_at:
+                found += self._port_equations(port_at[bonds[0].number], bonds[0].number)
+            else:
+                found += _equations(self, element, bonds)
+        return found
+
+    def _port_equations(self, name: str, number: int) -> list[gl.Eq]:
+        """Source bonds point into the graph, as flows of a connector count into the component: no sign."""
+        port = getattr(self, name)
+        rotational = isinstance(type(self)._declarations[name], Flange)
+        potential, flow = (port.phi, port.tau) if rotational else (port.s, port.f)
+        return [gl.Eq(flow, self._effort(number)), gl.Eq(gl.der(potential), self._flow(number))]
+
+    def _effort(self, number: int) -> Any:
+        return getattr(self, f"e_{number}")
+
+    def _flow(self, number: int) -> Any:
+        return getattr(self, f"f_{number}")
+
+    def _in_model(self, value: Any) -> Any:
+        """An expression of the graph on the component's symbols, which are found by their names."""
+        names = {s: gl.time if s == graph_time else getattr(self, s.name) for s in value.free_symbols}
+        return value.xreplace(names)
+
+
+def from_bond_graph(
+    graph: BondGraph,
+    ports: Mapping[str, int] | None = None,
+    *,
+    translational_ports: Mapping[str, int] | None = None,
+    defaults: Mapping[str, float] | None = None,
+    nominal: Mapping[str, float] | None = None,
+    name: str = "",
+) -> type[BondGraphPart]:
+    """A component class that is a bond graph.
+
+    Parameters
+    ----------
+    graph : BondGraph
+        The graph.
+    ports : mapping, optional
+        Name of a flange to the number of a bond that a source without a value drives. The flange takes the place of the
+        source: effort is its torque (N.m), flow its angular velocity (rad/s).
+    translational_ports : mapping, optional
+        The same for flanges that are pushed: force (N) and velocity (m/s).
+    defaults : mapping, optional
+        Values of parameters, for instances that give none.
+    nominal : mapping, optional
+        Typical sizes of variables, such as ``{"q_6": 1e-6}``; the absolute tolerance of a state is ``rtol`` times it.
+    name : str
+        Name of the class; made of the graph's name otherwise.
+
+    Returns
+    -------
+    type
+        A subclass of :class:`BondGraphPart`. Its parameters are the graph's symbols (``I_2``, ``m_1``, ...); sources without a
+        value that are no ports are inputs (``Se_1``, ``Sf_8``); its variables are ``e_1``, ``f_1``, ... of all bonds and the
+        stored ``p_2``, ``q_6``, .... Units are SI units of whatever the bond carries.
+
+    Raises
+    ------
+    ArgumentError
+        A port names a bond without an open source, or a default or nominal value has an unknown name.
+    DeclarationError
+        Two things would have the same name, or a parameter's name cannot be an attribute.
+
+    Examples
+    --------
+    A DC motor as a bond graph turns a load made of components; at rest in the end, 24 V are the back-EMF 0.2 w:
+
+    >>> import gearlib as gl, gearparts as gp
+    >>> from gearlib.bondgraph import GY, BondGraph, I, One, R, Se
+    >>> current, rotor, motor = One("current"), One("rotor"), GY("K")
+    >>> graph = BondGraph(
+    ...     (1, Se(), current), (2, current, I("L")), (3, current, R("R_a")), (4, current, motor), (5, motor, rotor),
+    ...     (6, rotor, I("J")), (7, Se(), rotor), name="DC motor")
+    >>> Motor = gp.from_bond_graph(graph, ports={"shaft": 7}, defaults={"L": 0.01, "R_a": 0.5, "K": 0.2})
+    >>> class Drive(gl.Component):
+    ...     def assemble(self):
+    ...         self.motor = Motor(J=0.1, Se_1=24.0)
+    ...         self.load = gp.Inertia(J=0.3)
+    ...         return [gl.connect(self.motor.shaft, self.load.flange_a)]
+    >>> float(round(gl.simulate(Drive(), t_end=100.0, samples=2)["load.w"][-1], 6))
+    120.0
+    """
+    turned, pushed = dict(ports or {}), dict(translational_ports or {})
+    if both := sorted(turned.keys() & pushed.keys()):
+        raise ArgumentError(f"{graph.name}: '{both[0]}' is named as a port of both kinds")
+    connectors = [(n, Flange, b) for n, b in turned.items()] + [(n, TranslationalFlange, b) for n, b in pushed.items()]
+    _check_ports(graph, {**turned, **pushed})
+    members = _variables(graph, dict(nominal or {}))
+    inputs = [n for n in _open_sources(graph) if n not in {b for _, _, b in connectors}]
+    declared: list[tuple[str, Any]] = [(n, kind(f"bond {b}")) for n, kind, b in connectors]
+    declared += [(_source_name(graph, n), gl.Input("SI", f"source on bond {n}")) for n in inputs]
+    declared += [(p, gl.Parameter("SI", "parameter of the bond graph")) for p in _parameters(graph, members)]
+    for key, declaration in declared:
+        if key in members or key in RESERVED or not key.isidentifier() or key.startswith("_"):
+            raise DeclarationError(f"{graph.name}: '{key}' cannot be a name here: it is in use, or no name of an attribute")
+        members[key] = declaration
+    for key, value in (defaults or {}).items():
+        if not isinstance(members.get(key), gl.Parameter):
+            valid = [n for n, d in members.items() if isinstance(d, gl.Parameter)]
+            raise ArgumentError(f"{graph.name}: no parameter '{key}'; {nearest(key, valid)}")
+        members[key] = gl.Parameter("SI", "parameter of the bond graph", default=value)
+    title = name or "".join(c if c.isalnum() else "_" for c in graph.name.title().replace(" ", ""))
+    members |= {"__doc__": f"Bond graph '{graph.name}'.", "__module__": __name__, "graph": graph, "ports": {**turned, **pushed}}
+    return cast("type[BondGraphPart]", type(title, (BondGraphPart,), members))
+
+
+# ---------------------------------------------------------------- declarations
+
+
+def _open_sources(graph: BondGraph) -> list[int]:
+    return [n for n in graph.of_kind(Se, Sf) if cast("Se | Sf", graph.element(n, Se, Sf)).value is None]
+
+
+def _source_name(graph: BondGraph, number: int) -> str:
+    return f"{'Se' if isinstance(graph.element(number, Se, Sf), Se) else 'Sf'}_{number}"
+
+
+def _check_ports(graph: BondGraph, ports: Mapping[str, int]) -> None:
+    valid = _open_sources(graph)
+    for name, number in ports.items():
+        if number not in valid:
+            found = ", ".join(map(str, valid)) or "none"
+            raise ArgumentError(f"{graph.name}: port '{name}': bond {number} has no source without a value; such bonds: {found}")
+    if len(set(ports.values())) < len(ports):
+        raise ArgumentError(f"{graph.name}: two ports are on the same bond: {', '.join(f'{n} on {b}' for n, b in ports.items())}")
+
+
+def _variables(graph: BondGraph, nominal: dict[str, float]) -> dict[str, Any]:
+    """Stored p and q, then effort and flow of every bond."""
+    stored = {n: "p" if isinstance(graph.element(n, I, C), I) else "q" for n in graph.of_kind(I, C)}
+    # A deflection is the only one that can tell it; momenta can be had from each other, so the choice between them is free.
+    plain: dict[str, tuple[str, Any]] = {
+        f"{kind}_{n}": (f"stored on bond {n}", "prefer" if kind == "q" else "default") for n, kind in stored.items()
+    }
+    plain |= {f"{letter}_{n}": (f"{word} of bond {n}", "avoid") for letter, word in (("e", "effort"), ("f", "flow")) for n in graph.bonds}
+    if unknown := [key for key in nominal if key not in plain]:
+        raise ArgumentError(f"{graph.name}: no variable '{unknown[0]}'; {nearest(unknown[0], plain)}")
+    return {key: gl.Variable("SI", text, state=wish, nominal=nominal.get(key, 1.0)) for key, (text, wish) in plain.items()}
+
+
+def _parameters(graph: BondGraph, variables: Mapping[str, Any]) -> list[str]:
+    """Names of all other symbols in the elements' values and laws."""
+    symbols = {s for element in graph.elements for value in _values(graph, element) for s in value.free_symbols}
+    return sorted({s.name for s in symbols if s not in (graph_time, *SAMPLE)} - set(variables))
+
+
+def _values(graph: BondGraph, element: Element) -> Iterator[Any]:
+    """The expressions that an element holds."""
+    number = graph.at(element)[0].number
+    if isinstance(element, TF | GY):
+        yield expression(element.modulus, "")
+    elif isinstance(element, Se | Sf):
+        if element.value is not None:
+            yield expression(element.value, "")
+    elif isinstance(element, Storage):
+        yield _law(element, SAMPLE[0], number)
+    elif isinstance(element, R):
+        yield from _resistance(element, *SAMPLE, number)
+
+
+def _law(element: Storage, stored: Any, number: int) -> Any:
+    """What a storage element gives for what it stores."""
+    if element.law is not None:
+        return sp.sympify(element.law(stored))
+    return stored / expression(element.value, f"{element.kind}_{number}")
+
+
+def _resistance(element: R, effort: Any, flow: Any, number: int) -> tuple[Any, Any]:
+    """The two sides of a resistance's law."""
+    if element.law is not None:
+        return effort, sp.sympify(element.law(flow))
+    if element.conductance is not None:
+        return flow, sp.sympify(element.conductance(effort))
+    return effort, flow * expression(element.value, f"R_{number}")
+
+
+# ---------------------------------------------------------------- equations
+
+
+def _equations(part: BondGraphPart, element: Element, bonds: tuple[Bond, ...]) -> list[gl.Eq]:
+    number = bonds[0].number
+    e, f = part._effort(number), part._flow(number)
+    if isinstance(element, Junction):
+        return _junction(part, element, bonds)
+    if isinstance(element, TF | GY):
+        m = part._in_model(expression(element.modulus, ""))
+        into, out = bonds if bonds[0].head is element else bonds[::-1]
+        e_in, f_in, e_out, f_out = (get(b.number) for b in (into, out) for get in (part._effort, part._flow))
+        return [gl.Eq(f_out, m * f_in), gl.Eq(e_in, m * e_out)] if isinstance(element, TF) else [gl.Eq(e_in, m * f_out), gl.Eq(e_out, m * f_in)]
+    if isinstance(element, Storage):
+        stored = getattr(part, f"{'p' if isinstance(element, I) else 'q'}_{number}")
+        given, taken = (f, e) if isinstance(element, I) else (e, f)
+        return [gl.Eq(gl.der(stored), taken), gl.Eq(given, part._in_model(_law(element, stored, number)))]
+    if isinstance(element, R):
+        left, right = _resistance(element, e, f, number)
+        return [gl.Eq(left, part._in_model(right))]
+    assert isinstance(element, Se | Sf)
+    name = _source_name(part.graph, number)
+    value = getattr(part, name) if element.value is None else part._in_model(expression(element.value, name))
+    return [gl.Eq(e if isinstance(element, Se) else f, value)]
+
+
+def _junction(part: BondGraphPart, junction: Junction, bonds: tuple[Bond, ...]) -> list[gl.Eq]:
+    """One shared variable, and a sum along the half arrows that is zero."""
+    shared, summed = (part._effort, part._flow) if isinstance(junction, Zero) else (part._flow, part._effort)
+    first = shared(bonds[0].number)
+    total = sum(bond.sign(junction) * summed(bond.number) for bond in bonds)
+    return [*(gl.Eq(shared(bond.number), first) for bond in bonds[1:]), gl.Eq(total, 0)]

@@ -1,0 +1,63 @@
+"""What the losses heat: bodies that store heat, paths that conduct it, surroundings of constant temperature."""
+
+from __future__ import annotations
+
+import gearlib as gl
+from gearparts.interfaces import HeatPort
+
+
+class HeatCapacitor(gl.Component):
+    """Body of one temperature that stores heat: ``C der(T) = port.Q_flow``."""
+
+    port = HeatPort("the body")
+    C = gl.Parameter("J/K", "heat capacity", min=0)
+    T = gl.Variable("K", "temperature", state="prefer", nominal=300.0, guess=293.15)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.T, self.port.T), gl.Eq(self.C * gl.der(self.T), self.port.Q_flow)]
+
+
+class ThermalConductor(gl.Component):
+    """Path that conducts heat and stores none: ``Q_flow = G (port_a.T - port_b.T)``."""
+
+    port_a = HeatPort("one end")
+    port_b = HeatPort("the other end")
+    G = gl.Parameter("W/K", "thermal conductance", min=0)
+    Q_flow = gl.Variable("W", "heat flow from port_a to port_b")
+    dT = gl.Variable("K", "port_a.T - port_b.T")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.dT, self.port_a.T - self.port_b.T),
+            gl.Eq(self.Q_flow, self.G * self.dT),
+            gl.Eq(self.port_a.Q_flow, self.Q_flow),
+            gl.Eq(self.port_b.Q_flow, -self.Q_flow),
+        ]
+
+
+class Convection(gl.Component):
+    """Heat that a solid gives to a fluid: ``Q_flow = Gc (solid.T - fluid.T)`` with a conductance that may vary."""
+
+    solid = HeatPort("surface of the solid")
+    fluid = HeatPort("fluid")
+    Gc = gl.Input("W/K", "thermal conductance of the convection")
+    Q_flow = gl.Variable("W", "heat flow from the solid to the fluid")
+    dT = gl.Variable("K", "solid.T - fluid.T")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.dT, self.solid.T - self.fluid.T),
+            gl.Eq(self.Q_flow, self.Gc * self.dT),
+            gl.Eq(self.solid.Q_flow, self.Q_flow),
+            gl.Eq(self.fluid.Q_flow, -self.Q_flow),
+        ]
+
+
+class FixedTemperature(gl.Component):
+    """Surroundings of constant temperature: ``port.T = T``."""
+
+    port = HeatPort("the surroundings")
+    T = gl.Parameter("K", "temperature", min=0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.port.T, self.T)]

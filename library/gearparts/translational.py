@@ -1,0 +1,143 @@
+"""Bodies that slide on a straight line, springs and dampers between them, forces, and the ground."""
+
+from __future__ import annotations
+
+import gearlib as gl
+from gearparts.interfaces import Dissipative, TranslationalFlange
+from gearparts.sources import SMALLEST
+
+
+class TwoTranslationalFlanges(gl.Component):
+    """Declares the flanges of an element between two rods."""
+
+    flange_a = TranslationalFlange("left")
+    flange_b = TranslationalFlange("right")
+
+
+class TranslationalFixed(gl.Component):
+    """A flange held at a place: ``s = s0``."""
+
+    flange = TranslationalFlange("held")
+    s0 = gl.Parameter("m", "fixed position", default=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.s, self.s0)]
+
+
+class Mass(TwoTranslationalFlanges):
+    """Rigid body that slides: ``m der(v) = flange_a.f + flange_b.f``, ``v = der(s)``; its flanges are at ``s -/+ L / 2``."""
+
+    m = gl.Parameter("kg", "mass", min=0)
+    L = gl.Parameter("m", "length from flange_a to flange_b", default=0.0)
+    s = gl.Variable("m", "position of the middle")
+    v = gl.Variable("m/s", "velocity")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.flange_a.s, self.s - self.L / 2),
+            gl.Eq(self.flange_b.s, self.s + self.L / 2),
+            gl.Eq(gl.der(self.s), self.v),
+            gl.Eq(self.m * gl.der(self.v), self.flange_a.f + self.flange_b.f),
+        ]
+
+
+class TranslationalCompliant(TwoTranslationalFlanges):
+    """Declares what springs and dampers share: the force between the flanges, and the relative position and velocity."""
+
+    s_rel = gl.Variable("m", "flange_b.s - flange_a.s", state="prefer", nominal=1e-4)
+    v_rel = gl.Variable("m/s", "relative velocity")
+    f = gl.Variable("N", "force between the flanges; pulls them together when positive")
+
+    def compliant_equations(self) -> list[gl.Eq]:
+        """The force acts on both flanges with opposite signs; the relative velocity is the relative position's derivative."""
+        return [
+            gl.Eq(self.s_rel, self.flange_b.s - self.flange_a.s),
+            gl.Eq(self.v_rel, gl.der(self.s_rel)),
+            gl.Eq(self.flange_b.f, self.f),
+            gl.Eq(self.flange_a.f, -self.f),
+        ]
+
+
+class TranslationalSpring(TranslationalCompliant):
+    """Linear spring: ``f = c (s_rel - s_rel0)``."""
+
+    c = gl.Parameter("N/m", "stiffness", min=0)
+    s_rel0 = gl.Parameter("m", "unstretched length", default=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [*self.compliant_equations(), gl.Eq(self.f, self.c * (self.s_rel - self.s_rel0))]
+
+
+class TranslationalDamper(TranslationalCompliant, Dissipative):
+    """Linear damper: ``f = d v_rel``; it loses ``f v_rel``."""
+
+    d = gl.Parameter("N.s/m", "damping", min=0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            *self.compliant_equations(),
+            gl.Eq(self.f, self.d * self.v_rel),
+            gl.Eq(self.loss_power, self.f * self.v_rel),
+            *self.heat_equations(),
+        ]
+
+
+class TranslationalSpringDamper(TranslationalCompliant, Dissipative):
+    """Spring and damper side by side: ``f = c (s_rel - s_rel0) + d v_rel``; it loses ``d v_rel**2``."""
+
+    c = gl.Parameter("N/m", "stiffness", min=0)
+    d = gl.Parameter("N.s/m", "damping", min=0)
+    s_rel0 = gl.Parameter("m", "unstretched length", default=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            *self.compliant_equations(),
+            gl.Eq(self.f, self.c * (self.s_rel - self.s_rel0) + self.d * self.v_rel),
+            gl.Eq(self.loss_power, self.d * self.v_rel**2),
+            *self.heat_equations(),
+        ]
+
+
+class OneTranslationalFlange(gl.Component):
+    """Declares the flange of a force, and its support: the housing that takes the reaction."""
+
+    use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
+    flange = TranslationalFlange("driven rod")
+    support = TranslationalFlange("housing", when="use_support")
+
+    def support_equations(self) -> list[gl.Eq]:
+        """The housing takes the reaction."""
+        return [gl.Eq(self.support.f, -self.flange.f)] if self.use_support else []
+
+
+class Force(OneTranslationalFlange):
+    """A given force: ``flange.f = -f``; a positive ``f`` accelerates the connected rod."""
+
+    f = gl.Input("N", "driving force")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.f, -self.f), *self.support_equations()]
+
+
+class QuadraticSpeedDependentForce(OneTranslationalFlange):
+    """Force that grows with velocity squared: ``f = flange.f = -f_nominal (v / v_nominal)**2``.
+
+    With ``force_direction`` (the default) it acts in the same direction whichever way the rod moves; without, it changes
+    sign with the velocity: ``f = -f_nominal v abs(v) / v_nominal**2``.
+    """
+
+    f_nominal = gl.Parameter("N", "force at nominal velocity that accelerates the rod; negative: a load")
+    v_nominal = gl.Parameter("m/s", "nominal velocity", min=SMALLEST)
+    force_direction = gl.Structural(True, "same direction of force in both directions of motion")
+    v = gl.Variable("m/s", "velocity of the flange relative to the support", state="avoid")
+    f = gl.Variable("N", "force into this component at the flange")
+
+    def equations(self) -> list[gl.Eq]:
+        position = self.flange.s - self.support.s if self.use_support else self.flange.s
+        square = self.v**2 if self.force_direction else self.v * gl.no_event(abs(self.v))
+        return [
+            gl.Eq(self.v, gl.der(position)),
+            gl.Eq(self.f, -self.f_nominal * square / self.v_nominal**2),
+            gl.Eq(self.flange.f, self.f),
+            *self.support_equations(),
+        ]

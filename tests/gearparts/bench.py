@@ -1,0 +1,57 @@
+"""A test bench: any component, with a body at each of its connectors."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.language.component import declared_by
+from gearlib.language.declarations import NO_VALUE
+
+BODIES = {gp.Flange: lambda: gp.Inertia(J=1.3), gp.TranslationalFlange: lambda: gp.Mass(m=1.7), gp.HeatPort: lambda: gp.HeatCapacitor(C=2.3)}
+FAR_ENDS = {gp.Flange: "flange_a", gp.TranslationalFlange: "flange_a", gp.HeatPort: "port"}
+
+
+def needed_values(kind: type[gl.Component], signal: Any) -> dict[str, Any]:
+    """Numbers for the parameters that have no default, and a signal for the inputs."""
+    values: dict[str, Any] = {}
+    for name, declared in kind._declarations.items():
+        if isinstance(declared, gl.Parameter) and declared.default is NO_VALUE:
+            values[name] = 0.7 + 0.1 * len(values)
+        elif isinstance(declared, gl.Input) and declared.default is NO_VALUE:
+            values[name] = signal
+    return values
+
+
+def structural_choices(kind: type[gl.Component]) -> Iterator[dict[str, Any]]:
+    """All combinations of a class's yes-or-no choices and of those from a list; numbers keep their default."""
+    options: dict[str, tuple[Any, ...]] = {}
+    for name, declared in kind._declarations.items():
+        if isinstance(declared, gl.Structural):
+            options[name] = declared.choices or ((False, True) if isinstance(declared.default, bool) else (declared.default,))
+    for values in itertools.product(*options.values()):
+        yield dict(zip(options, values, strict=True))
+
+
+class Bench(gl.Component):
+    """``part``, and at each of its connectors a body of the connector's name: ``at_flange_a``, ``at_heat_port``, ..."""
+
+    kind = gl.Structural(None, "class of the part")
+    given = gl.Structural((), "its structural choices and values, as pairs")
+
+    def assemble(self) -> Any:
+        signal = gl.sin(3 * gl.time)
+        self.part = self.kind(**{**needed_values(self.kind, signal), **dict(self.given)})
+        links = []
+        for name, connector in declared_by(self.part).connectors.items():
+            body = BODIES[type(connector)]()
+            setattr(self, f"at_{name}", body)
+            links.append(gl.connect(getattr(self.part, name), getattr(body, FAR_ENDS[type(connector)])))
+        return links
+
+
+def bench(kind: type[gl.Component], **given: Any) -> Bench:
+    return Bench(kind=kind, given=tuple(given.items()))

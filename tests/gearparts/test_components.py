@@ -1,0 +1,125 @@
+"""What holds for every component that is exported: documented, with units, balanced, and true to energy."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.flatten.flatten import flatten
+from gearlib.language.component import declared_by, equations_of
+from tests.gearparts.bench import bench, needed_values, structural_choices
+from tests.gearparts.conftest import Probe
+
+MADE_FROM_DATA = {"BondGraphPart"}  # a base class, of no use by itself
+EXPORTED = [getattr(gp, name) for name in gp.__all__ if name not in MADE_FROM_DATA]
+COMPONENTS = [c for c in EXPORTED if isinstance(c, type) and issubclass(c, gl.Component)]
+LEAVES = [c for c in COMPONENTS if c.assemble is gl.Component.assemble]
+CASES = [pytest.param(c, g, id="-".join([c.__name__, *(f"{k}={v}" for k, v in g.items())])) for c in COMPONENTS for g in structural_choices(c)]
+SYMBOL = r"(1|rad|m|s|kg|N|K|W|J|Hz)\d?"
+UNIT = re.compile(rf"{SYMBOL}(\.{SYMBOL})*(/{SYMBOL})?")
+
+
+def test_every_export_is_listed_once_and_found() -> None:
+    assert len(COMPONENTS) >= 50
+    assert sorted(set(gp.__all__)) == gp.__all__
+    assert set(gp.__all__) <= set(dir(gp))
+    with pytest.raises(AttributeError, match="no attribute 'Inerta'"):
+        gp.Inerta  # noqa: B018
+
+
+@pytest.mark.parametrize("kind", COMPONENTS)
+def test_declarations_have_units_and_descriptions(kind: type[gl.Component]) -> None:
+    for name, declared in kind._declarations.items():
+        assert declared.description.strip(), name  # type: ignore[attr-defined]
+        if isinstance(declared, (gl.Variable, gl.Parameter)):
+            assert UNIT.fullmatch(declared.unit), (name, declared.unit)
+
+
+@pytest.mark.parametrize("kind", COMPONENTS)
+def test_docstrings_state_the_equation(kind: type[gl.Component]) -> None:
+    assert kind.__doc__
+    if kind in LEAVES:
+        assert re.search(r"``[^`]*[= ][^`]*``|::\n.*=", kind.__doc__, re.DOTALL)
+
+
+@pytest.mark.parametrize("kind", LEAVES)
+def test_a_leaf_has_one_equation_for_each_of_its_own_unknowns(kind: type[gl.Component]) -> None:
+    for choice in structural_choices(kind):
+        part = kind(**choice)
+        declared = declared_by(part)
+        unknowns = [v for v in declared.variables.values() if not isinstance(v, gl.Input)]
+        given_by_connections = sum(isinstance(v, gl.Flow) for v in unknowns)
+        equations = [e for e in equations_of(part) if isinstance(e, gl.Eq)]
+        assert len(equations) == len(unknowns) - given_by_connections + len(declared.discretes), choice
+
+
+@pytest.mark.parametrize(("kind", "choice"), CASES)
+def test_it_is_balanced_between_bodies(kind: type[gl.Component], choice: dict[str, Any]) -> None:
+    model = flatten(bench(kind, **choice))
+    assert model.counts.equations + len(model.inputs) == model.counts.variables
+    assert gl.compile(bench(kind, **choice)).name == "Bench"
+
+
+LOSSLESS = [
+    gp.Disc, gp.IdealGear, gp.IdealPlanetary, gp.IdealGearR2T, gp.IdealRollingWheel, gp.PlanetOnCarrier, gp.TorqueSensor,
+    gp.PowerSensor, gp.MultiSensor, gp.RelativeStates, gp.RelAccSensor, gp.ThermalConductor,
+]  # fmt: skip
+STORED = {  # power into what is stored, from the values of a part with needed_values
+    gp.Spring: lambda v: 0.7 * v("phi_rel") * v("w_rel"),
+    gp.SpringDamper: lambda v: 0.7 * v("phi_rel") * v("w_rel"),
+    gp.Damper: lambda v: 0.0,
+    gp.TranslationalSpring: lambda v: 0.7 * v("s_rel") * v("v_rel"),
+    gp.TranslationalSpringDamper: lambda v: 0.7 * v("s_rel") * v("v_rel"),
+    gp.TranslationalDamper: lambda v: 0.0,
+    gp.EddyCurrentTorque: lambda v: 0.0,
+    **dict.fromkeys(LOSSLESS, lambda v: 0.0),
+}
+AUDITED = [pytest.param(c, g, id="-".join([c.__name__, *(k for k, v in g.items() if v)])) for c in STORED for g in structural_choices(c)]
+
+
+@pytest.mark.parametrize(("kind", "choice"), AUDITED)
+def test_power_into_its_connectors_is_stored_or_lost(kind: type[gl.Component], choice: dict[str, Any]) -> None:
+    model = Probe(bench(kind, **choice))
+    rate = {"tau": "w", "f": "v"}
+
+    @given(st.integers(0, 2**32 - 1))
+    def audit(seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        value = model.values({s: rng.normal() + (300 if s.endswith(".T") else 0) for s in model.states})
+        power, size = 0.0, 1e-300
+        for name, connector in declared_by(model_part(kind, choice)).connectors.items():
+            for flow in connector.variables:
+                if flow == "Q_flow":
+                    terms = value(f"part.{name}.Q_flow")
+                elif flow in rate:
+                    terms = value(f"part.{name}.{flow}") * value(f"at_{name}.{rate[flow]}")
+                else:
+                    continue
+                power, size = power + terms, size + abs(terms)
+        lost = value("part.loss_power") if hasattr(kind, "loss_power") and not choice["use_heat_port"] else 0.0
+        stored = STORED[kind](lambda n: value(f"part.{n}"))
+        assert power == pytest.approx(stored + lost, abs=1e-12 * size)
+        assert lost >= 0
+
+    audit()
+
+
+def model_part(kind: type[gl.Component], choice: dict[str, Any]) -> gl.Component:
+    return kind(**{**needed_values(kind, 1.0), **choice})
+
+
+def test_losses_are_positive_and_leave_through_the_heat_port(probe: Callable[..., Any]) -> None:
+    for kind in (gp.Damper, gp.SpringDamper, gp.TranslationalDamper, gp.TranslationalSpringDamper, gp.EddyCurrentTorque):
+        p = probe(bench(kind, use_heat_port=True))
+        value = p.values({s: 2.5 * (-1) ** i for i, s in enumerate(p.states)})
+        assert value("part.loss_power") > 0
+        assert value("part.heat_port.Q_flow") == -value("part.loss_power")
+        assert 2.3 * value("der(at_heat_port.T)") == pytest.approx(value("part.loss_power"))
