@@ -102,7 +102,7 @@ axes[0, 1].set_title("around the step")
 for axis in axes[:, 0]:
     axis.legend(loc="lower right")
 fig.suptitle(f"XP train: torque on the ring steps to {TORQUE:g} N.m at {1e3 * T_STEP:g} ms")
-fig.savefig(FIGURES / "time_histories.png", dpi=100)
+fig.savefig(FIGURES / "time_histories.png", dpi=90)
 
 # %%
 # Modes

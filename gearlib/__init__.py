@@ -79,7 +79,7 @@ _HOME = {
     **dict.fromkeys(["System", "compile", "simulate"], "gearlib.system"),
 }  # fmt: skip
 
-__all__ = sorted(_HOME)  # noqa: PLE0605
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:

@@ -19,6 +19,7 @@ from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.templates import parse_column
+from gearlib.language.declarations import Potential
 from gearlib.solve.scene import needed_states, node_name
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
@@ -152,7 +153,7 @@ class Modes:
         for table in (kinetic, potential):
             total = table.sum(axis=1, keepdims=True)
             np.divide(100 * table, total, out=table, where=np.abs(total) > 0)
-            table[np.abs(table) < 1e-6] = 0.0  # percent
+            table[:, np.abs(table).max(axis=0, initial=0.0) < 1e-5] = 0.0  # percent: rounding of components that keep none
         order = [k for k in np.argsort(numbers) if kinetic[:, k].any() or potential[:, k].any()]
         return [numbers[k] for k in order], kinetic[:, order], potential[:, order]
 
@@ -165,6 +166,21 @@ class Modes:
     def potential(self) -> Floats:
         """Share of each component in the mode's potential energy, percent, shape (modes, components); 0 for free motions."""
         return self._energies[2]
+
+    def motions(self, mode: int) -> list[tuple[str, str, complex]]:
+        """Amplitudes of the bodies: (component, "rad" or "m", amplitude) of those that keep kinetic energy in some mode."""
+        self._check(mode)
+        result = []
+        for number, shares in zip(self._energies[0], self.kinetic.T, strict=True):
+            instance = self._model.instances[number]
+            own = [(n, d.unit) for n, d in instance.variables.items() if isinstance(d, Potential) and d.unit in ("rad", "m")]
+            first = [(n, unit) for n, unit in own if n.split(".")[0] == own[0][0].split(".")[0]]
+            if shares.any():
+                value = self.shape(mode, *(f"{instance.path}.{n}" if instance.path else n for n, _ in first))
+                labels = [n.rsplit(".", 1)[1] for n, _ in first]
+                for (_, unit), label, amplitude in zip(first, labels, value, strict=True):
+                    result.append((instance.path + (f".{label}" if len(first) > 1 else ""), unit, complex(amplitude)))
+        return result
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A row for each mode: frequencies, damping, and the shares of energy as columns ``("kinetic", component)``."""

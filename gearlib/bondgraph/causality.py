@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import networkx as nx
 
+from gearlib.bondgraph.completion import can_be_completed
 from gearlib.bondgraph.elements import GY, TF, C, Element, I, Junction, One, R, Se, Sf, Zero
 from gearlib.bondgraph.graph import Bond, BondGraph
 from gearlib.errors import ArgumentError, BalanceError
@@ -160,6 +161,22 @@ def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
     storage, first = graph.of_kind(I, C), tuple(dict.fromkeys(prefer))
     if wrong := [bond for bond in first if bond not in storage]:
         raise ArgumentError(f"{graph.name}: no storage element on bonds {_join(wrong)}; they are on {_join(storage)}")
+    order = [*first, *(bond for bond in storage if bond not in first)]
+    try:
+        state, chosen = _sequence(graph, order, look_ahead=False)
+    except BalanceError as problem:
+        try:
+            state, chosen = _sequence(graph, order, look_ahead=True)
+        except BalanceError:
+            raise problem from None
+    return _result(graph, state, storage, chosen)
+
+
+def _sequence(graph: BondGraph, order: Iterable[int], *, look_ahead: bool) -> tuple[_Assignment, tuple[int, ...]]:
+    """All strokes, and the bonds whose causality was free; with ``look_ahead`` no step is taken that dooms a later one.
+
+    Without, what a step entails is followed from bond to bond only. In loops of rigid gears that may miss a later conflict.
+    """
     state = _Assignment(graph)
     for number in graph.of_kind(Se, Sf):
         bond, source = graph.bonds[number], graph.element(number, Se, Sf)
@@ -167,20 +184,20 @@ def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
             state.choose(bond, source if isinstance(source, Sf) else bond.other(source))
         except _ConflictError as conflict:
             raise BalanceError(_message(graph, conflict)) from None
-    for number in [*first, *(bond for bond in storage if bond not in first)]:
+    for number in order:
         if number not in state.effort_to:
             bond, element = graph.bonds[number], graph.element(number, I, C)
-            state = _settle(state, bond, element if isinstance(element, I) else bond.other(element))
+            state = _settle(state, bond, element if isinstance(element, I) else bond.other(element), look_ahead)
     chosen = []
     one_way = [n for n in graph.of_kind(R) if _has_one_direction(graph.element(n, R))]
     for number in [*one_way, *graph.of_kind(R), *graph.bonds]:
         if number not in state.effort_to:
             chosen.append(number)
-            state = _settle(state, graph.bonds[number], _wished(graph.bonds[number]))
-    return _result(graph, state, storage, tuple(chosen))
+            state = _settle(state, graph.bonds[number], _wished(graph.bonds[number]), look_ahead)
+    return state, tuple(chosen)
 
 
-def _settle(state: _Assignment, bond: Bond, wished: Element) -> _Assignment:
+def _settle(state: _Assignment, bond: Bond, wished: Element, look_ahead: bool) -> _Assignment:
     """The assignment after ``bond`` got the wished stroke, or the other one where that leads to a conflict."""
     conflict: _ConflictError | None = None
     for end in (wished, bond.other(wished)):
@@ -190,7 +207,9 @@ def _settle(state: _Assignment, bond: Bond, wished: Element) -> _Assignment:
         except _ConflictError as found:
             conflict = conflict or found
         else:
-            return trial
+            if not look_ahead or can_be_completed(trial.graph, trial.effort_to):
+                return trial
+            conflict = conflict or _ConflictError((bond.number,), "leaves a junction with nothing to set it")
     assert conflict is not None
     raise BalanceError(_message(state.graph, conflict))
 

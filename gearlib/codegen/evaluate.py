@@ -55,18 +55,34 @@ def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepa
     SingularError
         Names the components whose values are at fault.
     """
-    model = structure.model
+    pivots, matrices = _constants(program, parameters)
+    at = 0
     for batch in program.pivots:
-        values = constant_values(batch, parameters)
+        values = pivots[at : at + len(batch)]
+        at += len(batch)
         for i in np.flatnonzero((values == 0.0) | ~np.isfinite(values))[:1]:
-            names = ", ".join(
-                f"{model.parameters.names[p]} = {parameters[p]:g}" for p in batch.parameters[i]
-            )
+            names = ", ".join(f"{structure.model.parameters.names[p]} = {parameters[p]:g}" for p in batch.parameters[i])
             owner = owner_of(structure, int(batch.equations[i]))
             raise SingularError(f"{owner}: {batch.kernel.template.label} cannot be solved with {names}; a zero is divided by")
-    return Prepared(
-        program, parameters, tuple(_solution(s, structure, parameters) for s in program.steps if isinstance(s, Linear))
-    )
+    blocks = [s for s in program.steps if isinstance(s, Linear)]
+    return Prepared(program, parameters, tuple(_solution(b, structure, m) for b, m in zip(blocks, matrices, strict=True)))
+
+
+def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Floats]]:
+    """Values of the pivots, and of each linear block's entries."""
+    function = program.constants
+    groups = [program.pivots, *(s.matrix for s in program.steps if isinstance(s, Linear))]
+    if function is None:
+        parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
+    else:
+        try:
+            everything = np.array(function(parameters.tolist()), float)
+        except (ZeroDivisionError, ValueError, OverflowError):  # let the array road say nan or inf
+            parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
+        else:
+            ends = np.cumsum([sum(len(b) for b in group) for group in groups])
+            parts = np.split(everything, ends[:-1])
+    return parts[0], list(parts[1:])
 
 
 def owner_of(structure: Structure, equation: int) -> str:
@@ -77,36 +93,36 @@ def owner_of(structure: Structure, equation: int) -> str:
     return structure.model.owner(*structure.rows[equation])
 
 
-def _solution(block: Linear, structure: Structure, parameters: Floats) -> Floats:
-    """-inverse(A) restricted to the columns that g has."""
+def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats:
+    """-inverse(A), the columns for which there is a g."""
     n = len(block.unknowns)
-    entries = np.concatenate([constant_values(b, parameters) for b in block.matrix])
-    places = np.concatenate([b.targets for b in block.matrix])
-    rhs = np.zeros((n, len(block.known)))
-    rhs[block.known_rows, np.arange(len(block.known))] = -1.0
+    places = block.places
     if not np.isfinite(entries).all():
         raise _singular(block, structure)
     if n <= MOST_DENSE:
         matrix = np.bincount(places, entries, n * n).reshape(n, n)
         row_scale = np.abs(matrix).max(axis=1)
-        if (row_scale == 0.0).any():
+        if not row_scale.all():
             raise _singular(block, structure)
-        matrix /= row_scale[:, None]
+        matrix = matrix / row_scale[:, None]
         column_scale = np.abs(matrix).max(axis=0)
-        if (column_scale == 0.0).any():
+        if not column_scale.all():
             raise _singular(block, structure)
-        matrix /= column_scale
+        matrix = matrix / column_scale
         try:
-            solved: Floats = np.linalg.solve(matrix, rhs / row_scale[:, None]) / column_scale[:, None]
-            condition = np.linalg.cond(matrix, 1)
+            inverse = np.linalg.inv(matrix)
         except np.linalg.LinAlgError:
             raise _singular(block, structure) from None
+        condition = np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max()
         if not condition < 1 / SINGULAR:
             raise _singular(block, structure)
+        solved: Floats = -inverse[:, block.known_rows] / column_scale[:, None] / row_scale[block.known_rows]
         return solved
     import scipy.sparse as sparse
     from scipy.sparse.linalg import splu
 
+    rhs = np.zeros((n, len(block.known)))
+    rhs[block.known_rows, np.arange(len(block.known))] = -1.0
     try:
         factors = splu(sparse.csc_matrix((entries, np.divmod(places, n)), shape=(n, n)))
     except RuntimeError:

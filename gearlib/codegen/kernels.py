@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,7 @@ def _kernel(template: Template, expression: Any) -> Kernel:
     return Kernel(template, renamed, tuple(columns), tuple(parameters), tuple(relations))
 
 
-@lru_cache(maxsize=None)
+@cache
 def differentiated(template: Template, times: int) -> Template:
     """The template of an equation's derivative of some order."""
     for _ in range(times):
@@ -97,7 +97,7 @@ def differentiated(template: Template, times: int) -> Template:
     return template
 
 
-@lru_cache(maxsize=None)
+@cache
 def solve_kernel(template: Template, column: int) -> Kernel | None:
     """The equation solved for one of its columns; None where it is not linear in it."""
     partial = template.partials[column]
@@ -109,27 +109,27 @@ def solve_kernel(template: Template, column: int) -> Kernel | None:
     return _kernel(template, -rest / partial.expression)
 
 
-@lru_cache(maxsize=None)
+@cache
 def residual_kernel(template: Template, without: frozenset[int] = frozenset()) -> Kernel:
     """The residual, with some columns set to zero."""
     zeros = {template.symbols[c]: sympy.S.Zero for c in without}
     return _kernel(template, template.residual.xreplace(zeros))
 
 
-@lru_cache(maxsize=None)
+@cache
 def partial_kernel(template: Template, column: int) -> Kernel:
     """The derivative of the residual with respect to a column."""
     return _kernel(template, template.partials[column].expression)
 
 
-@lru_cache(maxsize=None)
+@cache
 def relation_kernel(template: Template, relation: int) -> Kernel:
     """What a relation compares with zero."""
     r: Relation = template.relations[relation]
     return _kernel(template, r.g)
 
 
-@lru_cache(maxsize=None)
+@cache
 def derivative_of(kernel: Kernel, column: int) -> Kernel:
     """The derivative of a kernel with respect to one of its columns."""
     d = sympy.diff(kernel.expression, sympy.Symbol(f"x{column}", real=True))

@@ -8,8 +8,9 @@ the others.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,11 @@ class Linear:
     known_rows: Integers
     equations: Integers
 
+    @cached_property
+    def places(self) -> Integers:
+        """Where each entry of the matrix stands: row * n + column."""
+        return np.concatenate([b.targets for b in self.matrix])
+
 
 @dataclass(frozen=True)
 class Newton:
@@ -104,15 +110,22 @@ class Program:
     outputs: tuple[Node, ...]
     pivots: tuple[Batch, ...]
 
-    @property
+    @cached_property
     def output_slots(self) -> Integers:
         return np.array([self.slots[n] for n in self.outputs], np.int64)
+
+    @cached_property
+    def constants(self) -> Callable[[list[float]], list[float]] | None:
+        """Pivots and entries of the linear blocks as one function of the parameters, where there are not very many."""
+        from gearlib.codegen.scalars import constants_function
+
+        return constants_function([*self.pivots, *(b for s in self.steps if isinstance(s, Linear) for b in s.matrix)])
 
     @property
     def n_unknowns(self) -> int:
         return len(self.slots) - len(self.states) - len(self.inputs)
 
-    @property
+    @cached_property
     def is_linear(self) -> bool:
         """Linear in states and unknowns, with constant coefficients (inputs and time may enter in any way)."""
         return all(

@@ -123,6 +123,7 @@ def _attach(solver: Solver, state: _Run, asked: Request, differential: Floats, p
     matrix, frame = asked.matrix, state.frame
     t, user_data = float(asked.times[0]), frame.ctypes.data
     solver.create(compiled.residual.address, t, user_data, asked.rtol, asked.atol[permuted], differential)
+    solver.sundials.IDASetNonlinConvCoef(solver.mem, asked.newton)
     if matrix.pattern is not None:
         starts, rows = matrix.pattern
         frame["matrix"], frame["pattern"], frame["starts"] = solver.use_sparse(len(rows))

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 
 from gearlib.codegen.program import Batch
+from gearlib.codegen.scalars import linear_function
 from gearlib.codegen.sensitivity import affine_seeds, rest_expression, sensitivity
 from gearlib.flatten.templates import Relation
 from gearlib.solve.scene import Numbers, Scene
@@ -18,6 +20,7 @@ from gearlib.solve.table import Table
 
 Floats = NDArray[np.float64]
 TIME: Any = sympy.Symbol("time", real=True)
+MOST_WRITTEN = 60  # states up to which the matrices' entries are written out as scalar operations
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,35 @@ class Linear:
     A: Any  # (states, states), array or sparse
     B: Floats  # (states, inputs)
     inputs: tuple[Any, ...]
+
+
+@dataclass(eq=False)
+class _Plan:
+    """What the linear form of a scene needs that does not depend on numbers, and the inputs that were recognised last."""
+
+    seeds: list[tuple[Batch, int]]
+    added: list[int]
+    written: Any  # a function that gives the matrices quickly, or None
+    slots: NDArray[np.int64]  # parameters in the driving expressions
+    last: tuple[Any, ...] = ()  # key, expressions
+
+
+_plans: WeakKeyDictionary[Scene, _Plan] = WeakKeyDictionary()
+
+
+def _plan(scene: Scene) -> _Plan:
+    if scene not in _plans:
+        program = scene.program
+        seeds = affine_seeds(program)
+        added = [int(batch.targets[i]) for batch, i in seeds]
+        slots = [np.empty(0, np.int64)]
+        for batch, i in seeds:
+            g, row = scene.structure.rows[int(batch.equations[i])]
+            slots.append(scene.model.groups[g].parameters[row])
+        once = len(set(added)) == len(added)
+        written = linear_function(program, added) if once and len(scene.states) < MOST_WRITTEN else None
+        _plans[scene] = _Plan(seeds, added, written, np.unique(np.concatenate(slots)))
+    return _plans[scene]
 
 
 def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linear | str:
@@ -42,28 +74,35 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     program = scene.program
     if not program.is_linear:
         return "the equations are not linear with constant coefficients"
-    if scene.relations is not None and not scene.relations.on_time.all():
+    if scene.relations is not None and not (scene.relations.on_time.all() and not scene.relations.discretes):
         return "relations between variables make events"
     if any(callable(s) and not isinstance(s, Table) for s in signals):
         return "an input is a Python function"
+    plan = _plan(scene)
     n, m = len(program.states), len(program.inputs)
-    seeds = affine_seeds(program)
-    expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in seeds]
-    constant = [k for k, e in enumerate(expressions) if e.is_number]
-    moving = [k for k, e in enumerate(expressions) if not e.is_number]
-    slots = np.zeros(program.n_slots)
-    flags = np.zeros(scene.n_modes)
-    added = [int(batch.targets[i]) for batch, i in seeds]
-    d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), added)[program.output_slots]
-    full = d if isinstance(d, np.ndarray) else None
-    B = d[:, n:] if full is not None else d[:, n:].toarray()
-    columns = [B[:, k] for k in range(m)] + [B[:, m + k] for k in moving]
-    inputs = [s.expression() if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
-    inputs += [expressions[k] for k in moving]
+    key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
+    if plan.last[:1] != (key,):
+        expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
+        constant = [k for k, e in enumerate(expressions) if e.is_number]
+        moving = [k for k, e in enumerate(expressions) if not e.is_number]
+        inputs = [s.expression() if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
+        inputs += [sympy.Integer(0)] * (m - len(inputs)) + [expressions[k] for k in moving]
+        if constant:
+            inputs.append(sympy.Integer(1))
+        plan.last = (key, tuple(inputs), moving, constant, np.array([float(expressions[k]) for k in constant]))
+    _, inputs, moving, constant, values = plan.last
+    if plan.written is not None:
+        entries = plan.written(numbers.parameters.tolist(), [s.tolist() for s in numbers.main.solutions])
+        d: Any = np.zeros((n, n + m + len(plan.added)))
+        d[tuple(np.array(plan.written.places, np.int64).reshape(-1, 2).T)] = entries
+    else:
+        slots, flags = np.zeros(program.n_slots), np.zeros(scene.n_modes)
+        d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), plan.added)[program.output_slots]
+    B = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
+    columns = [B[:, : m], B[:, [m + k for k in moving]]]
     if constant:
-        columns.append(sum(B[:, m + k] * float(expressions[k]) for k in constant))
-        inputs.append(sympy.Integer(1))
-    return Linear(d[:, :n], np.array(columns).reshape(len(columns), n).T, tuple(inputs))
+        columns.append((B[:, [m + k for k in constant]] @ values)[:, None])
+    return Linear(d[:, :n], np.hstack(columns), inputs)
 
 
 def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats) -> Any:

@@ -6,6 +6,7 @@ import ctypes
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from gearlib.solve.initialize import Start
 from gearlib.solve.lti import Linear, linear_form, time_conditions
 from gearlib.solve.problem import Native, Problem, Solution
 from gearlib.solve.scene import Numbers, Scene
-from gearlib.solve.table import Table, breakpoints, values
+from gearlib.solve.table import breakpoints, values
 
 Floats = NDArray[np.float64]
 METHODS = ("auto", "exact", "ida", "rk", "rk5", "rk8")
@@ -90,12 +91,20 @@ def _exact_form(run: Run) -> Any:
     form = linear_form(run.scene, run.numbers, run.signals)
     if isinstance(form, str):
         return form
-    from gearlib.solve.forcing import NotExact, recognise
+    from gearlib.solve.forcing import NotExact
 
-    forcing = recognise(form.inputs, float(run.times[0]), float(run.times[-1]))
+    forcing = _recognised(form.inputs, float(run.times[0]), float(run.times[-1]))
     if isinstance(forcing, NotExact):
         return forcing.reason
     return form, forcing
+
+
+@lru_cache(maxsize=256)
+def _recognised(inputs: tuple[Any, ...], t0: float, t1: float) -> Any:
+    """The inputs as outputs of linear systems; the same inputs come again with every other set of parameters."""
+    from gearlib.solve.forcing import recognise
+
+    return recognise(inputs, t0, t1)
 
 
 def _exact(run: Run, form: Any, why: str) -> Outcome:

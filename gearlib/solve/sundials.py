@@ -63,6 +63,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "IDASetJacFn": (_int, [_pointer, _pointer]),
     "IDASetUserData": (_int, [_pointer, _pointer]),
     "IDASetId": (_int, [_pointer, _pointer]),
+    "IDASetNonlinConvCoef": (_int, [_pointer, _double]),
     "IDASetMaxOrd": (_int, [_pointer, _int]),
     "IDASetMaxNumSteps": (_int, [_pointer, _long]),
     "IDASetStopTime": (_int, [_pointer, _double]),

@@ -112,10 +112,12 @@ def _polynomial_roots(c: list[float]) -> list[float]:
     roots = np.roots(c[::-1])
     real = roots.real[np.abs(roots.imag) <= 1e-7 * np.abs(roots)]  # a double root splits into a pair by sqrt(rounding)
     polynomial = np.polynomial.Polynomial(c)
-    slope = polynomial.deriv()(real)
-    steps = np.divide(polynomial(real), slope, out=np.zeros_like(real), where=slope != 0)
-    polished = real - np.where(np.abs(steps) <= 1e-6 * np.abs(real), steps, 0.0)
-    return [float(root) for root in polished]
+    slopes = polynomial.deriv()
+    for _ in range(3):  # eigenvalues of the companion matrix: small roots beside large ones have few digits
+        slope = slopes(real)
+        steps = np.divide(polynomial(real), slope, out=np.zeros_like(real), where=slope != 0)
+        real = real - np.where(np.abs(steps) <= 1e-3 * np.abs(real), steps, 0.0)
+    return [float(root) for root in real]
 
 
 def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) -> list[float]:

@@ -27,6 +27,13 @@ if TYPE_CHECKING:
     from gearparts.motions import Move as Move
     from gearparts.motions import Position as Position
     from gearparts.motions import Speed as Speed
+    from gearparts.planar import PlanarBody as PlanarBody
+    from gearparts.planar import PlanarFlange as PlanarFlange
+    from gearparts.planar import PlanarMesh as PlanarMesh
+    from gearparts.planar import PlanarPlanetaryUnit as PlanarPlanetaryUnit
+    from gearparts.planar import PlanarShaft as PlanarShaft
+    from gearparts.planar import PlanarSupport as PlanarSupport
+    from gearparts.planar import PlanetBearing as PlanetBearing
     from gearparts.planetary import Planet as Planet
     from gearparts.planetary import PlanetaryUnit as PlanetaryUnit
     from gearparts.planetary import PlanetOnCarrier as PlanetOnCarrier
@@ -79,6 +86,9 @@ _HOME = {
     **dict.fromkeys(["Flange", "HeatPort", "TranslationalFlange"], "gearparts.interfaces"),
     **dict.fromkeys(["ExternalMesh", "InternalMesh"], "gearparts.meshes"),
     **dict.fromkeys(["Accelerate", "ConstantSpeed", "Move", "Position", "Speed"], "gearparts.motions"),
+    **dict.fromkeys(
+        ["PlanarBody", "PlanarFlange", "PlanarMesh", "PlanarPlanetaryUnit", "PlanarShaft", "PlanarSupport", "PlanetBearing"], "gearparts.planar"
+    ),
     **dict.fromkeys(["Planet", "PlanetOnCarrier", "PlanetaryUnit"], "gearparts.planetary"),
     **dict.fromkeys(
         [

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pytest
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,6 +21,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.bondgraph import TF, BondGraph, C, I, One, R, RunTime, Se, Zero, state_equations
 from gearlib.bondgraph.elements import Element
+from gearlib.errors import BalanceError, LoopError, SingularError
 
 
 @dataclass(frozen=True)
@@ -89,11 +91,13 @@ def trains(draw: st.DrawFn) -> Spec:
 
 
 def is_possible(rows: list[dict[int, float]], count: int) -> bool:
-    """Whether rigid conditions neither lock the train nor repeat each other, by a good margin."""
+    """Whether rigid conditions leave every shaft free to turn and do not repeat each other, by a good margin."""
     matrix = np.zeros((len(rows), count))
     for k, row in enumerate(rows):
         matrix[k, list(row)] = list(row.values())
-    return len(rows) < count and bool(np.linalg.svd(matrix, compute_uv=False)[-1] > 0.1)
+    _, sizes, directions = np.linalg.svd(matrix)
+    free = directions[len(rows) :]
+    return len(rows) < count and bool(sizes[-1] > 0.1 and np.abs(free).max(axis=0).min() > 0.05)
 
 
 # ---------------------------------------------------------------- as components
@@ -219,8 +223,8 @@ def elastic_planetary(sketch: Sketch, unit: Unit, sun: One, carrier: One, ring: 
         sketch.bond(at_sun, I(n["I_at_sun"]))
         springs.append(sketch.mesh({ring: R_r, at_ring: -R_p}, n["K_ring"], n["C_ring"]))
         springs.append(sketch.mesh({sun: R_s, at_sun: R_p}, n["K_sun"], n["C_sun"]))
-    for _ in range(unit.planets):
-        spin = One("spin")
+    for k in range(unit.planets):
+        spin = One("spin of a planet that is not the first" if k and unit.kind == "lumped X" else "spin")
         sketch.bond(spin, I(n["I_spin"]))
         sketch.bond(carrier, I(n["I_orbit"]))
         if unit.kind == "lumped X":
@@ -256,3 +260,98 @@ def distance(a: Any, b: Any) -> float:
     cost = abs(np.subtract.outer(a, b))
     at = linear_sum_assignment(cost)
     return float(cost[at].max() / abs(b).max()) if len(a) else 0.0
+
+
+# ---------------------------------------------------------------- comparisons
+
+
+def preference(spec: Spec, graph: BondGraph) -> list[int]:
+    """A random order of the storage elements, but that of two planets that turn alike only one can be a state."""
+    order = np.random.default_rng(spec.order).permutation(graph.of_kind(I, C)).tolist()
+    alike: list[int] = []
+    for junction in (e for e in graph.elements if isinstance(e, One) and e.name == "spin of a planet that is not the first"):
+        alike += [b.number for b in graph.at(junction) if isinstance(b.other(junction), I)]
+    return sorted(order, key=lambda bond: bond in alike)
+
+
+def check_linear_models(spec: Spec) -> None:
+    graph, bodies, springs = as_bond_graph(spec)
+    A, B, rows = linear_model(RunTime(state_equations(graph, preference(spec, graph))), bodies, springs)
+    outputs = [f"shaft[{k}].w" for k in range(len(spec.J))] + deflections(spec)
+    model = gl.compile(as_components(spec)).linearize(["drive.tau", "brake.tau"], outputs, sparse=True)
+    assert model.A.shape == A.shape
+    if len(A) and np.abs(A).max():
+        assert distance(np.linalg.eigvals(model.A), np.linalg.eigvals(A)) < 1e-8
+    for w in (0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 100.0):
+        found, expected = response(model.A, model.B, model.C, w), response(A, B, rows, w)
+        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    if np.linalg.cond(A) < 1e6:
+        found, expected = response(model.A, model.B, model.C, 0.0), response(A, B, rows, 0.0)
+        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+@settings(max_examples=50)
+@given(trains())
+def test_linear_models_agree(spec: Spec) -> None:
+    check_linear_models(spec)
+
+
+@settings(max_examples=8)
+@given(trains())
+def test_motions_agree(spec: Spec) -> None:
+    """Two seconds from rest under constant torques, against the matrix exponential of the bond graph's equations."""
+    graph, bodies, springs = as_bond_graph(spec)
+    A, B, rows = linear_model(RunTime(state_equations(graph, preference(spec, graph))), bodies, springs)
+    forced = np.zeros((len(A) + 1, len(A) + 1))
+    forced[:-1, :-1], forced[:-1, -1] = A, B @ [DRIVE, BRAKE]
+    times = np.linspace(0.0, 2.0, 5)
+    expected = np.array([rows @ expm(forced * t)[:-1, -1] for t in times])
+    outputs = [f"shaft[{k}].w" for k in range(len(spec.J))] + deflections(spec)
+    system = gl.compile(as_components(spec), outputs)
+    for method, rtol in (("exact", 1e-10), ("ida", 1e-6)):
+        result = system.simulate(2.0, times=times, method=method, rtol=rtol, atol=1e-2 * rtol)
+        found = np.column_stack([result[name] for name in outputs])
+        assert np.abs(found - expected).max() < 100 * rtol * max(1.0, np.abs(expected).max())
+
+
+SINGLE_LOOPS = {
+    "XP": (("X", (0, 1, 2)), ("P", (1, 2))),
+    "PX": (("P", (0, 1)), ("X", (0, 1, 2))),
+    "XX": (("X", (0, 1, 2)), ("X", (1, 3, 2))),
+    "XPP": (("X", (0, 1, 2)), ("P", (1, 3)), ("P", (3, 2))),
+    "two loops": (("X", (0, 1, 2)), ("X", (1, 3, 2)), ("P", (0, 3))),
+    "carriers locked to rings": (("P", (0, 1)), ("X", (0, 2, 1)), ("X", (3, 1, 0)), ("X", (4, 2, 5))),
+}
+
+
+@pytest.mark.parametrize("order", range(4))
+@pytest.mark.parametrize("loop", SINGLE_LOOPS)
+def test_rigid_loops(loop: str, order: int) -> None:
+    """In a rigid loop the flows depend on each other all round; every order of preference must get through."""
+    rng = np.random.default_rng(order)
+    kinds = SINGLE_LOOPS[loop]
+    units = tuple(Unit(kind, shafts, False, {"ratio": float(rng.uniform(1.5, 3.0))}) for kind, shafts in kinds)
+    count = 1 + max(k for unit in units for k in unit.shafts)
+    spec = Spec(tuple(rng.uniform(0.5, 2.0, count)), tuple(rng.uniform(0.1, 1.0, count)), units, order)
+    assert is_possible([unit.row for unit in units], count)
+    check_linear_models(spec)
+
+
+def test_twin_planets_cannot_both_be_states() -> None:
+    n = dict.fromkeys(NUMBERS, 1.0)
+    graph, _, _ = as_bond_graph(Spec((1.0,) * 3, (0.1,) * 3, (Unit("lumped X", (0, 1, 2), True, n, planets=2),), 0))
+    spins = [b.number for e in graph.elements if isinstance(e, One) and e.name.startswith("spin") for b in graph.at(e)]
+    spins = [bond for bond in spins if bond in graph.of_kind(I)]
+    assert len(spins) == 2
+    with pytest.raises(SingularError, match="some of the states depend on each other and others must be preferred"):
+        state_equations(graph, spins)
+    assert len(state_equations(graph, spins[:1]).states) == 8
+
+
+def test_locked_loop_is_named_on_both_roads() -> None:
+    units = tuple(Unit("P", (0, 1), False, {"ratio": r}) for r in (2.0, 3.0, 4.0))
+    spec = Spec((1.0, 1.0), (0.0, 0.0), units, 0)
+    with pytest.raises(BalanceError, match="no causality fits"):
+        state_equations(as_bond_graph(spec)[0])
+    with pytest.raises(LoopError, match="cannot turn"):
+        gl.compile(as_components(spec))

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from sympy import Piecewise, cos, exp, pi, sin
 
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.solve.action import Triplets, _enclose
+from gearlib.solve.action import Triplets, _enclose, band_order
 from gearlib.solve.action import prepare as prepare_action
 from gearlib.solve.exact import integrate, prepare
 from gearlib.solve.forcing import Forcing, recognise
@@ -235,6 +235,15 @@ def test_equal_steps_share_one_exponential() -> None:
     assert [c.count for c in stretches(np.array([1.0, 2, 3, 3.5, 4, 4.5]), 0.0, np.array([2.25]))] == [2, 1, 1, 3]
 
 
+@pytest.mark.parametrize("algorithm", ["dense", "action"])
+def test_intervals_with_different_inputs_and_repeated_times(algorithm: str) -> None:
+    u = [Piecewise((sin(3 * t), t < 1), (t**2, True))]
+    x = solve(np.zeros((1, 1)), [1], u, [0], [0, 0.5, 1, 1, 1.5, 2, 2], algorithm=algorithm)
+    first, second = [(1 - math.cos(3 * s)) / 3 for s in (0.5, 1)]
+    late = [second + (s**3 - 1) / 3 for s in (1.5, 2)]
+    assert x[:, 0] == pytest.approx([0, first, second, second, *late, late[1]], rel=1e-12)
+
+
 def test_steps_that_grow_slowly_are_not_equal() -> None:
     w, steps = 300.0, 1e-3 * (1.0 + 2e-10 * np.arange(2000))  # each grows by less than the times' rounding
     times = 1000.0 + np.concatenate([[0.0], np.cumsum(steps)])
@@ -308,10 +317,12 @@ def test_an_ellipse_that_cuts_off_eigenvalues_is_widened() -> None:
     agree(A, np.zeros((2 * n, 0)), [], np.ones(2 * n), np.linspace(0, 0.5, 6), 1e-11)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(5))
 def test_the_safe_ellipse_contains_the_field_of_values(seed: int) -> None:
     random = np.random.default_rng(seed)
     A = np.where(random.random((12, 12)) < 0.3, random.standard_normal((12, 12)), 0.0) - np.diag(random.uniform(0, 3, 12))
+    if seed == 4:
+        A = np.outer(np.ones(26), np.eye(26)[0])  # one state acts on all others
     off = triplets(A - np.diag(np.diag(A)))
     mirrored = A[off.columns, off.rows]
     _, safe = _enclose(np.diag(A).copy(), off.rows, off.columns, off.entries, mirrored, 1.0)
@@ -319,6 +330,15 @@ def test_the_safe_ellipse_contains_the_field_of_values(seed: int) -> None:
         turned = np.exp(-1j * angle) * A
         support = safe.centre * math.cos(angle) + math.hypot(safe.real * math.cos(angle), safe.imaginary * math.sin(angle))
         assert np.linalg.eigvalsh((turned + turned.conj().T) / 2).max() <= support
+
+
+def test_a_shuffled_chain_is_found_to_be_narrow() -> None:
+    A = chain(30)[0].toarray()
+    mixed = np.random.default_rng(1).permutation(59)
+    order = band_order(triplets(A[mixed][:, mixed]), 59)
+    rows, columns = np.nonzero(A[mixed][:, mixed][order][:, order])
+    assert sorted(order) == list(range(59))
+    assert np.abs(rows - columns).max() == 2
 
 
 def test_one_way_couplings_cost_nothing() -> None:
@@ -364,7 +384,9 @@ def test_refusals() -> None:
     forcing = recognise([t], 0.0, 1.0)
     assert isinstance(forcing, Forcing)
     A, B = -np.eye(2), np.ones((2, 1))
-    with pytest.raises(ArgumentError, match=r"A is \(2, 2\) and B is \(2, 2\): with 1 inputs they must be \(n, n\) and \(n, 1\)"):
+    with pytest.raises(
+        ArgumentError, match=r"A is \(2, 2\) and B is \(2, 2\): with 1 inputs they must be \(n, n\) and \(n, 1\)"
+    ):
         integrate(A, np.eye(2), forcing, [0, 0], [1.0])
     with pytest.raises(ArgumentError, match="finite numbers only"):
         integrate(A * math.nan, B, forcing, [0, 0], [1.0])

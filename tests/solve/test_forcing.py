@@ -66,6 +66,12 @@ def test_inputs_share_their_frequencies() -> None:
     assert forcing.pieces[0].S.shape == (4, 4)  # one rotation, 1 and t
 
 
+def test_rates_that_differ_by_rounding_are_one() -> None:
+    assert 0.1 + 0.2 != 0.3
+    forcing = known([sin(0.1 * t) * cos(0.2 * t) + sin(0.3 * t), cos(0.3 * t)])
+    assert forcing.pieces[0].S.shape == (4, 4)  # 0.1 and 0.3 rad/s
+
+
 def test_a_late_interval_keeps_its_digits() -> None:
     forcing = known([Piecewise((0, t < 1e6), ((t - 1000000) ** 6, True))], 0.0, 1e6 + 2.0)
     assert forcing(np.array([1e6 + 0.5]))[0, 0] == pytest.approx(0.5**6, rel=1e-14)
@@ -76,7 +82,7 @@ BRANCHING = [
     (Piecewise((0, t < 0.5), (t - 0.5, t < 1), (0.5, True)), [0.5, 1.0]),
     (Piecewise((5, And(t >= 0.25, t < 0.75)), (0, True)), [0.25, 0.75]),
     (Piecewise((5, Or(t < 0.25, t > 0.75)), (sin(t), True)), [0.25, 0.75]),
-    (Piecewise((5, sympy.Xor(t < 0.25, t > 0.75)), (sin(t), True)), [0.25, 0.75]),
+    (Piecewise((5, sympy.Xor(t < 0.75, t > 0.25)), (sin(t), True)), [0.25, 0.75]),
     (Piecewise((1, sin(2 * pi * t) >= 0), (-1, True)), [0.5, 1.0, 1.5]),
     (Piecewise((1, 2 * cos(pi * t) - 1 > 0), (t, True)), [1 / 3, 5 / 3]),
     (Piecewise((1, exp(t) < 2), (t, True)), [math.log(2)]),
@@ -105,13 +111,28 @@ def test_linear_relations_switch_to_the_last_bit() -> None:
     assert times_of_breakpoints((t > 0.3) & (t <= 0.7), 0.1, 0.7).tolist() == [0.3]
 
 
+@pytest.mark.parametrize(
+    ("c", "root"),  # roots from mpmath.polyroots with 40 digits
+    [
+        ([0.0011, -17, -280, -11000, 0.0013], 6.463689468150225e-05),
+        ([-9.9e-05, 3400, 0.00011, 11000, -5.4e-05], 2.911764705882342e-08),
+    ],
+)
+def test_small_roots_of_polynomials_keep_their_digits(c: list[float], root: float) -> None:
+    times = times_of_breakpoints(sum(a * t**k for k, a in enumerate(c)) > 0, 0.0, 1e-3)
+    assert times[np.argmin(np.abs(times - root))] == pytest.approx(root, rel=1e-15)
+
+
 def test_switches_of_states_are_passed_over() -> None:
     x = sympy.Symbol("x", real=True)
     assert times_of_breakpoints(Piecewise((1, x > 0), (2, t > x), (x, t > 1), (3, True)), 0.0, 2.0).tolist() == [1.0]
 
 
 def test_intervals_of_one_form_have_one_matrix() -> None:
-    steps = [Piecewise(*((float(k * k) + k * t, t < 0.1 * k + 0.1) for k in range(15)), (0, True)), Piecewise((1, t < 1), (2 * t, True))]
+    steps = [
+        Piecewise(*((float(k * k) + k * t, t < 0.1 * k + 0.1) for k in range(15)), (0, True)),
+        Piecewise((1, t < 1), (2 * t, True)),
+    ]
     forcing = known(steps)
     assert len(forcing.pieces) == 16
     assert len({piece.key for piece in forcing.pieces}) == 1

@@ -105,7 +105,7 @@ def test_oscillator_matches_its_closed_form(native: bool) -> None:
     np.testing.assert_array_equal(solution.x_last, solution.x[-1])
 
 
-@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-11])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_error_stays_near_what_was_asked_for(rtol: float) -> None:
     a = chain(10)
     x0 = np.append(np.zeros(21), 1.0)
@@ -167,7 +167,7 @@ def shaken_rhs(t, x_, dx_, data_, index_):
 
 
 @both_roads
-@pytest.mark.parametrize("t_end", [0.02, 2.0, 20.0])
+@pytest.mark.parametrize("t_end", [0.02, 10.0])
 def test_excitation_of_a_model_at_rest_is_not_stepped_over(t_end: float, native: bool) -> None:
     # Every thousandth and hundredth of these times, IDA's own first steps, is a multiple of the half period or close to zero.
     solution = ida.integrate(problem(shaken_rhs, [0.0, 0.0]), [0.0, t_end], rtol=1e-6, atol=1e-10, native=native)

@@ -20,8 +20,8 @@ TABLE_4 = {name: q.value for name, q in zc.TABLE_4.items() if name[0] in "RIKC" 
 OPEN = {"R_1": 0.0285, "R_2": 0.0465, "I_1": 0.0015, "I_2": 0.0094, "I_62": 0.0036, "I_66": 0.0036}
 OPEN |= {"m_18": 1.0, "m_19": 1.0, "m_22": 1.0}
 TORQUE, T_STEP, T_END = 100.0, 0.1, 0.5
-# The paper's velocities f2, f11, f26, f35, f78 and deflections by the components' names. The sun's side counts its lumped planets
-# in the sense in which they turn, against the paper's pitch line.
+# The paper's velocities f2, f11, f26, f35, f78 and deflections by the components' names. The sun's side counts its lumped
+# planets in the sense in which they turn, against the paper's pitch line.
 PATHS = {
     "p2": "w_in", "q6": "q_ring", "p11": "train.x_unit.planets_at_ring.w", "p26": "w_sun", "q30": "q_sun",
     "p35": "train.x_unit.planets_at_sun.w", "q74": "q_pair", "p78": "train.p_unit.gear_2.w",
@@ -41,7 +41,7 @@ def bond_graph() -> RunTime:
 
 
 def near_table_4(rng: np.random.Generator) -> dict[str, float]:
-    return {name: value * float(3 ** rng.uniform(-1, 1)) for name, value in (TABLE_4 | OPEN).items()}
+    return {name: value * float(2 ** rng.uniform(-1, 1)) for name, value in (TABLE_4 | OPEN).items()}
 
 
 def order_one(rng: np.random.Generator) -> dict[str, float]:
@@ -105,7 +105,7 @@ def test_frequency_responses_of_three_roads(draw: Any) -> None:
         A, B = run.matrices(by_bond(params))
         A, B = A[np.ix_(rows, rows)], B[np.ix_(rows, columns)] @ sources
         A_printed, B_printed = zc.explicit_matrices(params)
-        for w in np.geomspace(1e-2, 1e2, 30) * np.abs(np.linalg.eigvals(A_printed)).max() ** 0.5:
+        for w in np.geomspace(1e-3, 10, 30) * np.abs(np.linalg.eigvals(A_printed)).max():
             expected = np.linalg.solve(1j * w * np.eye(8) - A_printed, B_printed @ sources)
             bonds = np.linalg.solve(1j * w * np.eye(8) - A, B)
             parts = model.C @ np.linalg.solve(1j * w * np.eye(8) - model.A, model.B) + model.D
@@ -205,9 +205,7 @@ def test_elastic_shaft_becomes_rigid_as_it_stiffens() -> None:
     s = 2j * np.pi * np.geomspace(1, 2000, 50)
     rigid = train().linearize(["tau_in"], ["w_out"])(s)
     stiffness = 2e8 * 4.0 ** np.arange(-3, 4)
-    errors = [
-        np.max(abs(elastic.linearize(["tau_in"], ["w_out"], parameters={"K_s": k})(s) / rigid - 1)) for k in stiffness
-    ]
+    errors = [np.max(abs(elastic.linearize(["tau_in"], ["w_out"], parameters={"K_s": k})(s) / rigid - 1)) for k in stiffness]
     assert errors[3] < 1e-2  # Table 4's shaft is nearly rigid
     rates = -np.diff(np.log(errors)) / np.log(4)
     assert rates == pytest.approx(1, abs=0.02)

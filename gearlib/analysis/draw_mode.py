@@ -1,0 +1,76 @@
+"""Drawing of a mode: how far each body moves, and where the energy is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from gearlib.analysis.modes import Modes
+
+MOST_BARS = 30
+KINETIC, POTENTIAL, MOTION = "#1f6fb4", "#d95f02", "0.35"
+NAMES = {"rad": "turning", "m": "displacement"}
+
+
+def draw_mode(modes: Modes, mode: int, axes: Any = None) -> Any:
+    """Bars of amplitudes (relative to the largest of their kind) and of shares of energy; returns two axes."""
+    import matplotlib.pyplot as plt
+
+    motions = modes.motions(mode)
+    shares = [(name, modes.kinetic[mode, k], modes.potential[mode, k]) for k, name in enumerate(modes.components)]
+    motions, left_out = _largest(motions, lambda m: abs(m[2]))
+    shares, energy_left_out = _largest(shares, lambda s: max(s[1], s[2]))
+    if axes is None:
+        height = 1.6 + 0.2 * max(len(motions), len(shares), 4)
+        _, axes = plt.subplots(1, 2, figsize=(10, height), layout="constrained")
+    _motion_bars(axes[0], motions, left_out)
+    _energy_bars(axes[1], shares, energy_left_out)
+    f, ratio = modes.frequencies[mode], modes.damping[mode]
+    what = f"{f:.5g} Hz, damping ratio {ratio:.3g}" if f else "free motion"
+    axes[0].figure.suptitle(f"Mode {mode}: {what}")
+    return axes
+
+
+def _largest(items: list[Any], size: Any) -> tuple[list[Any], int]:
+    """The items worth a bar, in their order, and how many are left out."""
+    ranked = sorted(range(len(items)), key=lambda i: -size(items[i]))[:MOST_BARS]
+    top = max((size(items[i]) for i in ranked), default=0.0)
+    kept = sorted(i for i in ranked if size(items[i]) > 1e-6 * top)
+    return [items[i] for i in kept], len(items) - len(kept)
+
+
+def _motion_bars(ax: Any, motions: list[tuple[str, str, complex]], left_out: int) -> None:
+    units = [u for u in ("rad", "m") if any(m[1] == u for m in motions)]
+    place = np.arange(len(motions))[::-1]
+    phase = max((m[2] for m in motions), key=abs, default=1.0)
+    for unit in units:
+        largest = max(abs(m[2]) for m in motions if m[1] == unit)
+        values = [m[2] / phase * abs(phase) / largest if m[1] == unit else np.nan for m in motions]
+        label = f"{NAMES[unit]} (largest {largest / max(abs(m[2]) for m in motions if m[1] == units[0]):.3g} {unit})"
+        ax.barh(place, np.real(values), color=MOTION if unit == units[0] else "#66a61e", height=0.7, label=label)
+        if np.nanmax(np.abs(np.imag(values))) > 0.02:
+            ax.plot(np.imag(values), place, "|", color="black", ms=9, label=f"{NAMES[unit]}, a quarter period later")
+    ax.axvline(0, color="black", lw=0.8)
+    ax.set_yticks(place, [m[0] for m in motions], fontsize=8)
+    ax.set_xlim(-1.1, 1.1)
+    ax.set_xlabel("amplitude over the largest" + (f"; {left_out} bodies at rest or small not shown" if left_out else ""))
+    ax.set_title("Motion")
+    ax.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False)
+    ax.grid(axis="x", alpha=0.3)
+
+
+def _energy_bars(ax: Any, shares: list[tuple[str, float, float]], left_out: int) -> None:
+    place = np.arange(len(shares))[::-1]
+    ax.barh(place, [s[1] for s in shares], color=KINETIC, height=0.7, label="kinetic")
+    ax.barh(place, [-s[2] for s in shares], color=POTENTIAL, height=0.7, label="potential")
+    ax.axvline(0, color="black", lw=0.8)
+    ax.set_yticks(place, [s[0] for s in shares], fontsize=8)
+    ax.set_xlim(-105, 105)
+    ax.set_xticks([-100, -50, 0, 50, 100], ["100", "50", "0", "50", "100"])
+    more = f"; {left_out} components without or with little energy not shown" if left_out else ""
+    ax.set_xlabel(f"share of the mode's potential (left) and kinetic (right) energy, %{more}", fontsize=9)
+    ax.set_title("Energy")
+    ax.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False)
+    ax.grid(axis="x", alpha=0.3)

@@ -1,0 +1,86 @@
+"""Whether an unfinished assignment of causality can be finished.
+
+Every junction is told its common variable by exactly one of its bonds. A bond between a 0- and a 1-junction tells both or neither,
+one between two alike tells exactly one of them, and so on through transformers and gyrators. So a complete assignment is a
+matching that covers all junctions; bonds to storage, resistances and the like may be in it or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import networkx as nx
+
+from gearlib.bondgraph.elements import GY, TF, Element, Junction, Zero
+from gearlib.bondgraph.graph import Bond, BondGraph
+
+__all__ = ["can_be_completed"]
+
+
+def can_be_completed(graph: BondGraph, effort_to: Mapping[int, Element]) -> bool:
+    """Whether strokes that were set so far, with all that follows from each, are part of a complete assignment.
+
+    Parameters
+    ----------
+    graph : BondGraph
+        The graph.
+    effort_to : mapping
+        Bond to the end that receives its effort, for the bonds that are settled.
+
+    Returns
+    -------
+    bool
+        True if the rest can be settled.
+
+    Examples
+    --------
+    Two shafts that two gears join cannot move, unless the ratios are equal; each gear sets the speed of one shaft. A third gear is
+    one too many:
+
+    >>> from gearlib.bondgraph import TF, BondGraph, I, One
+    >>> a, b, gears = One("a"), One("b"), [TF(2), TF(3), TF(4)]
+    >>> bonds = [(1, a, I()), (2, b, I()), *((10 + k, a, tf) for k, tf in enumerate(gears))]
+    >>> bonds += [(20 + k, tf, b) for k, tf in enumerate(gears)]
+    >>> can_be_completed(BondGraph(*(bond for bond in bonds if bond[0] not in (12, 22))), {})
+    True
+    >>> can_be_completed(BondGraph(*bonds), {})
+    False
+    """
+    net = nx.Graph()
+    wanting = [e for e in graph.elements if isinstance(e, Junction) and not _is_told(graph, e, effort_to)]
+    net.add_nodes_from(wanting)
+    seen: set[int] = set()
+    middles = 0
+    for bond in graph.bonds.values():
+        if bond.number in effort_to or bond.number in seen:
+            continue
+        ends = [_follow(graph, bond, end, seen) for end in (bond.head, bond.tail)]
+        told = [(end, effort_in == isinstance(end, Zero)) for end, effort_in in ends if isinstance(end, Junction)]
+        if len(told) == 1:
+            net.add_edge(told[0][0], ("leaf", bond.number), weight=1)
+        elif len(told) == 2 and told[0][1] != told[1][1]:
+            middles += 1
+            net.add_edges_from(((end, ("middle", bond.number)) for end, _ in told), weight=2)
+        elif len(told) == 2 and told[0][0] is not told[1][0]:
+            net.add_edge(told[0][0], told[1][0], weight=2)
+    matching = nx.max_weight_matching(net)
+    return sum(net.edges[edge]["weight"] for edge in matching) == len(wanting) + middles
+
+
+def _is_told(graph: BondGraph, junction: Junction, effort_to: Mapping[int, Element]) -> bool:
+    zero = isinstance(junction, Zero)
+    return any((effort_to[b.number] is junction) == zero for b in graph.at(junction) if b.number in effort_to)
+
+
+def _follow(graph: BondGraph, bond: Bond, end: Element, seen: set[int]) -> tuple[Element, bool]:
+    """Where a bond leads through transformers and gyrators, and whether the effort goes in there if it goes to the bond's head."""
+    effort_in = end is bond.head
+    seen.add(bond.number)
+    while isinstance(end, TF | GY):
+        (bond,) = (b for b in graph.at(end) if b is not bond)
+        if bond.number in seen:  # transformers in a ring, with no junction
+            break
+        seen.add(bond.number)
+        effort_in = effort_in != isinstance(end, GY)
+        end = bond.other(end)
+    return end, effort_in
