@@ -9,6 +9,23 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gearlib.analysis.campbell import Campbell as Campbell
+    from gearlib.analysis.campbell import campbell as campbell
+    from gearlib.analysis.modes import Modes as Modes
+    from gearlib.analysis.modes import modes as modes
+    from gearlib.analysis.orders import OrderSpectrum as OrderSpectrum
+    from gearlib.analysis.orders import OrderWaterfall as OrderWaterfall
+    from gearlib.analysis.orders import order_spectrum as order_spectrum
+    from gearlib.analysis.orders import order_waterfall as order_waterfall
+    from gearlib.analysis.plots import bode_plot as bode_plot
+    from gearlib.analysis.plots import nichols_plot as nichols_plot
+    from gearlib.analysis.plots import nyquist_plot as nyquist_plot
+    from gearlib.analysis.plots import root_locus_plot as root_locus_plot
+    from gearlib.analysis.response import FrequencyResponse as FrequencyResponse
+    from gearlib.analysis.response import frequency_response as frequency_response
+    from gearlib.analysis.response import transmission_error_response as transmission_error_response
+    from gearlib.analysis.stability import StabilityReport as StabilityReport
+    from gearlib.analysis.stability import stability as stability
     from gearlib.errors import GearlibError as GearlibError
     from gearlib.language.component import Component as Component
     from gearlib.language.component import Connection as Connection
@@ -61,6 +78,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    **dict.fromkeys(["Campbell", "campbell"], "gearlib.analysis.campbell"),
+    **dict.fromkeys(["Modes", "modes"], "gearlib.analysis.modes"),
+    **dict.fromkeys(["OrderSpectrum", "OrderWaterfall", "order_spectrum", "order_waterfall"], "gearlib.analysis.orders"),
+    **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.analysis.plots"),
+    **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.analysis.response"),
+    **dict.fromkeys(["StabilityReport", "stability"], "gearlib.analysis.stability"),
     "GearlibError": "gearlib.errors",
     **dict.fromkeys(["Component", "Connection", "connect"], "gearlib.language.component"),
     **dict.fromkeys(

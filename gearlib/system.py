@@ -25,7 +25,7 @@ from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
 from gearlib.solve.table import Table, values
 from gearlib.structure.analysis import Structure, analyse, discrete_nodes
 from gearlib.structure.incidence import Node
-from gearlib.summary import summary
+from gearlib.analysis.summary import summary
 
 Floats = NDArray[np.float64]
 

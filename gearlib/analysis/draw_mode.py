@@ -44,7 +44,9 @@ def _largest(items: list[Any], size: Any) -> tuple[list[Any], int]:
 def _motion_bars(ax: Any, motions: list[tuple[str, str, complex]], left_out: int) -> None:
     units = [u for u in ("rad", "m") if any(m[1] == u for m in motions)]
     place = np.arange(len(motions))[::-1]
-    phase = max((m[2] for m in motions), key=abs, default=1.0)
+    # As real as possible, and the largest positive.
+    phase = np.sqrt(complex(sum(m[2] ** 2 for m in motions if m[1] == units[0]))) or 1.0
+    phase *= np.sign(np.real(max((m[2] / phase for m in motions), key=abs, default=1.0))) or 1.0
     for unit in units:
         largest = max(abs(m[2]) for m in motions if m[1] == unit)
         values = [m[2] / phase * abs(phase) / largest if m[1] == unit else np.nan for m in motions]
@@ -55,9 +57,9 @@ def _motion_bars(ax: Any, motions: list[tuple[str, str, complex]], left_out: int
     ax.axvline(0, color="black", lw=0.8)
     ax.set_yticks(place, [m[0] for m in motions], fontsize=8)
     ax.set_xlim(-1.1, 1.1)
-    ax.set_xlabel("amplitude over the largest" + (f"; {left_out} bodies at rest or small not shown" if left_out else ""))
+    ax.set_xlabel("amplitude over the largest" + (f" ({left_out} at rest not shown)" if left_out else ""))
     ax.set_title("Motion")
-    ax.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False)
+    ax.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
     ax.grid(axis="x", alpha=0.3)
 
 
@@ -69,8 +71,7 @@ def _energy_bars(ax: Any, shares: list[tuple[str, float, float]], left_out: int)
     ax.set_yticks(place, [s[0] for s in shares], fontsize=8)
     ax.set_xlim(-105, 105)
     ax.set_xticks([-100, -50, 0, 50, 100], ["100", "50", "0", "50", "100"])
-    more = f"; {left_out} components without or with little energy not shown" if left_out else ""
-    ax.set_xlabel(f"share of the mode's potential (left) and kinetic (right) energy, %{more}", fontsize=9)
+    ax.set_xlabel("share of energy, %" + (f" ({left_out} components with none not shown)" if left_out else ""))
     ax.set_title("Energy")
-    ax.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False)
+    ax.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
     ax.grid(axis="x", alpha=0.3)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.evaluate import Prepared, evaluate, prepare
-from gearlib.codegen.program import build
+from gearlib.codegen.builder import build
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import NameLookupError, nearest
 from gearlib.flatten.model import FlatModel

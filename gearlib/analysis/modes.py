@@ -14,7 +14,7 @@ from gearlib.analysis.energies import Family, energies, families
 from gearlib.analysis.linearize import operating_point, slots_at
 from gearlib.analysis.spectrum import Spectrum, dense_spectrum, sparse_spectrum
 from gearlib.codegen.evaluate import prepare
-from gearlib.codegen.program import build
+from gearlib.codegen.builder import build
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
@@ -88,7 +88,7 @@ class Modes:
     def damping(self) -> Floats:
         """Damping ratios; 0 for free motions."""
         size = self.omega
-        return np.divide(-self.eigenvalues.real, size, out=np.zeros(len(size)), where=size > 0)
+        return np.divide(0.0 - self.eigenvalues.real, size, out=np.zeros(len(size)), where=size > 0)
 
     def amplitudes(self, mode: int) -> Complexes:
         """Complex amplitude of every representative variable; of free motions, the rates are real and finite."""
@@ -201,7 +201,8 @@ class Modes:
             most = [self._largest(shares[k]) for shares in (self.kinetic, self.potential)]
             lines.append(f"{k:4d}  {self.frequencies[k]:13.6g}  {self.damping[k]:9.5f}   {most[0]:<34}  {most[1]}".rstrip())
         if self.preloads:
-            lines.append(f"Besides these, {self.preloads} poles at 0 are constant preloads, locked into loops of meshes.")
+            are = "pole at 0 is a constant preload" if self.preloads == 1 else "poles at 0 are constant preloads"
+            lines.append(f"Besides these, {self.preloads} {are}, locked into loops of meshes.")
         if len(self.decays):
             lines.append(f"Decays without oscillation, 1/s: {', '.join(f'{-d:.6g}' for d in self.decays[:8])}")
         return "\n".join(lines)

@@ -49,7 +49,7 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None) -> Spectrum:
     if not n:
         return Spectrum(np.empty(0, complex), np.empty((0, 0), complex), np.empty((0, 0), complex), 0, np.empty(0))
     balanced, (scale, permutation) = matrix_balance(A, separate=True)
-    zero, others, _ = deflate(balanced)
+    zero, others, chains = deflate(balanced)
     values, vectors = eig(others.T @ balanced @ others) if others.shape[1] else (np.empty(0, complex), np.empty((0, 0)))
     inner, coupling = zero.T @ balanced @ zero, zero.T @ balanced @ others
     full = np.zeros((n, len(values)), complex)
@@ -59,7 +59,9 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None) -> Spectrum:
         full[:, k] = others @ w + zero @ at_zero
     full, zero = _unscaled(full, scale, permutation), _unscaled(zero, scale, permutation)
     free = _free(zero, speeds)
-    return _ordered(values, full, free, zero.shape[1] - free.shape[1], count)
+    # In a chain a motion appears twice, as a place and as a speed.
+    preloads = zero.shape[1] - free.shape[1] - sum(chains[1:])
+    return _ordered(values, full, free, preloads, count)
 
 
 def _unscaled(vectors: Any, scale: Floats, permutation: Any) -> Any:

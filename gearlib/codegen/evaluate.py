@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.program import Batch, Linear, Newton, Program
+from gearlib.codegen.scalars import constants
 from gearlib.errors import SingularError, SolverError
 from gearlib.structure.analysis import Structure
 
@@ -70,7 +71,7 @@ def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepa
 
 def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Floats]]:
     """Values of the pivots, and of each linear block's entries."""
-    function = program.constants
+    function = constants(program)
     groups = [program.pivots, *(s.matrix for s in program.steps if isinstance(s, Linear))]
     if function is None:
         parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]

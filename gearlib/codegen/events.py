@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from gearlib.codegen.kernels import relation_kernel
 from gearlib.codegen.layout import Layout
-from gearlib.codegen.program import Batch, Relations
+from gearlib.codegen.modes import Relations
+from gearlib.codegen.program import Batch
 from gearlib.codegen.source import Body, _loop, looped
 
 Integers = NDArray[np.int64]
@@ -20,7 +21,7 @@ def root_numbers(relations: Relations) -> Integers:
 
 
 def roots_body(relations: Relations, layout: Layout) -> Body:
-    """g of each relation that compares more than time."""
+    """g of each relation that compares more than time, with the sign that makes zero count as negative."""
     body = looped(relations.program, layout)
     body.lines = body.lines[:-3]
     numbers = root_numbers(relations)
@@ -28,7 +29,9 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
         rows = np.flatnonzero(np.isin(batch.targets, numbers))
         if len(rows):
             part = batch.take(rows)
-            _loop(body, _retarget(part, np.searchsorted(numbers, part.targets)), "values[{target}] = {value}")
+            strict, negated = relation_of(batch)
+            sign = "" if strict != negated else "-"  # positive where a strict relation holds, where another one does not
+            _loop(body, _retarget(part, np.searchsorted(numbers, part.targets)), f"values[{{target}}] = {sign}({{value}})")
     return body
 
 
@@ -100,12 +103,12 @@ def _relation_loops(body: Body, batch: Batch, numbers: Integers) -> None:
         roots = np.searchsorted(numbers, part.targets) if not timed else np.zeros(len(rows), np.int64)
         if timed:  # the right-hand limit
             body.lines += ["now = t", "t = t + 1e-12 * max(abs(t), 1e-3)"]
-        _relation_loop(body, part, roots, timed, compare, negated)
+        _relation_loop(body, part, roots, timed, compare, strict)
         if timed:
             body.lines.append("t = now")
 
 
-def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compare: str, negated: bool) -> None:
+def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compare: str, strict: bool) -> None:
     patterns = np.concatenate([part.signs[:, None], part.argument_signs], axis=1)
     _, which = np.unique(patterns, axis=0, return_inverse=True)
     for number in range(int(which.max()) + 1):
@@ -114,7 +117,7 @@ def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compar
         _loop(body, part.take(rows), "y = {value}")
         body.lines.append(f"    f = 1.0 if y {compare} 0.0 else 0.0")
         if not timed:
-            side = "<" if negated else ">"
+            side = ">" if strict else "<"
             body.lines += [
                 "    if fired[index[e + k]] != 0:",
                 f"        f = 1.0 if fired[index[e + k]] {side} 0 else 0.0",

@@ -188,10 +188,10 @@ def _implicit(body: Body, step: Newton, pattern: Pattern) -> None:
                     target.append(first[row] + place[state])  # the row's own entries hold -dr/dx until they are solved
                 pointer.append(len(source))
             _chain(body, part, pointer, source, target, "data[d + index[g + j]]", "data[d + index[f + j]]")
-    unknowns, head = body.array(first), body.array([n, len(seeds)])
+    unknowns, head = body.array(first), body.array([n, len(seeds), step.lead])
     body.lines += [
         f"a, h = {unknowns}, {head}",
-        "q = index[h]",
+        "q, lead = index[h], index[h + 2]",
         "for l in range(index[h + 1]):",
         "    for k in range(q * q):",
         "        data[w + q + k] = 0.0",
@@ -201,7 +201,7 @@ def _implicit(body: Body, step: Newton, pattern: Pattern) -> None:
     body.lines += [
         "    for k in range(q):",
         "        data[w + k] = -data[d + index[a + k] + l]",
-        "    if solve(data, w + q, w, q) != 0:",
+        "    if solve(data, w + q, w, q, lead) != 0:",
         "        return 1",
         "    for k in range(q):",
         "        data[d + index[a + k] + l] = data[w + k]",

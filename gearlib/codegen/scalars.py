@@ -5,13 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from gearlib.codegen.kernels import derivative_of
 from gearlib.codegen.program import Batch, Linear, Newton, Program
-from gearlib.codegen.source import expression
+from gearlib.codegen.text import expression
 
 MOST = 1500  # numbers up to which a function is written out
 NAMES: dict[str, Any] = {name: getattr(math, name) for name in dir(math) if not name.startswith("_")}
+
+
+_constants: WeakKeyDictionary[Program, Callable[[list[float]], list[float]] | None] = WeakKeyDictionary()
+
+
+def constants(program: Program) -> Callable[[list[float]], list[float]] | None:
+    """Pivots and entries of the linear blocks as one function of the parameters; None where there are very many."""
+    if program not in _constants:
+        blocks = [b for s in program.steps if isinstance(s, Linear) for b in s.matrix]
+        _constants[program] = constants_function([*program.pivots, *blocks])
+    return _constants[program]
 
 
 def constants_function(batches: Sequence[Batch]) -> Callable[[list[float]], list[float]] | None:

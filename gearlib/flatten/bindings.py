@@ -37,6 +37,8 @@ def number(value: Any, path: str, unit: str, description: str) -> float:
         result = float(value)
     except TypeError:
         raise BindingError(f"{path} is {value}; {expected}, or an expression of the enclosing component's parameters") from None
+    except OverflowError:
+        raise BoundError(f"{path} is too large; expected a finite number in {unit}") from None
     if not math.isfinite(result):
         raise BoundError(f"{path} is {result}; expected a finite number in {unit}")
     return result

@@ -163,14 +163,16 @@ def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int
     equalities: list[tuple[int, int, int]] = []
     n_variables = tree.n_variables
 
+    places: dict[tuple[int, str, type], list[int]] = {}  # (class record, connector, kind) -> offsets of variables
+
     def variables_of(node: int, kind: type) -> list[int]:
         number, connector = tree.ports[node // 2]
         record, first = tree.records[number], tree.instances[number].first_variable
-        return [
-            first + record.variable_index[f"{connector}.{name}"]
-            for name, v in record.declared.connectors[connector].variables.items()
-            if isinstance(v, kind)
-        ]
+        key = (id(record), connector, kind)
+        if key not in places:
+            declared = record.declared.connectors[connector].variables
+            places[key] = [record.variable_index[f"{connector}.{n}"] for n, v in declared.items() if isinstance(v, kind)]
+        return [first + offset for offset in places[key]]
 
     for members in sets:
         lead = variables_of(members[0], Potential)

@@ -15,11 +15,15 @@ from typing import Any
 import sympy
 from sympy.core.relational import Relational
 
-from gearlib.errors import DeclarationError
+from gearlib.errors import DeclarationError, NameLookupError
 from gearlib.language.expressions import Eq, time, total_derivative
 
 Column = tuple[str, int]  # a variable and the order of its derivative
 _DER = re.compile(r"der\((.*)\)$")
+KNOWN = (
+    sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2, sympy.sinh, sympy.cosh, sympy.tanh,
+    sympy.asinh, sympy.acosh, sympy.atanh, sympy.exp, sympy.log, sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Piecewise,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -166,6 +170,8 @@ def parse_column(name: str) -> Column:
     ('load.phi', 2)
     """
     order = 0
+    if not isinstance(name, str):
+        raise NameLookupError(f"{name!r} is no name; names are text, such as 'load.w'")
     while match := _DER.match(name):
         name, order = match.group(1), order + 1
     return name, order
@@ -206,20 +212,35 @@ def template_of(
     """
     try:
         residual = equation.residual
-    except (TypeError, sympy.SympifyError) as problem:
+    except (TypeError, AttributeError, sympy.SympifyError) as problem:
         raise DeclarationError(f"{label}: {equation.left!r} == {equation.right!r} is no equation: {problem}") from None
     return template_of_value(residual, label, is_parameter, is_held)
 
 
 def template_of_value(residual: Any, label: str, is_parameter: Callable[[str], bool], is_held: Callable[[str], bool]) -> Template:
     """As `template_of`, of an expression."""
-    if not isinstance(residual, sympy.Expr) or residual.has(sympy.nan, sympy.zoo, sympy.oo, sympy.I):
-        raise DeclarationError(f"{label}: the residual is {residual}; expected a real expression of variables and parameters")
+    residual = checked(residual, f"{label}: the residual")
     gone = {s: 0 for s in residual.free_symbols if is_parameter(parse_column(s.name)[0]) and parse_column(s.name)[1]}
     residual, relations = lift_relations(residual.xreplace(gone), is_held)
     names = {s.name for s in residual.free_symbols}.union(s.name for r in relations for s in r.g.free_symbols)
     parameters = {n for n in names if is_parameter(n)}
     return make_template(label, residual, parameters, relations, {n for n in names if is_held(n)})
+
+
+def checked(expression: Any, label: str) -> Any:
+    """The expression over real symbols, or an error where it cannot be evaluated, differentiated and printed."""
+    bad = (sympy.nan, sympy.zoo, sympy.oo, sympy.S.NegativeInfinity, sympy.I)
+    if not isinstance(expression, sympy.Expr) or expression.has(*bad):
+        raise DeclarationError(f"{label} is {expression}; expected a real expression of variables and parameters")
+    for node in expression.atoms(sympy.Function, sympy.Derivative, sympy.Integral, sympy.Sum, sympy.Subs):
+        if not isinstance(node, KNOWN) and node.func.__name__ != "no_event":
+            hint = "; the time derivative is gl.der(x)" if isinstance(node, sympy.Derivative) else ""
+            raise DeclarationError(f"{label} holds {node}, which is no function of gearlib{hint}")
+    for node in expression.atoms(sympy.Piecewise):
+        if node.args[-1][1] != sympy.true:
+            raise DeclarationError(f"{label} holds {node}, which has no value where no condition is true; end it with (value, True)")
+    foreign = {s: sympy.Symbol(s.name, real=True) for s in expression.free_symbols if not s.is_real}
+    return expression.xreplace(foreign) if foreign else expression
 
 
 def lift_relations(expression: Any, is_held: Callable[[str], bool] = never) -> tuple[Any, tuple[Relation, ...]]:

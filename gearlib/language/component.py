@@ -6,7 +6,7 @@ Inside ``equations`` and ``assemble`` an attribute is a symbol named by its path
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -30,6 +30,8 @@ from gearlib.language.declarations import (
 from gearlib.language.expressions import Eq, When
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
+RESERVED = frozenset({"time", "start", "guess", "equations", "assemble"})
+PRIVATE = frozenset({"_parent", "_name", "_parts", "_connections", "_start", "_guess", "_structural", "_bindings"})
 
 
 @lru_cache(maxsize=100_000)
@@ -127,8 +129,15 @@ class Component:
             inherited.update(vars(base).get("_declarations", {}))
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Declaration)}
         for name in own:
-            if name.startswith("_") or name in {"time", "start", "guess"}:
+            if name.startswith("_") or name in RESERVED:
                 raise DeclarationError(f"{cls.__name__}.{name}: this name is reserved")
+        for name, value in vars(cls).items():
+            if isinstance(value, Component):
+                raise DeclarationError(
+                    f"{cls.__name__}.{name}: parts are made in assemble(), one for each instance: self.{name} = {type(value).__name__}(...)"
+                )
+            if isinstance(value, type) and issubclass(value, Declaration):
+                raise DeclarationError(f"{cls.__name__}.{name} is the class {value.__name__}; make a declaration: {value.__name__}(...)")
         cls._declarations = {**inherited, **own}
         cls._bindable = {n: d for n, d in cls._declarations.items() if isinstance(d, (Parameter, Input, Structural))}
         for name, declared in cls._declarations.items():
@@ -137,8 +146,14 @@ class Component:
                     raise DeclarationError(f"{cls.__name__}.{name}: when={declared.when!r} is no Structural of the class")
 
     def __init__(
-        self, *, start: Mapping[str, Any] | None = None, guess: Mapping[str, Any] | None = None, **bindings: Any
+        self, *positional: Any, start: Mapping[str, Any] | None = None, guess: Mapping[str, Any] | None = None, **bindings: Any
     ) -> None:
+        kind = type(self).__name__
+        if positional:
+            raise BindingError(f"{kind}({positional[0]!r}): give values by name, such as {kind}({next(iter(self._bindable), 'start')}=...)")
+        for what, given in (("start", start), ("guess", guess)):
+            if given is not None and not isinstance(given, Mapping):
+                raise BindingError(f"{kind}: {what} is {given!r}; expected start values by name, such as {what}={{'w': 100.0}}")
         put = object.__setattr__
         put(self, "_parent", None)
         put(self, "_name", "")
@@ -189,6 +204,8 @@ class Component:
             )
         if isinstance(value, Component):
             self._adopt(name, value)
+        elif isinstance(value, type) and issubclass(value, Component):
+            raise ModelError(f"{type(self).__name__}.{name} is the class {value.__name__}; make an instance: {value.__name__}(...)")
         elif isinstance(value, (list, tuple)) and any(isinstance(v, Component) for v in value):
             for i, part in enumerate(value):
                 if not isinstance(part, Component):
@@ -222,17 +239,21 @@ class Component:
                     return self.__dict__[name]
             valid = [*self._declarations, *self._parts]
             raise AttributeError(f"{type(self).__name__} has no '{name}'; {nearest(name, valid)}")
+        if name in PRIVATE:
+            raise ModelError(f"{type(self).__name__}.__init__() must call super().__init__() before anything else")
         raise AttributeError(name)
 
     def _assembled(self) -> Sequence[Connection]:
         """The connections of a composite; assembles it at the first call."""
         if self._connections is None:
             object.__setattr__(self, "_connections", [])
-            with _inside(self):
-                connections = self.assemble()
-            if connections is None or not all(isinstance(c, Connection) for c in connections):
-                raise ModelError(f"{type(self).__name__}.assemble() must return a list of connect(...) calls")
-            object.__setattr__(self, "_connections", list(connections))
+            with _inside(self), _explained(f"{type(self).__name__}.assemble()"):
+                returned = self.assemble()
+            connections = list(returned) if isinstance(returned, Iterable) else [returned]
+            if not isinstance(returned, Iterable) or not all(isinstance(c, Connection) for c in connections):
+                bad = next((c for c in connections if not isinstance(c, Connection)), returned)
+                raise ModelError(f"{type(self).__name__}.assemble() must return a list of connect(...) calls; got {bad!r}")
+            object.__setattr__(self, "_connections", connections)
         result: Sequence[Connection] = self._connections
         return result
 
@@ -282,6 +303,22 @@ def _inside(component: Component) -> Iterator[None]:
         _scope.reset(token)
 
 
+@contextmanager
+def _explained(where: str) -> Iterator[None]:
+    """Say in the modeller's terms what Python's ``if`` and number functions cannot do with a symbol."""
+    try:
+        yield
+    except TypeError as problem:
+        text = str(problem)
+        if "truth value of Relational" in text:
+            advice = "a condition between variables is not known yet; use gl.Piecewise((value, condition), (other, True)) instead of if"
+        elif "expression to float" in text or "loop of ufunc" in text:
+            advice = "functions of numbers cannot take variables; use gl.sin, gl.sqrt, ... instead of those of math or numpy"
+        else:
+            raise
+        raise DeclarationError(f"{where}: {advice} ({text})") from None
+
+
 @dataclass(frozen=True)
 class Declared:
     """The variables and parameters that an instance has, given its structural choices, in the order of declaration."""
@@ -313,9 +350,10 @@ def declared_by(component: Component) -> Declared:
 
 def equations_of(component: Component) -> list[Eq | When]:
     """The equations that `component` writes, on symbols named from its own scope."""
-    with _inside(component):
-        equations = component.equations()
-    if equations is None or not all(isinstance(e, (Eq, When)) for e in equations):
-        bad = next((e for e in equations or [] if not isinstance(e, (Eq, When))), equations)
+    with _inside(component), _explained(f"{type(component).__name__}.equations()"):
+        returned = component.equations()
+        equations = list(returned) if isinstance(returned, Iterable) else [returned]
+    if not isinstance(returned, Iterable) or not all(isinstance(e, (Eq, When)) for e in equations):
+        bad = next((e for e in equations if not isinstance(e, (Eq, When))), returned)
         raise DeclarationError(f"{type(component).__name__}.equations() must return a list of gl.Eq(left, right); got {bad!r}")
-    return list(equations)
+    return equations

@@ -6,7 +6,7 @@ A declaration is a descriptor: on the class it is itself, inside ``equations`` a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, overload
 
 from gearlib.errors import DeclarationError
 
@@ -83,6 +83,12 @@ class Variable(Declaration):
     nominal: float = 1.0
     guess: float = 0.0
     start: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.state not in get_args(StatePreference):
+            raise DeclarationError(f"Variable(state={self.state!r}): valid choices: {', '.join(map(repr, get_args(StatePreference)))}")
+        if not (isinstance(self.nominal, (int, float)) and 0.0 < self.nominal < float("inf")):
+            raise DeclarationError(f"Variable(nominal={self.nominal!r}): expected a positive number, the typical size of the variable")
 
 
 @dataclass(frozen=True, eq=False)

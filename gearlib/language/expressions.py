@@ -14,6 +14,8 @@ from sympy import And, Max, Min, Not, Or, Piecewise
 from sympy.core.function import UndefinedFunction
 from sympy.logic.boolalg import Boolean
 
+from gearlib.errors import DeclarationError
+
 __all__ = [
     "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "When", "acos", "asin", "atan", "atan2", "cos", "cosh", "der",
     "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sign", "sin", "sinh", "sqrt", "tan", "tanh",
@@ -48,6 +50,9 @@ class Eq:
 
     @property
     def residual(self) -> Any:
+        for side in (self.left, self.right):
+            if isinstance(side, str):
+                raise TypeError(f"{side!r} is text; write an expression of variables, such as self.{side}")
         return sympy.sympify(self.left) - value_of(self.right)
 
 
@@ -131,7 +136,12 @@ def der(expression: Any) -> Any:
     >>> der(phi**2)
     2*phi*der(phi)
     """
-    return total_derivative(sympy.sympify(expression), frozenset())
+    try:
+        if isinstance(expression, str):
+            raise TypeError
+        return total_derivative(sympy.sympify(expression), frozenset())
+    except (TypeError, AttributeError, sympy.SympifyError):
+        raise DeclarationError(f"der({expression!r}): expected a variable, such as self.w, or an expression of variables") from None
 
 
 def total_derivative(expression: Any, constants: frozenset[str]) -> Any:

@@ -1,8 +1,8 @@
 """The road to IDA through scikit-sundae's Python interface, with the model's native functions called through ctypes.
 
 It follows `gearlib.solve.ida_compiled` decision by decision, so that both roads take the same steps (but for the tightest
-tolerances, where the native one makes Newton's iteration more exact than scikit-sundae lets one ask for). scikit-sundae does not
-tell how many steps were accepted nor in which state the error was largest, and ignores what its callbacks return: for a
+tolerances, where the native one makes Newton's iteration more exact than scikit-sundae lets one ask for). scikit-sundae does
+not tell how many steps were accepted nor in which state the error was largest, and ignores what its callbacks return: for a
 right-hand side that asks for a smaller step it is given not-a-number, with which Newton's iteration cannot converge.
 """
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gearlib.codegen.evaluate import evaluate, prepare
 from gearlib.codegen.numbers import start_guess
-from gearlib.codegen.program import build
+from gearlib.codegen.builder import build
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import StartError
 from gearlib.flatten.model import FlatModel

@@ -260,7 +260,7 @@ def _branch(expression: Any, origin: float, probe: float) -> Any:
 
 @lru_cache(maxsize=64)
 def _ladder(expression: Any) -> Any:
-    """The increasing a, b, ... of a Piecewise whose conditions are time < a, time < b, ..., True (as tables have), else None."""
+    """The increasing a, b, ... of a Piecewise with the conditions time < a, time < b, ..., True (as tables have), else None."""
     *rungs, last = [condition for _, condition in expression.args]
     rising = all(isinstance(r, sympy.Lt | sympy.Le) and r.lhs == TIME and r.rhs.is_number for r in rungs)
     if last != sympy.true or not rising:

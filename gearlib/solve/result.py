@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.evaluate import evaluate, prepare
-from gearlib.codegen.program import build
+from gearlib.codegen.builder import build
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.flatten.templates import parse_column
 from gearlib.solve.scene import Scene, needed_states

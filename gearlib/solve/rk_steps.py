@@ -85,9 +85,9 @@ def first_step(order: int, native: Any, t: float, x: Any, k: Any, y: Any, atol: 
 def stiffness(order: int, h: float, x_new: Any, k: Any, y: Any, atol: Any, rtol: float) -> bool:
     """Whether the step is at the limit of stability along the negative real axis.
 
-    The last two stages belong to the same time: their differences show the dominant eigenvalue, |h lambda| as in Hairer's codes,
-    and by their angle in the norm of the tolerances how far it is from the negative real axis. A vibration, even if stability
-    limits the steps, has its eigenvalues elsewhere, and an implicit method would hardly take larger ones.
+    The last two stages belong to the same time: their differences show the dominant eigenvalue, |h lambda| as in Hairer's
+    codes, and by their angle in the norm of the tolerances how far it is from the negative real axis. A vibration, even if
+    stability limits the steps, has its eigenvalues elsewhere, and an implicit method would hardly take larger ones.
     """
     last = 6 if order == 5 else 12
     square_k = square_x = product = 0.0

@@ -13,7 +13,9 @@ from gearlib.codegen.evaluate import Prepared, batch_values, evaluate, prepare
 from gearlib.codegen.events import relation_of
 from gearlib.codegen.layout import fill
 from gearlib.codegen.native import NativeScene, compile_scene
-from gearlib.codegen.program import Batch, Program, Relations, build, relations_of
+from gearlib.codegen.builder import build
+from gearlib.codegen.modes import Relations, relations_of
+from gearlib.codegen.program import Batch, Program
 from gearlib.flatten.model import FlatModel
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node

@@ -87,7 +87,11 @@ _HOME = {
     **dict.fromkeys(["ExternalMesh", "InternalMesh"], "gearparts.meshes"),
     **dict.fromkeys(["Accelerate", "ConstantSpeed", "Move", "Position", "Speed"], "gearparts.motions"),
     **dict.fromkeys(
-        ["PlanarBody", "PlanarFlange", "PlanarMesh", "PlanarPlanetaryUnit", "PlanarShaft", "PlanarSupport", "PlanetBearing"], "gearparts.planar"
+        [
+            "PlanarBody", "PlanarFlange", "PlanarMesh", "PlanarPlanetaryUnit", "PlanarShaft", "PlanarSupport",
+            "PlanetBearing",
+        ],
+        "gearparts.planar",
     ),
     **dict.fromkeys(["Planet", "PlanetOnCarrier", "PlanetaryUnit"], "gearparts.planetary"),
     **dict.fromkeys(

@@ -132,13 +132,14 @@ def from_bond_graph(
         raise ArgumentError(f"{graph.name}: '{both[0]}' is named as a port of both kinds")
     connectors = [(n, Flange, b) for n, b in turned.items()] + [(n, TranslationalFlange, b) for n, b in pushed.items()]
     _check_ports(graph, {**turned, **pushed})
-    members = _variables(graph, dict(nominal or {}))
+    variables = _variables(graph, dict(nominal or {}))
     inputs = [n for n in _open_sources(graph) if n not in {b for _, _, b in connectors}]
     declared: list[tuple[str, Any]] = [(n, kind(f"bond {b}")) for n, kind, b in connectors]
     declared += [(_source_name(graph, n), gl.Input("SI", f"source on bond {n}")) for n in inputs]
-    declared += [(p, gl.Parameter("SI", "parameter of the bond graph")) for p in _parameters(graph, members)]
+    declared += [(p, gl.Parameter("SI", "parameter of the bond graph")) for p in _parameters(graph, variables)]
+    members: dict[str, Any] = {}
     for key, declaration in declared:
-        if key in members or key in RESERVED or not key.isidentifier() or key.startswith("_"):
+        if key in members or key in variables or key in RESERVED or not key.isidentifier() or key.startswith("_"):
             raise DeclarationError(f"{graph.name}: '{key}' cannot be a name here: it is in use, or no name of an attribute")
         members[key] = declaration
     for key, value in (defaults or {}).items():
@@ -146,7 +147,9 @@ def from_bond_graph(
             valid = [n for n, d in members.items() if isinstance(d, gl.Parameter)]
             raise ArgumentError(f"{graph.name}: no parameter '{key}'; {nearest(key, valid)}")
         members[key] = gl.Parameter("SI", "parameter of the bond graph", default=value)
-    title = name or "".join(c if c.isalnum() else "_" for c in graph.name.title().replace(" ", ""))
+    members |= variables
+    words = "".join(c if c.isalnum() else " " for c in graph.name).split()
+    title = name or "".join(word[:1].upper() + word[1:] for word in words)
     members |= {"__doc__": f"Bond graph '{graph.name}'.", "__module__": __name__, "graph": graph, "ports": {**turned, **pushed}}
     return cast("type[BondGraphPart]", type(title, (BondGraphPart,), members))
 

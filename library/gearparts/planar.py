@@ -53,7 +53,7 @@ class PlanarBody(gl.Component):
 
 
 class PlanarShaft(gl.Component):
-    """Brings the rotation of a body to a shaft; its bearing takes no torque."""
+    """Brings the rotation of a body to a shaft, ``flange.phi = centre.phi``; its bearing takes no torque."""
 
     centre = PlanarFlange("the body")
     flange = Flange("its shaft")
@@ -68,7 +68,7 @@ class PlanarShaft(gl.Component):
 
 
 class PlanarSupport(gl.Component):
-    """Springs and dampers between a body's centre and the housing, also against its turning."""
+    """Springs and dampers between a body's centre and the housing, ``f = k x + d der(x)``, also against its turning."""
 
     centre = PlanarFlange("the body")
     k = gl.Parameter("N/m", "radial stiffness", min=0)

@@ -195,14 +195,14 @@ def chain(count: int) -> Problem:
 
 
 def compare(library: Any, count: int, rtol: float = 1e-6, repeats: int = 7) -> dict[str, float]:
-    """Times of both, in ms, best of several taken in turn; they must take the same steps to the same samples."""
+    """Processor times of both, in ms, best of several taken in turn; they must take the same steps to the same samples."""
     problem, best = chain(count), [math.inf, math.inf]
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = time.process_time()
         least, steps = floor(library, count, SAFETY * rtol)
-        middle = time.perf_counter()
+        middle = time.process_time()
         solution: Solution = ida.integrate(problem, TIMES, rtol=rtol)
-        best = [min(best[0], middle - start), min(best[1], time.perf_counter() - middle)]
+        best = [min(best[0], middle - start), min(best[1], time.process_time() - middle)]
     speeds = solution.x[:, count - 1 :]
     np.testing.assert_allclose(speeds, least[:, ::2], atol=100 * rtol * np.max(np.abs(speeds)))
     return {

@@ -290,13 +290,13 @@ def check_linear_models(spec: Spec) -> None:
         assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@settings(max_examples=50)
+@settings(max_examples=40)
 @given(trains())
 def test_linear_models_agree(spec: Spec) -> None:
     check_linear_models(spec)
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(trains())
 def test_motions_agree(spec: Spec) -> None:
     """Two seconds from rest under constant torques, against the matrix exponential of the bond graph's equations."""
@@ -308,7 +308,7 @@ def test_motions_agree(spec: Spec) -> None:
     expected = np.array([rows @ expm(forced * t)[:-1, -1] for t in times])
     outputs = [f"shaft[{k}].w" for k in range(len(spec.J))] + deflections(spec)
     system = gl.compile(as_components(spec), outputs)
-    for method, rtol in (("exact", 1e-10), ("ida", 1e-6)):
+    for method, rtol in (("exact", 1e-10), ("rk", 1e-8)):
         result = system.simulate(2.0, times=times, method=method, rtol=rtol, atol=1e-2 * rtol)
         found = np.column_stack([result[name] for name in outputs])
         assert np.abs(found - expected).max() < 100 * rtol * max(1.0, np.abs(expected).max())
@@ -345,7 +345,7 @@ def test_twin_planets_cannot_both_be_states() -> None:
     assert len(spins) == 2
     with pytest.raises(SingularError, match="some of the states depend on each other and others must be preferred"):
         state_equations(graph, spins)
-    assert len(state_equations(graph, spins[:1]).states) == 8
+    assert len(state_equations(graph, spins[:1]).states) == 7
 
 
 def test_locked_loop_is_named_on_both_roads() -> None:

@@ -11,8 +11,13 @@ import gearparts as gp
 from gearlib.language.component import declared_by
 from gearlib.language.declarations import NO_VALUE
 
-BODIES = {gp.Flange: lambda: gp.Inertia(J=1.3), gp.TranslationalFlange: lambda: gp.Mass(m=1.7), gp.HeatPort: lambda: gp.HeatCapacitor(C=2.3)}
-FAR_ENDS = {gp.Flange: "flange_a", gp.TranslationalFlange: "flange_a", gp.HeatPort: "port"}
+# At each kind of connector: a body, its connector to the part, its other connector, and a force on that.
+ENDS: dict[type[gl.Connector], tuple[Any, str, str, Any]] = {
+    gp.Flange: (lambda: gp.Inertia(J=1.3), "flange_a", "flange_b", lambda x: gp.Torque(tau=x)),
+    gp.TranslationalFlange: (lambda: gp.Mass(m=1.7), "flange_a", "flange_b", lambda x: gp.Force(f=x)),
+    gp.HeatPort: (lambda: gp.HeatCapacitor(C=2.3), "port", "", None),
+    gp.PlanarFlange: (lambda: gp.PlanarBody(m=1.7, J=1.3), "centre", "", None),
+}
 
 
 def needed_values(kind: type[gl.Component], signal: Any) -> dict[str, Any]:
@@ -37,7 +42,7 @@ def structural_choices(kind: type[gl.Component]) -> Iterator[dict[str, Any]]:
 
 
 class Bench(gl.Component):
-    """``part``, and at each of its connectors a body of the connector's name: ``at_flange_a``, ``at_heat_port``, ..."""
+    """``part``, and at each of its connectors a body of the connector's name, with a force on it: ``at_flange_a``, ..."""
 
     kind = gl.Structural(None, "class of the part")
     given = gl.Structural((), "its structural choices and values, as pairs")
@@ -47,9 +52,14 @@ class Bench(gl.Component):
         self.part = self.kind(**{**needed_values(self.kind, signal), **dict(self.given)})
         links = []
         for name, connector in declared_by(self.part).connectors.items():
-            body = BODIES[type(connector)]()
+            make_body, near, far, drive = ENDS[type(connector)]
+            body = make_body()
             setattr(self, f"at_{name}", body)
-            links.append(gl.connect(getattr(self.part, name), getattr(body, FAR_ENDS[type(connector)])))
+            links.append(gl.connect(getattr(self.part, name), getattr(body, near)))
+            if drive is not None:
+                force = drive(2.3 - 1.9 * len(links))
+                setattr(self, f"on_{name}", force)
+                links.append(gl.connect(getattr(body, far), force.flange))
         return links
 
 

@@ -11,7 +11,7 @@ import pytest
 import gearlib as gl
 from gearlib.codegen.evaluate import evaluate, prepare
 from gearlib.codegen.numbers import numbers_of
-from gearlib.codegen.program import build
+from gearlib.codegen.builder import build
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.flatten.flatten import flatten
 from gearlib.structure.analysis import analyse

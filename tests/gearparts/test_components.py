@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,11 @@ MADE_FROM_DATA = {"BondGraphPart"}  # a base class, of no use by itself
 EXPORTED = [getattr(gp, name) for name in gp.__all__ if name not in MADE_FROM_DATA]
 COMPONENTS = [c for c in EXPORTED if isinstance(c, type) and issubclass(c, gl.Component)]
 LEAVES = [c for c in COMPONENTS if c.assemble is gl.Component.assemble]
-CASES = [pytest.param(c, g, id="-".join([c.__name__, *(f"{k}={v}" for k, v in g.items())])) for c in COMPONENTS for g in structural_choices(c)]
+CASES = [
+    pytest.param(c, g, id="-".join([c.__name__, *(f"{k}={v}" for k, v in g.items())]))
+    for c in COMPONENTS
+    for g in structural_choices(c)
+]
 SYMBOL = r"(1|rad|m|s|kg|N|K|W|J|Hz)\d?"
 UNIT = re.compile(rf"{SYMBOL}(\.{SYMBOL})*(/{SYMBOL})?")
 
@@ -82,7 +87,11 @@ STORED = {  # power into what is stored, from the values of a part with needed_v
     gp.EddyCurrentTorque: lambda v: 0.0,
     **dict.fromkeys(LOSSLESS, lambda v: 0.0),
 }
-AUDITED = [pytest.param(c, g, id="-".join([c.__name__, *(k for k, v in g.items() if v)])) for c in STORED for g in structural_choices(c)]
+AUDITED = [
+    pytest.param(c, g, id="-".join([c.__name__, *(k for k, v in g.items() if v)]))
+    for c in STORED
+    for g in structural_choices(c)
+]
 
 
 @pytest.mark.parametrize(("kind", "choice"), AUDITED)
@@ -93,7 +102,8 @@ def test_power_into_its_connectors_is_stored_or_lost(kind: type[gl.Component], c
     @given(st.integers(0, 2**32 - 1))
     def audit(seed: int) -> None:
         rng = np.random.default_rng(seed)
-        value = model.values({s: rng.normal() + (300 if s.endswith(".T") else 0) for s in model.states})
+        states = {s: rng.normal() + (300 if s.endswith(".T") else 0) for s in model.states}
+        value = model.values(states)
         power, size = 0.0, 1e-300
         for name, connector in declared_by(model_part(kind, choice)).connectors.items():
             for flow in connector.variables:
@@ -123,3 +133,10 @@ def test_losses_are_positive_and_leave_through_the_heat_port(probe: Callable[...
         assert value("part.loss_power") > 0
         assert value("part.heat_port.Q_flow") == -value("part.loss_power")
         assert 2.3 * value("der(at_heat_port.T)") == pytest.approx(value("part.loss_power"))
+
+
+def test_the_page_for_users_of_modelica_names_parts_that_exist() -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "modelica.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`gp\.(\w+)`", page))
+    assert len(named) > 45
+    assert named <= set(gp.__all__)

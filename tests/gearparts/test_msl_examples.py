@@ -89,8 +89,10 @@ def elastic_bearing(times: np.ndarray) -> dict[str, np.ndarray]:
         x[i + 1] = forward @ now
     shaft, housing, load = x[:, :3].T
     return {
-        "shaft.phi": shaft, "housing.phi": housing, "load.phi": load, "shaft.w": x[:, 3], "housing.w": x[:, 4], "load.w": x[:, 5],
-        "spring.tau": 1e3 * (x[:, :3] @ twist), "multiSensor.w": x[:, 4], "multiSensor.tau": -1e5 * housing - 5 * x[:, 4],
+        "shaft.phi": shaft, "housing.phi": housing, "load.phi": load,
+        "shaft.w": x[:, 3], "housing.w": x[:, 4], "load.w": x[:, 5],
+        "spring.tau": 1e3 * (x[:, :3] @ twist),
+        "multiSensor.w": x[:, 4], "multiSensor.tau": -1e5 * housing - 5 * x[:, 4],
     }  # fmt: skip
 
 
@@ -105,7 +107,7 @@ def test_elastic_bearing(method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_eddy_current_brake(method: str) -> None:
     def by_hand(t: float, x: np.ndarray) -> list[float]:
-        phi, w, T = x
+        _, w, T = x
         wn = w / (10 * (1 + 3.92e-3 * (T - 293.15)))
         tau = 200 * wn / (1 + wn**2)
         return [w, -tau, tau * w]

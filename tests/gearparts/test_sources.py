@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lti, lsim
+from scipy.signal import lsim, lti
 
 import gearlib as gl
 import gearparts as gp
@@ -32,7 +32,9 @@ class Sweep(gl.Component):
         self.inverse_both = gp.InverseSpeedDependentTorque(**nominal, w0=W0, torque_direction=False)
         for reg in ("exp", "sine", "linear", "cosine"):
             setattr(self, f"sign_{reg}", gp.SignTorque(tau_nominal=TAU, w0=W0, reg=reg))
-        self.eddy = gp.EddyCurrentTorque(tau_nominal=-TAU, w_nominal=WN, alpha20=3.92e-3, T_ref=313.15, T=353.15, excitation=0.8)
+        self.eddy = gp.EddyCurrentTorque(
+            tau_nominal=-TAU, w_nominal=WN, alpha20=3.92e-3, T_ref=313.15, T=353.15, excitation=0.8
+        )
         self.constant = gp.ConstantTorque(tau_constant=TAU)
         self.step = gp.TorqueStep(step_torque=2.0, offset_torque=0.5, start_time=1.25)
         loads = [p for p in self._parts.values() if p is not self.drive]
@@ -90,7 +92,7 @@ def test_nominal_speed_is_positive(kind: Any) -> None:
             self.load = kind(tau_nominal=1.0, w_nominal=0.0)
             return []
 
-    with pytest.raises(BoundError, match="load.w_nominal is 0"):
+    with pytest.raises(BoundError, match=r"load\.w_nominal is 0"):
         gl.compile(Model())
     with pytest.raises(BindingError, match="'exp', 'sine', 'linear', 'cosine'"):
         gp.SignTorque(tau_nominal=1.0, w0=1.0, reg="Exp")
@@ -162,7 +164,10 @@ def motion(source: str, exact: bool, t: np.ndarray) -> tuple[np.ndarray, np.ndar
     return x[0], x[1]
 
 
-FORCED = [("Position", False), ("Position", True), ("Speed", False), ("Speed", True), ("Accelerate", False), ("Move", False), ("ConstantSpeed", False)]
+FORCED = [
+    ("Position", False), ("Position", True), ("Speed", False), ("Speed", True), ("Accelerate", False), ("Move", False),
+    ("ConstantSpeed", False),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("source", "exact"), FORCED)

@@ -16,8 +16,6 @@ from scipy.integrate import solve_ivp
 from sympy import Piecewise, cos, exp, pi, sin
 
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.solve.action import Triplets, _enclose, band_order
-from gearlib.solve.action import prepare as prepare_action
 from gearlib.solve.exact import integrate, prepare
 from gearlib.solve.forcing import Forcing, recognise
 from gearlib.solve.stretches import stretches
@@ -84,25 +82,25 @@ def test_resonance() -> None:
 
 def test_exponential_at_the_eigenvalue() -> None:
     x = solve(np.array([[-3.0]]), [1], [exp(-3 * t)], [2], TIMES)
-    assert x[:, 0] == pytest.approx((2 + TIMES) * np.exp(-3 * TIMES), rel=1e-14)
+    assert x[:, 0] == pytest.approx((2 + TIMES) * np.exp(-3 * TIMES), rel=1e-14, abs=0)
 
 
 def test_polynomial_through_integrators() -> None:
     x = solve(np.array([[0, 1, 0], [0, 0, 1], [0, 0, 0.0]]), [0, 0, 1], [1 - 6 * t**2], [1, 2, 3], TIMES)
-    assert x[:, 0] == pytest.approx(1 + 2 * TIMES + 1.5 * TIMES**2 + TIMES**3 / 6 - TIMES**5 / 10, rel=1e-14)
+    assert x[:, 0] == pytest.approx(1 + 2 * TIMES + 1.5 * TIMES**2 + TIMES**3 / 6 - TIMES**5 / 10, rel=1e-14, abs=0)
 
 
 def test_defective_matrix() -> None:
     A = np.array([[-1.0, 1, 0], [0, -1, 1], [0, 0, -1]])
     x = solve(A, np.zeros((3, 0)), [], [0, 0, 1], TIMES)
-    assert x[:, 0] == pytest.approx(TIMES**2 / 2 * np.exp(-TIMES), rel=1e-13)
+    assert x[:, 0] == pytest.approx(TIMES**2 / 2 * np.exp(-TIMES), rel=1e-13, abs=0)
 
 
 def test_product_of_all_kinds_is_integrated() -> None:
     x = solve(np.zeros((1, 1)), [1], [exp(-3 * t) * t**2 * cos(4 * t + 1)], [0], [0.7, 2.0])
     with mpmath.workdps(30):
         area = [float(mpmath.quad(lambda s: mpmath.exp(-3 * s) * s**2 * mpmath.cos(4 * s + 1), [0, end])) for end in (0.7, 2)]
-    assert x[:, 0] == pytest.approx(area, rel=1e-14)
+    assert x[:, 0] == pytest.approx(area, rel=1e-14, abs=0)
 
 
 @pytest.mark.parametrize("grid", [TIMES, [0.0, 0.1, 0.3, 0.30001, 2.0], [2.0], np.linspace(0, 2, 12)])
@@ -241,7 +239,7 @@ def test_intervals_with_different_inputs_and_repeated_times(algorithm: str) -> N
     x = solve(np.zeros((1, 1)), [1], u, [0], [0, 0.5, 1, 1, 1.5, 2, 2], algorithm=algorithm)
     first, second = [(1 - math.cos(3 * s)) / 3 for s in (0.5, 1)]
     late = [second + (s**3 - 1) / 3 for s in (1.5, 2)]
-    assert x[:, 0] == pytest.approx([0, first, second, second, *late, late[1]], rel=1e-12)
+    assert x[:, 0] == pytest.approx([0, first, second, second, *late, late[1]], rel=1e-12, abs=1e-14)
 
 
 def test_steps_that_grow_slowly_are_not_equal() -> None:
@@ -300,54 +298,6 @@ def test_action_on_matrices_without_symmetry(seed: int) -> None:
     sparse = solve(scipy.sparse.csr_array(A), B, forced, x0, times, algorithm="action")
     dense = solve(A, B, forced, x0, times, algorithm="dense")
     assert (np.abs(sparse - dense).max(axis=0) / np.abs(dense).max(axis=0)).max() < 1e-9
-
-
-def triplets(A: np.ndarray) -> Triplets:
-    rows, columns = np.nonzero(A)
-    return Triplets(rows, columns, A[rows, columns])
-
-
-def test_an_ellipse_that_cuts_off_eigenvalues_is_widened() -> None:
-    rotation, n = np.array([[0.0, 1.0], [-1.0, 0.0]]), 40
-    A = np.kron(np.eye(n), 1000.0 * rotation) - np.diag(np.repeat(np.linspace(0.0, 800.0, n), 2))  # they fill a rectangle
-    action = prepare_action(triplets(A), np.arange(2 * n), span=1.0)
-    e = action.ellipse
-    corners = np.array([1000j, -800 + 1000j])
-    assert (np.hypot((corners.real - e.centre) / e.real, corners.imag / e.imaginary) < 1.1).all()
-    agree(A, np.zeros((2 * n, 0)), [], np.ones(2 * n), np.linspace(0, 0.5, 6), 1e-11)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_safe_ellipse_contains_the_field_of_values(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    A = np.where(random.random((12, 12)) < 0.3, random.standard_normal((12, 12)), 0.0) - np.diag(random.uniform(0, 3, 12))
-    if seed == 4:
-        A = np.outer(np.ones(26), np.eye(26)[0])  # one state acts on all others
-    off = triplets(A - np.diag(np.diag(A)))
-    mirrored = A[off.columns, off.rows]
-    _, safe = _enclose(np.diag(A).copy(), off.rows, off.columns, off.entries, mirrored, 1.0)
-    for angle in np.linspace(0, math.pi, 50):
-        turned = np.exp(-1j * angle) * A
-        support = safe.centre * math.cos(angle) + math.hypot(safe.real * math.cos(angle), safe.imaginary * math.sin(angle))
-        assert np.linalg.eigvalsh((turned + turned.conj().T) / 2).max() <= support
-
-
-def test_a_shuffled_chain_is_found_to_be_narrow() -> None:
-    A = chain(30)[0].toarray()
-    mixed = np.random.default_rng(1).permutation(59)
-    order = band_order(triplets(A[mixed][:, mixed]), 59)
-    rows, columns = np.nonzero(A[mixed][:, mixed][order][:, order])
-    assert sorted(order) == list(range(59))
-    assert np.abs(rows - columns).max() == 2
-
-
-def test_one_way_couplings_cost_nothing() -> None:
-    A = chain(20)[0].toarray()
-    plain = prepare_action(triplets(A), np.arange(39), span=1.0).ellipse
-    G = np.zeros((60, 60))  # one strong input, the speeds it acts on, the angles that these make
-    G[:39, :39], G[:20, 39], G[40:, :20] = A, 1e7, np.eye(20)
-    coupled = prepare_action(triplets(G), np.arange(60), span=1.0).ellipse
-    assert coupled.imaginary < 1.1 * plain.imaginary
 
 
 def test_action_of_nothing_and_of_integrators() -> None:

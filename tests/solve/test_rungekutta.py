@@ -144,7 +144,7 @@ def test_relative_tolerance_counts_where_a_state_is_large(order: int) -> None:
 
     times = np.array([0.0, 30.0])
     solution = integrate(problem(growth, [1.0], nominal=np.array([1e-20])), times, rtol=1e-6, order=order)
-    assert 1e-7 < abs(solution.x[-1, 0] / math.exp(30.0) - 1.0) < 1e-4
+    assert (5e-9 if order == 5 else 1e-7) < abs(solution.x[-1, 0] / math.exp(30.0) - 1.0) < 1e-5
 
 
 def test_absolute_tolerance_counts_where_a_state_is_small() -> None:
@@ -398,6 +398,7 @@ def test_event_log_grows(order: int) -> None:
     p = problem(rhs, [0.0], roots=roots, n_roots=2)
     solution = integrate(p, np.linspace(0.0, 1000.3, 7), rtol=1e-6, order=order)
     assert solution.event_times == pytest.approx(0.5 * math.pi * np.arange(1, 637), abs=1e-9)
+    assert solution.event_roots.tolist() == [1, 0] * 318
     assert solution.x[:, 0] == pytest.approx(np.sin(solution.t), abs=1e-3)
 
 
@@ -479,9 +480,12 @@ def test_chattering_is_reported() -> None:
 @pytest.mark.parametrize("order", [5, 8])
 @pytest.mark.parametrize("how", ["code", "nan"])
 def test_right_hand_side_that_asks_for_smaller_steps(order: int, how: str) -> None:
-    """x' = -sqrt(x) cannot be evaluated below zero, where too large a step would get."""
+    """x' = -2 sqrt(x) cannot be evaluated below zero, where too large a step would get; a failed stage is the last one tried."""
+    failed_at = [math.inf]
 
     def rhs(t: float, x: Any, dx: Any, data: Any) -> int:
+        assert t < failed_at[0]
+        failed_at[0] = t if x[0] < 0.0 and how == "code" else math.inf
         if x[0] < 0.0:
             dx[0] = math.nan if how == "nan" else 0.0
             return 1 if how == "code" else 0

@@ -90,7 +90,9 @@ def test_eigenvalues_are_those_of_the_explicit_form(draw: Any) -> None:
         model = train().linearize(["tau_in"], ["w_out"], parameters=given, sparse=True)
         A, _ = zc.explicit_matrices(zc.bond_parameters(**given))
         assert model.A.shape == (8, 8)
-        assert multiset_distance(np.linalg.eigvals(model.A), np.linalg.eigvals(A)) < 1e-9
+        eigenvalues = np.linalg.eigvals(model.A)
+        assert multiset_distance(eigenvalues, np.linalg.eigvals(A)) < 1e-9
+        assert eigenvalues.real.max() < 0  # the paper calls the linear train unstable
 
 
 @pytest.mark.parametrize("draw", [near_table_4, order_one])
@@ -111,6 +113,13 @@ def test_frequency_responses_of_three_roads(draw: Any) -> None:
             parts = model.C @ np.linalg.solve(1j * w * np.eye(8) - model.A, model.B) + model.D
             for found in (bonds, scales(params)[:, None] * parts):
                 assert np.all(abs(found - expected) <= 1e-9 * abs(expected))
+
+
+def test_torque_and_speed_of_the_ring_are_a_passive_pair() -> None:
+    rng = np.random.default_rng(5)
+    for given in [TABLE_4, *(near_table_4(rng) for _ in range(10))]:
+        response = train().linearize(["tau_in"], ["w_in"], parameters=given)(1j * np.geomspace(1e-1, 1e5, 500))
+        assert response.real.min() > 0
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -1,0 +1,75 @@
+"""Tearing: a coupled block is solved for few unknowns, from which the others follow one after another.
+
+A greedy choice in the manner of Cellier: whatever a single equation determines is taken; where nothing is, the unknown that stands in
+the most equations becomes a tearing variable (F. E. Cellier and E. Kofman, "Continuous System Simulation", Springer 2006, section
+7.4, doi 10.1007/0-387-30260-3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Tearing:
+    """Rows and columns in an order in which the leading part is lower triangular.
+
+    The first ``lead`` rows each determine the column beside them; the columns after these are the tearing variables, the rows after
+    these their residual equations.
+    """
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    lead: int
+
+    @property
+    def tears(self) -> tuple[int, ...]:
+        return self.columns[self.lead :]
+
+
+def tear(rows: Sequence[Mapping[int, bool]]) -> Tearing:
+    """Tear a square block.
+
+    Parameters
+    ----------
+    rows : sequence of mappings
+        The columns of each row, and whether the row may be solved for it.
+
+    Examples
+    --------
+    x0 = f(x1), x1 = g(x0): one of them is torn.
+
+    >>> t = tear([{0: True, 1: True}, {0: True, 1: True}])
+    >>> t.lead, t.tears
+    (1, (0,))
+    """
+    n = len(rows)
+    unknown = [set(row) for row in rows]
+    holders: dict[int, list[int]] = {}
+    for r, row in enumerate(rows):
+        for c in row:
+            holders.setdefault(c, []).append(r)
+    open_rows = set(range(n))
+    order: list[tuple[int, int]] = []
+    tears: list[int] = []
+    assigned: set[int] = set()
+
+    def settle(column: int) -> None:
+        for r in holders.get(column, []):
+            unknown[r].discard(column)
+
+    while len(assigned) + len(tears) < n:
+        ready = [r for r in sorted(open_rows) if len(unknown[r]) == 1 and rows[r][next(iter(unknown[r]))]]
+        if ready:
+            r = ready[0]
+            column = next(iter(unknown[r]))
+            order.append((r, column))
+            open_rows.remove(r)
+            assigned.add(column)
+        else:
+            left = [c for c in range(n) if c not in assigned and c not in tears]
+            column = max(left, key=lambda c: (sum(r in open_rows for r in holders.get(c, [])), -c))
+            tears.append(column)
+        settle(column)
+    return Tearing((*(r for r, _ in order), *sorted(open_rows)), (*(c for _, c in order), *tears), len(order))

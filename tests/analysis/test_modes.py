@@ -1,0 +1,179 @@
+"""Mode shapes and energies against M, C and K by hand; large trains; drawings."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import eig, eigh
+
+import gearlib as gl
+import gearparts as gp
+
+
+def chain_matrices(n: int, J: float, c: float, d: float, d_load: float = 0.0) -> tuple[Any, Any, Any]:
+    """M, C, K of the chain of conftest, by hand."""
+    M, C, K = np.diag([J * (1 + 0.3 * i) for i in range(n)]), np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n - 1):
+        row = np.zeros(n)
+        row[i], row[i + 1] = -1, 1
+        K += c * (1 + 0.2 * i) * np.outer(row, row)
+        C += d * np.outer(row, row)
+    C[-1, -1] += d_load
+    return M, C, K
+
+
+def test_undamped_chain_has_the_modes_and_energies_of_its_matrices(chain: Callable[..., gl.System]) -> None:
+    M, _, K = chain_matrices(4, 1.0, 100.0, 0.0)
+    squares, shapes = eigh(K, M)
+    found = gl.modes(chain(n=4))
+    assert found.omega[1:] == pytest.approx(np.sqrt(squares[1:]), rel=1e-12)
+    assert found.free == 1
+    for k in range(4):
+        x = shapes[:, k]
+        mine = found.shape(k, *(f"body[{i}].flange_a.phi" for i in range(4)))
+        assert mine / mine[0] == pytest.approx(x / x[0], rel=1e-9)
+        kinetic = 100 * np.diag(M) * x**2 / (x @ M @ x)
+        assert [found.kinetic[k, found.components.index(f"body[{i}]")] for i in range(4)] == pytest.approx(kinetic, abs=1e-8)
+        if k:
+            stretched = np.array([100 * (1 + 0.2 * i) * (x[i + 1] - x[i]) ** 2 for i in range(3)])
+            potential = [found.potential[k, found.components.index(f"shaft[{i}]")] for i in range(3)]
+            assert potential == pytest.approx(100 * stretched / stretched.sum(), abs=1e-8)
+    assert not found.potential[0].any()
+
+
+def test_heavily_damped_chain(chain: Callable[..., gl.System]) -> None:
+    """Energies of a complex mode, with damping that is not proportional: 1/2 x* M x |s|^2 and 1/2 x* K x."""
+    M, C, K = chain_matrices(3, 1.0, 100.0, 3.0, 2.0)
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    values, vectors = eig(A)
+    ringing = [k for k in np.argsort(np.abs(values)) if values[k].imag > 0]
+    found = gl.modes(chain(n=3, grounded=True), parameters={"d": 3.0, "d_load": 2.0})
+    assert found.eigenvalues == pytest.approx(values[ringing], rel=1e-11)
+    assert found.decays == pytest.approx(np.sort(values[(np.abs(values.imag) < 1e-9) & (values.real < -1e-9)].real)[::-1], rel=1e-9)
+    assert found.free == 0  # the load brakes it
+    for row, k in enumerate(ringing):
+        x = vectors[:3, k]
+        kinetic = np.diag(M) * np.abs(x) ** 2
+        assert [found.kinetic[row, found.components.index(f"body[{i}]")] for i in range(3)] == pytest.approx(
+            100 * kinetic / kinetic.sum(), rel=1e-9
+        )
+
+
+def test_component_with_inside_bodies_and_springs_is_split() -> None:
+    """One component that hides two bodies and a spring keeps both kinds of energy: the sums are those of separate parts."""
+
+    class Black(gp.interfaces.TwoFlanges):  # type: ignore[name-defined,misc]
+        J = gl.Parameter("kg.m2")
+        c = gl.Parameter("N.m/rad")
+        w_a = gl.Variable("rad/s")
+        w_b = gl.Variable("rad/s")
+        twist = gl.Variable("rad", state="prefer")
+
+        def equations(self) -> list[gl.Eq]:
+            torque = self.c * self.twist
+            return [
+                gl.Eq(self.w_a, gl.der(self.flange_a.phi)),
+                gl.Eq(self.w_b, gl.der(self.flange_b.phi)),
+                gl.Eq(self.twist, self.flange_b.phi - self.flange_a.phi),
+                gl.Eq(self.J * gl.der(self.w_a), self.flange_a.tau + torque),
+                gl.Eq(2 * self.J * gl.der(self.w_b), self.flange_b.tau - torque),
+            ]
+
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.black, self.shaft, self.end = Black(J=1.0, c=50.0), gp.Spring(c=30.0), gp.Inertia(J=0.7)
+            return [gl.connect(self.black.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.end.flange_a)]
+
+    M = np.diag([1.0, 2.0, 0.7])
+    K = np.array([[50.0, -50, 0], [-50, 80, -30], [0, -30, 30]])
+    squares, shapes = eigh(K, M)
+    found = gl.modes(gl.compile(Whole()))
+    assert found.omega[1:] == pytest.approx(np.sqrt(squares[1:]), rel=1e-11)
+    for k in (1, 2):
+        x = shapes[:, k]
+        share = found.components.index("black")
+        assert found.kinetic[k, share] == pytest.approx(100 * (x[0] ** 2 + 2 * x[1] ** 2), abs=1e-7)
+        stretched = 50 * (x[0] - x[1]) ** 2
+        assert found.potential[k, share] == pytest.approx(100 * stretched / squares[k], abs=1e-7)
+
+
+def test_two_free_shafts_and_a_preload_are_told_apart() -> None:
+    """An elastic loop of two parallel meshes carries a preload; a differential turns in two ways."""
+    unit = gp.PlanetaryUnit(
+        planets=3, planet_meshes="separate", R_s=0.03, R_p=0.04, I_s=1e-3, I_r=0.1, I_h=0.05, I_spin=1e-3, I_orbit=1e-3,
+        K_ring=1e8, C_ring=0.0, K_sun=1e8, C_sun=0.0,
+    )  # fmt: skip
+    found = gl.modes(gl.compile(unit))
+    # 6 meshes and 6 bodies (sun, ring, carrier, 3 planets): 12 states. Four modes and two free motions take 4 * 2 + 2 of them.
+    assert (len(found), found.free, found.preloads) == (6, 2, 2)
+
+
+@pytest.mark.parametrize("d", [0.0, 1.0])
+def test_two_thousand_states(chain: Callable[..., gl.System], d: float) -> None:
+    system = chain(n=1000)
+    M, _, K = chain_matrices(1000, 1.0, 1e4, d)
+    expected = np.sqrt(np.maximum(eigh(K, M, eigvals_only=True, subset_by_index=[0, 20]), 0))
+    values = {"c": 1e4, "d": d}
+    gl.modes(system, 2, parameters=values)  # symbolic work, once for each class
+    begin = time.perf_counter()
+    found = gl.modes(system, 20, parameters=values)
+    seconds = time.perf_counter() - begin
+    assert len(system.states) == 1999
+    assert found.free == 1
+    assert len(found) == 21
+    assert found.omega[1:] == pytest.approx(expected[1:], rel=1e-6 if d else 1e-9)
+    assert seconds < 6.0  # 2 s are asked for, on a machine that does nothing else
+
+
+def test_preloads_do_not_hide_the_lowest_modes() -> None:
+    """A hundred planetary units in a row, each with loops of meshes: about 300 poles at 0, and the lowest modes are still found."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.unit = [
+                gp.PlanetaryUnit(
+                    planets=4, planet_meshes="separate", R_s=0.03, R_p=0.04, I_s=1e-3, I_r=0.1, I_h=0.05, I_spin=1e-3, I_orbit=1e-3,
+                    K_ring=1e8, C_ring=0.0, K_sun=1e8, C_sun=0.0,
+                )
+                for _ in range(60)
+            ]  # fmt: skip
+            self.shaft = [gp.Spring(c=1e4) for _ in range(59)]
+            links = []
+            for left, shaft, right in zip(self.unit, self.shaft, self.unit[1:], strict=False):
+                links += [gl.connect(left.carrier, shaft.flange_a), gl.connect(shaft.flange_b, right.carrier)]
+            return links
+
+    system = gl.compile(Row())
+    found = gl.modes(system, 10)
+    full = system.linearize(inputs=[], sparse=True).A.toarray()
+    values = np.linalg.eigvals(full)
+    expected = np.sort(values.imag[values.imag > 1.0])[:10]
+    assert found.omega[found.free :] == pytest.approx(expected, rel=1e-6)
+
+
+def test_text_and_table(paper: gl.System) -> None:
+    found = gl.modes(paper)
+    text = str(found)
+    assert "train.x_unit.ring_mesh 96 %" in text
+    assert "Decays without oscillation, 1/s: 32.1307, 393.955" in text
+    table = found.to_dataframe()
+    assert table["kinetic, %"].sum(axis=1).to_numpy() == pytest.approx(100, abs=1e-3)
+    assert table["potential, %"].sum(axis=1).to_numpy() == pytest.approx(100, abs=1e-3)
+    assert table["mode"]["frequency, Hz"].to_list() == pytest.approx([554.697, 929.687, 1228.543], abs=1e-3)
+
+
+def test_drawing_shows_every_body(paper: gl.System) -> None:
+    axes = gl.modes(paper).draw(1)
+    assert "929.69 Hz" in axes[0].figure.get_suptitle()
+    assert "train.x_unit.ring_gear" in [t.get_text() for t in axes[0].get_yticklabels()]
+    with pytest.raises(gl.GearlibError, match="there is no mode 7; there are 3"):
+        gl.modes(paper).draw(7)
+
+
+def test_wrong_count_is_refused(paper: gl.System) -> None:
+    with pytest.raises(gl.GearlibError, match="count is 0; expected a whole number"):
+        gl.modes(paper, 0)

@@ -1,0 +1,43 @@
+"""The code on the pages that users read first: it runs, and prints what the page says."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = ["README.md", "docs/quickstart.md", "docs/xp_train.md"]
+BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_code_prints_what_the_page_shows(page: str) -> None:
+    names: dict[str, Any] = {"__name__": "page"}
+    printed = None
+    for language, text in BLOCK.findall((ROOT / page).read_text(encoding="utf-8")):
+        if language == "text":
+            assert printed == text
+            printed = None
+        else:
+            assert not printed, f"{page} does not show {printed!r}"
+            with contextlib.redirect_stdout(io.StringIO()) as out:
+                exec(compile(text, page, "exec"), names)
+            printed = out.getvalue()
+    assert not printed
+
+
+def test_the_pages_have_code_and_output() -> None:
+    for page in PAGES:
+        languages = [language for language, _ in BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))]
+        assert {"python", "text"} <= set(languages), page
+
+
+def test_every_page_that_the_readme_names_exists() -> None:
+    links = re.findall(r"\]\(([^)#:]+)\)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert len(links) >= 6
+    assert [link for link in links if not (ROOT / link).exists()] == []
