@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.codegen.builder import Builder
 from gearlib.codegen.evaluate import Prepared, batch_values
 from gearlib.codegen.kernels import partial_kernel
-from gearlib.codegen.program import _Builder
 from gearlib.flatten.model import FlatModel, Instance
 from gearlib.language.declarations import Flow, Input, Potential
 from gearlib.structure.analysis import Structure
@@ -101,7 +101,7 @@ def _rows(
 ) -> dict[int, list[tuple[int, int, int, float]]]:
     """Of each instance the entries (row, variable, order, value) of its linearised equations."""
     model, program = structure.model, prepared.program
-    builder = _Builder(structure, (), program.states)
+    builder = Builder(structure, (), program.states)
     top = 1 + max([1, *(k for _, k in program.slots)])
     builder.table = np.zeros((max(top, 4), model.n_variables), np.int64)
     for (v, k), slot in program.slots.items():

@@ -15,8 +15,8 @@ import numpy as np
 import sympy
 
 from gearlib.errors import BindingError, BoundError
-from gearlib.flatten.templates import Relation, Template, lift_relations, make_template, parse_column
-from gearlib.language.expressions import time
+from gearlib.flatten.templates import Relation, Template, checked, lift_relations, make_template, parse_column
+from gearlib.language.expressions import time, value_of
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
 _templates: dict[Any, Template] = {}
 
 
-def bind_input(expression: Any, is_parameter: Callable[[str], bool]) -> BoundInput:
+def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str = "an input") -> BoundInput:
     """The equation that binds an input to an expression (or a number)."""
-    expression, relations = lift_relations(sympy.sympify(expression))
+    expression, relations = lift_relations(checked(value_of(expression), path))
     if expression.is_Number or expression.is_NumberSymbol:
         return BoundInput(_template(sympy.Symbol("p0", real=True), (), ("p0",)), {}, {"p0": float(expression)})
     values: dict[str, str | float] = {}

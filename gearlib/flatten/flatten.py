@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from gearlib.errors import BoundError, ModelError
+from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.bindings import parameter_function
 from gearlib.flatten.connections import Sum, connection_sets, split_sum, sum_template
@@ -109,16 +110,45 @@ def check_bounds(table: ParameterTable, values: Floats) -> None:
 
 
 def _parameter_table(tree: Tree) -> ParameterTable:
+    level = _parameter_levels(tree)
+    steps: dict[tuple[int, Any], tuple[list[tuple[int, ...]], list[int]]] = {}
+    for (_, expression), pairs in tree.dependents.items():
+        for arguments, target in zip(*pairs, strict=True):
+            rows, targets = steps.setdefault((level[target], expression), ([], []))
+            rows.append(arguments)
+            targets.append(target)
     dependents = tuple(
         Dependent(
             parameter_function(expression, tuple(f"a{i}" for i in range(len(rows[0])))),
             np.array(rows, np.int64),
             np.array(targets, np.int64),
         )
-        for (_, expression), (rows, targets) in sorted(tree.dependents.items(), key=lambda item: item[0][0])
+        for (_, expression), (rows, targets) in sorted(steps.items(), key=lambda item: item[0][0])
     )
     values = np.array(tree.parameter_values, float)
     return ParameterTable(tuple(tree.parameter_names), values, dependents, np.array(tree.lower), np.array(tree.upper))
+
+
+def _parameter_levels(tree: Tree) -> dict[int, int]:
+    """Of each dependent parameter, after how many others it can be computed."""
+    made = {t: arguments for pairs in tree.dependents.values() for arguments, t in zip(*pairs, strict=True)}
+    level: dict[int, int] = {}
+    for start in made:
+        stack, opened = [start], set[int]()
+        while stack:
+            target = stack[-1]
+            before = [a for a in made[target] if a in made]
+            waiting = [a for a in before if a not in level]
+            if target in level or not waiting:
+                level[target] = 1 + max((level[a] for a in before), default=0)
+                stack.pop()
+                continue
+            opened.add(target)
+            if any(a in opened for a in waiting):
+                names = ", ".join(sorted(tree.parameter_names[a] for a in opened))
+                raise BindingError(f"the parameters {names} depend on each other in a circle; give one of them a number")
+            stack += waiting
+    return level
 
 
 def _equations(tree: Tree) -> tuple[Raw, list[tuple[int, int, int]]]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from gearlib.errors import BindingError, ConnectionError, DeclarationError, nearest
+from gearlib.errors import BindingError, ConnectionError, DeclarationError, ModelError, nearest
 from gearlib.flatten.bindings import BoundInput, bind_input, canonical, is_expression, number
 from gearlib.flatten.discrete import Update, split_equations
 from gearlib.flatten.model import Instance
@@ -59,6 +59,8 @@ class Tree:
         default_factory=lambda: defaultdict(list)
     )
 
+
+DEEPEST = 40  # levels of components within components
 
 _records: WeakKeyDictionary[type[Component], dict[Any, ClassRecord]] = WeakKeyDictionary()
 
@@ -138,6 +140,11 @@ def walk(root: Component) -> Tree:
     composites: list[tuple[Component, int]] = []
     while stack:
         component, path = stack.pop()
+        if path.count(".") > DEEPEST:
+            raise ModelError(
+                f"{path[:60]}...: components within components, {DEEPEST} levels deep; does {type(component).__name__} make a part "
+                "of its own class without end?"
+            )
         connections = component._assembled()
         record = class_record(component)
         number_ = _add_instance(tree, component, record, path)
@@ -210,8 +217,9 @@ def _add_links(tree: Tree, component: Component, number_: int) -> None:
             if where is None or ancestor is None:
                 path = tree.instances[number_].path or type(component).__name__
                 raise ConnectionError(
-                    f"{path}: connects {type(port.component).__name__} '{port.component._path()}.{port.connector.name}', which is "
-                    "no part of it; assign the part to an attribute (self.name = ...), and connect parts of this model only"
+                    f"{path}: connects {type(port.component).__name__} '{'.'.join(filter(None, (port.component._path(), port.connector.name)))}', "
+                    "which is no part of it; assign the part to an attribute (self.name = ...; a list after it is filled), and "
+                    "connect parts of this model only"
                 )
             link.append(2 * tree.port_numbers[where, port.connector.name] + inside)
         tree.links.append(link)
@@ -287,10 +295,14 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
         return
     path = tree.parameter_names[slot]
     if value is NO_VALUE or value is None:
-        raise BindingError(f"{path} has no value; give one in {unit} ({description or 'no default'}): {path.rsplit('.', 1)[-1]}=...")
+        hint = "" if path.startswith("start(") else f": {path.rsplit('.', 1)[-1]}=..."
+        raise BindingError(f"{path} has no value; give one in {unit} ({description or 'no default'}){hint}")
     if callable(value) and scope is not None:
-        with _inside(scope):
-            value = value(scope)
+        try:
+            with _inside(scope):
+                value = value(scope)
+        except Exception as problem:
+            raise BindingError(f"{path}: its function raised {type(problem).__name__}: {problem}") from None
     if not is_expression(value):
         tree.parameter_values[slot] = number(value, path, unit, description)
         return
@@ -321,7 +333,7 @@ def _bind_input(
     def is_parameter(name: str) -> bool:
         return scope is not None and _resolve(tree, scope, name)[1] == "parameter"
 
-    bound: BoundInput = bind_input(value, is_parameter)
+    bound: BoundInput = bind_input(value, is_parameter, path)
     variables = [own if n == "bound" else _variable(tree, scope, bound.variables[n], path) for n in bound.template.locals]
     parameters = []
     for n in bound.template.parameters:

@@ -180,12 +180,17 @@ class FlatModel:
 
     def variable(self, name: str, what: str = "variable") -> int:
         """The number of the variable with that path."""
+        if not isinstance(name, str):
+            raise NameLookupError(f"{name!r} is no name; names are text, such as 'load.w'")
         found = self.find(name)
         if found is None:
             head = name.rsplit(".", 1)[0] if "." in name else ""
             near = self._by_path.get(head)
-            valid = list(self.names()) if near is None else [*self._names_of(self.instances[near])]
-            raise NameLookupError(f"the model has no {what} '{name}'; {nearest(name, valid)}")
+            valid = [] if near is None else [*self._names_of(self.instances[near])]
+            if name in self._by_path and name:
+                inner = list(self._names_of(self.instances[self._by_path[name]]))
+                raise NameLookupError(f"'{name}' is a component, no {what}; name one of its variables: {', '.join(inner[:12])}")
+            raise NameLookupError(f"the model has no {what} '{name}'; {nearest(name, valid or self.names())}")
         return found
 
     def find(self, name: str) -> int | None:

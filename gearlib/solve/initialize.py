@@ -113,12 +113,14 @@ def _satisfy(
     for _ in range(30):
         slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
         error = slots[slots_of, 0] - wanted
+        if not moved and free:
+            gradient = _dense(sensitivity(prepared, t, slots[:, 0], flags[:, 0], range(len(x)))[slots_of])
+            moved = {free[i] for i in _independent(gradient[:, free] * scale)}
         if (np.abs(error) <= 1e-12 * np.maximum(1.0, np.abs(wanted))).all() or not free:
             break
         gradient = _dense(sensitivity(prepared, t, slots[:, 0], flags[:, 0], range(len(x)))[slots_of])
         step = _basic_solution(gradient[:, free] * scale, -error) * scale
         x[free] += step
-        moved |= {free[i] for i in np.flatnonzero(np.abs(step) > 0)}
         if not step.any():
             break
     slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
@@ -127,28 +129,32 @@ def _satisfy(
     if len(bad):
         i = int(bad[0])
         rest = [fixed[v][1] for v in fixed if v != others[i][0]]
+        others_text = f"the other fixed values ({', '.join(rest[:6])}{', ...' if len(rest) > 6 else ''}) and " if rest else ""
         raise StartError(
-            f"start values contradict each other: {fixed[others[i][0]][1]} is fixed at {wanted[i]:g}, but the other fixed values "
-            f"({', '.join(rest[:6])}{', ...' if len(rest) > 6 else ''}) and the connections make it {slots[slots_of[i], 0]:g}; "
-            "fix fewer, or give some of them as guess={...}"
+            f"start values contradict each other: {fixed[others[i][0]][1]} is fixed at {wanted[i]:g}, but {others_text}the equations "
+            f"make it {slots[slots_of[i], 0]:g}; fix fewer, or give some of them as guess={{...}}"
         )
     return moved
 
 
-def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
-    """A least-squares solution that moves few variables (QR with column pivoting)."""
-    from scipy.linalg import lstsq, qr
+def _independent(matrix: Floats) -> NDArray[np.int64]:
+    """Columns that span all others (QR with column pivoting)."""
+    from scipy.linalg import qr
 
-    m, n = matrix.shape
-    if not n:
-        return np.zeros(n)
+    if not matrix.size:
+        return np.empty(0, np.int64)
     _, r, order = qr(matrix, mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(r))
-    rank = int((diagonal > 1e-11 * max(diagonal[0], 1e-300)).sum()) if len(diagonal) else 0
-    result = np.zeros(n)
-    if rank:
-        chosen = order[:rank]
-        result[chosen] = lstsq(matrix[:, chosen], rhs)[0]
+    chosen: NDArray[np.int64] = order[: int((diagonal > 1e-11 * max(diagonal[0], 1e-300)).sum())]
+    return chosen
+
+
+def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
+    """A least-squares solution that moves few variables."""
+    chosen = _independent(matrix)
+    result = np.zeros(matrix.shape[1])
+    if len(chosen):
+        result[chosen] = np.linalg.lstsq(matrix[:, chosen], rhs, rcond=None)[0]
     return result
 
 

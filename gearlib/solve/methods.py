@@ -17,14 +17,14 @@ from gearlib.codegen.layout import Shared
 from gearlib.codegen.native import NativeScene
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solve.initialize import Start
-from gearlib.solve.lti import Linear, linear_form, time_conditions
+from gearlib.solve.lti import linear_form, time_conditions
 from gearlib.solve.problem import Native, Problem, Solution
 from gearlib.solve.scene import Numbers, Scene
 from gearlib.solve.table import breakpoints, values
 
 Floats = NDArray[np.float64]
 METHODS = ("auto", "exact", "ida", "rk", "rk5", "rk8")
-LARGEST_EXACT = 3000  # states
+LARGEST_EXACT = 30_000  # states
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def integrate(run: Run, method: str) -> Outcome:
     if method == "auto":
         outcome = _automatic(run)
     elif method == "exact":
-        form = _exact_form(run)
+        form = _exact_form(run) if run.scene.states else None
         if isinstance(form, str):
             raise ArgumentError(f"method='exact' needs a linear time-invariant scene: {form}; use method='auto', 'rk' or 'ida'")
         outcome = _exact(run, form, "asked for")
@@ -77,11 +77,14 @@ def integrate(run: Run, method: str) -> Outcome:
 
 
 def _automatic(run: Run) -> Outcome:
+    if not run.scene.states:
+        return _exact(run, None, "there are no states")
     form = _exact_form(run)
     if not isinstance(form, str):
-        return _exact(run, form, "the scene is linear and time-invariant")
-    if not run.scene.states:
-        return _exact(run, Linear(np.zeros((0, 0)), np.zeros((0, 0)), ()), "there are no states")
+        try:
+            return _exact(run, form, "the scene is linear and time-invariant")
+        except SolverError as problem:
+            form = str(problem)
     return _native(run, "rk", form, hand_over=True)
 
 
@@ -110,7 +113,7 @@ def _recognised(inputs: tuple[Any, ...], t0: float, t1: float) -> Any:
 def _exact(run: Run, form: Any, why: str) -> Outcome:
     inputs = values(run.signals, run.times)
     n = len(run.scene.states)
-    if isinstance(form, Linear):
+    if form is None:
         states = np.zeros((len(run.times), 0))
     else:
         from gearlib.solve import exact
@@ -118,7 +121,7 @@ def _exact(run: Run, form: Any, why: str) -> Outcome:
         linear, forcing = form
         states = exact.integrate(linear.A, linear.B, forcing, run.start.states, run.times, rtol=min(run.rtol, 1e-12))
     extra = np.zeros((len(run.scene.program.inputs) - len(inputs), len(run.times)))
-    flags = run.scene.modes(run.numbers, run.times, states.T.reshape(n, -1), np.vstack([inputs, extra]))
+    flags = run.scene.modes(run.numbers, run.times, states.T, np.vstack([inputs, extra]))
     stats = {"method": "exact", "why": why, "states": n, "steps": 0, "rhs": 0, "events": 0}
     return Outcome(states, flags.T, [], stats)
 
@@ -126,7 +129,7 @@ def _exact(run: Run, form: Any, why: str) -> Outcome:
 def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome:
     scene = run.scene
     if not scene.states:
-        return _exact(run, Linear(np.zeros((0, 0)), np.zeros((0, 0)), ()), "there are no states")
+        return _exact(run, None, "there are no states")
     problem, keep = _problem(run, jacobian=method == "ida")
     if method == "ida":
         from gearlib.solve import ida

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.modes import relations_of
+from gearlib.codegen.program import Program
 from gearlib.codegen.builder import build
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.flatten.templates import parse_column
-from gearlib.solve.scene import Scene, needed_states
+from gearlib.solve.scene import Scene, needed_states, settle_once
 from gearlib.solve.table import values
 from gearlib.structure.incidence import Node
 
@@ -111,10 +113,36 @@ class Result:
         prepared = prepare(program, scene.structure, self._parameters)
         inputs = values(self._signals, self.time)
         inputs = np.vstack([inputs, np.zeros((len(program.inputs) - len(inputs), len(self.time)))])
-        slots = evaluate(prepared, self.time, self._states.T, inputs, self._relations.T, scene.guess(program, self._guess))
+        modes = self._modes_for(program, inputs)
+        slots = evaluate(prepared, self.time, self._states.T, inputs, modes, scene.guess(program, self._guess))
         for other, slot in program.slots.items():
             self._known.setdefault(other, slots[slot])
         return self._known[node]
+
+    def _modes_for(self, program: Program, inputs: Floats) -> Floats:
+        """The modes at all samples; relations that the run had no need of are evaluated here."""
+        scene, model = self._scene, self._scene.model
+        modes = self._relations.T
+        if not scene.n_modes:
+            return modes
+        found = relations_of(scene.structure, program)
+        tracked = np.empty(0, np.int64) if scene.relations is None else scene.relations.used
+        held = {int(m) for b in found.discretes for m in b.targets}
+        known = set() if scene.relations is None else {int(m) for b in scene.relations.discretes for m in b.targets}
+        if held - known:
+            names = ", ".join(model.discretes.names[m - model.n_relations] for m in sorted(held - known))
+            raise NameLookupError(f"the discrete variables {names} were not needed in this run; name them in outputs=[...]")
+        new = np.setdiff1d(found.used, tracked)
+        if not len(new):
+            return modes
+        prepared = prepare(found.program, scene.structure, self._parameters)
+        for _ in range(100):
+            passed = settle_once(found, prepared, self.time, self._states.T, inputs, modes)
+            if (passed[new] == modes[new]).all():
+                break
+            modes = modes.copy()
+            modes[new] = passed[new]
+        return modes
 
     def to_dataframe(self, names: Sequence[str] | None = None) -> pandas.DataFrame:
         """The outputs (or the variables named) as a pandas DataFrame over time."""

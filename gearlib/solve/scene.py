@@ -131,21 +131,9 @@ class Scene:
         return modes
 
     def _modes_once(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, modes: Floats) -> Floats:
-        relations, prepared = self.relations, numbers.relations
-        assert relations is not None and prepared is not None
-        new = modes.copy()
-        slots = np.zeros((prepared.program.n_slots, len(t)))
-        if any(batch.arguments.size for batch in relations.discretes):
-            slots = evaluate(prepared, t, states, inputs, new)
-        for batch in relations.discretes:  # in the order and with the meaning of the native event iteration
-            new[batch.targets] = batch_values(batch, t, slots, numbers.parameters, new)
-        slots = evaluate(prepared, t, states, inputs, new)
-        late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
-        flags = [relation_flags(b, relations, late, t, slots, numbers.parameters, new) for b in relations.batches]
-        for batch, flag in zip(relations.batches, flags, strict=True):
-            new[batch.targets] = flag
-        return new
-
+        assert self.relations is not None
+        assert numbers.relations is not None
+        return settle_once(self.relations, numbers.relations, t, states, inputs, modes)
     def data(self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Floats | None) -> Floats:
         """The data block of a run."""
         shared = native.shared
@@ -168,6 +156,24 @@ class Scene:
             if k == 0:
                 result[slot] = start[v]
         return result
+
+
+def settle_once(
+    relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats
+) -> Floats:
+    """One pass of the event iteration, in the order of the native one: discrete variables, unknowns, relations."""
+    new = modes.copy()
+    slots = np.zeros((prepared.program.n_slots, len(t)))
+    if any(batch.arguments.size for batch in relations.discretes):
+        slots = evaluate(prepared, t, states, inputs, new)
+    for batch in relations.discretes:  # in the order and with the meaning of the native event iteration
+        new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
+    slots = evaluate(prepared, t, states, inputs, new)
+    late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
+    flags = [relation_flags(b, relations, late, t, slots, prepared.parameters, new) for b in relations.batches]
+    for batch, flag in zip(relations.batches, flags, strict=True):
+        new[batch.targets] = flag
+    return new
 
 
 def relation_flags(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,10 @@ class Table:
     """
 
     def __init__(self, t: ArrayLike, y: ArrayLike) -> None:
-        self.t, self.y = np.asarray(t, float), np.asarray(y, float)
+        try:
+            self.t, self.y = np.asarray(t, float), np.asarray(y, float)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"Table(t, y): expected two sequences of numbers, got {t!r} and {y!r}") from None
         if self.t.ndim != 1 or self.t.shape != self.y.shape or len(self.t) < 1:
             raise ArgumentError(f"Table(t, y): expected two sequences of one length, got shapes {self.t.shape} and {self.y.shape}")
         if not (np.isfinite(self.t).all() and np.isfinite(self.y).all()):
@@ -67,6 +71,28 @@ def breakpoints(signals: Sequence[Signal]) -> NDArray[np.float64]:
     return np.unique(np.concatenate(tables)) if tables else np.empty(0)
 
 
+def sample(signal: Callable[[float], float], t: float) -> float:
+    """The value of an input that is a Python function.
+
+    Raises
+    ------
+    ArgumentError
+        The function fails, or returns anything but a finite number.
+    """
+    name = getattr(signal, "__name__", repr(signal))
+    try:
+        value = signal(t)
+    except Exception as problem:
+        raise ArgumentError(f"the input function {name} raised {type(problem).__name__} at t = {t:g} s: {problem}") from problem
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"the input function {name} returned {value!r} at t = {t:g} s; expected a number") from None
+    if not math.isfinite(number):
+        raise ArgumentError(f"the input function {name} returned {number} at t = {t:g} s; expected a finite number")
+    return number
+
+
 def values(signals: Sequence[Signal], times: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values of the signals at some times, shape (signals, times)."""
     rows = []
@@ -74,7 +100,7 @@ def values(signals: Sequence[Signal], times: NDArray[np.float64]) -> NDArray[np.
         if isinstance(signal, Table):
             rows.append(signal(times))
         elif callable(signal):
-            rows.append(np.array([float(signal(float(t))) for t in times]))
+            rows.append(np.array([sample(signal, float(t)) for t in times]))
         else:
             rows.append(np.full(len(times), float(signal)))
     return np.array(rows, float).reshape(len(rows), len(times))

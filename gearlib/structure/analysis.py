@@ -6,12 +6,12 @@ counted, and one torque that nothing determines any more is set to zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearlib.errors import BalanceError, LoopError, SingularError
+from gearlib.errors import BalanceError, LoopError, ModelError, SingularError
 from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.structure.balance import Balance, dulmage_mendelsohn
 from gearlib.structure.incidence import Entries, Floats, Integers, Node
@@ -46,6 +46,7 @@ class Structure:
     angles: frozenset[Node]  # states that are integrals nobody depends on
     redundant: tuple[str, ...]  # owners of the equations that were left out
     closed: tuple[str, ...]  # flows set to zero
+    complete: FlatModel  # with the redundant equations
 
     @property
     def states(self) -> tuple[Node, ...]:
@@ -111,6 +112,7 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
     LoopError, BalanceError, SingularError
         With the names of the equations and variables at fault.
     """
+    complete = model
     rows = Rows(model)
     dropped = _redundant_rows(model, rows, numbers)
     redundant = tuple(model.owner(*rows.place[e]) for e in dropped)
@@ -122,7 +124,9 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
     if closed:
         rows = Rows(model)
     del balance
-    result = pantelides(len(rows.place), rows.columns)
+    given = frozenset(model.inputs.tolist())
+    result = pantelides(len(rows.place), lambda e, k: [n for n in rows.columns(e, k) if n[0] not in given])
+    _refuse_differentiated_inputs(model, rows, result, given)
     varying = frozenset(e for e, (g, _) in enumerate(rows.place) if result.counts[e] and not model.groups[g].template.linear)
     choice = choose_states(result, _entries(model, rows, result, numbers), _badness(model, result), varying)
     if choice.singular:
@@ -131,7 +135,6 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
             f"the constraints of {', '.join(owners)} depend on each other at these values (a combination of ratios makes a pivot "
             "zero); change a ratio, or make one of the connections elastic"
         )
-    given = frozenset(model.inputs.tolist())
     dependence = Dependence(choice, rows.columns, given, frozenset(choice.states), decisive_nodes(model, rows))
     plain_rates = _rate_equations(model, rows)
 
@@ -140,7 +143,38 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
         return state[1] == 0 and (bool(model.potential[state[0]]) or state[0] in plain_rates)
 
     angles = sinks(dependence, choice.states, position)
-    return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed)
+    return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed, complete)
+
+
+def confirm(structure: Structure, numbers: Numbers) -> None:
+    """Check that what was redundant still is, with other numbers (of ``structure.complete``).
+
+    Raises
+    ------
+    LoopError
+        The equations that were left out do not follow from the others any more.
+    """
+    if not structure.redundant:
+        return
+    rows = Rows(structure.complete)
+    dropped = _redundant_rows(structure.complete, rows, numbers)
+    if len(dropped) != len(structure.redundant):
+        raise LoopError(
+            f"the model was compiled with equations of {', '.join(structure.redundant)} that followed from the others, and with these "
+            "parameters they do not; give the parameters to the components and compile again"
+        )
+
+
+def _refuse_differentiated_inputs(model: FlatModel, rows: Rows, result: Differentiation, given: frozenset[int]) -> None:
+    if not given:
+        return
+    for e, count in enumerate(result.counts):
+        for v, order in rows.columns(e, count):
+            if v in given and order:
+                raise ModelError(
+                    f"{model.owner(*rows.place[e])}: the input {model.name(v)} would have to be differentiated; bind it to an "
+                    "expression of gl.time that can be, or let the motion follow it through a filter (exact=False)"
+                )
 
 
 def decisive_nodes(model: FlatModel, rows: Rows) -> dict[int, list[Node]]:
@@ -223,14 +257,27 @@ def _redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> list[int]
             coefficients.append(row)
             constants.append(-float(rest[i]))
     loops = examine(coefficients, constants, frozenset())
+    for found in (*loops.contradictory, *loops.redundant):
+        held = [r for r in found.rows if len(coefficients[r]) == 1]
+        if len(held) > 1:
+            variables = dict.fromkeys(model.name(v) for r in held for v in coefficients[r])
+            raise BalanceError(
+                f"the model is not balanced. over-determined: held twice by {_listed(model, rows, [candidates[r] for r in held])}. "
+                f"The variables: {'; '.join(variables)}. Remove one of them, or make a connection between them elastic"
+            )
     for bad in loops.contradictory:
         owners = list(dict.fromkeys(model.owner(*rows.place[candidates[r]]) for r in bad.rows))
+        if len(owners) == 1:
+            raise BalanceError(
+                "the model is not balanced. over-determined: these equations contradict each other: "
+                f"{_listed(model, rows, [candidates[r] for r in bad.rows])}"
+            )
         what = f"force {model.name(bad.variable)} to stand still" if bad.variable >= 0 else "contradict each other"
         raise LoopError(
             f"the rigid loop through {', '.join(owners)} cannot turn: its ratios {what}; check the ratios of these components, or "
             "make one of the connections elastic"
         )
-    return [candidates[max(c.rows)] for c in loops.redundant]
+    return [candidates[c.last] for c in loops.redundant]
 
 
 def _without(model: FlatModel, rows: Rows, dropped: list[int]) -> FlatModel:
@@ -287,26 +334,29 @@ def _zeroed(model: FlatModel, variable: int) -> FlatModel:
     )  # fmt: skip
 
 
+def _some(items: list[str]) -> str:
+    return "; ".join(items[:8]) + (f"; and {len(items) - 8} more" if len(items) > 8 else "")
+
+
+def _listed(model: FlatModel, rows: Rows, equations: Iterable[int]) -> str:
+    """Equations as "load (Inertia: der(phi) = w); ..."."""
+    places = (rows.place[e] for e in equations)
+    return _some([f"{model.owner(g, i)} ({model.groups[g].template.label})" for g, i in places])
+
+
 def _explain(model: FlatModel, rows: Rows, balance: Balance) -> str:
-    def equation(e: int) -> str:
-        g, i = rows.place[e]
-        return f"{model.owner(g, i)} ({model.groups[g].template.label})"
-
-    def some(items: list[str]) -> str:
-        return "; ".join(items[:8]) + (f"; and {len(items) - 8} more" if len(items) > 8 else "")
-
     text = []
     if balance.surplus:
         text.append(
             f"over-determined: {len(balance.excess_equations)} equations for {len(balance.excess_variables)} variables, "
-            f"{balance.surplus} too many. The equations: {some([equation(e) for e in balance.excess_equations])}. "
-            f"The variables: {some([model.name(v) for v in balance.excess_variables])}. "
-            "Is something held or driven twice (two sources or grounds on one rigid shaft)?"
+            f"{balance.surplus} too many. The equations: {_listed(model, rows, balance.excess_equations)}. "
+            f"The variables: {_some([model.name(v) for v in balance.excess_variables]) or 'none that is not given or zero'}. "
+            "Is something held or driven twice (two sources or grounds on one rigid shaft), or a source not connected?"
         )
     if balance.deficit:
         text.append(
             f"under-determined: {len(balance.undetermined)} variables in {len(balance.missing_equations)} equations, "
-            f"{balance.deficit} too few. The variables: {some([model.name(v) for v in balance.undetermined])}. "
+            f"{balance.deficit} too few. The variables: {_some([model.name(v) for v in balance.undetermined])}. "
             "Is a flange left unconnected inside a composite, or a variable without an equation?"
         )
     return "the model is not balanced. " + " ".join(text)

@@ -22,13 +22,14 @@ class Combination:
     multipliers: tuple[float, ...]
     variable: int = -1  # the one that is forced to stand still
     constant: float = 0.0  # what is left on the right-hand side
+    last: int = -1  # the row that came out empty: without it the others are independent
 
 
 @dataclass(frozen=True)
 class Loops:
     """What the examination found."""
 
-    redundant: tuple[Combination, ...]  # the last row of each is not needed
+    redundant: tuple[Combination, ...]  # the row ``last`` of each is not needed
     contradictory: tuple[Combination, ...]
 
 
@@ -71,7 +72,7 @@ def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may
         pending.remove(r)
         row = work[r]
         if not row:
-            found = Combination(tuple(sorted(combos[r])), tuple(combos[r][i] for i in sorted(combos[r])), constant=rhs[r])
+            found = Combination(tuple(sorted(combos[r])), tuple(combos[r][i] for i in sorted(combos[r])), constant=rhs[r], last=r)
             vanishes = abs(rhs[r]) <= TOLERANCE * max(1.0, *(abs(constants[i]) for i in combos[r]))
             (redundant if vanishes else contradictory).append(found)
             continue

@@ -32,7 +32,7 @@ CHAIN_TIMES = np.linspace(0.0, 0.5, 101)
 BACKLASH_TIMES = np.linspace(0.0, 0.2, 2001)
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(error_model="numpy")
 def chain_rhs(t: float, x: Any, dx: Any, data: Any, index: Any) -> int:
     """Inertias in a row; x = twists of the N - 1 shafts, then N speeds; data = c, d, d_ground, amplitude, omega, 1 / J."""
     n = index[0]
@@ -47,7 +47,7 @@ def chain_rhs(t: float, x: Any, dx: Any, data: Any, index: Any) -> int:
     return 0
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(error_model="numpy")
 def backlash_rhs(t: float, x: Any, dx: Any, data: Any, index: Any) -> int:
     """Gear pair with backlash; x = deflection, pinion angle, speeds of pinion and wheel; data[0] = flank in contact or 0."""
     dx[0] = 0.05 * x[2] - 0.1 * x[3] - 2e-4 * math.cos(20.0 * x[1]) * x[2]
@@ -60,14 +60,14 @@ def backlash_rhs(t: float, x: Any, dx: Any, data: Any, index: Any) -> int:
     return 0
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(error_model="numpy")
 def backlash_roots(t: float, x: Any, g: Any, data: Any, index: Any) -> int:
     g[0] = x[0] - 50e-6
     g[1] = x[0] + 50e-6
     return 0
 
 
-@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(error_model="numpy")
 def backlash_update(t: float, x: Any, fired: Any, data: Any, index: Any) -> int:
     flank = 1.0 if x[0] >= 50e-6 else -1.0 if x[0] <= -50e-6 else 0.0
     if data[0] == flank:
@@ -81,13 +81,13 @@ def native(function: Any, update: bool = False) -> Any:
     """A compiled function of four arrays, as the C function that integrators call."""
 
     def wrapper(t: float, x: Any, out: Any, data: Any, index: Any) -> int:
-        return function(t, x, out, data, index)  # type: ignore[no-any-return]
+        return function(t, x, out, data, index)
 
     return cfunc(UPDATE if update else RHS, error_model="numpy")(wrapper)
 
 
 def chain(n: int) -> Problem:
-    """M1: ``n`` inertias 0.01 (1 + i/n) joined by spring-dampers, a sine torque on the first, a damper to ground on the last."""
+    """M1: ``n`` inertias 0.01 (1 + i/n) joined by spring-dampers; sine torque on the first, damper to ground on the last."""
     data = np.concatenate(([1e5, 5.0, 1.0, 100.0, 2.0 * math.pi * 50.0], 1.0 / (0.01 * (1.0 + np.arange(1, n + 1) / n))))
     nominal = np.concatenate((np.full(n - 1, 1e-3), np.ones(n)))
     return Problem(native(chain_rhs), np.zeros(2 * n - 1), data, np.array([n]), np.ones(2 * n - 1, dtype=np.bool_), nominal)
@@ -147,8 +147,8 @@ def c_chain(directory: str) -> Callable[[Problem, Floats, float, float], tuple[F
         x, out, work = problem.x0.copy(), np.empty((times.size, size)), np.empty(10 * size)
         atol = rtol * problem.nominal
         steps = loop(
-            ctypes.c_int64(int(problem.index[0])), _address(problem.data), _address(x), _address(times), ctypes.c_int64(times.size),
-            _address(out), _address(atol), ctypes.c_double(rtol), ctypes.c_double(h), _address(table), _address(interpolant),
+            ctypes.c_int64(int(problem.index[0])), _address(problem.data), _address(x), _address(times),
+            ctypes.c_int64(times.size), _address(out), _address(atol), ctypes.c_double(rtol), ctypes.c_double(h), _address(table), _address(interpolant),
             _address(work),
         )  # fmt: skip
         return out, int(steps)
@@ -166,8 +166,8 @@ _C, _A, _E, _R = TSIT5_C, TSIT5_A, np.array(TSIT5_E), np.array(TSIT5_R)
 def _stepper(rhs: Any) -> Any:
     """One step of Tsitouras' method with ``rhs`` inlined; returns the error norm."""
 
-    @njit(error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, _nrt=False)  # type: ignore[untyped-decorator]
-    def step(t, h, x, xn, y, k0, k1, k2, k3, k4, k5, k6, atol, rtol, data, index):  # type: ignore[no-untyped-def]
+    @njit(error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, _nrt=False)
+    def step(t, h, x, xn, y, k0, k1, k2, k3, k4, k5, k6, atol, rtol, data, index):
         n = x.size
         for i in range(n):
             y[i] = x[i] + h * (_A[1][0] * k0[i])
@@ -182,9 +182,7 @@ def _stepper(rhs: Any) -> Any:
             y[i] = x[i] + h * (_A[4][0] * k0[i] + _A[4][1] * k1[i] + _A[4][2] * k2[i] + _A[4][3] * k3[i])
         rhs(t + _C[4] * h, y, k4, data, index)
         for i in range(n):
-            y[i] = x[i] + h * (
-                _A[5][0] * k0[i] + _A[5][1] * k1[i] + _A[5][2] * k2[i] + _A[5][3] * k3[i] + _A[5][4] * k4[i]
-            )
+            y[i] = x[i] + h * (_A[5][0] * k0[i] + _A[5][1] * k1[i] + _A[5][2] * k2[i] + _A[5][3] * k3[i] + _A[5][4] * k4[i])
         rhs(t + h, y, k5, data, index)
         for i in range(n):
             xn[i] = x[i] + h * (
@@ -213,8 +211,8 @@ def chain_floor() -> Any:
     """Loop ``(data, index, times, out, atol, rtol, h)`` for the chain: no events, no stops, no failures."""
     step, dense = _stepper(chain_rhs), njit(error_model="numpy")(_dense)
 
-    @njit(error_model="numpy")  # type: ignore[untyped-decorator]
-    def run(x, data, index, times, out, atol, rtol, h, work):  # type: ignore[no-untyped-def]
+    @njit(error_model="numpy")
+    def run(x, data, index, times, out, atol, rtol, h, work):
         n = x.size
         xn, y, k0, k1, k2, k3, k4, k5, k6, b = work
         t, t_end, i_sample, log_old = times[0], times[-1], 0, math.log(1e-4)
@@ -252,15 +250,15 @@ def backlash_floor() -> Any:
     """Loop for the backlash pair: knows that only ``x[0]`` triggers events, and where the limits are."""
     step, dense = _stepper(backlash_rhs), njit(error_model="numpy")(_dense)
 
-    @njit(error_model="numpy")  # type: ignore[untyped-decorator]
-    def deflection(theta, h, x, k0, k1, k2, k3, k4, k5, k6, b):  # type: ignore[no-untyped-def]
+    @njit(error_model="numpy")
+    def deflection(theta, h, x, k0, k1, k2, k3, k4, k5, k6, b):
         dense(theta, b)
         return x[0] + h * (
             b[0] * k0[0] + b[1] * k1[0] + b[2] * k2[0] + b[3] * k3[0] + b[4] * k4[0] + b[5] * k5[0] + b[6] * k6[0]
         )
 
-    @njit(error_model="numpy")  # type: ignore[untyped-decorator]
-    def run(x, data, index, times, out, atol, rtol, h, work):  # type: ignore[no-untyped-def]
+    @njit(error_model="numpy")
+    def run(x, data, index, times, out, atol, rtol, h, work):
         xn, y, k0, k1, k2, k3, k4, k5, k6, b = work
         t, t_end, i_sample, log_old, held = times[0], times[-1], 0, math.log(1e-4), 1.0
         data[0] = 1.0
@@ -363,9 +361,9 @@ def main() -> None:
             scale = np.abs(reference[:, columns]).max(axis=0)
             for rtol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
                 line = f"{name:10s} rtol {rtol:.0e}"
-                runs: list[tuple[str, Callable[[], tuple[Floats, int]]]] = []
-                for order in (5, 8):
-                    runs.append((f"order {order}", functools.partial(_general, problem, times, rtol, order)))
+                runs: list[tuple[str, Callable[[], tuple[Floats, int]]]] = [
+                    (f"order {order}", functools.partial(_general, problem, times, rtol, order)) for order in (5, 8)
+                ]
                 runs.append(("numba floor", functools.partial(run_floor, floor, problem, times, rtol, h)))
                 if in_c is not None and problem is not pair:
                     runs.append(("C floor", functools.partial(in_c, problem, times, rtol, h)))
