@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.analysis.summary import summary
 from gearlib.codegen.layout import Shared, lay_out
 from gearlib.codegen.native import rhs_source
 from gearlib.codegen.numbers import numbers_of
@@ -25,7 +26,6 @@ from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
 from gearlib.solve.table import Table, values
 from gearlib.structure.analysis import Structure, analyse, discrete_nodes
 from gearlib.structure.incidence import Node
-from gearlib.analysis.summary import summary
 
 Floats = NDArray[np.float64]
 
@@ -219,7 +219,7 @@ class System:
         begin = self._start(scene, parameters, float(grid[0]), start, signals, numbers)
         absolute = None if atol is None else np.broadcast_to(np.asarray(atol, float), (len(scene.states),)).copy()
         if absolute is not None and not (np.isfinite(absolute).all() and (absolute >= 0).all()):
-            raise ArgumentError(f"atol is {atol}; expected numbers that are not negative")
+            raise ArgumentError(f"atol is {atol!r}; expected numbers that are not negative")
         run = Run(scene, numbers, begin, tuple(signals), grid, rtol, absolute)
         if progress:
             print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {method}")
@@ -229,7 +229,9 @@ class System:
 
         def again(states: tuple[Node, ...]) -> Result:
             wider = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted))
-            return self._run(wider, grid, method, rtol, None if np.ndim(atol or 0.0) else atol, parameters, start, signals, progress)
+            return self._run(
+                wider, grid, method, rtol, None if np.ndim(atol or 0.0) else atol, parameters, start, signals, progress
+            )
 
         outputs = self.outputs if self.outputs is not None else self.states
         return Result(
@@ -325,7 +327,9 @@ class System:
                 raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
             if not (isinstance(value, Table) or callable(value)):
                 if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
-                    raise ArgumentError(f"input {name} is {value!r}; expected a finite number, a function of time or a gl.Table")
+                    raise ArgumentError(
+                        f"input {name} is {value!r}; expected a finite number, a function of time or a gl.Table"
+                    )
         return [given.get(name, 0.0) for name in names]
 
     def _start(
@@ -365,7 +369,9 @@ def _grid(t_start: float, t_end: float, samples: int | None, times: ArrayLike | 
         if grid.ndim != 1 or len(grid) < 1 or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
             raise ArgumentError("times must be an increasing sequence of finite numbers")
         if grid[0] < t_start or grid[-1] > t_end:
-            raise ArgumentError(f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {grid[0]:g} .. {grid[-1]:g}")
+            raise ArgumentError(
+                f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {grid[0]:g} .. {grid[-1]:g}"
+            )
         if grid[0] > t_start:
             raise ArgumentError(f"times must begin at t_start ({t_start:g}), got {grid[0]:g}")
         return grid

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from gearlib.codegen.builder import Builder
 from gearlib.codegen.evaluate import Prepared, batch_values
 from gearlib.codegen.kernels import partial_kernel
-from gearlib.flatten.model import FlatModel, Instance
+from gearlib.flatten.model import EquationGroup, FlatModel, Instance
 from gearlib.language.declarations import Flow, Input, Potential
 from gearlib.structure.analysis import Structure
 
@@ -116,7 +116,8 @@ def _rows(
             count[owner] += 1
         if group.template.label == "binding":
             continue
-        variables, signs = group.variables.tolist(), group.signs.tolist()
+        variables = np.where(group.signs == 0, _silent(model, group), group.variables).tolist()
+        signs = np.where((group.signs == 0) & (np.array(variables).reshape(group.signs.shape) < 0), 1, group.signs).tolist()
         for c, (j, order) in enumerate(group.template.local_columns):
             kernel = partial_kernel(group.template, c)
             batch = builder.batch(kernel, g, 0, [(i, i, 1) for i in range(len(group))])
@@ -125,6 +126,17 @@ def _rows(
             for i, owner in enumerate(owners):
                 if owner >= 0 and signs[i][j]:
                     result[owner].append((numbers[i], variables[i][j], order, signs[i][j] * value[i]))
+    return result
+
+
+def _silent(model: FlatModel, group: EquationGroup) -> Any:
+    """Numbers below 0 for forces that are zero because nothing is connected; they are what would hold the connector."""
+    result = np.zeros(group.variables.shape, np.int64)
+    for j, name in enumerate(group.template.locals):
+        for i in np.flatnonzero(group.signs[:, j] == 0).tolist():
+            instance = model.instances[int(group.owners[i])] if group.owners[i] >= 0 else None
+            if instance is not None and isinstance(instance.variables.get(name), Flow):
+                result[i, j] = -1 - instance.first_variable - list(instance.variables).index(name)
     return result
 
 
@@ -141,9 +153,9 @@ def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]
     result = []
     for port, (potentials, flows) in halves.items():
         for p, f, unit in zip(potentials, flows, zip(*units[port], strict=True), strict=True):
-            sign = int(model.sign[p]) * int(model.sign[f])
-            if unit in WORK and sign:
-                result.append((int(model.representative[p]), int(model.representative[f]), float(sign)))
+            if unit in WORK and model.sign[p]:
+                flow, sign = (int(model.representative[f]), int(model.sign[f])) if model.sign[f] else (-1 - f, 1)
+                result.append((int(model.representative[p]), flow, float(sign * int(model.sign[p]))))
     return result
 
 

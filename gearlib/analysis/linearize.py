@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.codegen.builder import build
+from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
@@ -99,7 +99,9 @@ def linearize(
     program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
     prepared = prepare(program, structure, parameters)
     slots, flags = slots_at(scene, parameters, prepared, point)
-    seeds, added, scale = list(range(len(states))), [], []
+    seeds: list[int] = list(range(len(states)))
+    added: list[int] = []
+    scale: list[float] = []
     position: list[tuple[str, int]] = []
     for name in inputs:
         variable = _input(model, name)
@@ -171,7 +173,7 @@ def state_space(model: LinearModel) -> Any:
     import control
 
     def array(m: Any) -> Floats:
-        return m.toarray() if hasattr(m, "toarray") else np.asarray(m)  # type: ignore[no-any-return]
+        return m.toarray() if hasattr(m, "toarray") else np.asarray(m)
 
     system = control.ss(
         array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states), remove_useless_states=False,

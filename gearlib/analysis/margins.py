@@ -114,7 +114,7 @@ def margins(loop: Loop) -> Margins:
     keep = np.isfinite(curve)
     omega, curve = omega[keep], curve[keep]
     size = np.abs(curve)
-    real = bool(np.quantile(np.abs(curve.imag) / np.maximum(size, 1e-300), 0.95) < 1e-9)
+    real = bool(np.median(np.abs(curve.imag) / np.maximum(size, 1e-300)) < 1e-11)
     phase = [] if real else _phase_crossings(loop, omega, curve)
     gain = []
     for w in _roots(omega, np.log(np.maximum(size, 1e-300)), lambda x: float(np.log(abs(loop.response(1j * x))))):

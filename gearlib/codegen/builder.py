@@ -120,7 +120,8 @@ class Builder:
 
     def modes(self, kernel: Kernel, g: int, i: int) -> Integers:
         """Relations and discrete values that a kernel of one row needs."""
-        return self._modes(kernel, g, np.array([i]))[0]
+        modes: Integers = self._modes(kernel, g, np.array([i]))[0]
+        return modes
 
     def _modes(self, kernel: Kernel, g: int, rows: Integers) -> Integers:
         group, template = self.groups[g], kernel.template

@@ -52,7 +52,8 @@ def load(source: str) -> ModuleType:
         _write(path, source)
         _shrink(path.parent)
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # numba finds the functions that it keeps on disk by their module
     try:

@@ -201,12 +201,9 @@ def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relation
         slots[step.unknowns, i] = z
 
 
-def assemble(
-    batches: Sequence[Batch], t: Floats, slots: Floats, parameters: Floats, relations: Floats, size: int
-) -> Floats:
+def assemble(batches: Sequence[Batch], t: Floats, slots: Floats, parameters: Floats, relations: Floats, size: int) -> Floats:
     """Sum batches' values at their targets, shape (size, times)."""
     result = np.zeros((size, slots.shape[1]))
     for batch in batches:
         np.add.at(result, batch.targets, batch_values(batch, t, slots, parameters, relations))
     return result
-

@@ -47,7 +47,11 @@ def pattern_of(program: Program) -> Pattern:
         else:
             inside = set(step.unknowns.tolist())
             outside = {
-                int(b.arguments[i, a]) for b in step.residuals for a in _active(b) for i in range(len(b)) if b.argument_signs[i, a]
+                int(b.arguments[i, a])
+                for b in step.residuals
+                for a in _active(b)
+                for i in range(len(b))
+                if b.argument_signs[i, a]
             }
             union = _union(rows, sorted(outside - inside))
             for u in step.unknowns.tolist():
@@ -78,7 +82,8 @@ def jacobian_body(program: Program, layout: Layout, pattern: Pattern) -> tuple[B
     seeds = body.array([pattern.first[i] for i in range(len(program.states))])
     head = body.array([at, pattern.size])
     body.lines += [
-        f"h, a = {head}, {seeds}", "d = index[h]",
+        f"h, a = {head}, {seeds}",
+        "d = index[h]",
         "for k in range(index[h + 1]):",
         "    data[d + k] = 0.0",
         "for k in range(n):",
@@ -176,7 +181,10 @@ def _implicit(body: Body, step: Newton, pattern: Pattern) -> None:
     first = [int(pattern.first[u]) for u in step.unknowns]
     for batch in step.residuals:
         for a in _active(batch):
-            keep = np.array([i for i in range(len(batch)) if batch.argument_signs[i, a] and int(batch.arguments[i, a]) not in inside], np.int64)
+            keep = np.array(
+                [i for i in range(len(batch)) if batch.argument_signs[i, a] and int(batch.arguments[i, a]) not in inside],
+                np.int64,
+            )
             if not len(keep):
                 continue
             part = _derivative_batch(batch.take(keep), a)

@@ -105,7 +105,12 @@ def solve_kernel(template: Template, column: int) -> Kernel | None:
         return None
     rest = template.residual.xreplace({template.symbols[column]: sympy.S.Zero})
     if partial.number is not None:
-        return _kernel(template, sympy.expand_mul(-rest / sympy.nsimplify(partial.number)) if abs(partial.number) == 1 else -rest / partial.expression)
+        return _kernel(
+            template,
+            sympy.expand_mul(-rest / sympy.nsimplify(partial.number))
+            if abs(partial.number) == 1
+            else -rest / partial.expression,
+        )
     return _kernel(template, -rest / partial.expression)
 
 

@@ -63,7 +63,8 @@ def sensitivity(
             known = np.unique(columns[outside])
             gradient = np.zeros((n, len(known)))
             np.add.at(gradient, (rows[outside], np.searchsorted(known, columns[outside])), values[outside])
-            store.combine(step.unknowns, -np.linalg.solve(matrix, gradient), known)
+            solved = np.asarray(-np.linalg.solve(matrix, gradient), float)
+            store.combine(step.unknowns, solved, known)
         if extra:
             made = step.targets if isinstance(step, Batch) else step.unknowns
             for slot in extra.keys() & set(made.tolist()):
@@ -71,7 +72,9 @@ def sensitivity(
     return store.result()
 
 
-def _entries(batch: Batch, t: Floats, slots: Floats, parameters: Floats, relations: Floats) -> tuple[Integers, Integers, Floats]:
+def _entries(
+    batch: Batch, t: Floats, slots: Floats, parameters: Floats, relations: Floats
+) -> tuple[Integers, Integers, Floats]:
     """(row of the batch, argument slot, derivative), zeros left out."""
     rows, columns, values = [], [], []
     for a, c in enumerate(batch.kernel.columns):
@@ -133,7 +136,9 @@ class _Sparse:
 
     def combine(self, targets: Integers, matrix: Floats, columns: Integers) -> None:
         block = self.sparse.csr_matrix(matrix) @ self.d[columns]
-        place = self.sparse.csr_matrix((np.ones(len(targets)), (targets, np.arange(len(targets)))), shape=(self.shape[0], len(targets)))
+        place = self.sparse.csr_matrix(
+            (np.ones(len(targets)), (targets, np.arange(len(targets)))), shape=(self.shape[0], len(targets))
+        )
         self.d = (self.d + place @ block).tocsr()
 
     def add(self, slot: int, seed: int) -> None:

@@ -94,7 +94,9 @@ def written_out(program: Program, layout: Layout, slot_names: dict[int, str], pa
 def looped(program: Program, layout: Layout) -> Body:
     """One loop for each kernel and level; the source depends on the kinds of equations only."""
     body = Body()
-    sizes = body.array([layout.slots, layout.relations, layout.inputs, len(program.states), len(program.inputs), layout.scratch])
+    sizes = body.array(
+        [layout.slots, layout.relations, layout.inputs, len(program.states), len(program.inputs), layout.scratch]
+    )
     body.lines += [
         f"o = {sizes}",
         "v, r, u, n, m, w = index[o], index[o + 1], index[o + 2], index[o + 3], index[o + 4], index[o + 5]",
@@ -255,7 +257,10 @@ def function(name: str, signature: str, arguments: Sequence[str], body: Body, pa
 
     ``part`` is the entry of ``index`` that says where this function's integers begin.
     """
-    lines = [f'@cfunc({signature}, cache=True, error_model="numpy")', f"def {name}(t, {', '.join(f'{a}_' for a in arguments)}):"]
+    lines = [
+        f'@cfunc({signature}, cache=True, error_model="numpy")',
+        f"def {name}(t, {', '.join(f'{a}_' for a in arguments)}):",
+    ]
     lines += [f"    {a} = carray({a}_, (1,))" for a in arguments]
     lines += [f"    b = index[{part}]"] if body.index else []
     lines += [f"    {line}" for line in body.lines]

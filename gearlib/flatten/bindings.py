@@ -31,7 +31,9 @@ class BoundInput:
 def number(value: Any, path: str, unit: str, description: str) -> float:
     """The value as a finite float, or an error that names the parameter."""
     expected = f"expected a number in {unit} ({description})" if description else f"expected a number in {unit}"
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number, sympy.Number, sympy.NumberSymbol, sympy.Expr)):
+    if isinstance(value, (bool, np.bool_)) or not isinstance(
+        value, (int, float, np.number, sympy.Number, sympy.NumberSymbol, sympy.Expr)
+    ):
         raise BindingError(f"{path} is {value!r} ({type(value).__name__}); {expected}")
     try:
         result = float(value)

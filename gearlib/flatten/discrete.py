@@ -59,7 +59,9 @@ def split_equations(
         elif isinstance(given, Eq) and getattr(given.left, "name", "") in known:
             values.append((given.left.name, sympy.Piecewise((value_of(given.right), due), (pre(given.left), True)), False))
         else:
-            raise DeclarationError(f"{name}: {given!r} in When: expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)")
+            raise DeclarationError(
+                f"{name}: {given!r} in When: expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)"
+            )
 
     for equation in equations:
         if isinstance(equation, When):

@@ -67,7 +67,9 @@ def flatten(component: Component) -> FlatModel:
     equalities += [(s.variables[0], s.variables[1], -s.signs[0] * s.signs[1]) for s in sums if len(s.variables) == 2]
     equalities += zeros
     potential, flow, own_rank, preference, nominal = _attributes(tree, n_variables)
-    left, right, sign = (np.array(x, np.int64) for x in zip(*equalities, strict=True)) if equalities else (np.empty(0, np.int64),) * 3
+    left, right, sign = (
+        (np.array(x, np.int64) for x in zip(*equalities, strict=True)) if equalities else (np.empty(0, np.int64),) * 3
+    )
     aliases = unite(n_variables, left, right, sign, own_rank)
     rep = aliases.representative
     merged_preference = np.full(n_variables, 2)
@@ -83,7 +85,11 @@ def flatten(component: Component) -> FlatModel:
     has_flow[rep[flow]] = True
     groups = tuple(_group(r, aliases, tree) for r in raw)
     counts = Counts(
-        len(tree.instances), n_variables, sum(len(g) for g in groups) + len(equalities), n_sets, len(equalities) - aliases.redundant
+        len(tree.instances),
+        n_variables,
+        sum(len(g) for g in groups) + len(equalities),
+        n_sets,
+        len(equalities) - aliases.redundant,
     )
     starts = tree.starts
     return FlatModel(
@@ -180,8 +186,7 @@ def _equations(tree: Tree) -> tuple[Raw, list[tuple[int, int, int]]]:
             raw.append((template, variables, np.ones_like(variables), parameters, who))
         else:
             i, j, sign = template.alias
-            for row in variables.tolist():
-                equalities.append((row[i], row[j] if j >= 0 else -1, sign))
+            equalities += [(row[i], row[j] if j >= 0 else -1, sign) for row in variables.tolist()]
     return raw, equalities
 
 

@@ -73,7 +73,9 @@ def class_record(component: Component) -> ClassRecord:
         if key in known:
             return known[key]
     except TypeError:
-        raise DeclarationError(f"{type(component).__name__}: values of structural choices must be hashable, got {key}") from None
+        raise DeclarationError(
+            f"{type(component).__name__}: values of structural choices must be hashable, got {key}"
+        ) from None
     declared = declared_by(component)
     name = type(component).__name__
     lookup = _Lookup(component, declared)
@@ -111,7 +113,7 @@ class _Lookup:
     declared: Declared
 
     def find(self, name: str) -> str | None:
-        """ "variable", "parameter" or None."""
+        """What the name is: "variable", "parameter" or None."""
         if name in self.declared.variables:
             return "variable"
         if name in self.declared.parameters:
@@ -213,7 +215,7 @@ def _add_links(tree: Tree, component: Component, number_: int) -> None:
             inside = where == number_
             ancestor = port.component
             while where is not None and ancestor is not component and ancestor is not None:
-                ancestor = ancestor._parent  # type: ignore[assignment]
+                ancestor = ancestor._parent
             if where is None or ancestor is None:
                 path = tree.instances[number_].path or type(component).__name__
                 raise ConnectionError(
@@ -249,7 +251,9 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
             if bound is NO_VALUE or bound is None:
                 tree.inputs.append(own)
             else:
-                _bind_input(tree, component, parent if name in bindings else component, own, prefix + name, bound, variable.unit)
+                _bind_input(
+                    tree, component, parent if name in bindings else component, own, prefix + name, bound, variable.unit
+                )
         if variable.start is not None and name not in component._start:
             _set_start(tree, prefix, name, own_variable(instance, record, name), variable.start, None, True, variable.unit)
         elif variable.guess and name not in component._start and name not in component._guess:
@@ -316,9 +320,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
     targets.append(slot)
 
 
-def _bind_input(
-    tree: Tree, component: Component, scope: Component | None, own: int, path: str, value: Any, unit: str
-) -> None:
+def _bind_input(tree: Tree, component: Component, scope: Component | None, own: int, path: str, value: Any, unit: str) -> None:
     if callable(value):
         raise BindingError(
             f"{path} is bound to the function {value!r}; bind an expression of gl.time, or leave the input unbound and give the "
@@ -379,5 +381,7 @@ def _parameter(tree: Tree, scope: Component, name: str, path: str = "") -> int:
     if kind != "parameter":
         where = path or scope._path() or type(scope).__name__
         what = "a variable" if kind == "variable" else "unknown"
-        raise BindingError(f"{where}: depends on '{name}', which is {what}; only parameters of the enclosing component can be used")
+        raise BindingError(
+            f"{where}: depends on '{name}', which is {what}; only parameters of the enclosing component can be used"
+        )
     return found

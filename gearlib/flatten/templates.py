@@ -138,7 +138,14 @@ class Template:
     @cached_property
     def alias(self) -> tuple[int, int, int] | None:
         """(i, j, s) where the equation says local i = s * local j; (i, -1, 0) where it says local i = 0."""
-        if self.parameters or self.held or self.relations or self.on_time or any(order for _, order in self.columns) or len(self.columns) not in (1, 2):
+        if (
+            self.parameters
+            or self.held
+            or self.relations
+            or self.on_time
+            or any(order for _, order in self.columns)
+            or len(self.columns) not in (1, 2)
+        ):
             return None
         if not self.linear or self.rest != 0:
             return None
@@ -217,7 +224,9 @@ def template_of(
     return template_of_value(residual, label, is_parameter, is_held)
 
 
-def template_of_value(residual: Any, label: str, is_parameter: Callable[[str], bool], is_held: Callable[[str], bool]) -> Template:
+def template_of_value(
+    residual: Any, label: str, is_parameter: Callable[[str], bool], is_held: Callable[[str], bool]
+) -> Template:
     """As `template_of`, of an expression."""
     residual = checked(residual, f"{label}: the residual")
     gone = {s: 0 for s in residual.free_symbols if is_parameter(parse_column(s.name)[0]) and parse_column(s.name)[1]}
@@ -238,7 +247,9 @@ def checked(expression: Any, label: str) -> Any:
             raise DeclarationError(f"{label} holds {node}, which is no function of gearlib{hint}")
     for node in expression.atoms(sympy.Piecewise):
         if node.args[-1][1] != sympy.true:
-            raise DeclarationError(f"{label} holds {node}, which has no value where no condition is true; end it with (value, True)")
+            raise DeclarationError(
+                f"{label} holds {node}, which has no value where no condition is true; end it with (value, True)"
+            )
     foreign = {s: sympy.Symbol(s.name, real=True) for s in expression.free_symbols if not s.is_real}
     return expression.xreplace(foreign) if foreign else expression
 
@@ -250,7 +261,9 @@ def lift_relations(expression: Any, is_held: Callable[[str], bool] = never) -> t
     """
     if not expression.has(Relational, sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Piecewise):
         return expression, ()
-    protected = {a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if a.func.__name__ == "no_event"}
+    protected = {
+        a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if a.func.__name__ == "no_event"
+    }
     expression = expression.xreplace(protected)
     zero = sympy.S.Zero
     expression = expression.replace(sympy.sign, lambda x: sympy.Piecewise((1, x > zero), (-1, x < zero), (0, True)))

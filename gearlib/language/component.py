@@ -137,7 +137,9 @@ class Component:
                     f"{cls.__name__}.{name}: parts are made in assemble(), one for each instance: self.{name} = {type(value).__name__}(...)"
                 )
             if isinstance(value, type) and issubclass(value, Declaration):
-                raise DeclarationError(f"{cls.__name__}.{name} is the class {value.__name__}; make a declaration: {value.__name__}(...)")
+                raise DeclarationError(
+                    f"{cls.__name__}.{name} is the class {value.__name__}; make a declaration: {value.__name__}(...)"
+                )
         cls._declarations = {**inherited, **own}
         cls._bindable = {n: d for n, d in cls._declarations.items() if isinstance(d, (Parameter, Input, Structural))}
         for name, declared in cls._declarations.items():
@@ -150,7 +152,9 @@ class Component:
     ) -> None:
         kind = type(self).__name__
         if positional:
-            raise BindingError(f"{kind}({positional[0]!r}): give values by name, such as {kind}({next(iter(self._bindable), 'start')}=...)")
+            raise BindingError(
+                f"{kind}({positional[0]!r}): give values by name, such as {kind}({next(iter(self._bindable), 'start')}=...)"
+            )
         for what, given in (("start", start), ("guess", guess)):
             if given is not None and not isinstance(given, Mapping):
                 raise BindingError(f"{kind}: {what} is {given!r}; expected start values by name, such as {what}={{'w': 100.0}}")
@@ -165,9 +169,7 @@ class Component:
         for name in bindings:
             if name not in self._bindable:
                 what = "start value" if name in self._declarations else "parameter, input or structural choice"
-                advice = (
-                    f"give it as start={{'{name}': ...}}" if name in self._declarations else nearest(name, self._bindable)
-                )
+                advice = f"give it as start={{'{name}': ...}}" if name in self._declarations else nearest(name, self._bindable)
                 raise BindingError(f"{type(self).__name__}: '{name}' is no {what} that can be given by keyword; {advice}")
         for name, declared in self._bindable.items():
             if isinstance(declared, Structural):
@@ -205,7 +207,9 @@ class Component:
         if isinstance(value, Component):
             self._adopt(name, value)
         elif isinstance(value, type) and issubclass(value, Component):
-            raise ModelError(f"{type(self).__name__}.{name} is the class {value.__name__}; make an instance: {value.__name__}(...)")
+            raise ModelError(
+                f"{type(self).__name__}.{name} is the class {value.__name__}; make an instance: {value.__name__}(...)"
+            )
         elif isinstance(value, (list, tuple)) and any(isinstance(v, Component) for v in value):
             for i, part in enumerate(value):
                 if not isinstance(part, Component):

@@ -86,9 +86,13 @@ class Variable(Declaration):
 
     def __post_init__(self) -> None:
         if self.state not in get_args(StatePreference):
-            raise DeclarationError(f"Variable(state={self.state!r}): valid choices: {', '.join(map(repr, get_args(StatePreference)))}")
+            raise DeclarationError(
+                f"Variable(state={self.state!r}): valid choices: {', '.join(map(repr, get_args(StatePreference)))}"
+            )
         if not (isinstance(self.nominal, (int, float)) and 0.0 < self.nominal < float("inf")):
-            raise DeclarationError(f"Variable(nominal={self.nominal!r}): expected a positive number, the typical size of the variable")
+            raise DeclarationError(
+                f"Variable(nominal={self.nominal!r}): expected a positive number, the typical size of the variable"
+            )
 
 
 @dataclass(frozen=True, eq=False)

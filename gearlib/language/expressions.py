@@ -134,14 +134,16 @@ def der(expression: Any) -> Any:
     >>> der(phi)
     der(phi)
     >>> der(phi**2)
-    2*phi*der(phi)
+    2*der(phi)*phi
     """
     try:
         if isinstance(expression, str):
             raise TypeError
         return total_derivative(sympy.sympify(expression), frozenset())
     except (TypeError, AttributeError, sympy.SympifyError):
-        raise DeclarationError(f"der({expression!r}): expected a variable, such as self.w, or an expression of variables") from None
+        raise DeclarationError(
+            f"der({expression!r}): expected a variable, such as self.w, or an expression of variables"
+        ) from None
 
 
 def total_derivative(expression: Any, constants: frozenset[str]) -> Any:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import evaluate, prepare
 from gearlib.codegen.numbers import start_guess
-from gearlib.codegen.builder import build
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import StartError
 from gearlib.flatten.model import FlatModel
@@ -55,9 +55,7 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
     return fixed
 
 
-def start_values(
-    scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float]
-) -> Start:
+def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float]) -> Start:
     """Find the start of a run.
 
     Parameters
@@ -89,9 +87,7 @@ def start_values(
     moved: set[int] = set()
     if others:
         moved = _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free)
-    names = tuple(
-        node_name(model, everything[i]) for i in free if i not in moved and everything[i] in scene.states
-    )
+    names = tuple(node_name(model, everything[i]) for i in free if i not in moved and everything[i] in scene.states)
     return Start(np.array([x[place[s]] for s in scene.states]), guess, names)
 
 

@@ -99,7 +99,7 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
         slots, flags = np.zeros(program.n_slots), np.zeros(scene.n_modes)
         d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), plan.added)[program.output_slots]
     B = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
-    columns = [B[:, : m], B[:, [m + k for k in moving]]]
+    columns = [B[:, :m], B[:, [m + k for k in moving]]]
     if constant:
         columns.append((B[:, [m + k for k in constant]] @ values)[:, None])
     return Linear(d[:, :n], np.hstack(columns), inputs)

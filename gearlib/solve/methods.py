@@ -38,6 +38,7 @@ class Run:
     times: Floats
     rtol: float
     atol: Floats | None
+    modes: Floats | None = None  # relations and discrete variables to begin with, where a run goes on
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
     else:
         from gearlib.solve import rungekutta
 
-        order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 3e-7 else 5)
+        order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
         solution = rungekutta.integrate(
             problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over
         )
@@ -156,7 +157,11 @@ def _continue(run: Run, first: Solution, why: str) -> Outcome:
     done = min(done, len(first.t))
     later = np.concatenate([[first.t_last], run.times[done:]])
     start = replace(run.start, states=first.x_last)
-    rest = _native(replace(run, start=start, times=later), "ida", why)
+    held = None
+    if "data" in first.stats:  # friction does not forget its mode
+        shared = run.scene.native.shared
+        held = first.stats["data"][shared.relations : shared.relations + shared.n_relations]
+    rest = _native(replace(run, start=start, times=later, modes=held), "ida", why)
     states = np.vstack([first.x[:done], rest.states[1:]])
     modes = np.vstack([first.modes[:done], rest.relations[1:]])
     stats = dict(rest.stats)
@@ -170,7 +175,12 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
     if not np.isfinite(solution.x).all():
         bad = int(np.argmax(~np.isfinite(solution.x).all(axis=1)))
         raise SolverError(f"the solution is not finite at t = {solution.t[bad]:g} s")
-    stats = {"method": method, "why": why, "states": len(run.scene.states), **solution.stats}
+    stats = {
+        "method": method,
+        "why": why,
+        "states": len(run.scene.states),
+        **{k: v for k, v in solution.stats.items() if k != "data"},
+    }
     stats["method"] = method if method == "ida" else f"rk{solution.stats.get('order', '')}"
     return Outcome(solution.x, solution.modes, _events(run, solution), stats)
 
@@ -220,14 +230,15 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
     extra = len(program.inputs) - len(at_start)
     inputs = np.concatenate([at_start[:, 0], np.zeros(extra)])
     flags = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])
-    data = scene.data(native, run.numbers, inputs, flags[:, 0], scene.guess(program, run.start.guess))
+    modes = flags[:, 0] if run.modes is None else run.modes
+    data = scene.data(native, run.numbers, inputs, modes, scene.guess(program, run.start.guess))
     keep = _Keep()
 
     def wrap(function: Any, third: Any) -> Native | None:
         if function is None:
             return None
         moving = [(k, s) for k, s in enumerate(run.signals) if callable(s)]
-        return _feed(function, native.shared, moving, keep, third) if moving else function  # type: ignore[no-any-return]
+        return _feed(function, native.shared, moving, keep, third) if moving else function
 
     double = ctypes.POINTER(ctypes.c_double)
     fired = ctypes.POINTER(ctypes.c_int32)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import evaluate, prepare
 from gearlib.codegen.modes import relations_of
 from gearlib.codegen.program import Program
-from gearlib.codegen.builder import build
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.flatten.templates import parse_column
 from gearlib.solve.scene import Scene, needed_states, settle_once

@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import Prepared, batch_values, evaluate, prepare
 from gearlib.codegen.events import relation_of
 from gearlib.codegen.layout import fill
-from gearlib.codegen.native import NativeScene, compile_scene
-from gearlib.codegen.builder import build
 from gearlib.codegen.modes import Relations, relations_of
+from gearlib.codegen.native import NativeScene, compile_scene
 from gearlib.codegen.program import Batch, Program
 from gearlib.flatten.model import FlatModel
 from gearlib.structure.analysis import Structure
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 def node_name(model: FlatModel, node: Node) -> str:
-    """ "load.w", or "der(load.w)" for its derivative."""
+    """The path of a variable, or "der(path)" of its derivative."""
     return "der(" * node[1] + model.name(node[0]) + ")" * node[1]
 
 
@@ -134,6 +134,7 @@ class Scene:
         assert self.relations is not None
         assert numbers.relations is not None
         return settle_once(self.relations, numbers.relations, t, states, inputs, modes)
+
     def data(self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Floats | None) -> Floats:
         """The data block of a run."""
         shared = native.shared
@@ -158,9 +159,7 @@ class Scene:
         return result
 
 
-def settle_once(
-    relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats
-) -> Floats:
+def settle_once(relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats) -> Floats:
     """One pass of the event iteration, in the order of the native one: discrete variables, unknowns, relations."""
     new = modes.copy()
     slots = np.zeros((prepared.program.n_slots, len(t)))

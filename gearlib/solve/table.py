@@ -35,7 +35,9 @@ class Table:
         except (TypeError, ValueError):
             raise ArgumentError(f"Table(t, y): expected two sequences of numbers, got {t!r} and {y!r}") from None
         if self.t.ndim != 1 or self.t.shape != self.y.shape or len(self.t) < 1:
-            raise ArgumentError(f"Table(t, y): expected two sequences of one length, got shapes {self.t.shape} and {self.y.shape}")
+            raise ArgumentError(
+                f"Table(t, y): expected two sequences of one length, got shapes {self.t.shape} and {self.y.shape}"
+            )
         if not (np.isfinite(self.t).all() and np.isfinite(self.y).all()):
             raise ArgumentError("Table(t, y): all times and values must be finite")
         if (np.diff(self.t) < 0).any():

@@ -110,8 +110,7 @@ def _augment(start: int, rows: Sequence[Sequence[Any]], owner: dict[Any, int], s
             seen.add(c)
             path.append((r, c))
             if c not in owner:
-                for row, column in path:
-                    owner[column] = row
+                owner.update({column: row for row, column in path})
                 return True
             stack.append((owner[c], iter(rows[owner[c]])))
             break

@@ -72,7 +72,9 @@ def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may
         pending.remove(r)
         row = work[r]
         if not row:
-            found = Combination(tuple(sorted(combos[r])), tuple(combos[r][i] for i in sorted(combos[r])), constant=rhs[r], last=r)
+            found = Combination(
+                tuple(sorted(combos[r])), tuple(combos[r][i] for i in sorted(combos[r])), constant=rhs[r], last=r
+            )
             vanishes = abs(rhs[r]) <= TOLERANCE * max(1.0, *(abs(constants[i]) for i in combos[r]))
             (redundant if vanishes else contradictory).append(found)
             continue
@@ -110,11 +112,11 @@ def _core(rows: Sequence[Mapping[int, float]]) -> list[int]:
     stack = [v for v, d in degree.items() if d == 1]
     while stack:
         v = stack.pop()
-        r = next((r for r in holders[v] if r not in gone), None)
-        if r is None or degree[v] != 1:
+        alone = next((r for r in holders[v] if r not in gone), None)
+        if alone is None or degree[v] != 1:
             continue
-        gone.add(r)
-        for u, c in rows[r].items():
+        gone.add(alone)
+        for u, c in rows[alone].items():
             if c != 0.0:
                 degree[u] -= 1
                 if degree[u] == 1:

@@ -39,9 +39,7 @@ class Dependence:
         return [n for n in self.columns(e, k) if n != node and n[0] not in self.given]
 
 
-def reach(
-    dependence: Dependence, targets: Iterable[Node], dynamic: bool, events: bool = False
-) -> tuple[list[Node], set[Node]]:
+def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool, events: bool = False) -> tuple[list[Node], set[Node]]:
     """Unknowns and states that the targets depend on.
 
     With ``dynamic``, also what the states' derivatives depend on; with ``events``, also what decides on the modes of equations.

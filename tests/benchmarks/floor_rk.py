@@ -148,8 +148,8 @@ def c_chain(directory: str) -> Callable[[Problem, Floats, float, float], tuple[F
         atol = rtol * problem.nominal
         steps = loop(
             ctypes.c_int64(int(problem.index[0])), _address(problem.data), _address(x), _address(times),
-            ctypes.c_int64(times.size), _address(out), _address(atol), ctypes.c_double(rtol), ctypes.c_double(h), _address(table), _address(interpolant),
-            _address(work),
+            ctypes.c_int64(times.size), _address(out), _address(atol), ctypes.c_double(rtol), ctypes.c_double(h),
+            _address(table), _address(interpolant), _address(work),
         )  # fmt: skip
         return out, int(steps)
 

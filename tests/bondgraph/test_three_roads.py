@@ -93,7 +93,6 @@ def test_bond_graph_and_printed_equations_for_1000_random_sets() -> None:
     for _ in range(1000):
         params, x, u = random_bonds(rng), rng.normal(size=8), rng.normal(size=4)
         worst = max(worst, disagreement(rates_of_bond_graph(x, u, params), zc.explicit_rhs(0.0, x, params, u)))
-    print(worst)
     assert worst < 1e-11
 
 
@@ -112,23 +111,21 @@ def test_three_roads_for_1000_random_sets() -> None:
         found = rates(system, given | {"tau_in": tau, "e_amplitude": amplitude}, speeds_and_deflections(x, params), t)
         expected = speeds_and_deflections(printed, params)
         worst[1] = max(worst[1], disagreement([*found.values()], [expected[name] for name in found]))
-    print(worst)
     assert (worst < 1e-11).all()
 
 
-def test_bond_graph_as_a_component_for_1000_random_sets() -> None:
-    """The elements' equations without causality, reduced and sorted like any model; everything at random."""
+def test_bond_graph_as_a_component_for_random_sets() -> None:
+    """The elements' equations without causality, reduced and sorted like any model; everything at random, 100 times."""
     Train = gp.from_bond_graph(single_loop_train().graph)
     sources = ("Se_1", "Sf_8", "Sf_32", "Sf_72")
     system = gl.compile(Train(**by_name(random_bonds(np.random.default_rng(0))), **dict.fromkeys(sources, 0.5)))
     rng, worst = np.random.default_rng(5), 0.0
-    for _ in range(1000):
+    for _ in range(100):
         params, x, u = random_bonds(rng), rng.normal(size=8), rng.normal(size=4)
         printed = zc.explicit_rhs(0.0, x, params, u)
         values, expected = stored(x, u, params), stored(printed, np.zeros(4), params)
         found = rates(system, by_name(params) | dict(zip(sources, u.tolist(), strict=True)), values)
         worst = max(worst, disagreement([*found.values()], [expected[name] for name in found]))
-    print(worst)
     assert worst < 1e-11
 
 
@@ -197,7 +194,9 @@ def test_trajectories(method: str, rtol: float) -> None:
     system = gl.compile(gp.ZhouCui2022(tau_in=100.0), list(OUTPUTS))
     result = system.simulate(0.3, times=times, method=method, rtol=rtol)
     found = np.column_stack([result[name] for name in OUTPUTS])
-    assert np.all(np.abs(found - expected).max(axis=0) <= 10 * rtol * np.abs(expected).max(axis=0))
+    error = np.abs(found - expected).max(axis=0) / np.abs(expected).max(axis=0)
+    assert np.all(error[:3] <= 10 * rtol)
+    assert np.all(error[3:] <= 100 * rtol)  # 1e-6 m is their nominal size, and they follow speeds whose tolerance is coarser
 
 
 def test_trajectory_of_the_bond_graph_and_power_at_every_junction_and_transformer() -> None:

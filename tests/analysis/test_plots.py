@@ -1,0 +1,73 @@
+"""Plots carry names, units and margins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import control
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import gearlib as gl
+
+
+@pytest.fixture(autouse=True)
+def closed() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+def texts(ax: Any) -> str:
+    legend = ax.get_legend() or (ax.figure.legends or [None])[0]
+    entries = [t.get_text() for t in legend.get_texts()] if legend else []
+    return " | ".join([ax.get_title(), ax.get_xlabel(), ax.get_ylabel(), *entries])
+
+
+LOOP = control.tf([3.0], [1, 2, 1, 0])  # gain margin 2/3
+
+
+def test_nyquist() -> None:
+    whole, near = gl.nyquist_plot(LOOP)
+    assert "gain margin -3.52 dB" in texts(near)
+    assert "real part of L" in texts(whole)
+    marks = [line for line in near.lines if line.get_marker() == "s"]
+    assert marks[0].get_xdata() == pytest.approx([-1.5])
+    low, high = near.get_xlim()
+    assert low < -1.5 < high
+
+
+def test_nichols() -> None:
+    ax = gl.nichols_plot(LOOP)
+    assert "phase of L, deg" in texts(ax)
+    assert "phase margin -11.01°" in texts(ax)
+    square = next(line for line in ax.lines if line.get_marker() == "s")
+    assert (square.get_xdata()[0], square.get_ydata()[0]) == pytest.approx((-180, 20 * np.log10(1.5)))
+    cross = next(line for line in ax.lines if line.get_marker() == "+")
+    assert -180 in cross.get_xdata()
+
+
+def test_bode(paper: gl.System) -> None:
+    gain, phase = gl.bode_plot(paper, ("tau_in", "w_out"))
+    assert "gain margin 44.73 dB at 934.3 Hz" in texts(gain)
+    assert "phase margin infinite" in texts(phase)
+    assert "frequency, Hz" in texts(phase)
+    assert "tau_in → w_out" in texts(gain)
+
+
+def test_root_locus_ends_on_the_axis_at_the_gain_margin() -> None:
+    ax = gl.root_locus_plot(LOOP, gains=np.linspace(0, 2 / 3, 200))
+    ends = [complex(line.get_xdata()[-1], line.get_ydata()[-1]) for line in ax.lines if len(line.get_xdata()) == 200]
+    assert min(abs(z - 1j) for z in ends) < 1e-6
+    assert "on the imaginary axis at gain 0.6667 (-3.52 dB)" in texts(ax)
+
+
+def test_own_axes_are_used(chain: Callable[..., gl.System]) -> None:
+    _, ax = plt.subplots()
+    assert gl.nichols_plot(LOOP, axes=ax) is ax
+    system = chain(n=3, grounded=True)
+    assert "1/min" in texts(gl.campbell(system, [0, 10.0], {"mesh": 20}).plot())
+    top, _ = gl.frequency_response(system, [1.0, 2.0], ["torque.tau"], ["body[0].w", "body[2].w"]).plot()
+    assert "rad/s per N.m" in texts(top)
+    assert "body[2].w" in texts(top)

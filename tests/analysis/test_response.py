@@ -1,0 +1,156 @@
+"""Frequency responses against long simulations and closed forms; Campbell diagrams; order analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+
+
+def amplitude(time: Any, signal: Any, w: float) -> complex:
+    """Complex amplitude of exp(i w t) in a signal, by least squares with a constant."""
+    columns = np.column_stack([np.cos(w * time), np.sin(w * time), np.ones_like(time)])
+    a, b, _ = np.linalg.lstsq(columns, signal, rcond=None)[0]
+    return complex(a, -b)
+
+
+@pytest.mark.parametrize("w", [40.0, 3500.0, 5900.0])
+def test_response_to_torque_is_the_ratio_of_amplitudes_in_a_long_run(paper: gl.System, w: float) -> None:
+    outputs = ["w_out", "q_ring", "q_pair", "train.x_unit.sun_mesh.f"]
+    response = gl.frequency_response(paper, [w], ["tau_in"], outputs)
+    end = 1.2  # the slowest motion has died to exp(-32)
+    times = np.concatenate([[0.0], np.linspace(end - 20 * 2 * np.pi / w if w > 200 else end - 0.15, end, 801)])
+    run = paper.simulate(
+        end, times=times, rtol=1e-10, inputs={"tau_in": lambda t: np.cos(w * t)}, parameters={"e_amplitude": 0.0}
+    )
+    for name in outputs:
+        measured = amplitude(times[1:], run[name][1:], w)
+        assert measured == pytest.approx(complex(response[name][0]), rel=1e-4)
+
+
+def test_response_to_transmission_error_is_that_of_a_run(paper: gl.System) -> None:
+    """e = E sin(w t), so its rate is E w cos(w t): the amplitude of e is -i E."""
+    w, E = 5000.0, 1e-6
+    response = gl.transmission_error_response(paper, [w], ["q_ring", "q_sun", "w_out"])
+    assert response.per == "m"
+    times = np.concatenate([[0.0], np.linspace(1.18, 1.2, 801)])
+    run = paper.simulate(
+        1.2, times=times, rtol=1e-10, inputs={"tau_in": 0.0}, parameters={"e_amplitude": E * w, "e_omega": w, "e_phase": 0.0}
+    )
+    for name in response.outputs:
+        assert amplitude(times[1:], run[name][1:], w) / (-1j * E) == pytest.approx(complex(response[name][0]), rel=1e-4)
+
+
+def test_phases_of_meshes_are_taken() -> None:
+    """One gear between two equal meshes with opposite errors does not turn; with equal ones it does."""
+
+    class Idler(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.gear, self.ground = gp.Inertia(J=1e-3), gp.Fixed()
+            self.left = gp.ExternalMesh(r_a=0.05, r_b=0.05, c=1e6, d=50.0)
+            self.right = gp.ExternalMesh(r_a=0.05, r_b=0.05, c=1e6, d=50.0)
+            return [
+                gl.connect(self.gear.flange_b, self.left.flange_a, self.right.flange_a),
+                gl.connect(self.left.flange_b, self.right.flange_b, self.ground.flange),
+            ]
+
+    system = gl.compile(Idler())
+    w = np.array([100.0, 2000.0])
+    both = gl.transmission_error_response(system, w, ["gear.w"])["gear.w"]
+    against = gl.transmission_error_response(system, w, ["gear.w"], meshes={"left.e_rate": 1.0, "right.e_rate": np.exp(1j * np.pi)})
+    assert np.abs(against["gear.w"]).max() < 1e-12 * np.abs(both).max()
+    stiffness = 1e6 + 50j * w
+    expected = 1j * w * -2 * 0.05 * stiffness / (2 * 0.05**2 * stiffness - 1e-3 * w**2)
+    assert both == pytest.approx(expected, rel=1e-10)
+
+
+def test_large_model_uses_sparse_matrices(chain: Callable[..., gl.System]) -> None:
+    """Response of the first of 600 bodies against a recursion along the chain."""
+    n, J, c, d, w = 600, 1.0, 1e4, 2.0, 37.0
+    response = gl.frequency_response(chain(n=n), [w], ["torque.tau"], ["body[0].w"], parameters={"J": J, "c": c, "d": d})
+    stiffness = -J * (1 + 0.3 * (n - 1)) * w**2 + 0j
+    for i in range(n - 2, -1, -1):
+        shaft = c * (1 + 0.2 * i) + 1j * w * d
+        stiffness = -J * (1 + 0.3 * i) * w**2 + shaft * stiffness / (shaft + stiffness)
+    assert response["body[0].w"][0] == pytest.approx(1j * w / stiffness, rel=1e-8)
+
+
+def test_response_says_what_is_wrong(paper: gl.System, chain: Callable[..., gl.System]) -> None:
+    with pytest.raises(gl.GearlibError, match="has a pole at 0 rad/s"):
+        gl.frequency_response(chain(n=2), [0.0], ["torque.tau"], ["body[1].w"])
+    with pytest.raises(gl.GearlibError, match="finite numbers that are not negative"):
+        gl.frequency_response(paper, [-1.0])
+    with pytest.raises(gl.GearlibError, match="has no 'w'; did you mean 'w_in'"):
+        gl.frequency_response(paper, [1.0], ["tau_in"], ["w_in"])["w"]
+    with pytest.raises(gl.GearlibError, match=r"w_in is in rad/s; a transmission error is in m"):
+        gl.transmission_error_response(paper, [1.0], meshes=["w_in"])
+    frame = gl.frequency_response(paper, [1.0, 2.0], ["tau_in"], ["w_in"]).to_dataframe()
+    assert list(frame.columns) == [("w_in", "tau_in", "magnitude"), ("w_in", "tau_in", "phase, deg")]
+
+
+def test_campbell_of_constant_frequencies_is_exact(paper: gl.System) -> None:
+    diagram = gl.campbell(paper, np.linspace(0, 150, 7), {"mesh": 81.0, "teeth 19": 19.0})
+    f = gl.modes(paper).frequencies
+    expected = [(2 * np.pi * f[k] / 81, k) for k in range(3)]
+    assert [(c.speed, c.mode) for c in diagram.crossings] == [(pytest.approx(w, rel=1e-12), k) for w, k in expected]
+    assert "mesh" in str(diagram)
+    assert diagram.to_dataframe()["speed, 1/min"][0] == pytest.approx(expected[0][0] * 30 / np.pi)
+    assert "no order meets" in str(gl.campbell(paper, [0, 1.0], [1.0]))
+
+
+def test_campbell_follows_modes_that_depend_on_speed(chain: Callable[..., gl.System]) -> None:
+    """A shaft that hardens with speed, c = 100 (1 + w^2 / 100): omega = w_0 sqrt(1 + w^2 / 100) meets order 3 in closed form."""
+    system = chain(n=2)
+    w_0 = gl.modes(system, parameters={"J": 1.0, "c": 100.0}).omega[1]
+    diagram = gl.campbell(system, np.linspace(0, 20, 9), {"third": 3.0}, parameters=lambda w: {"J": 1.0, "c": 100 * (1 + w**2 / 100)})
+    assert diagram.frequencies[:, 0] == pytest.approx(w_0 * np.sqrt(1 + diagram.speeds**2 / 100) / (2 * np.pi), rel=1e-11)
+    assert [c.speed for c in diagram.crossings] == pytest.approx([w_0 / np.sqrt(9 - w_0**2 / 100)], rel=1e-8)
+
+
+def test_campbell_wants_growing_speeds(paper: gl.System) -> None:
+    with pytest.raises(gl.GearlibError, match="increasing sequence"):
+        gl.campbell(paper, [3.0, 2.0], [1.0])
+
+
+class RunUp(gl.Component):
+    """A rotor that speeds up, and a signal with known orders on it."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.rotor = gp.Torque(tau=2.0), gp.Inertia(J=0.1, start={"w": 30.0, "phi": 0.0})
+        return [gl.connect(self.torque.flange, self.rotor.flange_a)]
+
+    signal = gl.Variable("N")
+
+    def equations(self) -> list[gl.Eq]:
+        phi = self.rotor.phi
+        return [gl.Eq(self.signal, 4 + 3 * gl.cos(17 * phi + 0.4) + 0.25 * gl.sin(21.5 * phi) + 0.001 * gl.cos(34 * phi))]
+
+
+def test_orders_of_a_run_up_are_found_though_the_speed_changes() -> None:
+    run = gl.compile(RunUp(), outputs=["signal", "rotor.phi", "rotor.w"]).simulate(t_end=4.0, samples=40_001, rtol=1e-10)
+    spectrum = gl.order_spectrum(run, "signal", "rotor.phi", max_order=50)
+    assert [spectrum.at(k) for k in (0, 17, 21.5, 34)] == pytest.approx([4, 3, 0.25, 0.001], rel=2e-3)
+    quiet = [spectrum.at(k) for k in (5, 19, 28, 45)]
+    assert max(quiet) < 1e-5
+    by_speed = gl.order_spectrum(run, "signal", "rotor.w", max_order=50)
+    assert by_speed.at(17) == pytest.approx(3, rel=2e-3)
+    waterfall = gl.order_waterfall(run, "signal", "rotor.w", revolutions=8, max_order=50)
+    assert (np.diff(waterfall.speeds) > 0).all()
+    assert waterfall.speeds == pytest.approx(30 + 20 * waterfall.times, rel=1e-3)
+    line = waterfall.amplitudes[:, np.flatnonzero(waterfall.orders == 17.0)[0]]
+    assert line == pytest.approx(3.0, rel=1e-4)
+
+
+def test_order_analysis_says_what_is_wrong() -> None:
+    run = gl.compile(RunUp(), outputs=["signal", "rotor.phi", "rotor.w"]).simulate(t_end=0.1, samples=101)
+    with pytest.raises(gl.GearlibError, match="turns 0.493 times in the interval"):
+        gl.order_spectrum(run, "signal", "rotor.phi")
+    with pytest.raises(gl.GearlibError, match=r"signal is in N; expected an angle"):
+        gl.order_spectrum(run, "signal", "signal")
+    with pytest.raises(gl.GearlibError, match="a piece needs 8"):
+        gl.order_waterfall(run, "signal", "rotor.phi")
