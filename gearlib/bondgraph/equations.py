@@ -16,13 +16,12 @@ from types import MappingProxyType
 from typing import Any
 
 import sympy as sp
-from sympy.solvers.solveset import NonlinearError
 
 from gearlib.bondgraph.causality import Causality, assign_causality, evaluation_order
 from gearlib.bondgraph.elements import C, I, Se, Sf, symbol, time
 from gearlib.bondgraph.expressions import Walk, rate_of
 from gearlib.bondgraph.graph import BondGraph
-from gearlib.errors import DeclarationError, SingularError
+from gearlib.errors import SingularError
 
 __all__ = ["StateEquations", "state_equations"]
 
@@ -202,6 +201,8 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
         No causality fits the graph.
     DeclarationError
         A nonlinear law is needed in the direction in which it is not given and cannot be solved.
+    SingularError
+        With these moduli a rigid loop is locked, or the preferred states depend on each other.
 
     Examples
     --------
@@ -234,14 +235,18 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
 
 
 def _without_tears(dependent: dict[Any, Any], straight: Walk) -> dict[Any, Any]:
-    """Dependent p and q in terms of states and inputs alone: in a rigid loop, flows depend on each other and are solved for."""
+    """Dependent p and q in terms of states and inputs alone.
+
+    In a rigid loop flows depend on each other all round, and are solved for here. There is no resistance in such a loop: the
+    procedure would have given the storage integral causality and let the resistance follow.
+    """
     name, tears = straight.graph.name, {straight.tear(q): q for q in straight.causality.tears}
     values: dict[Any, Any] = {}
-    missing = {s for value in dependent.values() for s in value.free_symbols & tears.keys()}
-    while missing:
-        z = missing.pop()
-        values[z] = sp.expand(straight.set_value(tears[z]))
-        missing |= (values[z].free_symbols & tears.keys()) - values.keys()
+    used = [symbol for value in dependent.values() for symbol in sorted(value.free_symbols & tears.keys(), key=str)]
+    for z in used:  # grows on the way
+        if z not in values:
+            values[z] = sp.expand(straight.set_value(tears[z]))
+            used += sorted(values[z].free_symbols & tears.keys(), key=str)
     unsettled = {*dependent, *map(rate_of, dependent)}
     if any(value.free_symbols & unsettled for value in (*dependent.values(), *values.values())):
         raise SingularError(f"{name}: {', '.join(map(str, dependent))} depend on each other's rates")
@@ -251,8 +256,6 @@ def _without_tears(dependent: dict[Any, Any], straight: Walk) -> dict[Any, Any]:
     try:
         matrix, vector = sp.linear_eq_to_matrix([z - value for z, value in values.items()], *values)
         solution = dict(zip(values, matrix.LUsolve(vector, iszerofunc=_vanishes), strict=True))
-    except NonlinearError:
-        raise DeclarationError(f"{name}: {', '.join(map(str, dependent))} depend on a nonlinear algebraic loop ({loop})") from None
     except (ValueError, ZeroDivisionError):
         raise SingularError(
             f"{name}: {', '.join(map(str, dependent))} do not follow from the states through the loop of {loop}: with these moduli "

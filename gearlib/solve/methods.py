@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.evaluate import owner_of
 from gearlib.codegen.layout import Shared
 from gearlib.codegen.native import NativeScene
 from gearlib.errors import ArgumentError, SolverError
@@ -190,13 +189,9 @@ def _events(run: Run, solution: Solution) -> list[Any]:
     relations = run.scene.relations
     if relations is None or not len(solution.event_times):
         return []
-    numbers = relations.used[~relations.on_time]
-    owner: dict[int, str] = {}
-    for batch in relations.batches:
-        for i, number in enumerate(batch.targets.tolist()):
-            owner[number] = f"{owner_of(run.scene.structure, int(batch.equations[i]))}: {batch.kernel.template.label}"
+    names = run.scene.root_names
     return [
-        (float(t), owner[int(numbers[r])] if r >= 0 else "time event")
+        (float(t), names[int(r)] if r >= 0 else "time event")
         for t, r in zip(solution.event_times, solution.event_roots, strict=True)
     ]
 
@@ -252,6 +247,7 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
         roots=wrap(native.roots, double) if n_roots else None, n_roots=n_roots, update=wrap(native.update, fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
         time_events=_time_events(run, t0, float(run.times[-1])),
+        state_names=scene.state_names, root_names=scene.root_names,
     )  # fmt: skip
     return problem, keep
 

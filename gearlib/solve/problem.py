@@ -54,6 +54,14 @@ class Problem:
     update: Native | None = None
     modes: slice = field(default_factory=lambda: slice(0, 0))  # the part of data that events change; recorded with every sample
     time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
+    state_names: tuple[str, ...] = ()  # for messages
+    root_names: tuple[str, ...] = ()
+
+    def state_name(self, k: int) -> str:
+        return self.state_names[k] if k < len(self.state_names) else f"state {k}"
+
+    def root_name(self, k: int) -> str:
+        return self.root_names[k] if k < len(self.root_names) else f"root {k}"
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ def integrate(
             log_t, log_root = np.resize(log_t, 2 * log_t.size), np.resize(log_root, 2 * log_t.size)
     events = int(count[rk_loop.EVENTS])
     if code < 0:
-        raise SolverError(_complaint(code, _where(clock, count), log_root[max(0, events - 100) : events]))
+        raise SolverError(_complaint(problem, code, _where(clock, count), log_root[max(0, events - 100) : events]))
     samples, stiff = int(count[rk_loop.SAMPLE]), code == rk_loop.STIFF
     stats: dict[str, Any] = {
         "method": _METHODS[order], "order": order, "steps": int(count[rk_loop.STEPS] - count[rk_loop.REJECTED]),
@@ -173,15 +173,15 @@ def _where(clock: Floats, count: NDArray[np.int64]) -> str:
     return f"at t = {clock[T]:.9g} s after {count[STEPS]} steps ({count[REJECTED]} rejected, the next of {clock[H]:.1g} s)"
 
 
-def _complaint(code: int, where: str, last_roots: NDArray[np.int64]) -> str:
+def _complaint(problem: Problem, code: int, where: str, last_roots: NDArray[np.int64]) -> str:
     """What a negative code of the loop means."""
     from gearlib.solve import rk_loop
 
     if code == rk_loop.UNDERFLOW:
         return f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
     if code == rk_loop.CHATTERING:
-        roots = sorted({int(r) for r in last_roots})
-        return f"events chatter {where}: {rk_loop.CHATTER_EVENTS} of them hardly apart, the last ones of roots {roots}"
+        names = "; ".join(dict.fromkeys(problem.root_name(int(r)) for r in np.unique(last_roots) if r >= 0))
+        return f"events chatter {where}: {rk_loop.CHATTER_EVENTS} of them hardly apart, the last ones of {names}"
     if code == rk_loop.UPDATE_FAILED:
         return f"an event could not be handled {where}"
     return f"the right-hand side cannot be evaluated {where}"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.builder import build
-from gearlib.codegen.evaluate import Prepared, batch_values, evaluate, prepare
+from gearlib.codegen.evaluate import Prepared, batch_values, evaluate, owner_of, prepare
 from gearlib.codegen.events import relation_of
 from gearlib.codegen.layout import fill
 from gearlib.codegen.modes import Relations, relations_of
@@ -92,6 +92,22 @@ class Scene:
         """Compiled functions with one."""
         return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.model.n_relations,
                              len(self.model.discretes), True)  # fmt: skip
+
+    @cached_property
+    def state_names(self) -> tuple[str, ...]:
+        return tuple(node_name(self.model, s) for s in self.states)
+
+    @cached_property
+    def root_names(self) -> tuple[str, ...]:
+        """Component and equation of each root function."""
+        relations = self.relations
+        if relations is None:
+            return ()
+        owner: dict[int, str] = {}
+        for batch in relations.batches:
+            for i, number in enumerate(batch.targets.tolist()):
+                owner[number] = f"{owner_of(self.structure, int(batch.equations[i]))}: {batch.kernel.template.label}"
+        return tuple(owner[int(number)] for number in relations.used[~relations.on_time])
 
     @cached_property
     def nominal(self) -> Floats:

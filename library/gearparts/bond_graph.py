@@ -170,9 +170,13 @@ def _check_ports(graph: BondGraph, ports: Mapping[str, int]) -> None:
     for name, number in ports.items():
         if number not in valid:
             found = ", ".join(map(str, valid)) or "none"
-            raise ArgumentError(f"{graph.name}: port '{name}': bond {number} has no source without a value; such bonds: {found}")
+            raise ArgumentError(
+                f"{graph.name}: port '{name}': bond {number} has no source without a value; such bonds: {found}"
+            )
     if len(set(ports.values())) < len(ports):
-        raise ArgumentError(f"{graph.name}: two ports are on the same bond: {', '.join(f'{n} on {b}' for n, b in ports.items())}")
+        raise ArgumentError(
+            f"{graph.name}: two ports are on the same bond: {', '.join(f'{n} on {b}' for n, b in ports.items())}"
+        )
 
 
 def _variables(graph: BondGraph, nominal: dict[str, float]) -> dict[str, Any]:
@@ -182,7 +186,7 @@ def _variables(graph: BondGraph, nominal: dict[str, float]) -> dict[str, Any]:
     plain: dict[str, tuple[str, Any]] = {
         f"{kind}_{n}": (f"stored on bond {n}", "prefer" if kind == "q" else "default") for n, kind in stored.items()
     }
-    plain |= {f"{letter}_{n}": (f"{word} of bond {n}", "avoid") for letter, word in (("e", "effort"), ("f", "flow")) for n in graph.bonds}
+    plain |= {f"{word[0]}_{n}": (f"{word} of bond {n}", "avoid") for word in ("effort", "flow") for n in graph.bonds}
     if unknown := [key for key in nominal if key not in plain]:
         raise ArgumentError(f"{graph.name}: no variable '{unknown[0]}'; {nearest(unknown[0], plain)}")
     return {key: gl.Variable("SI", text, state=wish, nominal=nominal.get(key, 1.0)) for key, (text, wish) in plain.items()}
@@ -236,7 +240,9 @@ def _equations(part: BondGraphPart, element: Element, bonds: tuple[Bond, ...]) -
         m = part._in_model(expression(element.modulus, ""))
         into, out = bonds if bonds[0].head is element else bonds[::-1]
         e_in, f_in, e_out, f_out = (get(b.number) for b in (into, out) for get in (part._effort, part._flow))
-        return [gl.Eq(f_out, m * f_in), gl.Eq(e_in, m * e_out)] if isinstance(element, TF) else [gl.Eq(e_in, m * f_out), gl.Eq(e_out, m * f_in)]
+        if isinstance(element, TF):
+            return [gl.Eq(f_out, m * f_in), gl.Eq(e_in, m * e_out)]
+        return [gl.Eq(e_in, m * f_out), gl.Eq(e_out, m * f_in)]
     if isinstance(element, Storage):
         stored = getattr(part, f"{'p' if isinstance(element, I) else 'q'}_{number}")
         given, taken = (f, e) if isinstance(element, I) else (e, f)

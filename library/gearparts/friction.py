@@ -1,24 +1,28 @@
-"""Coulomb friction: bearings, brakes and clutches that slip and lock.
+"""Coulomb friction: bearings, brakes, clutches and freewheels that slip and lock.
 
 The relation between torque and acceleration is written with a curve parameter ``sa`` (Otter, Elmqvist and Mattsson, "Hybrid
-modeling in Modelica based on the synchronous data flow principle", 1999): locked, it is the torque; sliding, it is the acceleration
-beyond the start of sliding. The speed stays a continuous state in every mode.
+modeling in Modelica based on the synchronous data flow principle", 1999, https://doi.org/10.1109/CACSD.1999.808640): locked, it is
+the torque; sliding, it is the acceleration beyond the start of sliding. The speed stays a continuous state in every mode.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gearlib as gl
-from gearparts.interfaces import Compliant, Flange, TwoFlanges
+from gearparts.interfaces import Compliant, Dissipative, Flange, TwoFlanges
+from gearparts.tables import at_zero, check_rows, interpolated
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
+HYSTERESIS = 1e-4  # of a one-way clutch's break-away torque, relative
 
 
 class Friction(gl.Component):
     """Declares the friction element: curve parameter, mode and the conditions between modes."""
 
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
+    w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached against the direction of sliding", default=1e10)
     sa = gl.Variable("1", "curve parameter: torque while locked, acceleration otherwise")
     v = gl.Variable("rad/s", "relative speed of the friction surfaces")
     tau0 = gl.Variable("N.m", "sliding torque at zero speed")
@@ -28,46 +32,37 @@ class Friction(gl.Component):
     start_backward = gl.Discrete("starts to slide backward")
     locked = gl.Discrete("no relative acceleration")
 
-    def friction_equations(self, torque: Any, level: Any, free: Any) -> list[gl.Eq | gl.When]:
-        """The element's laws, given its torque, the sliding torque at its speed, and when it is free."""
+    def friction_equations(self, torque: Any, level: Callable[[Any], Any], free: Any) -> list[gl.Eq | gl.When]:
+        """The element's laws, given its torque, the sliding torque as a function of positive speed, and when it is free."""
         tau0_max = self.peak * self.tau0
         was = gl.pre(self.mode)
-        # compared only while a flag is set: otherwise the difference is replaced by one that cannot change sign
-        starting, returning = gl.pre(self.start_forward), gl.pre(self.start_backward)
-        over = self.was_stuck * (self.sa - tau0_max + 1) > 1
-        under = self.was_stuck * (self.sa + tau0_max - 1) < -1
-        still_over = starting * (self.sa - self.tau0 + 1) > 1
-        still_under = returning * (self.sa + self.tau0 - 1) < -1
-        forward = gl.Or(gl.holds(self.start_forward), gl.equals(self.mode, FORWARD))
+        forward = gl.Or(gl.holds(self.start_forward), gl.equals(was, FORWARD))
+        moving_forward, moving_backward = self.v > 0, self.v < 0
+        engaged_now = gl.And(gl.equals(was, FREE), gl.Not(free))
         return [
             gl.Eq(
                 gl.der(self.v),
-                gl.Piecewise(
-                    (0, gl.holds(self.locked)),
-                    (self.sa, gl.equals(self.mode, FREE)),
-                    (self.sa - tau0_max, forward),
-                    (self.sa + tau0_max, True),
-                ),
+                gl.Piecewise((0, gl.holds(self.locked)), (self.sa, free), (self.sa - tau0_max, forward), (self.sa + tau0_max, True)),
             ),
             gl.Eq(
                 torque,
-                gl.Piecewise(
-                    (self.sa, gl.holds(self.locked)), (0, gl.equals(self.mode, FREE)), (level, forward), (-level, True)
-                ),
+                gl.Piecewise((self.sa, gl.holds(self.locked)), (0, free), (level(self.v), forward), (-level(-self.v), True)),
             ),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(
                 self.start_forward,
                 gl.Or(
-                    gl.And(gl.equals(was, STUCK), gl.Or(over, still_over)),
-                    gl.And(gl.initial(), self.v > 0),
+                    self._exceeds(self.sa, tau0_max, self.start_forward),
+                    gl.And(gl.equals(was, BACKWARD), self.v > self.w_small),
+                    gl.And(gl.Or(gl.initial(), engaged_now), moving_forward),
                 ),
             ),
             gl.Eq(
                 self.start_backward,
                 gl.Or(
-                    gl.And(gl.equals(was, STUCK), gl.Or(under, still_under)),
-                    gl.And(gl.initial(), self.v < 0),
+                    self._exceeds(-self.sa, tau0_max, self.start_backward),
+                    gl.And(gl.equals(was, FORWARD), self.v < -self.w_small),
+                    gl.And(gl.Or(gl.initial(), engaged_now), moving_backward),
                 ),
             ),
             gl.Eq(
@@ -84,68 +79,162 @@ class Friction(gl.Component):
                 self.mode,
                 gl.Piecewise(
                     (FREE, free),
-                    (
-                        FORWARD,
-                        gl.And(
-                            gl.Or(gl.equals(was, FORWARD), gl.equals(was, FREE), gl.holds(self.start_forward)), self.v > 0
-                        ),
-                    ),
-                    (
-                        BACKWARD,
-                        gl.And(
-                            gl.Or(gl.equals(was, BACKWARD), gl.equals(was, FREE), gl.holds(self.start_backward)), self.v < 0
-                        ),
-                    ),
+                    (FORWARD, gl.And(gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward)), moving_forward)),
+                    (BACKWARD, gl.And(gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward)), moving_backward)),
                     (STUCK, True),
                 ),
             ),
         ]
 
+    def _exceeds(self, torque: Any, limit: Any, starting: Any) -> Any:
+        """Stuck, and the torque above its limit, or above the sliding torque where it had started to slide.
 
-class Clutch(Compliant, Friction):
-    """Friction clutch between two shafts: slides with ``mu cgeo fn_max f_normalized``, or locks.
-
-    ``f_normalized`` presses the plates together; the clutch is free where it is not positive.
-    """
-
-    cgeo = gl.Parameter("m", "geometry constant: torque per normal force and friction coefficient", default=1.0, min=0)
-    fn_max = gl.Parameter("N", "largest normal force", min=0)
-    mu = gl.Parameter("1", "sliding friction coefficient", default=0.5, min=0)
-    f_normalized = gl.Input("1", "normal force over the largest one")
-
-    def equations(self) -> list[gl.Eq | gl.When]:
-        normal = self.fn_max * self.f_normalized
-        return [
-            *self.compliant_equations(),
-            gl.Eq(self.v, self.w_rel),
-            gl.Eq(self.tau0, gl.Piecewise((0, self.f_normalized <= 0), (self.mu * self.cgeo * normal, True))),
-            *self.friction_equations(self.tau, self.mu * self.cgeo * normal, self.f_normalized <= 0),
-        ]
+        Where a flag is not set, a comparison is replaced by one that cannot change: it would make events of no meaning.
+        """
+        stuck, started = self.was_stuck, gl.pre(starting)
+        over = stuck * (torque - limit) > 1 - stuck
+        still_over = started * (torque - self.tau0) > 1 - started
+        return gl.And(gl.equals(gl.pre(self.mode), STUCK), gl.Or(over, still_over))
 
 
-class Brake(TwoFlanges, Friction):
-    """Friction brake between a shaft and its housing: slides with ``mu cgeo fn_max f_normalized``, or locks."""
+class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
+    """Declares what bearings and brakes share: one shaft whose speed relative to the housing the friction acts on."""
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     support = Flange("housing", when="use_support")
-    cgeo = gl.Parameter("m", "geometry constant: torque per normal force and friction coefficient", default=1.0, min=0)
-    fn_max = gl.Parameter("N", "largest normal force", min=0)
-    mu = gl.Parameter("1", "sliding friction coefficient", default=0.5, min=0)
-    f_normalized = gl.Input("1", "normal force over the largest one")
     phi = gl.Variable("rad", "angle relative to the housing")
     w = gl.Variable("rad/s", "speed relative to the housing")
-    tau = gl.Variable("N.m", "braking torque")
+    tau = gl.Variable("N.m", "friction torque; acts against the motion when positive")
 
-    def equations(self) -> list[gl.Eq | gl.When]:
-        normal = self.fn_max * self.f_normalized
-        housing = self.support.phi if self.use_support else 0
+    def housing_equations(self) -> list[gl.Eq]:
+        """The shaft is rigid; the housing takes the reaction."""
         return [
             gl.Eq(self.flange_a.phi, self.flange_b.phi),
-            gl.Eq(self.phi, self.flange_a.phi - housing),
+            gl.Eq(self.phi, self.flange_a.phi - (self.support.phi if self.use_support else 0)),
             gl.Eq(self.w, gl.der(self.phi)),
             gl.Eq(self.v, self.w),
             gl.Eq(self.flange_a.tau + self.flange_b.tau, self.tau),
             *([gl.Eq(self.support.tau, -self.tau)] if self.use_support else []),
-            gl.Eq(self.tau0, gl.Piecewise((0, self.f_normalized <= 0), (self.mu * self.cgeo * normal, True))),
-            *self.friction_equations(self.tau, self.mu * self.cgeo * normal, self.f_normalized <= 0),
+            gl.Eq(self.loss_power, self.tau * self.v),
+            *self.heat_equations(),
+        ]
+
+
+class BearingFriction(FrictionOnHousing):
+    """Friction in a bearing, which slides or sticks: ``tau = tau_pos(w)`` for ``w > 0``, ``tau = -tau_pos(-w)`` for ``w < 0``.
+
+    At rest ``der(w) = 0`` as long as ``abs(tau) <= peak tau_pos(0)``. ``tau_pos`` holds rows of speed and torque, which are
+    interpolated, and extrapolated along the last two.
+    """
+
+    tau_pos = gl.Structural(((0.0, 1.0),), "rows of speed (rad/s) and sliding torque (N.m)")
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        rows = check_rows("BearingFriction.tau_pos", self.tau_pos, 2)
+        return [
+            *self.housing_equations(),
+            gl.Eq(self.tau0, at_zero(rows)),
+            *self.friction_equations(self.tau, lambda speed: interpolated(rows, speed), False),
+        ]
+
+
+class Pressed(gl.Component):
+    """Declares what brakes and clutches share: friction that is proportional to a normal force."""
+
+    mu_pos = gl.Structural(((0.0, 0.5),), "rows of speed (rad/s) and sliding friction coefficient")
+    cgeo = gl.Parameter("m", "geometry constant: torque per normal force and friction coefficient", default=1.0, min=0)
+    fn_max = gl.Parameter("N", "largest normal force", min=0)
+    f_normalized = gl.Input("1", "normal force over the largest one")
+
+    def level(self, speed: Any) -> Any:
+        """The sliding torque at a positive speed."""
+        rows = check_rows(f"{type(self).__name__}.mu_pos", self.mu_pos, 2)
+        return interpolated(rows, speed) * self.cgeo * self.fn_max * self.f_normalized
+
+    def level_at_rest(self) -> Any:
+        """The sliding torque at zero speed."""
+        rows = check_rows(f"{type(self).__name__}.mu_pos", self.mu_pos, 2)
+        return at_zero(rows) * self.cgeo * self.fn_max * self.f_normalized
+
+
+class Brake(FrictionOnHousing, Pressed):
+    """Friction brake between a shaft and its housing: slides with ``tau = mu_pos(w) cgeo fn_max f_normalized``, or locks.
+
+    It slides with the opposite torque where ``w < 0``. At rest ``der(w) = 0`` as long as ``abs(tau)`` does not exceed ``peak``
+    times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
+    """
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        free = self.f_normalized <= 0
+        return [
+            *self.housing_equations(),
+            gl.Eq(self.tau0, gl.Piecewise((0, free), (self.level_at_rest(), True))),
+            *self.friction_equations(self.tau, self.level, free),
+        ]
+
+
+class Clutch(Compliant, Friction, Pressed, Dissipative):
+    """Friction clutch between two shafts: slides with ``tau = mu_pos(w_rel) cgeo fn_max f_normalized``, or locks.
+
+    It slides with the opposite torque where ``w_rel < 0``. At rest ``der(w_rel) = 0`` as long as ``abs(tau)`` does not exceed
+    ``peak`` times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
+    """
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        free = self.f_normalized <= 0
+        return [
+            *self.compliant_equations(),
+            gl.Eq(self.v, self.w_rel),
+            gl.Eq(self.tau0, gl.Piecewise((0, free), (self.level_at_rest(), True))),
+            *self.friction_equations(self.tau, self.level, free),
+            gl.Eq(self.loss_power, self.tau * self.v),
+            *self.heat_equations(),
+        ]
+
+
+class OneWayClutch(Compliant, Pressed, Dissipative):
+    """Freewheel beside a friction clutch: ``w_rel >= 0``, and ``tau = mu_pos(w_rel) cgeo fn_max f_normalized`` where it slides.
+
+    Flange_a cannot overtake flange_b: locked, ``der(w_rel) = 0`` with any ``tau < 0``, and with ``tau > 0`` up to ``peak`` times
+    the sliding torque at zero speed. Where ``f_normalized > 0`` does not hold, flange_b overruns without a torque.
+    """
+
+    peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
+    w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached while stuck", default=1e10)
+    sa = gl.Variable("1", "curve parameter: torque while locked, acceleration otherwise")
+    tau0 = gl.Variable("N.m", "sliding torque at zero speed")
+    tau0_max = gl.Variable("N.m", "torque at which it breaks away")
+    stuck = gl.Discrete("locked, or not yet sliding")
+    was_stuck = gl.Discrete("whether it was stuck before the event; sa is compared with its limits only then")
+    start_forward = gl.Discrete("starts to slide")
+    locked = gl.Discrete("no relative acceleration")
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        free = self.f_normalized <= 0
+        largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
+        peak = gl.no_event(gl.Max(self.peak, 1 + HYSTERESIS))
+        was, started = self.was_stuck, gl.pre(self.start_forward)
+        over = was * (self.sa - self.tau0_max) > 1 - was
+        still_over = started * (self.sa - self.tau0) > 1 - started
+        return [
+            *self.compliant_equations(),
+            gl.Eq(self.tau0, gl.Piecewise((0, free), (self.level_at_rest(), True))),
+            gl.Eq(self.tau0_max, gl.Piecewise((HYSTERESIS * largest_at_rest, free), (peak * self.tau0, True))),
+            gl.Eq(gl.der(self.w_rel), gl.Piecewise((0, gl.holds(self.locked)), (self.sa - self.tau0, True))),
+            gl.Eq(
+                self.tau,
+                gl.Piecewise((self.sa, gl.holds(self.locked)), (0, free), (self.level(self.w_rel), True)),
+            ),
+            gl.Eq(self.was_stuck, gl.holds(gl.pre(self.stuck))),
+            gl.Eq(
+                self.start_forward,
+                gl.Or(
+                    gl.And(gl.holds(gl.pre(self.stuck)), gl.Or(over, still_over, self.w_rel > self.w_small)),
+                    gl.And(gl.initial(), self.w_rel > 0),
+                ),
+            ),
+            gl.Eq(self.locked, gl.And(gl.holds(gl.pre(self.stuck)), gl.Not(gl.holds(self.start_forward)))),
+            gl.Eq(self.stuck, gl.Or(gl.holds(self.locked), self.w_rel <= 0)),
+            gl.Eq(self.loss_power, gl.Piecewise((0, gl.holds(self.stuck)), (self.tau * self.w_rel, True))),
+            *self.heat_equations(),
         ]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import eig, eigh
+from scipy.linalg import eig, eigh, eigh_tridiagonal
 
 import gearlib as gl
 import gearparts as gp
@@ -115,8 +115,10 @@ def test_two_free_shafts_and_a_preload_are_told_apart() -> None:
 @pytest.mark.parametrize("d", [0.0, 1.0])
 def test_two_thousand_states(chain: Callable[..., gl.System], d: float) -> None:
     system = chain(n=1000)
-    M, _, K = chain_matrices(1000, 1.0, 1e4, d)
-    expected = np.sqrt(np.maximum(eigh(K, M, eigvals_only=True, subset_by_index=[0, 20]), 0))
+    mass, c = 1 + 0.3 * np.arange(1000), 1e4 * (1 + 0.2 * np.arange(999))
+    diagonal = (np.append(c, 0) + np.append(0, c)) / mass
+    squares = eigh_tridiagonal(diagonal, -c / np.sqrt(mass[1:] * mass[:-1]), True, "i", (0, 20))
+    expected = np.sqrt(np.maximum(squares, 0))
     values = {"c": 1e4, "d": d}
     gl.modes(system, 2, parameters=values)  # symbolic work, once for each class
     begin = time.perf_counter()
@@ -130,7 +132,7 @@ def test_two_thousand_states(chain: Callable[..., gl.System], d: float) -> None:
 
 
 def test_preloads_do_not_hide_the_lowest_modes() -> None:
-    """A hundred planetary units in a row, each with loops of meshes: about 300 poles at 0, and the lowest modes are still found."""
+    """Planetary units in a row, each with loops of meshes: more than 100 poles at 0, and the lowest modes are still found."""
 
     class Row(gl.Component):
         def assemble(self) -> list[Any]:
@@ -139,9 +141,9 @@ def test_preloads_do_not_hide_the_lowest_modes() -> None:
                     planets=4, planet_meshes="separate", R_s=0.03, R_p=0.04, I_s=1e-3, I_r=0.1, I_h=0.05, I_spin=1e-3, I_orbit=1e-3,
                     K_ring=1e8, C_ring=0.0, K_sun=1e8, C_sun=0.0,
                 )
-                for _ in range(60)
+                for _ in range(35)
             ]  # fmt: skip
-            self.shaft = [gp.Spring(c=1e4) for _ in range(59)]
+            self.shaft = [gp.Spring(c=1e4) for _ in range(34)]
             links = []
             for left, shaft, right in zip(self.unit, self.shaft, self.unit[1:], strict=False):
                 links += [gl.connect(left.carrier, shaft.flange_a), gl.connect(shaft.flange_b, right.carrier)]
@@ -149,9 +151,11 @@ def test_preloads_do_not_hide_the_lowest_modes() -> None:
 
     system = gl.compile(Row())
     found = gl.modes(system, 10)
-    full = system.linearize(inputs=[], sparse=True).A.toarray()
+    full = np.array(system.linearize(inputs=[]).A)
     values = np.linalg.eigvals(full)
     expected = np.sort(values.imag[values.imag > 1.0])[:10]
+    assert len(full) > 500
+    assert (np.abs(values) < 1e-3).sum() > 100
     assert found.omega[found.free :] == pytest.approx(expected, rel=1e-6)
 
 

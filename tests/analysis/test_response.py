@@ -19,18 +19,31 @@ def amplitude(time: Any, signal: Any, w: float) -> complex:
     return complex(a, -b)
 
 
+class Shaken(gl.Component):
+    """The paper's system with a torque cos(w t)."""
+
+    w = gl.Parameter("rad/s", default=1.0)
+
+    def assemble(self) -> list[Any]:
+        self.system = gp.ZhouCui2022(tau_in=gl.cos(self.w * gl.time), e_amplitude=0.0)
+        return []
+
+
+@pytest.fixture(scope="module")
+def shaken() -> gl.System:
+    return gl.compile(Shaken())
+
+
 @pytest.mark.parametrize("w", [40.0, 3500.0, 5900.0])
-def test_response_to_torque_is_the_ratio_of_amplitudes_in_a_long_run(paper: gl.System, w: float) -> None:
-    outputs = ["w_out", "q_ring", "q_pair", "train.x_unit.sun_mesh.f"]
-    response = gl.frequency_response(paper, [w], ["tau_in"], outputs)
-    end = 1.2  # the slowest motion has died to exp(-32)
-    times = np.concatenate([[0.0], np.linspace(end - 20 * 2 * np.pi / w if w > 200 else end - 0.15, end, 801)])
-    run = paper.simulate(
-        end, times=times, rtol=1e-10, inputs={"tau_in": lambda t: np.cos(w * t)}, parameters={"e_amplitude": 0.0}
-    )
+def test_response_to_torque_is_the_ratio_of_amplitudes_in_a_long_run(shaken: gl.System, w: float) -> None:
+    outputs = [f"system.{name}" for name in ("w_out", "q_ring", "q_pair", "train.x_unit.sun_mesh.f")]
+    response = gl.frequency_response(shaken, [w], ["system.tau_in"], outputs)
+    end = 1.2  # the slowest motion has died to exp(-28)
+    times = np.concatenate([[0.0], np.linspace(end - (0.3 if w < 200 else 0.02), end, 801)])
+    run = shaken.simulate(end, times=times, rtol=1e-10, parameters={"w": w})
     for name in outputs:
         measured = amplitude(times[1:], run[name][1:], w)
-        assert measured == pytest.approx(complex(response[name][0]), rel=1e-4)
+        assert measured == pytest.approx(complex(response[name][0]), rel=1e-7)
 
 
 def test_response_to_transmission_error_is_that_of_a_run(paper: gl.System) -> None:
@@ -43,7 +56,7 @@ def test_response_to_transmission_error_is_that_of_a_run(paper: gl.System) -> No
         1.2, times=times, rtol=1e-10, inputs={"tau_in": 0.0}, parameters={"e_amplitude": E * w, "e_omega": w, "e_phase": 0.0}
     )
     for name in response.outputs:
-        assert amplitude(times[1:], run[name][1:], w) / (-1j * E) == pytest.approx(complex(response[name][0]), rel=1e-4)
+        assert amplitude(times[1:], run[name][1:], w) / (-1j * E) == pytest.approx(complex(response[name][0]), rel=1e-7)
 
 
 def test_phases_of_meshes_are_taken() -> None:
@@ -85,7 +98,7 @@ def test_response_says_what_is_wrong(paper: gl.System, chain: Callable[..., gl.S
         gl.frequency_response(chain(n=2), [0.0], ["torque.tau"], ["body[1].w"])
     with pytest.raises(gl.GearlibError, match="finite numbers that are not negative"):
         gl.frequency_response(paper, [-1.0])
-    with pytest.raises(gl.GearlibError, match="has no 'w'; did you mean 'w_in'"):
+    with pytest.raises(gl.GearlibError, match="has no 'w'; Valid names: w_in"):
         gl.frequency_response(paper, [1.0], ["tau_in"], ["w_in"])["w"]
     with pytest.raises(gl.GearlibError, match=r"w_in is in rad/s; a transmission error is in m"):
         gl.transmission_error_response(paper, [1.0], meshes=["w_in"])

@@ -109,10 +109,9 @@ def part(unit: Unit) -> Any:
         return gp.FixedAxisUnit(**{k: unit.n[k] for k in names}) if unit.elastic else gp.IdealGear(ratio=unit.n["ratio"])
     if not unit.elastic:
         return gp.IdealPlanetary(ratio=unit.n["ratio"])
-    names = ("R_s", "R_p", "I_s", "I_r", "I_h", "I_spin", "I_orbit", "I_at_ring", "I_at_sun", "K_ring", "C_ring", "K_sun", "C_sun", "C_v")
-    lumped = unit.kind == "lumped X"
+    meshes = "lumped" if unit.kind == "lumped X" else "separate"
     return gp.PlanetaryUnit(
-        planets=unit.planets, planet_meshes="lumped" if lumped else "separate", **{k: unit.n[k] for k in names}
+        planets=unit.planets, planet_meshes=meshes, **{k: unit.n[k] for k in NUMBERS[NUMBERS.index("R_s") :]}
     )
 
 
@@ -123,7 +122,10 @@ def as_components(spec: Spec) -> gl.Component:
             self.bearing = [gp.Damper(d=d) for d in spec.d]
             self.ground, self.drive, self.brake = gp.Fixed(), gp.Torque(tau=DRIVE), gp.Torque(tau=BRAKE)
             self.unit = [part(unit) for unit in spec.units]
-            links = [gl.connect(self.drive.flange, self.shaft[0].flange_a), gl.connect(self.brake.flange, self.shaft[-1].flange_a)]
+            links = [
+                gl.connect(self.drive.flange, self.shaft[0].flange_a),
+                gl.connect(self.brake.flange, self.shaft[-1].flange_a),
+            ]
             for shaft, bearing in zip(self.shaft, self.bearing, strict=True):
                 links += [gl.connect(shaft.flange_b, bearing.flange_a), gl.connect(bearing.flange_b, self.ground.flange)]
             for unit, made in zip(spec.units, self.unit, strict=True):

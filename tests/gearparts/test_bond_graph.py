@@ -17,7 +17,9 @@ from gearlib.bondgraph.paper import planetary_unit
 from gearlib.errors import ArgumentError, DeclarationError
 from gearparts import zhou_cui_2022 as zc
 
-XUnit = gp.from_bond_graph(planetary_unit().graph, ports={"ring": 1, "sun": 60, "carrier": 80}, nominal={"q_6": 1e-6, "q_30": 1e-6})
+XUnit = gp.from_bond_graph(
+    planetary_unit().graph, ports={"ring": 1, "sun": 60, "carrier": 80}, nominal={"q_6": 1e-6, "q_30": 1e-6}
+)
 
 
 def bonds(names: list[str], params: zc.BondParameters) -> dict[str, float]:
@@ -140,9 +142,17 @@ def test_motor_drives_a_train_of_components() -> None:
 
 def test_two_halves_of_a_quarter_car_meet_at_a_translational_flange() -> None:
     road, wheel, sum_of, rel, body = Zero("tyre"), One("wheel"), Zero("suspension"), One("relative"), One("body")
-    lower = BondGraph((1, Sf(), road), (2, road, C("c_t")), (3, road, wheel), (4, wheel, I("m_u")), (5, Se(), wheel), name="wheel")
+    lower = BondGraph(
+        (1, Sf(), road), (2, road, C("c_t")), (3, road, wheel), (4, wheel, I("m_u")), (5, Se(), wheel), name="wheel"
+    )
     upper = BondGraph(
-        (1, Sf(), sum_of), (2, sum_of, rel), (3, rel, C("c_s")), (4, rel, R("d")), (5, sum_of, body), (6, body, I("m_s")), name="body"
+        (1, Sf(), sum_of),
+        (2, sum_of, rel),
+        (3, rel, C("c_s")),
+        (4, rel, R("d")),
+        (5, sum_of, body),
+        (6, body, I("m_s")),
+        name="body",
     )
     Wheel = gp.from_bond_graph(lower, translational_ports={"hub": 5})
     Body = gp.from_bond_graph(upper, translational_ports={"hub": 1})

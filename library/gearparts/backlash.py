@@ -1,0 +1,72 @@
+"""Couplings with backlash: spring and damper that act only beyond a gap."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gearlib as gl
+from gearparts.interfaces import Compliant, Dissipative
+
+NO_BACKLASH = 1e-10  # rad
+
+
+class BacklashCoupling(Compliant, Dissipative):
+    """Declares what couplings with backlash share: compliance, gap, and on which side it is closed."""
+
+    c = gl.Parameter("N.m/rad", "stiffness in contact", min=0)
+    d = gl.Parameter("N.m.s/rad", "damping in contact", min=0)
+    b = gl.Parameter("rad", "total backlash", default=0.0, min=0)
+    phi_rel0 = gl.Parameter("rad", "angle in the middle of the gap", default=0.0)
+    tau_c = gl.Variable("N.m", "torque of the spring")
+    tau_d = gl.Variable("N.m", "torque of the damper, where it acts in full")
+    has_gap = gl.Discrete("whether there is a backlash at all; otherwise it is a spring and a damper")
+
+    def backlash_equations(self, torque_above: Any, torque_below: Any) -> list[gl.Eq | gl.When]:
+        """The laws, given the torque where the gap is closed at its upper and at its lower side."""
+        x, half = self.phi_rel - self.phi_rel0, self.b / 2
+        gap, none = self.has_gap, 1 - self.has_gap
+        # compared only where there is a gap: otherwise the difference is replaced by one that cannot change sign
+        above, below = gap * (x - half) > none, gap * (-x - half) > none
+        without = gl.equals(gap, 0)
+        return [
+            *self.compliant_equations(),
+            gl.Eq(
+                self.tau_c,
+                gl.Piecewise((self.c * x, without), (self.c * (x - half), above), (self.c * (x + half), below), (0, True)),
+            ),
+            gl.Eq(self.tau_d, self.d * self.w_rel),
+            gl.Eq(
+                self.tau,
+                gl.Piecewise((self.tau_c + self.tau_d, without), (torque_above, above), (torque_below, below), (0, True)),
+            ),
+            gl.Eq(gap, self.b > NO_BACKLASH),
+            gl.Eq(self.loss_power, (self.tau - self.tau_c) * self.w_rel),
+            *self.heat_equations(),
+        ]
+
+
+class ElastoBacklash(BacklashCoupling):
+    """Backlash with spring and damper, no pull, and a damping that does not exceed the spring's torque.
+
+    With ``x = phi_rel - phi_rel0``: ``tau = max(0, tau_c + min(tau_c, d w_rel))`` with ``tau_c = c (x - b/2)`` for ``x > b/2``,
+    ``tau = min(0, tau_c + max(tau_c, d w_rel))`` with ``tau_c = c (x + b/2)`` for ``x < -b/2``, and zero between. So the torque is
+    continuous. Without a backlash, ``tau = c x + d w_rel``.
+    """
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        above = gl.no_event(gl.Max(0, self.tau_c + gl.Min(self.tau_c, self.tau_d)))
+        below = gl.no_event(gl.Min(0, self.tau_c + gl.Max(self.tau_c, self.tau_d)))
+        return self.backlash_equations(above, below)
+
+
+class ElastoBacklash2(BacklashCoupling):
+    """Backlash with spring and damper without pull; the torque jumps where contact is made.
+
+    With ``x = phi_rel - phi_rel0``: ``tau = max(0, tau_c + d w_rel)`` with ``tau_c = c (x - b/2)`` for ``x > b/2``,
+    ``tau = min(0, tau_c + d w_rel)`` with ``tau_c = c (x + b/2)`` for ``x < -b/2``, and zero between. Without a backlash,
+    ``tau = c x + d w_rel``.
+    """
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        total = self.tau_c + self.tau_d
+        return self.backlash_equations(gl.Max(0, total), gl.Min(0, total))

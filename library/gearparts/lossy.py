@@ -1,0 +1,190 @@
+"""Gears with losses in the mesh and in the bearings, which may lock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gearlib as gl
+from gearparts.backlash import ElastoBacklash
+from gearparts.friction import BACKWARD, FORWARD, FREE, STUCK
+from gearparts.interfaces import Dissipative, Flange, TwoFlanges
+from gearparts.tables import Rows, at_zero, check_rows, interpolated
+
+if TYPE_CHECKING:
+    from gearlib.language.component import Connection
+
+IDEAL: Rows = ((0.0, 1.0, 1.0, 0.0, 0.0),)
+
+
+class LossyGear(TwoFlanges, Dissipative):
+    """Gear pair with mesh efficiency and bearing friction: ``tau_b = -ratio (tau_a - tau_loss)``, ``phi_a = ratio phi_b``.
+
+    A row of ``loss_table`` holds a speed of flange_a, the efficiencies ``eta1`` (flange_a drives) and ``eta2`` (flange_b drives)
+    and the bearing torques ``B1``, ``B2`` in both cases, referred to flange_a. With ``T = tau_a``, and flange_a turning forward::
+
+        tau_loss = (1 - eta1) T + B1      where T >= B_a, so that flange_a drives
+        tau_loss = (1 - 1 / eta2) T + B2  otherwise
+
+    with ``B_a = (B1 - B2) / (eta1 - 1 / eta2)``, the bearing torque at the side of flange_a. Backward, the signs of B1, B2 and B_a
+    change, and so does the side that drives. At rest ``der(w_a) = 0`` as long as the loss lies between these for both directions.
+
+    References
+    ----------
+    C. Pelchen, C. Schweiger, M. Otter, "Modeling and simulating the efficiency of gearboxes and of planetary gearboxes",
+    2nd International Modelica Conference, 2002, pp. 257-266.
+    """
+
+    use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
+    loss_table = gl.Structural(IDEAL, "rows of speed (rad/s), eta1, eta2, B1 (N.m), B2 (N.m)")
+    support = Flange("housing", when="use_support")
+    ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
+    phi_a = gl.Variable("rad", "angle of flange_a relative to the housing")
+    w_a = gl.Variable("rad/s", "speed of flange_a relative to the housing")
+    sa = gl.Variable("1", "curve parameter: loss while locked, acceleration otherwise")
+    tau_loss = gl.Variable("N.m", "torque lost, at flange_a")
+    tau_eta = gl.Variable("N.m", "torque that tells which side drives")
+    loss_forward = gl.Variable("N.m", "loss at which it starts to turn forward")
+    loss_backward = gl.Variable("N.m", "loss at which it starts to turn backward")
+    mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free of losses", start=FREE)
+    was_stuck = gl.Discrete("whether the mode before the event was stuck; sa is compared with its limits only then")
+    start_forward = gl.Discrete("starts to turn forward")
+    start_backward = gl.Discrete("starts to turn backward")
+    locked = gl.Discrete("no acceleration")
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        rows = check_rows("LossyGear.loss_table", self.loss_table, 5)
+        housing = self.support.phi if self.use_support else 0
+        laws = self._ideal() if rows == IDEAL else [*self._losses(rows), *self._modes()]
+        return [
+            gl.Eq(self.phi_a, self.flange_a.phi - housing),
+            gl.Eq(self.phi_a, self.ratio * (self.flange_b.phi - housing)),
+            gl.Eq(self.w_a, gl.der(self.phi_a)),
+            gl.Eq(self.flange_b.tau, -self.ratio * (self.flange_a.tau - self.tau_loss)),
+            *([gl.Eq(self.support.tau, -self.flange_a.tau - self.flange_b.tau)] if self.use_support else []),
+            gl.Eq(self.loss_power, self.tau_loss * self.w_a),
+            *self.heat_equations(),
+            *laws,
+        ]
+
+    def _ideal(self) -> list[gl.Eq | gl.When]:
+        none = (self.tau_loss, self.loss_forward, self.loss_backward)
+        never = (self.was_stuck, self.start_forward, self.start_backward, self.locked)
+        return [
+            *(gl.Eq(x, 0) for x in (*none, *never)),
+            gl.Eq(self.sa, gl.der(self.w_a)),
+            gl.Eq(self.tau_eta, self.flange_a.tau),
+            gl.Eq(self.mode, FREE),
+        ]
+
+    def _losses(self, rows: Rows) -> list[gl.Eq | gl.When]:
+        torque = self.flange_a.tau
+        ahead = gl.Or(gl.holds(self.start_forward), gl.equals(gl.pre(self.mode), FORWARD))
+        at_rest = [at_zero(rows, column) for column in (1, 2, 3, 4)]
+        there = [[interpolated(rows, sense * self.w_a, column) for column in (1, 2, 3, 4)] for sense in (1, -1)]
+        still = _on_side_a(at_rest)
+        drives = self.tau_eta >= 0
+        forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
+        backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
+        return [
+            gl.Eq(
+                self.tau_eta,
+                torque + gl.Piecewise((0, gl.holds(self.locked)), (-_on_side_a(there[0]), ahead), (_on_side_a(there[1]), True)),
+            ),
+            gl.Eq(self.tau_loss, gl.Piecewise((self.sa, gl.holds(self.locked)), (forward, ahead), (backward, True))),
+            gl.Eq(gl.der(self.w_a), gl.Piecewise((0, gl.holds(self.locked)), (self.sa - self.tau_loss, True))),
+            gl.Eq(
+                self.loss_forward,
+                gl.no_event(
+                    gl.Piecewise((_a_drives(torque, 1, at_rest), torque > still), (_b_drives(torque, 1, at_rest), True))
+                ),
+            ),
+            gl.Eq(
+                self.loss_backward,
+                gl.no_event(
+                    gl.Piecewise((_b_drives(torque, -1, at_rest), torque > -still), (_a_drives(torque, -1, at_rest), True))
+                ),
+            ),
+        ]
+
+    def _modes(self) -> list[gl.Eq | gl.When]:
+        was, stuck = gl.pre(self.mode), self.was_stuck
+        # compared only while stuck: otherwise the difference is replaced by one that cannot change sign
+        over = stuck * (self.sa - self.loss_forward) > 1 - stuck
+        under = stuck * (self.loss_backward - self.sa) > 1 - stuck
+        ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
+        back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
+        return [
+            gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
+            gl.Eq(
+                self.start_forward,
+                gl.Or(gl.And(gl.equals(was, STUCK), over), gl.And(gl.initial(), self.w_a > 0)),
+            ),
+            gl.Eq(
+                self.start_backward,
+                gl.Or(gl.And(gl.equals(was, STUCK), under), gl.And(gl.initial(), self.w_a < 0)),
+            ),
+            gl.Eq(self.locked, gl.And(gl.Not(ahead), gl.Not(back))),
+            gl.Eq(
+                self.mode,
+                gl.Piecewise(
+                    (FORWARD, gl.And(ahead, self.w_a > 0)), (BACKWARD, gl.And(back, self.w_a < 0)), (STUCK, True)
+                ),
+            ),
+        ]
+
+
+def _a_drives(torque: Any, sense: int, row: list[Any]) -> Any:
+    """The loss where flange_a drives and turns in a sense."""
+    return (1 - row[0]) * torque + sense * row[2]
+
+
+def _b_drives(torque: Any, sense: int, row: list[Any]) -> Any:
+    """The loss where flange_b drives and flange_a turns in a sense."""
+    return (1 - 1 / row[1]) * torque + sense * row[3]
+
+
+def _on_side_a(row: list[Any]) -> Any:
+    """The part of the bearing friction at flange_a; half of it where the efficiencies are 1 and do not tell."""
+    if row[0] == 1 and row[1] == 1:
+        return row[2] / 2
+    return (row[2] - row[3]) / (row[0] - 1 / row[1])
+
+
+class Gearbox(TwoFlanges, Dissipative):
+    """`LossyGear`, then `ElastoBacklash`: ``phi_rel = flange_b.phi - lossyGear.flange_b.phi``.
+
+    It loses what both parts lose.
+    """
+
+    use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
+    loss_table = gl.Structural(IDEAL, "rows of speed (rad/s), eta1, eta2, B1 (N.m), B2 (N.m)")
+    support = Flange("housing", when="use_support")
+    ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
+    c = gl.Parameter("N.m/rad", "stiffness at flange_b", min=0)
+    d = gl.Parameter("N.m.s/rad", "damping at flange_b", min=0)
+    b = gl.Parameter("rad", "total backlash at flange_b", default=0.0, min=0)
+    phi_rel = gl.Variable("rad", "deflection, flange_b against the gear", nominal=1e-4)
+    w_rel = gl.Variable("rad/s", "rate of deflection")
+
+    def assemble(self) -> list[Connection]:
+        self.lossyGear = LossyGear(
+            ratio=self.ratio, loss_table=self.loss_table, use_support=self.use_support, use_heat_port=self.use_heat_port
+        )
+        self.elastoBacklash = ElastoBacklash(c=self.c, d=self.d, b=self.b, use_heat_port=self.use_heat_port)
+        links = [
+            gl.connect(self.flange_a, self.lossyGear.flange_a),
+            gl.connect(self.lossyGear.flange_b, self.elastoBacklash.flange_a),
+            gl.connect(self.elastoBacklash.flange_b, self.flange_b),
+        ]
+        if self.use_support:
+            links.append(gl.connect(self.support, self.lossyGear.support))
+        if self.use_heat_port:
+            links.append(gl.connect(self.heat_port, self.lossyGear.heat_port, self.elastoBacklash.heat_port))
+        return links
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.phi_rel, self.elastoBacklash.phi_rel),
+            gl.Eq(self.w_rel, self.elastoBacklash.w_rel),
+            gl.Eq(self.loss_power, self.lossyGear.loss_power + self.elastoBacklash.loss_power),
+        ]
