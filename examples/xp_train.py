@@ -24,7 +24,7 @@ import gearlib as gl
 import gearparts as gp
 from gearparts import zhou_cui_2022
 
-FIGURES = Path(__file__).parent / "figures"
+FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)
 
 # %%

@@ -88,7 +88,7 @@ def nearest(name: str, valid: Iterable[str], limit: int = 12) -> str:
     "did you mean 'w_load'? Valid names: phi, w_load"
     """
     valid = sorted(set(valid))
-    close = difflib.get_close_matches(name, valid, n=3, cutoff=0.5)
+    close = [v for v in valid if v.lower() == name.lower()] or difflib.get_close_matches(name, valid, n=3, cutoff=0.5)
     advice = "did you mean " + " or ".join(f"'{c}'" for c in close) + "?" if close else ""
     if not valid:
         return "there are none"

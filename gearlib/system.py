@@ -261,7 +261,8 @@ class System:
         Returns
         -------
         control.StateSpace
-            With the names of states, inputs and outputs. It holds the states that the outputs need.
+            With the states that the outputs need. States are named by path, inputs and outputs too, but with "_" for "."
+            (``linear["load_w", "torque_tau"]``), since python-control takes no dots there.
         """
         from gearlib.analysis.linearize import Point, linearize, state_space
 

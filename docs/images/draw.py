@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import runpy
 import shutil
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-runpy.run_path(str(ROOT / "examples" / "xp_train.py"), run_name="__main__")
-shutil.copy(ROOT / "examples" / "figures" / "time_histories.png", ROOT / "docs" / "images" / "xp_train.png")
+os.chdir(ROOT)
+runpy.run_path("examples/xp_train.py", run_name="__main__")
+shutil.copy("examples/figures/time_histories.png", "docs/images/xp_train.png")

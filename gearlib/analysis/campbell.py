@@ -73,12 +73,15 @@ class Campbell:
         import pandas
 
         rows = [(c.speed, c.speed * RPM, c.order, c.mode, c.frequency, c.damping) for c in self.crossings]
-        return pandas.DataFrame(rows, columns=["speed, rad/s", "speed, 1/min", "order", "mode", "frequency, Hz", "damping ratio"])
+        return pandas.DataFrame(
+            rows, columns=["speed, rad/s", "speed, 1/min", "order", "mode", "frequency, Hz", "damping ratio"]
+        )
 
     def __str__(self) -> str:
         lines = ["speed, 1/min   order                 mode   frequency, Hz    damping"]
         lines += [
-            f"{c.speed * RPM:12.6g}   {c.order:<20}  {c.mode:4d}   {c.frequency:13.6g}  {c.damping:9.5f}" for c in self.crossings
+            f"{c.speed * RPM:12.6g}   {c.order:<20}  {c.mode:4d}   {c.frequency:13.6g}  {c.damping:9.5f}"
+            for c in self.crossings
         ]
         return "\n".join(lines if self.crossings else ["no order meets a natural frequency in this range of speed"])
 
@@ -92,11 +95,13 @@ class Campbell:
         top = 1.15 * float(self.frequencies.max(initial=0.0))
         for k in range(self.frequencies.shape[1]):
             axes.plot(rpm, self.frequencies[:, k], color="black", lw=1.2, label="natural frequencies" if not k else None)
-            axes.annotate(f"{k}", (rpm[0], self.frequencies[0, k]), xytext=(-3, 0), textcoords="offset points", fontsize=8, ha="right", va="center")
+            start = (rpm[0], self.frequencies[0, k])
+            axes.annotate(f"{k}", start, xytext=(-3, 0), textcoords="offset points", fontsize=8, ha="right", va="center")
         for k, (name, order) in enumerate(self.orders.items()):
             axes.plot(rpm, order * self.speeds / (2 * np.pi), color=f"C{k}", lw=1, ls="--", label=f"{name} (order {order:g})")
         if self.crossings:
-            axes.plot([c.speed * RPM for c in self.crossings], [c.frequency for c in self.crossings], "o", color="#b22222", ms=5, label="crossings")
+            x, y = [c.speed * RPM for c in self.crossings], [c.frequency for c in self.crossings]
+            axes.plot(x, y, "o", color="#b22222", ms=5, label="crossings")
         axes.set_xlim(rpm[0] - 0.02 * np.ptp(rpm), rpm[-1])
         axes.set_ylim(0, top or 1.0)
         axes.set_xlabel("speed of the reference shaft, 1/min")
@@ -154,18 +159,20 @@ def campbell(
 
     varies = callable(at) or callable(parameters)
     runs = [at_speed(w) for w in grid] if varies else [at_speed(float(grid[0]))] * len(grid)
-    frequencies, damping, places = _followed(runs)
-    crossings = []
-    for name, order in named.items():
-        for k in range(frequencies.shape[1]):
-            for i in np.flatnonzero(np.diff(np.sign(frequencies[:, k] - order * grid / (2 * np.pi)))):
-                crossings.append(_crossing(at_speed if varies else None, grid, frequencies, damping, places, i, k, name, order))
+    frequencies, damping = _followed(runs)
+    at_each = at_speed if varies else None
+    crossings = [
+        _crossing(at_each, grid, frequencies, damping, int(i), k, name, order)
+        for name, order in named.items()
+        for k in range(frequencies.shape[1])
+        for i in np.flatnonzero(np.diff(np.sign(frequencies[:, k] - order * grid / (2 * np.pi))))
+    ]
     found = {(c.order, c.mode, round(c.speed, 9)): c for c in crossings}
     return Campbell(grid, frequencies, damping, named, tuple(sorted(found.values(), key=lambda c: c.speed)))
 
 
-def _followed(runs: Sequence[Modes]) -> tuple[Floats, Floats, Any]:
-    """Frequencies and damping with each mode in its own column, and where each stood."""
+def _followed(runs: Sequence[Modes]) -> tuple[Floats, Floats]:
+    """Frequencies and damping with each mode in its own column."""
     from scipy.optimize import linear_sum_assignment
 
     n = min(len(r) - r.free for r in runs)
@@ -179,18 +186,20 @@ def _followed(runs: Sequence[Modes]) -> tuple[Floats, Floats, Any]:
         now = runs[i].shapes[:, runs[i].free :]
         scale = np.maximum(np.abs(before).max(axis=1, initial=0.0), np.abs(now).max(axis=1, initial=0.0))
         before, now = (m / np.where(scale > 0, scale, 1.0)[:, None] for m in (before, now))
-        likeness = np.abs(before.conj().T @ now) / np.linalg.norm(before, axis=0)[:, None] / np.linalg.norm(now, axis=0)[None, :]
+        likeness = (
+            np.abs(before.conj().T @ now) / np.linalg.norm(before, axis=0)[:, None] / np.linalg.norm(now, axis=0)[None, :]
+        )
         f = runs[i].frequencies[runs[i].free :]
         near = np.abs(np.log(runs[i - 1].frequencies[places[i - 1]][:, None] / f[None, :]))
         _, chosen = linear_sum_assignment(near - likeness)
         places[i] = runs[i].free + chosen
     frequencies = np.array([r.frequencies[p] for r, p in zip(runs, places, strict=True)])
     damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])
-    return frequencies, damping, places
+    return frequencies, damping
 
 
 def _crossing(
-    at_speed: Callable[[float], Modes] | None, grid: Floats, frequencies: Floats, damping: Floats, places: Any, i: int, k: int,
+    at_speed: Callable[[float], Modes] | None, grid: Floats, frequencies: Floats, damping: Floats, i: int, k: int,
     name: str, order: float,
 ) -> Crossing:  # fmt: skip
     """Between two speeds: exact where frequencies are constant, otherwise by iteration with the modes at each speed."""

@@ -206,7 +206,8 @@ def _pseudo_inverse(L: Complexes) -> tuple[Complexes, tuple[Floats, Floats]]:
     scaled = L / row[:, :, None]
     column = np.abs(scaled).max(axis=1, initial=0.0)
     column = np.where(column > 0, column, 1.0)
-    return np.linalg.pinv(scaled / column[:, None, :], rcond=1e-10), (row, column)
+    inverse: Complexes = np.asarray(np.linalg.pinv(scaled / column[:, None, :], rcond=1e-10), complex)
+    return inverse, (np.asarray(row, float), np.asarray(column, float))
 
 
 def _solve(inverse: Complexes, scale: tuple[Floats, Floats], rhs: Complexes) -> Complexes:

@@ -168,17 +168,23 @@ def _columns(matrix: Any, columns: Sequence[int], scale: Floats, full: bool) -> 
     return sparse.hstack(parts).tocsr() if parts else sparse.csr_matrix((matrix.shape[0], 0))
 
 
+def label(name: str) -> str:
+    """The name that python-control accepts for a signal: ``torque.tau`` becomes ``torque_tau``.
+
+    >>> label("shaft[2].tau")
+    'shaft[2]_tau'
+    """
+    return name.replace(".", "_")
+
+
 def state_space(model: LinearModel) -> Any:
-    """The same as a ``control.StateSpace`` with signal names."""
+    """The same as a ``control.StateSpace``; inputs and outputs have their paths with "_" for ".", states their paths."""
     import control
 
     def array(m: Any) -> Floats:
         return m.toarray() if hasattr(m, "toarray") else np.asarray(m)
 
-    system = control.ss(
-        array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states), remove_useless_states=False,
+    return control.ss(
+        array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states),
+        inputs=[label(n) for n in model.inputs], outputs=[label(n) for n in model.outputs], remove_useless_states=False,
     )  # fmt: skip
-    # python-control takes no dots in the names of inputs and outputs where a system is made, though it can look them up.
-    system.input_index = {name: i for i, name in enumerate(model.inputs)}
-    system.output_index = {name: i for i, name in enumerate(model.outputs)}
-    return system

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.analysis.poles import Poles, poles
+from gearlib.analysis.linearize import label
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 
 Floats = NDArray[np.float64]
@@ -51,15 +52,25 @@ class Loop:
 
     def response(self, s: Any) -> Complexes:
         """Transfer function at complex frequencies, by back substitution in a Schur form."""
-        triangle, b, c = self._schur
         points = np.asarray(s, complex)
-        flat = points.ravel()
-        x = np.zeros((len(b), len(flat)), complex)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            result: Complexes = (self._schur[2] @ self._states(points.ravel()) + self.d).reshape(points.shape)
+        return result
+
+    def rounding(self, s: Any) -> Floats:
+        """How far rounding may put the transfer function off: small differences of large terms are not known better."""
+        points = np.asarray(s, complex)
+        terms = np.abs(self._schur[2]) @ np.abs(self._states(points.ravel())) + abs(self.d)
+        result: Floats = (1e2 * np.finfo(float).eps * terms).reshape(points.shape)
+        return result
+
+    def _states(self, s: Complexes) -> Complexes:
+        triangle, b, _ = self._schur
+        x = np.zeros((len(b), len(s)), complex)
         with np.errstate(divide="ignore", invalid="ignore"):
             for i in range(len(b) - 1, -1, -1):
-                x[i] = (b[i] + triangle[i, i + 1 :] @ x[i + 1 :]) / (flat - triangle[i, i])
-            result: Complexes = (c @ x + self.d).reshape(points.shape)
-        return result
+                x[i] = (b[i] + triangle[i, i + 1 :] @ x[i + 1 :]) / (s - triangle[i, i])
+        return x
 
     @cached_property
     def open_poles(self) -> Poles:
@@ -205,6 +216,7 @@ def _signal(what: str, chosen: Any, names: Sequence[str]) -> int:
         return 0
     if isinstance(chosen, int) and 0 <= chosen < len(names):
         return chosen
-    if chosen in names:
-        return list(names).index(chosen)
+    for candidate in (chosen, label(str(chosen))):  # python-control's names have no dots
+        if candidate in names:
+            return list(names).index(candidate)
     raise NameLookupError(f"the linear model has no {what} '{chosen}'; {nearest(str(chosen), names)}")

@@ -129,7 +129,7 @@ def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseC
     found = []
     if not loop.open_poles.at_zero:
         start = float(loop.response(0.0).real)
-        if start < 0:
+        if start < -10 * float(loop.rounding(0.0)):
             found.append(PhaseCrossing(0.0, -1 / start))
     # The tangent of the phase, which is not disturbed where L changes by orders of magnitude.
     ratio = curve.imag / np.maximum(np.abs(curve), 1e-300)
@@ -137,7 +137,7 @@ def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseC
     omega, ratio, curve = omega[~noise], ratio[~noise], curve[~noise]
     for w in _roots(omega, ratio, lambda x: float((lambda z: z.imag / abs(z))(loop.response(1j * x)))):
         value = loop.response(1j * w)
-        if value.real < 0 and abs(value.imag) < 1e-6 * abs(value):
+        if value.real < 0 and abs(value.imag) < 1e-6 * abs(value) and abs(value) > 10 * loop.rounding(1j * w):
             found.append(PhaseCrossing(w, float(-1 / value.real)))
     if loop.d < 0:
         found.append(PhaseCrossing(float("inf"), -1 / loop.d))

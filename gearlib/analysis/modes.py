@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gearlib.analysis.energies import Family, energies, families
 from gearlib.analysis.linearize import operating_point, slots_at
 from gearlib.analysis.spectrum import Spectrum, dense_spectrum, sparse_spectrum
-from gearlib.codegen.evaluate import prepare
 from gearlib.codegen.builder import build
+from gearlib.codegen.evaluate import prepare
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
@@ -219,9 +219,7 @@ class Modes:
         return draw_mode(self, mode, axes)
 
 
-def modes(
-    system: System, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None
-) -> Modes:
+def modes(system: System, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None) -> Modes:
     """Natural frequencies, damping ratios and mode shapes, with the energy of each component.
 
     Parameters

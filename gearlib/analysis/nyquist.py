@@ -64,7 +64,9 @@ class NyquistCount:
 
     def __str__(self) -> str:
         n = abs(self.clockwise)
-        turns = "does not encircle -1" if not n else f"encircles -1 {_times(n)} {'' if self.clockwise > 0 else 'counter-'}clockwise"
+        turns = (
+            "does not encircle -1" if not n else f"encircles -1 {_times(n)} {'' if self.clockwise > 0 else 'counter-'}clockwise"
+        )
         text = (
             f"Over all frequencies the curve {turns} (N = {self.clockwise}). The open loop has {_poles(self.open_right)} in the "
             f"right half-plane (P = {self.open_right}), so the closed loop has {_poles(self.closed_right)} there "
@@ -114,7 +116,9 @@ def nyquist_count(loop: Loop) -> NyquistCount:
         turned += float(np.angle(f[1:] / f[:-1]).sum())
     count = -turned / np.pi  # half of the path; the other half is its mirror image
     if not abs(count - round(count)) < 0.05:
-        raise SolverError(f"the curve of {loop.input} -> {loop.output} passes -1 closer than rounding can tell (count {count:.3f})")
+        raise SolverError(
+            f"the curve of {loop.input} -> {loop.output} passes -1 closer than rounding can tell (count {count:.3f})"
+        )
     drifting = len(closed.chains) > 1 or bool(closed.chained)
     # Turns of 1 + L count zeros minus poles inside the path.
     return NyquistCount(round(count), loop.open_poles.right, tuple(closed.on_axis.tolist()), drifting)

@@ -88,7 +88,9 @@ class OrderWaterfall:
         height, label = (self.speeds * RPM, f"mean speed of {self.reference}, 1/min") if monotonic else (self.times, "time, s")
         top = max(float(self.amplitudes.max(initial=0.0)), 1e-300)
         level = 20 * np.log10(np.maximum(self.amplitudes / top, 10 ** (-decibels / 20)))
-        image = axes.pcolormesh(self.orders, height, level, shading="nearest", cmap="viridis", vmin=-decibels, vmax=0, rasterized=True)
+        image = axes.pcolormesh(
+            self.orders, height, level, shading="nearest", cmap="viridis", vmin=-decibels, vmax=0, rasterized=True
+        )
         axes.figure.colorbar(image, ax=axes, label=f"amplitude of {self.name}, dB over {top:.3g} {self.unit}")
         axes.set_xlabel(f"order of {self.reference}, events per revolution")
         axes.set_ylabel(label)
@@ -129,7 +131,9 @@ def order_spectrum(
     time, angle, signal = _prepared(result, name, reference, t_start, t_end)
     revolutions = int((angle[-1] - angle[0]) / (2 * np.pi) * (1 + 1e-12))
     if revolutions < 1:
-        raise ArgumentError(f"{reference} turns {(angle[-1] - angle[0]) / (2 * np.pi):.3g} times in the interval; a spectrum needs one")
+        raise ArgumentError(
+            f"{reference} turns {(angle[-1] - angle[0]) / (2 * np.pi):.3g} times in the interval; a spectrum needs one"
+        )
     orders, rows = _spectra(time, angle, signal, [0.0], revolutions, max_order)
     return OrderSpectrum(orders, rows[0], name, reference, _unit(result, name))
 

@@ -15,25 +15,6 @@ from gearlib.analysis.poles import poles
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 CURVE, POINT, GAIN, PHASE = "#1f4e9c", "#b22222", "#2e8b57", "#d95f02"
-OPTIONS = """
-    Parameters
-    ----------
-    model, loop, gain, at, parameters
-        As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
-    axes : matplotlib Axes, optional
-        To draw into.
-
-    Returns
-    -------
-    """
-
-
-def _documented(returns: str) -> Any:
-    def add(function: Any) -> Any:
-        function.__doc__ = f"{function.__doc__}\n{OPTIONS}{returns}\n    "
-        return function
-
-    return add
 
 
 def _curve(loop: Loop) -> tuple[Floats, Complexes]:
@@ -55,12 +36,35 @@ def _margin_labels(m: Margins) -> tuple[str, str]:
     )
 
 
-@_documented("list of matplotlib Axes: the whole curve, and the surroundings of -1.")
 def nyquist_plot(
     model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
     parameters: Mapping[str, float] | None = None, axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Nyquist plot, the whole and the surroundings of -1, with margins."""
+    """Nyquist plot, the whole and the surroundings of -1, with margins.
+
+    Parameters
+    ----------
+    model, loop, gain, at, parameters
+        As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
+    axes : matplotlib Axes, optional
+        To draw into (two of them).
+
+    Returns
+    -------
+    list of matplotlib Axes
+        The whole curve, and the surroundings of -1.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        No such signal, or several and none chosen.
+
+    Examples
+    --------
+    >>> import control, gearlib as gl, matplotlib.pyplot as plt
+    >>> axes = gl.nyquist_plot(control.tf([1], [1, 2, 1, 0]))
+    >>> plt.close()
+    """
     import matplotlib.pyplot as plt
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
@@ -79,7 +83,9 @@ def nyquist_plot(
         ax.set_ylabel("imaginary part of L")
         ax.grid(alpha=0.25)
     _arrows(axes[0], curve, bound)
-    centre = (curve.real[np.abs(curve) <= bound].max(initial=0.0) + min(curve.real[np.abs(curve) <= bound].min(initial=0.0), -1.0)) / 2
+    inside = curve.real[np.abs(curve) <= bound * (1 + 1e-9)]
+    left = min(float(inside.min(initial=0.0)), -1.0 if bound > 0.5 else 0.0)
+    centre = (float(inside.max(initial=0.0)) + left) / 2
     axes[0].set_xlim(centre - 1.15 * bound, centre + 1.15 * bound)
     axes[0].set_ylim(-1.15 * bound, 1.15 * bound)
     axes[0].set_aspect("equal")
@@ -95,7 +101,8 @@ def _view(loop: Loop, omega: Floats, curve: Complexes) -> float:
     """How far to show: everything, but not the way to infinity near poles on the imaginary axis."""
     size = np.abs(curve)
     if not len(loop.open_poles.on_axis):
-        return max(float(size.max()), 1.1)
+        largest = float(size.max(initial=1e-300))
+        return largest if largest < 0.5 else max(largest, 1.1)
     around = np.maximum(loop.open_poles.on_axis, loop.scale[0])
     near = np.abs(omega[:, None] - loop.open_poles.on_axis[None, :]) < 0.3 * around[None, :]
     return max(3.0, float(size[~near.any(axis=1)].max(initial=0.0)))
@@ -111,7 +118,9 @@ def _arrows(ax: Any, curve: Complexes, bound: float) -> None:
         i = inside[min(int(np.searchsorted(length, part * length[-1])), len(inside) - 2)]
         start, end = curve[i], curve[i + 1]
         if start != end:
-            ax.annotate("", (end.real, end.imag), (start.real, start.imag), arrowprops={"arrowstyle": "-|>", "color": CURVE, "lw": 1.4})
+            ax.annotate(
+                "", (end.real, end.imag), (start.real, start.imag), arrowprops={"arrowstyle": "-|>", "color": CURVE, "lw": 1.4}
+            )
 
 
 def _nyquist_margins(ax: Any, loop: Loop, m: Margins) -> None:
@@ -130,13 +139,36 @@ def _nyquist_margins(ax: Any, loop: Loop, m: Margins) -> None:
     ax.set_aspect("equal")
 
 
-@_documented("matplotlib Axes")
 def nichols_plot(
     model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
     parameters: Mapping[str, float] | None = None, axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Nichols plot, gain over phase, with margins and lines of equal closed-loop gain."""
+    """Nichols plot, gain over phase, with margins and lines of equal closed-loop gain.
+
+    Parameters
+    ----------
+    model, loop, gain, at, parameters
+        As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
+    axes : matplotlib Axes, optional
+        To draw into.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        No such signal, or several and none chosen.
+
+    Examples
+    --------
+    >>> import control, gearlib as gl, matplotlib.pyplot as plt
+    >>> axes = gl.nichols_plot(control.tf([1], [1, 2, 1, 0]))
+    >>> plt.close()
+    """
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import MultipleLocator
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     omega, curve = _curve(chosen)
@@ -144,13 +176,13 @@ def nichols_plot(
     if axes is None:
         _, axes = plt.subplots(figsize=(8, 5.5), layout="constrained")
     phase, level = np.degrees(np.unwrap(np.angle(curve))), 20 * np.log10(np.maximum(np.abs(curve), 1e-300))
-    phase += 360 * np.round((-90 - np.median(phase)) / 360)
+    phase += 360 * np.round((-90 - phase[0]) / 360)
     axes.plot(phase, level, color=CURVE, lw=1.4, label="L(jω)")
     for decade in range(int(np.ceil(np.log10(omega[0] / (2 * np.pi)))), int(np.floor(np.log10(omega[-1] / (2 * np.pi)))) + 1):
         i = int(np.argmin(np.abs(omega - 2 * np.pi * 10.0**decade)))
         axes.plot(phase[i], level[i], ".", color=CURVE, ms=6)
         axes.annotate(f"{10.0**decade:g} Hz", (phase[i], level[i]), xytext=(4, 3), textcoords="offset points", fontsize=7)
-    points = [p for p in np.arange(-1260, 901, 360) if phase.min() - 100 <= p <= phase.max() + 100] or [-180]
+    points = [p for p in np.arange(-1260.0, 901.0, 360.0).tolist() if phase.min() - 100 <= p <= phase.max() + 100] or [-180.0]
     axes.plot(points, np.zeros(len(points)), "+", color=POINT, ms=11, mew=2, label="−1 (−180°, 0 dB)")
     _nichols_margins(axes, m, omega, phase)
     low, high = max(float(level.min()), -120.0), min(float(level.max()), 120.0)
@@ -159,7 +191,7 @@ def nichols_plot(
     _closed_loop_lines(axes, points)
     axes.set_xlabel("phase of L, deg")
     axes.set_ylabel("gain |L|, dB")
-    axes.xaxis.set_major_locator(plt.MultipleLocator(45))
+    axes.xaxis.set_major_locator(MultipleLocator(45))
     axes.axhline(0, color="0.6", lw=0.7, zorder=0)
     axes.grid(alpha=0.25)
     axes.set_title(_title(chosen, "Nichols plot"))
@@ -191,13 +223,37 @@ def _closed_loop_lines(ax: Any, points: Sequence[float]) -> None:
                 ax.annotate(f"{decibels:+g} dB", (x[i], y[i]), fontsize=6, color="0.5", ha="center", annotation_clip=True)
 
 
-@_documented("array of two matplotlib Axes")
 def bode_plot(
     model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
     parameters: Mapping[str, float] | None = None, axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Bode plot over frequency in Hz, with margins."""
+    """Bode plot over frequency in Hz, with margins.
+
+    Parameters
+    ----------
+    model, loop, gain, at, parameters
+        As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
+    axes : matplotlib Axes, optional
+        To draw into (two of them).
+
+    Returns
+    -------
+    array of two matplotlib Axes
+        Gain and phase.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        No such signal, or several and none chosen.
+
+    Examples
+    --------
+    >>> import control, gearlib as gl, matplotlib.pyplot as plt
+    >>> axes = gl.bode_plot(control.tf([1], [1, 2, 1, 0]))
+    >>> plt.close()
+    """
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import MaxNLocator
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     omega, curve = _curve(chosen)
@@ -205,7 +261,7 @@ def bode_plot(
     if axes is None:
         _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 6), layout="constrained")
     phase = np.degrees(np.unwrap(np.angle(curve)))
-    phase += 360 * np.round((-90 - np.median(phase)) / 360)
+    phase += 360 * np.round((-90 - phase[0]) / 360)
     level, hertz = 20 * np.log10(np.maximum(np.abs(curve), 1e-300)), omega / (2 * np.pi)
     axes[0].semilogx(hertz, level, color=CURVE)
     axes[1].semilogx(hertz, phase, color=CURVE)
@@ -235,18 +291,42 @@ def bode_plot(
             ax.legend(fontsize=8)
     axes[0].set_ylabel("gain |L|, dB")
     axes[1].set_ylabel("phase of L, deg")
-    axes[1].yaxis.set_major_locator(plt.MaxNLocator(steps=[1, 4.5, 9, 10]))
+    axes[1].yaxis.set_major_locator(MaxNLocator(steps=[1, 4.5, 9, 10]))
     axes[1].set_xlabel("frequency, Hz")
     axes[0].set_title(_title(chosen, "Bode plot"))
     return axes
 
 
-@_documented("matplotlib Axes")
 def root_locus_plot(
     model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
     parameters: Mapping[str, float] | None = None, gains: Any = None, axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Root locus: poles of the closed loop while the gain grows from 0 (or over ``gains``), with the gains at which it gets unstable."""
+    """Root locus: poles of the closed loop while the gain grows, with the gains at which it gets unstable.
+
+    Parameters
+    ----------
+    model, loop, gain, at, parameters
+        As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
+    gains : array, optional
+        Gains to follow, from small to large; by default from 0 to well beyond the last margin.
+    axes : matplotlib Axes, optional
+        To draw into.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        No such signal, or several and none chosen.
+
+    Examples
+    --------
+    >>> import control, gearlib as gl, matplotlib.pyplot as plt
+    >>> axes = gl.root_locus_plot(control.tf([1], [1, 2, 1, 0]))
+    >>> plt.close()
+    """
     import matplotlib.pyplot as plt
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
@@ -300,7 +380,7 @@ def _paths(loop: Loop, factors: Floats) -> Complexes:
     from scipy.optimize import linear_sum_assignment
 
     _, (scale, _) = matrix_balance(loop.A, permute=False, separate=True)
-    rows = []
+    rows: list[Any] = []
     for factor in factors:
         values = np.linalg.eigvals(_closed(loop, float(factor)) / scale[:, None] * scale)
         if rows:

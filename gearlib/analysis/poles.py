@@ -83,7 +83,8 @@ class Poles:
     def damping(self) -> Floats:
         """Damping ratio of each: 1 for real poles in the left half-plane, NaN at 0."""
         size = np.abs(self.values)
-        return np.divide(-self.values.real, size, out=np.full(len(size), np.nan), where=size > 0)
+        ratio: Floats = np.divide(-self.values.real, size, out=np.full(len(size), np.nan), where=size > 0)
+        return ratio
 
 
 def poles(A: Any) -> Poles:

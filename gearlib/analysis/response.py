@@ -89,7 +89,9 @@ class FrequencyResponse:
         units = ", ".join(dict.fromkeys(u for u in self.units if u))
         per = f"{units or '1'} per {self.per}" if self.per else units
         axes[0].set_ylabel(f"amplitude{', ' if per else ''}{per}")
-        axes[0].set_title(f"Response to {', '.join(self.inputs)}" if len(self.inputs) <= 2 else f"Response to {len(self.inputs)} inputs")
+        axes[0].set_title(
+            f"Response to {', '.join(self.inputs)}" if len(self.inputs) <= 2 else f"Response to {len(self.inputs)} inputs"
+        )
         axes[0].legend(fontsize=8)
         axes[1].set_ylabel("phase, deg")
         axes[1].set_xlabel("frequency, Hz")
@@ -225,7 +227,9 @@ def transmission_error_response(
     ArgumentError
         The system has no such inputs, or one has another unit.
     """
-    weights = dict(meshes) if isinstance(meshes, Mapping) else dict.fromkeys(_error_inputs(system) if meshes is None else meshes, 1.0)
+    weights = (
+        dict(meshes) if isinstance(meshes, Mapping) else dict.fromkeys(_error_inputs(system) if meshes is None else meshes, 1.0)
+    )
     if not weights:
         raise ArgumentError("the system has no input for a transmission error (e_rate or e of a mesh)")
     units = {name: _unit(system, name) for name in weights}

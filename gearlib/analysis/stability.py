@@ -46,12 +46,15 @@ class LoopReport:
             lines.append("  The curve lies on the real axis (nothing is damped): it has no isolated phase crossings.")
         elif not m.phase_crossings:
             lines.append("  gain margin      infinite: the curve does not cross the negative real axis")
-        for c in m.phase_crossings:
-            lines.append(f"  gain margin      {c.gain_margin:.6g} ({c.gain_margin_db:+.3f} dB) at {_rad(c.omega)}")
+        lines += [
+            f"  gain margin      {c.gain_margin:.6g} ({c.gain_margin_db:+.3f} dB) at {_rad(c.omega)}" for c in m.phase_crossings
+        ]
         if not m.gain_crossings:
             lines.append("  phase margin     infinite: |L| is nowhere 1")
-        for g in m.gain_crossings:
-            lines.append(f"  phase margin     {g.phase_margin:.4f} deg, delay margin {g.delay_margin:.4g} s, at {_rad(g.omega)}")
+        lines += [
+            f"  phase margin     {g.phase_margin:.4f} deg, delay margin {g.delay_margin:.4g} s, at {_rad(g.omega)}"
+            for g in m.gain_crossings
+        ]
         lines.append(f"  modulus margin   {m.modulus_margin:.6g}, the smallest distance from -1, at {_rad(m.modulus_omega)}")
         return "\n".join(lines)
 

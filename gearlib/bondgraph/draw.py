@@ -71,7 +71,11 @@ def draw(
         )  # fmt: skip
     ax.set_aspect("equal")
     ax.set_axis_off()
-    ax.margins(0.04)
+    # text does not count for the limits of the axes: half a unit round the elements holds it
+    ends = np.array(list(place.values()))
+    ax.update_datalim([ends.min(axis=0) - 0.5, ends.max(axis=0) + 0.5])
+    ax.margins(0.01)
+    ax.autoscale_view()
     return ax
 
 

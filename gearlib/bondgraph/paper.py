@@ -132,14 +132,14 @@ def _planetary(sketch: _Sketch) -> tuple[One, One]:
     _planet(sketch, 6, (12, 36, 25, 85, 15), (5, 6, 8, 9), ends)
     _planet(sketch, 0, (13, 37, 65, 84, 39), (10, 11, 12, 13), ends)
     _planet(sketch, -6, (14, 38, 59, 83, 49), (14, 15, 16, 17), ends)
-    sketch.routes |= {25: ((10.5, -10.3), (10.5, 3.8)), 65: ((9.5, -10.3), (9.5, -2.2))}
+    sketch.routes |= {25: ((11.1, -10.1), (10.5, -9.0), (10.5, 3.8)), 65: ((8.9, -10.1), (9.5, -9.0), (9.5, -2.2))}
     sketch.port(26, sun, I(), 0, 1.2)
     sketch.transformer(27, 28, sun, sun_mesh, 1 / _m(3))
     _mesh(sketch, sun_mesh, 32, 29, 30, 31, (0, 1.3))
     sketch.transformer(33, 34, sun_mesh, sun_side, 1 / _m(4))
     sketch.port(35, sun_side, I(), 0.6, -1.3)
-    sketch.port(81, carrier, I(), -1.2, -0.7)
-    sketch.port(82, carrier, R(), -1.2, 0.7)
+    sketch.port(81, carrier, I(), 0, -1.2)
+    sketch.port(82, carrier, R(), -1.5, 0)
     return sun, carrier
 
 

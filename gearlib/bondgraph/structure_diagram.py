@@ -120,7 +120,7 @@ class StructureDiagram:
         for (name, shaft), node in self.shafts.items():
             (x, y), (x_end, y_end) = units[name].position, self.nodes[node]
             ax.plot([x, x_end, x_end], [y, y, y_end], color="0.2", lw=1.3, zorder=1)
-            beside = (x + 0.14, y + 0.6 * np.sign(y_end - y)) if x == x_end else (x + 0.6 * np.sign(x_end - x), y + 0.16)
+            beside = (x + 0.2, y + 0.6 * np.sign(y_end - y)) if x == x_end else (x + 0.6 * np.sign(x_end - x), y + 0.16)
             ax.text(*beside, rf"$\{shaft}$" if len(shaft) > 1 else f"${shaft}$", ha="center", va="center", fontsize=9)
         for terminal, node in self.terminals.items():
             ax.plot(*np.transpose([self.nodes[terminal], self.nodes[node]]), color="0.2", lw=1.3, zorder=1)
@@ -132,7 +132,7 @@ class StructureDiagram:
         for node, (x, y) in self.nodes.items():
             ax.plot(x, y, "o", color="black", ms=5, zorder=3)
             from_above = any(end == node and units[name].position[1] > y for (name, _), end in self.shafts.items())
-            ax.text(x, y - 0.24 if from_above else y + 0.22, f"${node}$", ha="center", va="center", fontsize=10)
+            ax.text(x, y - 0.3 if from_above else y + 0.28, f"${node}$", ha="center", va="center", fontsize=10)
         ax.set_title(self.name, fontsize=10)
         ax.set_aspect("equal")
         ax.set_axis_off()

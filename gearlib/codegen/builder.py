@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
 from gearlib.codegen.kernels import (
@@ -17,7 +18,7 @@ from gearlib.codegen.kernels import (
     solve_kernel,
 )
 from gearlib.codegen.program import Batch, Linear, Newton, Program
-from gearlib.codegen.schedule import schedule
+from gearlib.codegen.schedule import renumber, schedule
 from gearlib.flatten.templates import Template
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
@@ -86,8 +87,11 @@ class Builder:
                 others.append(self._block(block, scalar))
         batches = self._batches(scalar)
         checks = self._batches(pivots)
-        steps = schedule(batches, others, self.n_slots, len(self.states) + len(self.inputs))
-        return Program(self.states, self.inputs, self.slots, self.n_slots, steps, outputs, checks)
+        n_known = len(self.states) + len(self.inputs)
+        steps = schedule(batches, others, self.n_slots, n_known)
+        place, steps = renumber(steps, self.n_slots, n_known)
+        slots = {node: int(place[slot]) for node, slot in self.slots.items()}
+        return Program(self.states, self.inputs, slots, int(place.max(initial=-1)) + 1, steps, outputs, checks)
 
     def places(self, used: Integers) -> list[tuple[Kernel, int, int, int, int, int]]:
         """(kernel, group, row, kind, target, sign) of what must be evaluated: 0 relations, 1 discrete variables, 2 states."""
@@ -166,10 +170,23 @@ class Builder:
         kernel = solve_kernel(template, column)
         if kernel is None:
             return False
+        if self._copies(kernel, template, g, i, node, sign):
+            return True
         partial = template.partials[column]
         if partial.number is None and partial.constant:
             pivots[partial_kernel(template, column), g, k].append((i, 0, 1))
         scalar[kernel, g, k].append((i, self.slots[node], sign))
+        return True
+
+    def _copies(self, kernel: Kernel, template: Template, g: int, i: int, node: Node, sign: int) -> bool:
+        """An unknown that equals another one gets its slot. (What is bound to an input keeps one of its own: it may be varied.)"""
+        if len(kernel.columns) != 1 or kernel.expression != sympy.Symbol(f"x{kernel.columns[0]}", real=True):
+            return False
+        source = [(n, s) for c, n, s in self._positions(template, g, i) if c == kernel.columns[0]]
+        if len(source) != 1 or source[0][1] * sign != 1 or template.label == "binding":
+            return False
+        (v, k), (w, m) = node, source[0][0]
+        self.table[k, v] = self.slots[node] = self.table[m, w]
         return True
 
     def _block(self, block: Block, scalar: Found) -> Linear | Newton:

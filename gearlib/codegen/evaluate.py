@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.codegen.factors import Factored
 from gearlib.codegen.program import Batch, Linear, Newton, Program
 from gearlib.codegen.scalars import constants
 from gearlib.errors import SingularError, SolverError
@@ -28,7 +29,7 @@ class Prepared:
 
     program: Program
     parameters: Floats
-    solutions: tuple[Floats, ...]  # in the order of the linear blocks: (unknowns, known)
+    solutions: tuple[Floats | Factored, ...]  # in the order of the linear blocks: (unknowns, known)
 
 
 def batch_values(batch: Batch, t: Floats | float, slots: Floats, parameters: Floats, relations: Floats) -> Floats:
@@ -94,7 +95,7 @@ def owner_of(structure: Structure, equation: int) -> str:
     return structure.model.owner(*structure.rows[equation])
 
 
-def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats:
+def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | Factored:
     """-inverse(A), the columns for which there is a g."""
     n = len(block.unknowns)
     places = block.places
@@ -122,8 +123,6 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats:
     import scipy.sparse as sparse
     from scipy.sparse.linalg import splu
 
-    rhs = np.zeros((n, len(block.known)))
-    rhs[block.known_rows, np.arange(len(block.known))] = -1.0
     try:
         factors = splu(sparse.csc_matrix((entries, np.divmod(places, n)), shape=(n, n)))
     except RuntimeError:
@@ -131,8 +130,7 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats:
     diagonal = np.abs(factors.U.diagonal())
     if not diagonal.min() > SINGULAR * diagonal.max() * 1e-3:
         raise _singular(block, structure)
-    solution: Floats = factors.solve(rhs)
-    return solution
+    return Factored(factors, block.known_rows)
 
 
 def _singular(block: Linear | Newton, structure: Structure) -> SingularError:

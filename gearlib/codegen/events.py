@@ -9,7 +9,7 @@ from gearlib.codegen.kernels import relation_kernel
 from gearlib.codegen.layout import Layout
 from gearlib.codegen.modes import Relations
 from gearlib.codegen.program import Batch
-from gearlib.codegen.source import Body, _loop, looped
+from gearlib.codegen.source import Body, loop, looped, sign_groups
 
 Integers = NDArray[np.int64]
 MOST_ITERATIONS = 100
@@ -31,7 +31,7 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
             part = batch.take(rows)
             strict, negated = relation_of(batch)
             sign = "" if strict != negated else "-"  # positive where a strict relation holds, where another one does not
-            _loop(body, _retarget(part, np.searchsorted(numbers, part.targets)), f"values[{{target}}] = {sign}({{value}})")
+            loop(body, _retarget(part, np.searchsorted(numbers, part.targets)), f"values[{{target}}] = {sign}({{value}})")
     return body
 
 
@@ -48,20 +48,22 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
     if any(batch.arguments.size for batch in relations.discretes):
         body.lines += compute
     for batch in relations.discretes:  # first, so that what has just become stuck is tried as locked
-        _loop(body, batch, "y = {value}")
-        body.lines += [
-            "    if data[r + index[o + 1 + k]] != y:",
-            "        data[r + index[o + 1 + k]] = y",
-            "        changed = 1",
-        ]
+        for rows in sign_groups(batch):
+            loop(body, batch.take(rows), "y = {value}")
+            body.lines += [
+                "    if data[r + index[o + 1 + k]] != y:",
+                "        data[r + index[o + 1 + k]] = y",
+                "        changed = 1",
+            ]
     body.lines += compute
     for batch in relations.batches:
         _relation_loops(body, batch, numbers)
     inner, body.lines = body.lines, []
     sizes = body.array([n_relations, n_discrete])
     for batch in relations.reinits:
-        _loop(body, batch, "y = {value}")
-        body.lines += ["    if x[index[o + 1 + k]] != y:", "        x[index[o + 1 + k]] = y", "        result = 2"]
+        for rows in sign_groups(batch):
+            loop(body, batch.take(rows), "y = {value}")
+            body.lines += ["    if x[index[o + 1 + k]] != y:", "        x[index[o + 1 + k]] = y", "        result = 2"]
     reinits = body.lines
     body.lines = [
         *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", "result = 0", "moved = 1",
@@ -109,12 +111,9 @@ def _relation_loops(body: Body, batch: Batch, numbers: Integers) -> None:
 
 
 def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compare: str, strict: bool) -> None:
-    patterns = np.concatenate([part.signs[:, None], part.argument_signs], axis=1)
-    _, which = np.unique(patterns, axis=0, return_inverse=True)
-    for number in range(int(which.max()) + 1):
-        rows = np.flatnonzero(which.ravel() == number)
+    for rows in sign_groups(part):
         body.lines.append(f"e = {body.array(roots[rows])}")
-        _loop(body, part.take(rows), "y = {value}")
+        loop(body, part.take(rows), "y = {value}")
         body.lines.append(f"    f = 1.0 if y {compare} 0.0 else 0.0")
         if not timed:
             side = ">" if strict else "<"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gearlib.codegen.kernels import derivative_of
 from gearlib.codegen.layout import Layout
 from gearlib.codegen.program import Batch, Linear, Newton, Program
-from gearlib.codegen.source import Body, _loop, looped
+from gearlib.codegen.source import Body, loop, looped, sign_groups
 
 Integers = NDArray[np.int64]
 
@@ -89,16 +89,20 @@ def jacobian_body(program: Program, layout: Layout, pattern: Pattern) -> tuple[B
         "for k in range(n):",
         "    data[d + index[a + k]] = 1.0",
     ]
+    pieces: list[Body] = []
     block = 0
     for step in program.steps:
         if isinstance(step, Batch):
             for a in _active(step):
-                _accumulate(body, step, a, pattern)
-        elif isinstance(step, Linear):
-            _combine(body, step, layout.solutions[block], layout.needed[block], pattern)
+                pieces += _accumulate(body, step, a, pattern)
+            continue
+        pieces.append(body.piece())
+        if isinstance(step, Linear):
+            _combine(pieces[-1], step, layout.solutions[block], layout.needed[block], pattern)
             block += 1
         else:
-            _implicit(body, step, pattern)
+            _implicit(pieces[-1], step, pattern)
+    body.include_all(pieces)
     out = [
         (pattern.first[slot] + pattern.rows[slot].index(j), q)
         for j in range(len(program.states))
@@ -122,10 +126,10 @@ def _derivative_batch(batch: Batch, a: int) -> Batch:
     )  # fmt: skip
 
 
-def _accumulate(body: Body, batch: Batch, a: int, pattern: Pattern) -> None:
+def _accumulate(body: Body, batch: Batch, a: int, pattern: Pattern) -> list[Body]:
     keep = np.flatnonzero(batch.argument_signs[:, a])
     if not len(keep):
-        return
+        return []
     part = _derivative_batch(batch.take(keep), a)
     pointer, source, target = [0], [], []
     for i in keep.tolist():
@@ -135,23 +139,26 @@ def _accumulate(body: Body, batch: Batch, a: int, pattern: Pattern) -> None:
             source.append(int(pattern.first[of]) + q)
             target.append(int(pattern.first[to]) + place[state])
         pointer.append(len(source))
-    _chain(body, part, pointer, source, target, "data[d + index[g + j]]", "data[d + index[f + j]]")
+    return _chain(body, part, pointer, source, target)
 
 
-def _chain(body: Body, part: Batch, pointer: list[int], source: list[int], target: list[int], to: str, of: str) -> None:
-    """Loop over instances and, inside, over the entries that each contributes to."""
-    ordered = part
-    patterns = np.concatenate([ordered.signs[:, None], ordered.argument_signs], axis=1)
-    _, which = np.unique(patterns, axis=0, return_inverse=True)
-    for number in range(int(which.max()) + 1):
-        rows = np.flatnonzero(which.ravel() == number)
+def _chain(body: Body, part: Batch, pointer: list[int], source: list[int], target: list[int]) -> list[Body]:
+    """Loops over instances and, inside, over the entries that each contributes to."""
+    pieces = []
+    for rows in sign_groups(part):
         entries = [range(pointer[i], pointer[i + 1]) for i in rows.tolist()]
-        p = body.array(np.cumsum([0, *(len(e) for e in entries)]))
-        f = body.array([source[q] for e in entries for q in e])
-        g = body.array([target[q] for e in entries for q in e])
-        body.lines.append(f"p, f, g = {p}, {f}, {g}")
-        _loop(body, ordered.take(rows), "y = {value}")
-        body.lines += ["    for j in range(index[p + k], index[p + k + 1]):", f"        {to} += y * {of}"]
+        piece = body.piece()
+        p = piece.array(np.cumsum([0, *(len(e) for e in entries)]))
+        f = piece.array([source[q] for e in entries for q in e])
+        g = piece.array([target[q] for e in entries for q in e])
+        piece.lines.append(f"p, f, g = {p}, {f}, {g}")
+        loop(piece, part.take(rows), "y = {value}")
+        piece.lines += [
+            "    for j in range(index[p + k], index[p + k + 1]):",
+            "        data[d + index[g + j]] += y * data[d + index[f + j]]",
+        ]
+        pieces.append(piece)
+    return pieces
 
 
 def _combine(body: Body, step: Linear, at: int, needed: Integers, pattern: Pattern) -> None:
@@ -195,7 +202,8 @@ def _implicit(body: Body, step: Newton, pattern: Pattern) -> None:
                     source.append(int(pattern.first[of]) + q)
                     target.append(first[row] + place[state])  # the row's own entries hold -dr/dx until they are solved
                 pointer.append(len(source))
-            _chain(body, part, pointer, source, target, "data[d + index[g + j]]", "data[d + index[f + j]]")
+            for piece in _chain(body, part, pointer, source, target):
+                body.include(piece)
     unknowns, head = body.array(first), body.array([n, len(seeds), step.lead])
     body.lines += [
         f"a, h = {unknowns}, {head}",
@@ -205,7 +213,7 @@ def _implicit(body: Body, step: Newton, pattern: Pattern) -> None:
         "        data[w + q + k] = 0.0",
     ]
     for batch in step.jacobian:
-        _loop(body, batch, "data[w + q + {target}] += {value}", "    ")
+        loop(body, batch, "data[w + q + {target}] += {value}", "    ")
     body.lines += [
         "    for k in range(q):",
         "        data[w + k] = -data[d + index[a + k] + l]",

@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.codegen.kernels import Kernel, partial_kernel, residual_kernel
 from gearlib.flatten.model import EquationGroup, FlatModel, Floats
-from gearlib.structure.analysis import Numbers
+from gearlib.structure.rows import Numbers
 
 
 def start_guess(model: FlatModel, parameters: Floats) -> Floats:

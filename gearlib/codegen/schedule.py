@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gearlib.codegen.program import Batch, Linear, Newton, Step
+
+Integers = NDArray[np.int64]
 
 
 def schedule(batches: Sequence[Batch], others: Sequence[Linear | Newton], n_slots: int, n_known: int) -> tuple[Step, ...]:
@@ -39,6 +43,40 @@ def schedule(batches: Sequence[Batch], others: Sequence[Linear | Newton], n_slot
         else:
             steps.append(batches[b] if len(rows) == len(batches[b]) else batches[b].take(np.array(rows, np.int64)))
     return tuple(steps)
+
+
+def renumber(steps: Sequence[Step], n_slots: int, n_known: int) -> tuple[Integers, tuple[Step, ...]]:
+    """Slots in the order in which they are computed, so that a batch writes to consecutive ones and often reads from such.
+
+    Returns
+    -------
+    place : array of int
+        New number of each slot; -1 where it is not computed.
+    steps : tuple of Step
+    """
+    sorted_steps = [s.take(np.argsort(s.equations, kind="stable")) if isinstance(s, Batch) else s for s in steps]
+    place = np.full(n_slots, -1)
+    place[:n_known] = np.arange(n_known)
+    count = n_known
+    for step in sorted_steps:
+        made = step.targets if isinstance(step, Batch) else step.unknowns
+        place[made] = np.arange(count, count + len(made))
+        count += len(made)
+
+    def moved(batch: Batch, targets: bool) -> Batch:
+        arguments = np.where(batch.argument_signs == 0, 0, place[batch.arguments])
+        return replace(batch, targets=place[batch.targets] if targets else batch.targets, arguments=arguments)
+
+    result: list[Step] = []
+    for step in sorted_steps:
+        if isinstance(step, Batch):
+            result.append(moved(step, True))
+        elif isinstance(step, Linear):
+            result.append(replace(step, unknowns=place[step.unknowns], known=place[step.known]))
+        else:
+            residuals, jacobian = (tuple(moved(b, False) for b in part) for part in (step.residuals, step.jacobian))
+            result.append(replace(step, unknowns=place[step.unknowns], residuals=residuals, jacobian=jacobian))
+    return place, tuple(result)
 
 
 def _levels(arguments: Sequence[Sequence[int]], maker: Sequence[int], n_known: int) -> list[int]:

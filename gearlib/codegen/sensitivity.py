@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.evaluate import Prepared, assemble, batch_values
+from gearlib.codegen.factors import Factored
 from gearlib.codegen.kernels import derivative_of
 from gearlib.codegen.program import Batch, Linear, Program
 
@@ -109,7 +110,7 @@ class _Dense:
         np.add.at(block, rows, values[:, None] * self.d[columns])
         self.d[targets] = block
 
-    def combine(self, targets: Integers, matrix: Floats, columns: Integers) -> None:
+    def combine(self, targets: Integers, matrix: Floats | Factored, columns: Integers) -> None:
         self.d[targets] = matrix @ self.d[columns]
 
     def add(self, slot: int, seed: int) -> None:
@@ -134,8 +135,12 @@ class _Sparse:
         picked = self.sparse.csr_matrix((values, (targets[rows], columns)), shape=(self.shape[0], self.shape[0]))
         self.d = (self.d + picked @ self.d).tocsr()
 
-    def combine(self, targets: Integers, matrix: Floats, columns: Integers) -> None:
-        block = self.sparse.csr_matrix(matrix) @ self.d[columns]
+    def combine(self, targets: Integers, matrix: Floats | Factored, columns: Integers) -> None:
+        known = self.d[columns]
+        if isinstance(matrix, Factored):
+            block = self.sparse.csr_matrix(matrix @ known.toarray())
+        else:
+            block = self.sparse.csr_matrix(matrix) @ known
         place = self.sparse.csr_matrix(
             (np.ones(len(targets)), (targets, np.arange(len(targets)))), shape=(self.shape[0], len(targets))
         )

@@ -168,9 +168,11 @@ class Component:
         structural: dict[str, Any] = {}
         for name in bindings:
             if name not in self._bindable:
-                what = "start value" if name in self._declarations else "parameter, input or structural choice"
-                advice = f"give it as start={{'{name}': ...}}" if name in self._declarations else nearest(name, self._bindable)
-                raise BindingError(f"{type(self).__name__}: '{name}' is no {what} that can be given by keyword; {advice}")
+                if name in self._declarations:
+                    what, advice = "a variable or connector", f"a start value is given as start={{'{name}': ...}}"
+                else:
+                    what, advice = "no parameter, input or structural choice", nearest(name, self._bindable)
+                raise BindingError(f"{kind}: '{name}' is {what}, and cannot be given by keyword; {advice}")
         for name, declared in self._bindable.items():
             if isinstance(declared, Structural):
                 structural[name] = self._structural_value(declared, bindings.pop(name, declared.default))

@@ -8,8 +8,9 @@ loops, and they are eliminated with a record of which equations were combined.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
 
 TOLERANCE = 1e-10  # of a row's largest coefficient: below it, a coefficient is rounding
 
@@ -67,8 +68,12 @@ def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may
     contradictory: list[Combination] = []
     fixing = {r for r, row in work.items() if len(row) == 1}
     pending = set(alive)
+    heap = [(len(work[r]), r) for r in alive]
+    heapify(heap)
     while pending:
-        r = min(pending, key=lambda i: (len(work[i]), i))
+        length, r = heappop(heap)  # a row with the fewest entries
+        if r not in pending or length != len(work[r]):  # changed since it was put there
+            continue
         pending.remove(r)
         row = work[r]
         if not row:
@@ -94,6 +99,7 @@ def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may
                 else:
                     work[other][v] = value
                     holders[v].add(other)
+            heappush(heap, (len(work[other]), other))
             rhs[other] -= factor * rhs[r]
             for i, c in combos[r].items():
                 combos[other][i] = combos[other].get(i, 0.0) - factor * c
@@ -122,3 +128,54 @@ def _core(rows: Sequence[Mapping[int, float]]) -> list[int]:
                 if degree[u] == 1:
                     stack.append(u)
     return [r for r in range(len(rows)) if r not in gone]
+
+
+def free_columns(rows: Sequence[Mapping[int, float]], wanted: Collection[int] = ()) -> list[int]:
+    """Columns that nothing determines in ``sum(row[v] * x[v]) = 0``: with these set to zero, only x = 0 is left.
+
+    Parameters
+    ----------
+    rows : sequence of mappings
+        Coefficient of each variable.
+    wanted : collection of int
+        Columns that are named first where there is a choice.
+
+    Examples
+    --------
+    The torques x1, x2 of two gears side by side share the known torque x0:
+
+    >>> free_columns([{0: 1.0}, {0: 1.0, 1: 1.0, 2: 1.0}], wanted=[2])
+    [2]
+    """
+    work = [{v: c for v, c in row.items() if c != 0.0} for row in rows]
+    scale = [max((abs(c) for c in row.values()), default=1.0) for row in work]
+    holders: dict[int, set[int]] = defaultdict(set)
+    for r, row in enumerate(work):
+        for v in row:
+            holders[v].add(r)
+    heap = [(len(row), r) for r, row in enumerate(work) if row]
+    heapify(heap)
+    determined: set[int] = set()
+    while heap:
+        length, r = heappop(heap)
+        row = work[r]
+        if not row or length != len(row):
+            continue
+        largest = max(map(abs, row.values()))
+        pivot = min(row, key=lambda v: (abs(row[v]) < 0.1 * largest, v in wanted, len(holders[v]), v))
+        determined.add(pivot)
+        work[r] = {}
+        for v in row:
+            holders[v].discard(r)
+        for other in sorted(holders[pivot]):
+            factor = work[other][pivot] / row[pivot]
+            for v, c in row.items():
+                value = work[other].get(v, 0.0) - factor * c
+                if v == pivot or abs(value) <= TOLERANCE * max(scale[other], abs(factor) * scale[r]):
+                    work[other].pop(v, None)
+                    holders[v].discard(other)
+                else:
+                    work[other][v] = value
+                    holders[v].add(other)
+            heappush(heap, (len(work[other]), other))
+    return sorted(set(holders) - determined, key=lambda v: (v not in wanted, v))

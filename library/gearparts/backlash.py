@@ -54,8 +54,9 @@ class ElastoBacklash(BacklashCoupling):
     """
 
     def equations(self) -> list[gl.Eq | gl.When]:
-        above = gl.no_event(gl.Max(0, self.tau_c + gl.Min(self.tau_c, self.tau_d)))
-        below = gl.no_event(gl.Min(0, self.tau_c + gl.Max(self.tau_c, self.tau_d)))
+        total, twice = self.tau_c + self.tau_d, 2 * self.tau_c
+        above = gl.Piecewise((0, total <= 0), (twice, self.tau_d >= self.tau_c), (total, True))
+        below = gl.Piecewise((0, total >= 0), (twice, self.tau_d <= self.tau_c), (total, True))
         return self.backlash_equations(above, below)
 
 

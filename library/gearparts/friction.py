@@ -37,7 +37,8 @@ class Friction(gl.Component):
         tau0_max = self.peak * self.tau0
         was = gl.pre(self.mode)
         forward = gl.Or(gl.holds(self.start_forward), gl.equals(was, FORWARD))
-        moving_forward, moving_backward = self.v > 0, self.v < 0
+        locked = gl.pre(self.locked)  # then the speed is rounding, and its sign means nothing
+        moving_forward, moving_backward = (1 - locked) * self.v > locked, (1 - locked) * self.v < -locked
         engaged_now = gl.And(gl.equals(was, FREE), gl.Not(free))
         return [
             gl.Eq(
@@ -212,7 +213,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     def equations(self) -> list[gl.Eq | gl.When]:
         free = self.f_normalized <= 0
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
-        peak = gl.no_event(gl.Max(self.peak, 1 + HYSTERESIS))
+        peak = gl.no_event(gl.Piecewise((self.peak, self.peak > 1 + HYSTERESIS), (1 + HYSTERESIS, True)))
         was, started = self.was_stuck, gl.pre(self.start_forward)
         over = was * (self.sa - self.tau0_max) > 1 - was
         still_over = started * (self.sa - self.tau0) > 1 - started

@@ -30,7 +30,10 @@ class Chain(gl.Component):
             links += [gl.connect(left.flange_b, shaft.flange_a), gl.connect(shaft.flange_b, right.flange_a)]
         if self.grounded:
             self.load, self.ground = gp.Damper(d=self.d_load), gp.Fixed()
-            links += [gl.connect(self.body[-1].flange_b, self.load.flange_a), gl.connect(self.load.flange_b, self.ground.flange)]
+            links += [
+                gl.connect(self.body[-1].flange_b, self.load.flange_a),
+                gl.connect(self.load.flange_b, self.ground.flange),
+            ]
         return links
 
 

@@ -53,7 +53,9 @@ def test_heavily_damped_chain(chain: Callable[..., gl.System]) -> None:
     ringing = [k for k in np.argsort(np.abs(values)) if values[k].imag > 0]
     found = gl.modes(chain(n=3, grounded=True), parameters={"d": 3.0, "d_load": 2.0})
     assert found.eigenvalues == pytest.approx(values[ringing], rel=1e-11)
-    assert found.decays == pytest.approx(np.sort(values[(np.abs(values.imag) < 1e-9) & (values.real < -1e-9)].real)[::-1], rel=1e-9)
+    assert found.decays == pytest.approx(
+        np.sort(values[(np.abs(values.imag) < 1e-9) & (values.real < -1e-9)].real)[::-1], rel=1e-9
+    )
     assert found.free == 0  # the load brakes it
     for row, k in enumerate(ringing):
         x = vectors[:3, k]
@@ -121,14 +123,14 @@ def test_two_thousand_states(chain: Callable[..., gl.System], d: float) -> None:
     expected = np.sqrt(np.maximum(squares, 0))
     values = {"c": 1e4, "d": d}
     gl.modes(system, 2, parameters=values)  # symbolic work, once for each class
-    begin = time.perf_counter()
+    begin = time.process_time()
     found = gl.modes(system, 20, parameters=values)
-    seconds = time.perf_counter() - begin
+    seconds = time.process_time() - begin
     assert len(system.states) == 1999
     assert found.free == 1
     assert len(found) == 21
     assert found.omega[1:] == pytest.approx(expected[1:], rel=1e-6 if d else 1e-9)
-    assert seconds < 6.0  # 2 s are asked for, on a machine that does nothing else
+    assert seconds < 2.0  # of the processor; other processes do not count
 
 
 def test_preloads_do_not_hide_the_lowest_modes() -> None:

@@ -75,7 +75,9 @@ def test_phases_of_meshes_are_taken() -> None:
     system = gl.compile(Idler())
     w = np.array([100.0, 2000.0])
     both = gl.transmission_error_response(system, w, ["gear.w"])["gear.w"]
-    against = gl.transmission_error_response(system, w, ["gear.w"], meshes={"left.e_rate": 1.0, "right.e_rate": np.exp(1j * np.pi)})
+    against = gl.transmission_error_response(
+        system, w, ["gear.w"], meshes={"left.e_rate": 1.0, "right.e_rate": np.exp(1j * np.pi)}
+    )
     assert np.abs(against["gear.w"]).max() < 1e-12 * np.abs(both).max()
     stiffness = 1e6 + 50j * w
     expected = 1j * w * -2 * 0.05 * stiffness / (2 * 0.05**2 * stiffness - 1e-3 * w**2)
@@ -120,7 +122,9 @@ def test_campbell_follows_modes_that_depend_on_speed(chain: Callable[..., gl.Sys
     """A shaft that hardens with speed, c = 100 (1 + w^2 / 100): omega = w_0 sqrt(1 + w^2 / 100) meets order 3 in closed form."""
     system = chain(n=2)
     w_0 = gl.modes(system, parameters={"J": 1.0, "c": 100.0}).omega[1]
-    diagram = gl.campbell(system, np.linspace(0, 20, 9), {"third": 3.0}, parameters=lambda w: {"J": 1.0, "c": 100 * (1 + w**2 / 100)})
+    diagram = gl.campbell(
+        system, np.linspace(0, 20, 9), {"third": 3.0}, parameters=lambda w: {"J": 1.0, "c": 100 * (1 + w**2 / 100)}
+    )
     assert diagram.frequencies[:, 0] == pytest.approx(w_0 * np.sqrt(1 + diagram.speeds**2 / 100) / (2 * np.pi), rel=1e-11)
     assert [c.speed for c in diagram.crossings] == pytest.approx([w_0 / np.sqrt(9 - w_0**2 / 100)], rel=1e-8)
 
@@ -161,7 +165,7 @@ def test_orders_of_a_run_up_are_found_though_the_speed_changes() -> None:
 
 def test_order_analysis_says_what_is_wrong() -> None:
     run = gl.compile(RunUp(), outputs=["signal", "rotor.phi", "rotor.w"]).simulate(t_end=0.1, samples=101)
-    with pytest.raises(gl.GearlibError, match="turns 0.493 times in the interval"):
+    with pytest.raises(gl.GearlibError, match=r"turns 0\.493 times in the interval"):
         gl.order_spectrum(run, "signal", "rotor.phi")
     with pytest.raises(gl.GearlibError, match=r"signal is in N; expected an angle"):
         gl.order_spectrum(run, "signal", "signal")

@@ -130,7 +130,9 @@ def test_verdict_is_that_of_the_eigenvalues_on_random_trains(chain: Callable[...
     seen = set()
     for trial in range(100):
         values = {"J": 10 ** rng.uniform(-2, 1), "c": 10 ** rng.uniform(1, 5), "d": 10 ** rng.uniform(-2, 1) * (trial % 4 > 0)}
-        sensor = rng.choice([f"body[{rng.integers(n)}].w", f"shaft[{rng.integers(n - 1)}].phi_rel", f"shaft[{rng.integers(n - 1)}].tau"])
+        sensor = rng.choice(
+            [f"body[{rng.integers(n)}].w", f"shaft[{rng.integers(n - 1)}].phi_rel", f"shaft[{rng.integers(n - 1)}].tau"]
+        )
         model = system.linearize(["torque.tau"], [str(sensor)], parameters=values)
         gain = float(rng.choice([-1, 1, 1]) * 10 ** rng.uniform(-3, 3))
         report = gl.stability(model, ("torque.tau", str(sensor)), gain=gain)
@@ -203,7 +205,7 @@ def test_wrong_arguments_are_named(paper: gl.System) -> None:
     with pytest.raises(gl.GearlibError, match="belong to a System"):
         gl.stability(control.tf([1], [1, 1]), (0, 0), parameters={"a": 1.0})
     with pytest.raises(gl.GearlibError, match="cannot be closed"):
-        gl.stability(control.ss([[-1.0]], [[1.0]], [[1.0]], [[-1.0]]), (0, 0)).loop.nyquist  # type: ignore[union-attr]
+        str(gl.stability(control.ss([[-1.0]], [[1.0]], [[1.0]], [[-1.0]]), (0, 0)))
     with pytest.raises(gl.GearlibError, match="sampled"):
         gl.stability(control.tf([1], [1, 0.5], True), (0, 0))
     with pytest.raises(gl.GearlibError, match="choose a loop"):

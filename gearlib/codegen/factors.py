@@ -1,0 +1,66 @@
+"""The solution of a large linear block: its factorised matrix, from which rows or products are made when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+CHUNK = 256  # columns that are solved for at once
+
+
+@dataclass(frozen=True, eq=False)
+class Factored:
+    """``-inverse(A)[:, known]`` without its numbers: a block of thousands of unknowns would fill gigabytes.
+
+    Attributes
+    ----------
+    factors : scipy.sparse.linalg.SuperLU
+        Of A.
+    known : array of int
+        The columns.
+    """
+
+    factors: Any
+    known: Integers
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return int(self.factors.shape[0]), len(self.known)
+
+    def __matmul__(self, right: Floats) -> Floats:
+        """The product with an array of shape (known, anything)."""
+        result = np.empty((self.shape[0], right.shape[1]))
+        for first in range(0, right.shape[1], CHUNK):
+            part = slice(first, first + CHUNK)
+            full = np.zeros((self.shape[0], right[:, part].shape[1]))
+            full[self.known] = -right[:, part]
+            result[:, part] = self.factors.solve(full)
+        return result
+
+    def __getitem__(self, rows: Sequence[int] | Integers) -> Floats:
+        """Some rows, from the rows or the columns, whichever are fewer."""
+        chosen = np.asarray(rows, np.int64)
+        result = np.empty((len(chosen), len(self.known)))
+        by_row = len(chosen) <= len(self.known)
+        wanted = chosen if by_row else self.known
+        for first in range(0, len(wanted), CHUNK):
+            part = wanted[first : first + CHUNK]
+            unit = np.zeros((self.shape[0], len(part)))
+            unit[part, np.arange(len(part))] = -1.0
+            solved = self.factors.solve(unit, trans="T" if by_row else "N")
+            if by_row:
+                result[first : first + CHUNK] = solved[self.known].T
+            else:
+                result[:, first : first + CHUNK] = solved[chosen]
+        return result
+
+    def tolist(self) -> list[list[float]]:
+        """All numbers."""
+        rows: list[list[float]] = self[range(self.shape[0])].tolist()
+        return rows

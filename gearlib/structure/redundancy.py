@@ -1,0 +1,169 @@
+"""Equations that follow from the others are left out; the flows that nothing determines any more are set to zero.
+
+A rigid loop of gears has an equation too many between its positions and, by the same token, a torque that runs round in it and that no
+equation determines. Both are found with numbers, since structure alone cannot tell a torque in the loop from one beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from gearlib.errors import BalanceError, LoopError
+from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.structure.balance import Balance, dulmage_mendelsohn
+from gearlib.structure.loops import examine, free_columns
+from gearlib.structure.rows import Numbers, Rows, listed, some
+
+
+def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> list[int]:
+    """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others."""
+    candidates: list[int] = []
+    coefficients: list[dict[int, float]] = []
+    constants: list[float] = []
+    for g, group in enumerate(model.groups):
+        t = group.template
+        if not t.linear or not t.columns or any(order for _, order in t.columns) or t.label == "binding":
+            continue
+        eligible = ~(model.flow[group.variables] & (group.signs != 0)).any(axis=1)
+        if not eligible.any():
+            continue
+        partials = [numbers.partial(g, c) for c in range(len(t.columns))]
+        rest = numbers.rest(g)
+        for i in np.flatnonzero(eligible).tolist():
+            row: dict[int, float] = {}
+            for c, (j, _) in enumerate(t.local_columns):
+                v = int(group.variables[i, j])
+                row[v] = row.get(v, 0.0) + int(group.signs[i, j]) * float(partials[c][i])
+            candidates.append(int(rows.first[g]) + i)
+            coefficients.append(row)
+            constants.append(-float(rest[i]))
+    loops = examine(coefficients, constants, frozenset())
+    for found in (*loops.contradictory, *loops.redundant):
+        held = [r for r in found.rows if len(coefficients[r]) == 1]
+        if len(held) > 1:
+            variables = dict.fromkeys(model.name(v) for r in held for v in coefficients[r])
+            raise BalanceError(
+                f"the model is not balanced. over-determined: held twice by {listed(model, rows, [candidates[r] for r in held])}. "
+                f"The variables: {'; '.join(variables)}. Remove one of them, or make a connection between them elastic"
+            )
+    for bad in loops.contradictory:
+        owners = list(dict.fromkeys(model.owner(*rows.place[candidates[r]]) for r in bad.rows))
+        if len(owners) == 1:
+            raise BalanceError(
+                "the model is not balanced. over-determined: these equations contradict each other: "
+                f"{listed(model, rows, [candidates[r] for r in bad.rows])}"
+            )
+        what = f"force {model.name(bad.variable)} to stand still" if bad.variable >= 0 else "contradict each other"
+        raise LoopError(
+            f"the rigid loop through {', '.join(owners)} cannot turn: its ratios {what}; check the ratios of these components, or "
+            "make one of the connections elastic"
+        )
+    return [candidates[c.last] for c in loops.redundant]
+
+
+def without(model: FlatModel, rows: Rows, dropped: list[int]) -> FlatModel:
+    """The model without some equations."""
+    groups = list(model.groups)
+    for g in {rows.place[e][0] for e in dropped}:
+        gone = [rows.place[e][1] for e in dropped if rows.place[e][0] == g]
+        group = groups[g]
+        groups[g] = EquationGroup(
+            group.template, np.delete(group.variables, gone, 0), np.delete(group.signs, gone, 0),
+            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0), np.delete(group.held, gone, 0),
+        )  # fmt: skip
+    return model.with_groups(tuple(groups), model.redundant + len(dropped))
+
+
+def shifted(numbers: Numbers, rows: Rows, dropped: list[int]) -> Numbers:
+    """The numbers of that model."""
+    gone: dict[int, list[int]] = {}
+    for e in dropped:
+        g, i = rows.place[e]
+        gone.setdefault(g, []).append(i)
+    return Numbers(
+        lambda g, c: np.delete(numbers.partial(g, c), gone.get(g, [])), lambda g: np.delete(numbers.rest(g), gone.get(g, []))
+    )
+
+
+def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozenset[int]:
+    """The flows of the components that wrote some equations."""
+    owners = (model.instances[o] for g, i in places if (o := int(model.groups[g].owners[i])) >= 0)
+    own = {int(v) for o in owners for v in model.representative[o.first_variable : o.first_variable + len(o.variables)]}
+    return frozenset(v for v in own if model.flow[v])
+
+
+def balanced(model: FlatModel, rows: Rows, numbers: Numbers, wanted: frozenset[int]) -> tuple[FlatModel, tuple[str, ...]]:
+    """Check the balance; close what redundant equations leave open by setting flows to zero, if possible ``wanted`` ones."""
+    closed: list[int] = []
+    given = set(model.inputs.tolist())
+    candidates: list[int] | None = None
+    while True:
+        incidence = [list({v for v, _ in rows.columns(e, 0) if v not in given}) for e in range(len(rows.place))]
+        unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
+        balance = dulmage_mendelsohn(incidence, unknown)
+        if balance.balanced:
+            return model, tuple(model.name(v) for v in closed)
+        if balance.surplus == 0 and candidates is None and model.redundant:
+            candidates = free_columns(_flow_rows(model, numbers), wanted)
+        free = [v for v in candidates or () if v not in closed and v in balance.undetermined]
+        if balance.surplus or len(closed) >= model.redundant or not free:
+            raise BalanceError(_explain(model, rows, balance))
+        closing = free[: balance.deficit]
+        closed += closing
+        for v in closing:
+            model = _zeroed(model, v)
+        rows = Rows(model)
+
+
+def _flow_rows(model: FlatModel, numbers: Numbers) -> list[dict[int, float]]:
+    """The flows' coefficients in each equation: what they must obey where nothing moves."""
+    result: list[dict[int, float]] = []
+    for g, group in enumerate(model.groups):
+        flows = model.flow[group.variables] & (group.signs != 0)
+        columns = [(c, j) for c, (j, _) in enumerate(group.template.local_columns) if flows[:, j].any()]
+        found: list[dict[int, float]] = [{} for _ in range(len(group) if columns else 0)]
+        for c, j in columns:
+            values = np.array(numbers.partial(g, c), float)
+            if not group.template.partials[c].constant:  # any value that is not special
+                values = np.where(
+                    np.isfinite(values) & (values != 0.0), values, np.pi + 0.1 * np.sin(np.arange(len(values)) + c)
+                )
+            for i in np.flatnonzero(flows[:, j]).tolist():
+                v = int(group.variables[i, j])
+                found[i][v] = found[i].get(v, 0.0) + int(group.signs[i, j]) * float(values[i])
+        result += found
+    return result
+
+
+def _zeroed(model: FlatModel, variable: int) -> FlatModel:
+    sign = np.where(model.representative == variable, 0, model.sign)
+
+    def zeroed(group: EquationGroup) -> EquationGroup:
+        return replace(group, signs=np.where(group.variables == variable, 0, group.signs))
+
+    updates = tuple(replace(u, equations=zeroed(u.equations)) for u in model.discretes.updates)
+    return replace(
+        model, sign=sign, groups=tuple(zeroed(g) for g in model.groups), discretes=replace(model.discretes, updates=updates),
+        closed=(*model.closed, variable),
+    )  # fmt: skip
+
+
+def _explain(model: FlatModel, rows: Rows, balance: Balance) -> str:
+    text = []
+    if balance.surplus:
+        text.append(
+            f"over-determined: {len(balance.excess_equations)} equations for {len(balance.excess_variables)} variables, "
+            f"{balance.surplus} too many. The equations: {listed(model, rows, balance.excess_equations)}. "
+            f"The variables: {some([model.name(v) for v in balance.excess_variables]) or 'none that is not given or zero'}. "
+            "Is something held or driven twice (two sources or grounds on one rigid shaft), or a source not connected?"
+        )
+    if balance.deficit:
+        text.append(
+            f"under-determined: {len(balance.undetermined)} variables in {len(balance.missing_equations)} equations, "
+            f"{balance.deficit} too few. The variables: {some([model.name(v) for v in balance.undetermined])}. "
+            "Is a flange left unconnected inside a composite, or a variable without an equation?"
+        )
+    return "the model is not balanced. " + " ".join(text)

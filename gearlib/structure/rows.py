@@ -1,0 +1,86 @@
+"""`Rows`: a flat model's equations one by one, as structure sees them: which variables, and how often differentiated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.structure.incidence import Floats, Integers, Node
+
+# (group, column of its template) -> that partial derivative of each row
+PartialValues = Callable[[int, int], Floats]
+# group -> the constant part of each row, NaN where it varies with time
+RestValues = Callable[[int], Floats]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numerical values of a flat model's partial derivatives, as structure asks for them."""
+
+    partial: PartialValues
+    rest: RestValues
+
+
+class Rows:
+    """The equations of a flat model one by one: their variables and orders, also differentiated."""
+
+    def __init__(self, model: FlatModel) -> None:
+        self.model = model
+        self.first = np.cumsum([0, *(len(g) for g in model.groups)])
+        self.place = [(g, i) for g, group in enumerate(model.groups) for i in range(len(group))]
+        self._rows = [row for group in model.groups for row in _columns(group)]
+        self._locals = [group.variables.tolist() for group in model.groups]
+        self._signs = [group.signs.tolist() for group in model.groups]
+
+    def columns(self, e: int, k: int) -> list[Node]:
+        """Variables and orders in the k-th derivative of equation e."""
+        if k == 0:
+            return self._rows[e]
+        g, i = self.place[e]
+        template = self.model.groups[g].template
+        if template.linear:
+            return [(v, order + k) for v, order in self._rows[e]]
+        for _ in range(k):
+            template = template.derivative
+        variables, signs = self._locals[g][i], self._signs[g][i]
+        return list(dict.fromkeys((variables[j], order) for j, order in template.local_columns if signs[j]))
+
+
+def _columns(group: EquationGroup) -> list[list[Node]]:
+    """What stands in each row of a group, cancelled where two locals are one variable."""
+    template = group.template
+    if not template.columns:
+        return [[] for _ in range(len(group))]
+    parts = [[(v, order) for v in group.variables[:, j].tolist()] for j, order in template.local_columns]
+    rows = [list(r) for r in zip(*parts, strict=True)]
+    odd = np.flatnonzero((group.signs == 0).any(axis=1) | _repeats(group.variables))
+    for i in odd.tolist():
+        weight: dict[Node, float] = {}
+        for (j, order), partial in zip(template.local_columns, template.partials, strict=True):
+            sign = int(group.signs[i, j])
+            if sign:
+                node = (int(group.variables[i, j]), order)
+                number = partial.number if partial.number is not None else np.pi  # a parameter: cancels with nothing
+                weight[node] = weight.get(node, 0.0) + sign * number
+        rows[i] = [node for node, w in weight.items() if w != 0.0]
+    return rows
+
+
+def _repeats(variables: Integers) -> np.ndarray:
+    ordered = np.sort(variables, axis=1)
+    result: np.ndarray = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
+    return result
+
+
+def some(items: list[str]) -> str:
+    """The first few of a list, and how many more there are."""
+    return "; ".join(items[:8]) + (f"; and {len(items) - 8} more" if len(items) > 8 else "")
+
+
+def listed(model: FlatModel, rows: Rows, equations: Iterable[int]) -> str:
+    """Equations as "load (Inertia: der(phi) = w); ..."."""
+    places = (rows.place[e] for e in equations)
+    return some([f"{model.owner(g, i)} ({model.groups[g].template.label})" for g, i in places])

@@ -1,0 +1,198 @@
+"""Composites: parts, families, paths, and how they go wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError, ConnectionError, DeclarationError, ModelError
+
+c = gl.connect
+
+
+def body() -> gp.Inertia:
+    return gp.Inertia(J=1.0)
+
+
+def composite(assemble: Callable[[Any], Any], **members: Any) -> gl.Component:
+    made: gl.Component = type("Model", (gl.Component,), {"assemble": assemble, **members})()
+    return made
+
+
+def test_parts_are_reached_before_and_after_compiling() -> None:
+    def assemble(self: Any) -> list[Any]:
+        self.planets = [body() for _ in range(3)]
+        self.load = gp.Inertia(J=self.J)
+        return [c(self.planets[2].flange_b, self.load.flange_a)]
+
+    model = composite(assemble, J=gl.Parameter("kg.m2", "inertia", default=2.0))
+    assert repr(model.planets[2]) == "<Inertia planets[2]>"
+    assert gl.compile(model, outputs=["load.w"]).states == ("load.w",)
+    assert "planets[2].w" in gl.compile(model).variables
+
+
+def test_compiling_twice_gives_the_same() -> None:
+    model = composite(lambda self: setattr(self, "body", body()) or [])
+    assert gl.compile(model).states == gl.compile(model).states == ("body.w",)
+
+
+@pytest.mark.parametrize(
+    ("assemble", "error", "message"),
+    [
+        (lambda s: None, ModelError, r"Model\.assemble\(\) must return a list of connect\(\.\.\.\) calls; got None"),
+        (lambda s: [3], ModelError, r"must return a list of connect\(\.\.\.\) calls; got 3"),
+        (lambda s: setattr(s, "a", gp.Inertia) or [], ModelError, r"Model\.a is the class Inertia; make an instance: Inertia\("),
+        (lambda s: setattr(s, "a", [body(), 3]) or [], ModelError, r"Model\.a\[1\] is 3; a family of parts holds components only"),
+        (lambda s: setattr(s, "a", [body()] * 2) or [], ModelError, r"Model\.a\[1\]: this Inertia already is the part 'a\[0\]'"),
+        (lambda s: setattr(s, "a", s) or [], ModelError, r"Model\.a: a component cannot be a part of itself"),
+        (lambda s: setattr(s, "x", 3) or [], DeclarationError, r"Model\.x is declared by the class.*Model\(x=\.\.\.\)"),
+    ],
+)
+def test_slips_in_assemble(assemble: Callable[[Any], Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        gl.compile(composite(assemble, x=gl.Variable("m", "x")))
+
+
+def test_a_single_connection_is_no_list() -> None:
+    def assemble(self: Any) -> Any:
+        self.a, self.b = body(), body()
+        return c(self.a.flange_b, self.b.flange_a)
+
+    with pytest.raises(ModelError, match=r"must return a list of connect\(\.\.\.\) calls; got Connection"):
+        gl.compile(composite(assemble))
+
+
+@pytest.mark.parametrize(
+    ("ports", "message"),
+    [
+        (lambda s: (s.a, s.b), r"joins connectors, such as motor\.flange_b; got <Inertia a> \(name one of its connectors\)"),
+        (lambda s: (s.a.w, s.b.w), r"joins connectors, such as motor\.flange_b; got a\.w"),
+        (lambda s: (s.a.flange_a, "b.flange_a"), r"joins connectors, such as motor\.flange_b; got 'b\.flange_a'"),
+        (lambda s: (s.a.flange_a,), r"connect\(\) needs two connectors, got 1"),
+        (lambda s: (s.a.flange_a, s.a.flange_a), r"a\.flange_a is connected to itself"),
+        (
+            lambda s: (s.a.flange_a, s.mass.flange_a),
+            r"cannot connect a\.flange_a \(Flange\) to mass\.flange_a \(TranslationalFlange\): connectors of different kinds",
+        ),
+        (lambda s: (s.gear.support, s.a.flange_a), r"gear has no 'support' here; make it with use_support=True"),
+        (lambda s: (s.a.flange_a, body().flange_a), r"Model: connects Inertia 'flange_a', which is no part of it; assign the part"),
+        (lambda s: (s.a.flange_a, OTHER.motor.flange_a), r"connects Inertia 'motor\.flange_a', which is no part of it"),
+    ],
+)
+def test_wrong_connections(ports: Callable[[Any], Any], message: str) -> None:
+    class Rod(gl.Component):
+        flange_a = gp.TranslationalFlange("end")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.flange_a.s, 0)]
+
+    def assemble(self: Any) -> list[Any]:
+        self.a, self.b, self.gear, self.mass = body(), body(), gp.IdealGear(ratio=2.0), Rod()
+        return [c(*ports(self))]
+
+    with pytest.raises(ConnectionError, match=message):
+        gl.compile(composite(assemble))
+
+
+class Other(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.motor = body()
+        return []
+
+
+OTHER = Other()
+
+
+def test_part_of_another_model() -> None:
+    with pytest.raises(ModelError, match=r"Model\.m: this Inertia already is the part 'motor' of another component; make a new one"):
+        gl.compile(composite(lambda s: setattr(s, "m", OTHER.motor) or []))
+
+
+def test_a_list_is_assigned_after_it_is_filled() -> None:
+    def assemble(self: Any) -> list[Any]:
+        self.bodies = []
+        for _ in range(2):
+            self.bodies.append(body())
+        return [c(self.bodies[0].flange_b, self.bodies[1].flange_a)]
+
+    with pytest.raises(ConnectionError, match="a list after it is filled"):
+        gl.compile(composite(assemble))
+
+
+def test_misspelt_attributes_are_advised() -> None:
+    model = composite(lambda s: setattr(s, "load", body()) or [])
+    with pytest.raises(AttributeError, match=r"Model has no 'laod'; did you mean 'load'\?"):
+        model.laod  # noqa: B018
+    with pytest.raises(AttributeError, match=r"Inertia has no 'flange_c'; did you mean 'flange_"):
+        model.load.flange_c  # noqa: B018
+
+
+def test_a_component_of_its_own_class_without_end() -> None:
+    class Nest(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.inner = Nest()
+            return []
+
+    with pytest.raises(ModelError, match=r"inner\.inner.*does Nest make a part of its own class without end"):
+        gl.compile(Nest())
+
+
+def test_forgotten_super_init() -> None:
+    class Own(gl.Component):
+        def __init__(self) -> None:
+            self.load = body()
+
+    with pytest.raises(ModelError, match=r"Own\.__init__\(\) must call super\(\)\.__init__\(\)"):
+        Own()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: gp.Inertia(1.0), r"Inertia\(1\.0\): give values by name, such as Inertia\(J=\.\.\.\)"),
+        (lambda: gp.Inertia(J=1.0, j=2.0), "Inertia: 'j' is no parameter, input or structural choice.*did you mean 'J'"),
+            (lambda: gp.Inertia(J=1.0, w=2.0), r"Inertia: 'w' is a variable.*a start value is given as start=\{'w': \.\.\.\}"),
+        (lambda: gp.Inertia(J=1.0, start=[1]), r"Inertia: start is \[1\]; expected start values by name"),
+        (lambda: gp.Inertia(J=1.0, start="steady"), "Inertia: start is 'steady'; expected start values by name"),
+        (lambda: gp.Inertia(J=1.0, guess=5), "Inertia: guess is 5; expected start values by name"),
+    ],
+)
+def test_wrong_arguments_of_a_component(make: Callable[[], Any], message: str) -> None:
+    with pytest.raises(BindingError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("equations", "got"),
+    [
+        (lambda s: None, "got None"),
+        (lambda s: gl.Eq(s.x, 1), r"got Eq\(left=x, right=1\)"),
+        (lambda s: [s.x == 1], "got False"),
+        (lambda s: [s.x - 1], "got x - 1"),
+    ],
+)
+def test_equations_must_be_a_list_of_equations(equations: Callable[[Any], Any], got: str) -> None:
+    leaf: gl.Component = type("Leaf", (gl.Component,), {"x": gl.Variable("m", "x"), "equations": equations})()
+    with pytest.raises(DeclarationError, match=rf"Leaf\.equations\(\) must return a list of gl\.Eq\(left, right\); {got}"):
+        gl.compile(leaf)
+
+
+def test_equations_may_be_generated() -> None:
+    leaf: gl.Component = type(
+        "Leaf", (gl.Component,), {"x": gl.Variable("m", "x"), "equations": lambda s: (gl.Eq(s.x, n) for n in [7])}
+    )()
+    assert gl.compile(leaf).simulate(1.0, samples=2)["x"].tolist() == [7.0, 7.0]
+
+
+def test_equations_of_a_composite_may_hold_its_parts_variables() -> None:
+    other = body()
+
+    def wrong(self: Any) -> list[gl.Eq]:
+        return [gl.Eq(self.x, other.w)]
+
+    with pytest.raises(ModelError, match="Model refers to a Inertia that is no part of it; assign it to an attribute first"):
+        gl.compile(composite(lambda s: [], x=gl.Variable("rad/s", "x"), equations=wrong))

@@ -1,0 +1,36 @@
+"""Every script in examples/ runs as it is, and the main one prints and draws what its text promises."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"))
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # figures are written here
+
+
+@pytest.mark.parametrize("script", EXAMPLES, ids=lambda script: script.stem)
+def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import matplotlib.pyplot as plt
+
+    runpy.run_path(str(script), run_name="__main__")
+    plt.close("all")
+    printed = capsys.readouterr().out
+    assert "nan" not in printed
+    if script.stem == "xp_train":
+        assert "8 integrated" in printed
+        differences = [float(d) for d in re.findall(r"^  \w+ +(\S+e-\d+)$", printed, re.MULTILINE)]
+        assert len(differences) == 6
+        assert max(differences) < 1e-7
+        assert "the train is stable" in printed
+        assert re.search(r"k w_out / tau_in +9\.16 +94\.89 +0\.649", printed)
+        figures = {path.name: path.stat().st_size for path in (tmp_path / "figures").iterdir()}
+        assert set(figures) == {"time_histories.png", "nyquist.png", "nichols.png"}
+        assert min(figures.values()) > 20_000
