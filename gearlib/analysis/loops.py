@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.analysis.poles import Poles, poles
 from gearlib.analysis.linearize import label
+from gearlib.analysis.poles import Poles, poles
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 
 Floats = NDArray[np.float64]
@@ -177,7 +177,7 @@ def as_loop(
         raise ArgumentError(f"loop is {loop!r}; expected (input, output)")
     if is_system(model):
         chosen = (None, None) if loop is None else ([loop[0]], [loop[1]])
-        model = model.linearize(inputs=chosen[0], outputs=chosen[1], at=at, parameters=parameters)
+        model = model.linearize(inputs=chosen[0], outputs=chosen[1], at=at, parameters=parameters, sparse=True)
     elif parameters or at is not None:
         raise ArgumentError("at and parameters belong to a System; a linear model has its numbers already")
     A, B, C, D, inputs, outputs = matrices(model)

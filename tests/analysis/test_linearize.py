@@ -17,7 +17,7 @@ def test_matrices_equal_a_derivation_by_hand(chain: Callable[..., gl.System]) ->
     """Twists and speeds as states: twist' = w_b - w_a, J w' = torques; every entry, by its names."""
     n, J, c, d, d_load = 4, 0.7, 310.0, 1.7, 2.2
     model = chain(n=n, grounded=True).linearize(
-        ["torque.tau"], [f"shaft[{i}]_tau" for i in range(n - 1)] + ["body[3]_w"],
+        ["torque.tau"], [f"shaft[{i}].tau" for i in range(n - 1)] + ["body[3].w"],
         parameters={"J": J, "c": c, "d": d, "d_load": d_load},
     )  # fmt: skip
     names = [f"shaft[{i}].phi_rel" for i in range(n - 1)] + [f"body[{i}].w" for i in range(n)]
