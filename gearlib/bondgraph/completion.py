@@ -64,7 +64,7 @@ def can_be_completed(graph: BondGraph, effort_to: Mapping[int, Element]) -> bool
         elif len(told) == 2 and told[0][0] is not told[1][0]:
             net.add_edge(told[0][0], told[1][0], weight=2)
     matching = nx.max_weight_matching(net)
-    return sum(net.edges[edge]["weight"] for edge in matching) == len(wanting) + middles
+    return bool(sum(net.edges[edge]["weight"] for edge in matching) == len(wanting) + middles)
 
 
 def _is_told(graph: BondGraph, junction: Junction, effort_to: Mapping[int, Element]) -> bool:

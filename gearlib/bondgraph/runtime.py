@@ -186,7 +186,13 @@ class RunTime:
 
     def _function(self, values: Any, *, of_unknowns: bool) -> Any:
         arguments = [*self._symbols, self.equations.unknowns] if of_unknowns else self._symbols
-        return sp.lambdify(arguments, values, modules="numpy", cse=True)
+        function = sp.lambdify(arguments, values, modules="numpy", cse=True)
+
+        def quiet(*numbers: Any) -> Any:
+            with np.errstate(divide="ignore", invalid="ignore"):  # what is not finite is reported where it is used
+                return function(*numbers)
+
+        return quiet
 
     @cached_property
     def _matrix(self) -> Any:

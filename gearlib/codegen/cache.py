@@ -1,21 +1,22 @@
 """Where generated source and its machine code are kept between processes.
 
 The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of its content, so concurrent writers agree,
-and a stale or damaged file is never used. What cannot be written is made anew in a temporary folder.
+and every file appears complete or not at all. Machine code is used only if it is what was written (`_digest`). What cannot be kept
+there is made anew in a temporary folder: a damaged or unwritable cache costs time, never a result.
 """
 
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import os
 import sys
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
-LARGEST = 512 * 2**20  # bytes; the oldest files go first
-FORMAT = "1"
+LARGEST = 512 * 2**20  # bytes; what was used longest ago goes first
+FORMAT = "2"
 _temporary: tempfile.TemporaryDirectory[str] | None = None
 _loaded: dict[str, ModuleType] = {}
 
@@ -25,17 +26,20 @@ def folder() -> Path:
     import gearlib
 
     chosen = os.environ.get("GEARLIB_CACHE")
-    if chosen is None:
+    if not chosen:
         from platformdirs import user_cache_dir
 
         chosen = user_cache_dir("gearlib", appauthor=False)
     path = Path(chosen) / f"{gearlib.__version__}-{FORMAT}-py{sys.version_info.major}.{sys.version_info.minor}"
-    try:
+    with suppress(OSError):
         path.mkdir(parents=True, exist_ok=True)
         if os.access(path, os.W_OK):
             return path
-    except OSError:
-        pass
+    return _private()
+
+
+def _private() -> Path:
+    """A folder of this process."""
     global _temporary
     if _temporary is None:
         _temporary = tempfile.TemporaryDirectory(prefix="gearlib-", ignore_cleanup_errors=True)
@@ -45,56 +49,93 @@ def folder() -> Path:
 def load(source: str) -> ModuleType:
     """The module with that source, from the cache where it was met before."""
     name = "gearlib_model_" + hashlib.sha256(source.encode()).hexdigest()[:24]
-    if name in _loaded:
-        return _loaded[name]
-    path = folder() / f"{name}.py"
+    if name not in _loaded:
+        path = folder() / f"{name}.py"
+        try:
+            _loaded[name] = _load(path, source)
+        except Exception:  # whatever the reason, without the cache it must work
+            _discard(path)
+            _loaded[name] = _load(_private() / path.name, source)
+    return _loaded[name]
+
+
+def _load(path: Path, source: str) -> ModuleType:
     if not _same(path, source):
         _write(path, source)
-        _shrink(path.parent)
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # numba finds the functions that it keeps on disk by their module
+    seal = path.with_suffix(".sum")
+    before = _digest(path)
+    sound = _same(seal, before)
+    if not sound:
+        _discard(path)
+    module = ModuleType(path.stem)
+    module.__file__ = str(path)
+    sys.modules[path.stem] = module  # numba finds the functions that it keeps on disk by their module
     try:
-        spec.loader.exec_module(module)
+        exec(compile(source, str(path), "exec"), module.__dict__)
     except BaseException:
-        del sys.modules[name]
+        del sys.modules[path.stem]
         raise
-    _loaded[name] = module
+    with suppress(OSError):  # the functions are compiled; the rest is for the next process
+        if sound and _digest(path) == before:
+            os.utime(seal)
+        else:
+            _write(seal, _digest(path))
+            _shrink(path)
     return module
 
 
-def _same(path: Path, source: str) -> bool:
+def _machine_code(path: Path) -> list[Path]:
+    """Numba's files of a module."""
+    return sorted(path.parent.glob(f"__pycache__/{path.stem}.*.nb[ic]"))
+
+
+def _digest(path: Path) -> str:
+    digest = hashlib.sha256()
+    for file in _machine_code(path):
+        with suppress(OSError):
+            digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+def _discard(path: Path) -> None:
+    for file in _machine_code(path):
+        with suppress(OSError):
+            file.unlink()
+
+
+def _same(path: Path, text: str) -> bool:
     try:
-        return path.read_text(encoding="utf-8") == source
+        return path.read_text(encoding="utf-8") == text
     except (OSError, UnicodeDecodeError):
         return False
 
 
-def _write(path: Path, source: str) -> None:
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(source)
-    os.replace(temporary, path)
+def _write(path: Path, text: str) -> None:
+    handle, temporary = tempfile.mkstemp(prefix=f"{path.stem}.", suffix=".tmp", dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
 
 
-def _shrink(path: Path) -> None:
-    """Remove the oldest files when the folder has grown too large."""
-    files = []
-    for file in path.rglob("*"):
-        try:
-            stat = file.stat()
-        except OSError:
-            continue
-        if file.is_file():
-            files.append((stat.st_mtime, stat.st_size, file))
-    total = sum(size for _, size, _ in files)
-    for _, size, file in sorted(files):
+def _shrink(kept: Path) -> None:
+    """Remove the modules that were used longest ago when all versions together have grown too large."""
+    modules: dict[tuple[Path, str], list[tuple[float, int, Path]]] = {}
+    for version in kept.parent.parent.glob("*-py*"):
+        for file in version.rglob("gearlib_model_*"):
+            with suppress(OSError):
+                stat = file.stat()
+                modules.setdefault((version, file.name.split(".")[0]), []).append((stat.st_mtime, stat.st_size, file))
+    total = sum(size for files in modules.values() for _, size, _ in files)
+    for key in sorted(modules, key=lambda k: max(modules[k])[0]):
         if total <= LARGEST:
             break
-        try:
-            file.unlink()
-            total -= size
-        except OSError:
-            continue
+        if key != (kept.parent, kept.stem):
+            for _, size, file in modules[key]:
+                with suppress(OSError):
+                    file.unlink()
+                    total -= size

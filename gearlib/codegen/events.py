@@ -9,7 +9,7 @@ from gearlib.codegen.kernels import relation_kernel
 from gearlib.codegen.layout import Layout
 from gearlib.codegen.modes import Relations
 from gearlib.codegen.program import Batch
-from gearlib.codegen.source import Body, loop, looped, sign_groups
+from gearlib.codegen.source import CLOSING, Body, loop, looped, sign_groups
 
 Integers = NDArray[np.int64]
 MOST_ITERATIONS = 100
@@ -23,7 +23,7 @@ def root_numbers(relations: Relations) -> Integers:
 def roots_body(relations: Relations, layout: Layout) -> Body:
     """g of each relation that compares more than time, with the sign that makes zero count as negative."""
     body = looped(relations.program, layout)
-    body.lines = body.lines[:-3]
+    body.lines = body.lines[:-CLOSING]
     numbers = root_numbers(relations)
     for batch in relations.batches:
         rows = np.flatnonzero(np.isin(batch.targets, numbers))
@@ -44,7 +44,7 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
     """
     body = looped(relations.program, layout)
     numbers = root_numbers(relations)
-    head, compute, body.lines = body.lines[:2], body.lines[2:-3], []
+    head, compute, body.lines = body.lines[:2], body.lines[2:-CLOSING], []
     if any(batch.arguments.size for batch in relations.discretes):
         body.lines += compute
     for batch in relations.discretes:  # first, so that what has just become stuck is tried as locked

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gearlib.codegen.kernels import derivative_of
 from gearlib.codegen.layout import Layout
 from gearlib.codegen.program import Batch, Linear, Newton, Program
-from gearlib.codegen.source import Body, loop, looped, sign_groups
+from gearlib.codegen.source import CLOSING, Body, loop, looped, sign_groups
 
 Integers = NDArray[np.int64]
 
@@ -77,8 +77,8 @@ def _union(rows: Sequence[tuple[int, ...]], slots: Sequence[int]) -> tuple[int, 
 def jacobian_body(program: Program, layout: Layout, pattern: Pattern) -> tuple[Body, int]:
     """The body of the native Jacobian, and how large ``data`` must be for it."""
     body = looped(program, layout)
-    body.lines = body.lines[:-3]  # no derivatives of states are stored
-    at = layout.size
+    body.lines = body.lines[:-CLOSING]  # no derivatives of states are stored
+    at = layout.size + body.n_coefficients
     seeds = body.array([pattern.first[i] for i in range(len(program.states))])
     head = body.array([at, pattern.size])
     body.lines += [

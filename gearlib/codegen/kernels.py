@@ -51,6 +51,10 @@ class Kernel:
         return function
 
     @property
+    def on_time(self) -> bool:
+        return sympy.Symbol("t", real=True) in self.expression.free_symbols
+
+    @property
     def is_zero(self) -> bool:
         return bool(self.expression == 0)
 
@@ -143,5 +147,16 @@ def derivative_of(kernel: Kernel, column: int) -> Kernel:
         kernel.template, d,
         tuple(i for i in kernel.columns if f"x{i}" in used),
         tuple(i for i in kernel.parameters if f"p{i}" in used),
+        tuple(i for i in kernel.relations if f"r{i}" in used),
+    )  # fmt: skip
+
+
+@cache
+def rest_of(kernel: Kernel) -> Kernel:
+    """The kernel with all its columns set to zero."""
+    rest = kernel.expression.xreplace({sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns})
+    used = {s.name for s in rest.free_symbols}
+    return Kernel(
+        kernel.template, rest, (), tuple(i for i in kernel.parameters if f"p{i}" in used),
         tuple(i for i in kernel.relations if f"r{i}" in used),
     )  # fmt: skip

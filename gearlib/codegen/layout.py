@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.evaluate import Prepared
+from gearlib.codegen.evaluate import Prepared, constant_values
 from gearlib.codegen.program import Batch, Linear, Newton, Program
 
 Floats = NDArray[np.float64]
@@ -81,8 +82,14 @@ def lay_out(program: Program, shared: Shared, base: int) -> Layout:
     return Layout(shared, tuple(solutions), at, end, end + scratch, tuple(needed))
 
 
-def fill(data: Floats, layout: Layout, prepared: Prepared, guess: Floats | None = None) -> None:
-    """Write a program's numbers into its part of ``data``."""
+def fill(
+    data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared, guess: Floats | None = None
+) -> None:
+    """Write a program's numbers into its part of ``data``; the coefficients of runs stand behind the layout's end."""
+    at = layout.size
+    for batch in coefficients:
+        data[at : at + len(batch)] = constant_values(batch, prepared.parameters)
+        at += len(batch)
     for at, matrix, rows in zip(layout.solutions, prepared.solutions, layout.needed, strict=True):
         part = matrix[rows].ravel()
         data[at : at + len(part)] = part

@@ -86,7 +86,7 @@ def compile_scene(
     layout = lay_out(program, shared, shared.size)
     text, body = rhs_source(program, layout, names, parameter_names)
     rhs = _compile("rhs", text, body, layout)
-    end = layout.size
+    end = layout.size + body.n_coefficients
     jac = pattern = roots = update = None
     if jacobian:
         layout = lay_out(program, shared, end)
@@ -95,11 +95,11 @@ def compile_scene(
         jac = _compile("jac", function("jac", "RHS", ["x", "values", "data", "index"], body, JAC), body, layout)
     if relations is not None:
         layout = lay_out(relations.program, shared, end)
-        end = layout.size
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
             roots = _compile("roots", function("roots", "RHS", ["x", "values", "data", "index"], body, ROOTS), body, layout)
         body = update_body(relations, layout, n_relations, n_discrete)
+        end = layout.size + body.n_coefficients
         update = _compile("update", function("update", "UPDATE", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []
     bases, base = [], 4

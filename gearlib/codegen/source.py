@@ -19,6 +19,7 @@ from gearlib.codegen.kernels import Kernel
 from gearlib.codegen.layout import Layout
 from gearlib.codegen.names import identifiers
 from gearlib.codegen.program import Batch, Linear, Newton, Program
+from gearlib.codegen.runs import coefficient_batches, has_runs, run_index, run_lines, starts_of_runs
 from gearlib.codegen.text import expression
 
 Integers = NDArray[np.int64]
@@ -55,6 +56,11 @@ class Body:
     lines: list[str] = field(default_factory=list)
     index: list[Integers] = field(default_factory=list)
     signed: frozenset[Kernel] = frozenset()  # kernels whose loops take the signs from index arrays
+    coefficients: list[Batch] = field(default_factory=list)  # computed before a run, laid down behind the layout's end
+
+    @property
+    def n_coefficients(self) -> int:
+        return sum(len(b) for b in self.coefficients)
 
     def array(self, values: Sequence[int] | Integers) -> str:
         """Store an index array; returns the header entry that holds its offset."""
@@ -132,6 +138,9 @@ def written_out(program: Program, layout: Layout, slot_names: dict[int, str], pa
     return body
 
 
+CLOSING = 6  # lines at the end of a looped body that store the derivatives
+
+
 def looped(program: Program, layout: Layout) -> Body:
     """One loop for each kernel and level; the source depends on the kinds of equations only."""
     body = Body(signed=_many_signs(program))
@@ -152,7 +161,13 @@ def looped(program: Program, layout: Layout) -> Body:
         if isinstance(step, Batch):
             for rows in sign_groups(step, body.signed):
                 pieces.append(body.piece())
-                loop(pieces[-1], step.take(rows), "data[v + {target}] = {value}")
+                part = step.take(rows)
+                if step.kernel not in body.signed and has_runs(part):
+                    place = pieces[-1].array(run_index(part, layout.size + body.n_coefficients))
+                    body.coefficients += coefficient_batches(part)
+                    pieces[-1].lines += run_lines(part, place)
+                else:
+                    loop(pieces[-1], part, "data[v + {target}] = {value}")
             continue
         pieces.append(body.piece())
         if isinstance(step, Linear):
@@ -161,8 +176,18 @@ def looped(program: Program, layout: Layout) -> Body:
         else:
             _newton(pieces[-1], step)
     body.include_all(pieces)
-    outputs = body.array(program.output_slots)
-    body.lines += [f"a = {outputs}", "for k in range(n):", "    dx[k] = data[v + index[a + k]]"]
+    outputs = program.output_slots
+    starts = starts_of_runs(outputs[:, None]) if len(outputs) else np.empty(0, np.int64)
+    lengths = np.diff([*starts, len(outputs)])
+    runs = body.array(np.concatenate([[len(starts)], np.column_stack([starts, lengths, outputs[starts]]).ravel()]))
+    body.lines += [
+        f"o = {runs}",
+        "for g in range(index[o]):",
+        "    h = o + 1 + 3 * g",
+        "    y, c = dx[index[h] : index[h] + index[h + 1]], data[v + index[h + 2] : v + index[h + 2] + index[h + 1]]",
+        "    for k in range(index[h + 1]):",
+        "        y[k] = c[k]",
+    ]
     return body
 
 
@@ -340,7 +365,7 @@ def function(name: str, signature: str, arguments: Sequence[str], body: Body, pa
         f'@cfunc({signature}, cache=True, error_model="numpy")',
         f"def {name}(t, {', '.join(f'{a}_' for a in arguments)}):",
     ]
-    lines += [f"    {a} = carray({a}_, (1,))" for a in arguments]
+    lines += [f"    {a} = carray({a}_, (1 << 40,))" for a in arguments]
     lines += [f"    b = index[{part}]"] if body.index else []
     lines += [f"    {line}" for line in body.lines]
     return "\n".join([*lines, "    return 0", ""])

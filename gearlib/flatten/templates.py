@@ -259,16 +259,10 @@ def lift_relations(expression: Any, is_held: Callable[[str], bool] = never) -> t
 
     A comparison between discrete variables changes at events only, and stays as it is.
     """
-    if not expression.has(Relational, sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Piecewise):
+    protected = {a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if _no_event(a)}
+    expression = piecewise(expression.xreplace(protected))
+    if not protected and not expression.has(Relational):
         return expression, ()
-    protected = {
-        a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if a.func.__name__ == "no_event"
-    }
-    expression = expression.xreplace(protected)
-    zero = sympy.S.Zero
-    expression = expression.replace(sympy.sign, lambda x: sympy.Piecewise((1, x > zero), (-1, x < zero), (0, True)))
-    expression = expression.replace(sympy.Abs, lambda x: sympy.Piecewise((x, x >= zero), (-x, True)))
-    expression = expression.replace(lambda e: isinstance(e, (sympy.Max, sympy.Min)), _extremum)
     found: list[Relation] = []
     lifted: dict[Any, Any] = {}
     for atom in sorted(expression.atoms(Relational), key=str):
@@ -280,7 +274,22 @@ def lift_relations(expression: Any, is_held: Callable[[str], bool] = never) -> t
         found.append(Relation(atom.lhs - atom.rhs, isinstance(atom, (sympy.StrictLessThan, sympy.StrictGreaterThan)), less))
         lifted[atom] = sympy.Ne(sympy.Symbol(f"relation_{len(found) - 1}", real=True), 0)
     expression = expression.xreplace(lifted)
-    return expression.xreplace({dummy: call.args[0] for call, dummy in protected.items()}), tuple(found)
+    plain = {dummy: piecewise(call.args[0].replace(_no_event, lambda e: e.args[0])) for call, dummy in protected.items()}
+    return expression.xreplace(plain), tuple(found)
+
+
+def _no_event(e: Any) -> bool:
+    return bool(getattr(e.func, "__name__", "") == "no_event")
+
+
+def piecewise(expression: Any) -> Any:
+    """Signs, absolute values and extrema written as pieces, whose derivatives are pieces again."""
+    if not expression.has(sympy.sign, sympy.Abs, sympy.Max, sympy.Min):
+        return expression
+    zero = sympy.S.Zero
+    expression = expression.replace(sympy.sign, lambda x: sympy.Piecewise((1, x > zero), (-1, x < zero), (0, True)))
+    expression = expression.replace(sympy.Abs, lambda x: sympy.Piecewise((x, x >= zero), (-x, True)))
+    return expression.replace(lambda e: isinstance(e, (sympy.Max, sympy.Min)), _extremum)
 
 
 def _extremum(e: Any) -> Any:

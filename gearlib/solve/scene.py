@@ -158,12 +158,12 @@ class Scene:
         data[: shared.n_parameters] = numbers.parameters
         data[shared.relations : shared.relations + shared.n_relations] = flags
         data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
-        fill(data, native.rhs.layout, numbers.main, guess)
+        fill(data, native.rhs.layout, native.rhs.body.coefficients, numbers.main, guess)
         if native.jac is not None:
-            fill(data, native.jac.layout, numbers.main, guess)
+            fill(data, native.jac.layout, native.jac.body.coefficients, numbers.main, guess)
         for part in (native.roots, native.update):
             if part is not None and numbers.relations is not None:
-                fill(data, part.layout, numbers.relations)
+                fill(data, part.layout, part.body.coefficients, numbers.relations)
         return data
 
     def guess(self, program: Program, start: Floats) -> Floats:

@@ -20,26 +20,21 @@ class BacklashCoupling(Compliant, Dissipative):
     tau_c = gl.Variable("N.m", "torque of the spring")
     tau_d = gl.Variable("N.m", "torque of the damper, where it acts in full")
     has_gap = gl.Discrete("whether there is a backlash at all; otherwise it is a spring and a damper")
+    contact = gl.Discrete("1 above the gap, -1 below it, 0 inside")
 
-    def backlash_equations(self, torque_above: Any, torque_below: Any) -> list[gl.Eq | gl.When]:
-        """The laws, given the torque where the gap is closed at its upper and at its lower side."""
+    def backlash_equations(self, contact_torque: Any) -> list[gl.Eq | gl.When]:
+        """The laws, given the torque where the gap is closed at either side."""
         x, half = self.phi_rel - self.phi_rel0, self.b / 2
-        gap, none = self.has_gap, 1 - self.has_gap
-        # compared only where there is a gap: otherwise the difference is replaced by one that cannot change sign
-        above, below = gap * (x - half) > none, gap * (-x - half) > none
-        without = gl.equals(gap, 0)
+        # multiplied by a flag: without a gap the comparisons would make events of no meaning
+        above, below = self.has_gap * (x - half) > 0, self.has_gap * (x + half) < 0
+        whole, inside = gl.equals(self.has_gap, 0), gl.equals(self.contact, 0)
         return [
             *self.compliant_equations(),
-            gl.Eq(
-                self.tau_c,
-                gl.Piecewise((self.c * x, without), (self.c * (x - half), above), (self.c * (x + half), below), (0, True)),
-            ),
+            gl.Eq(self.tau_c, gl.Piecewise((self.c * x, whole), (0, inside), (self.c * (x - half * self.contact), True))),
             gl.Eq(self.tau_d, self.d * self.w_rel),
-            gl.Eq(
-                self.tau,
-                gl.Piecewise((self.tau_c + self.tau_d, without), (torque_above, above), (torque_below, below), (0, True)),
-            ),
-            gl.Eq(gap, self.b > NO_BACKLASH),
+            gl.Eq(self.tau, gl.Piecewise((self.tau_c + self.tau_d, whole), (0, inside), (contact_torque, True))),
+            gl.Eq(self.has_gap, self.b > NO_BACKLASH),
+            gl.Eq(self.contact, gl.Piecewise((1, above), (-1, below), (0, True))),
             gl.Eq(self.loss_power, (self.tau - self.tau_c) * self.w_rel),
             *self.heat_equations(),
         ]
@@ -54,10 +49,9 @@ class ElastoBacklash(BacklashCoupling):
     """
 
     def equations(self) -> list[gl.Eq | gl.When]:
-        total, twice = self.tau_c + self.tau_d, 2 * self.tau_c
-        above = gl.Piecewise((0, total <= 0), (twice, self.tau_d >= self.tau_c), (total, True))
-        below = gl.Piecewise((0, total >= 0), (twice, self.tau_d <= self.tau_c), (total, True))
-        return self.backlash_equations(above, below)
+        side, total = self.contact, self.tau_c + self.tau_d
+        limited = gl.Piecewise((2 * self.tau_c, side * (self.tau_d - self.tau_c) > 0), (total, True))
+        return self.backlash_equations(gl.Piecewise((0, side * total < 0), (limited, True)))
 
 
 class ElastoBacklash2(BacklashCoupling):
@@ -70,4 +64,4 @@ class ElastoBacklash2(BacklashCoupling):
 
     def equations(self) -> list[gl.Eq | gl.When]:
         total = self.tau_c + self.tau_d
-        return self.backlash_equations(gl.Max(0, total), gl.Min(0, total))
+        return self.backlash_equations(gl.Piecewise((0, self.contact * total < 0), (total, True)))

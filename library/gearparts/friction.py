@@ -16,6 +16,7 @@ from gearparts.tables import at_zero, check_rows, interpolated
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # of a one-way clutch's break-away torque, relative
+ROUNDING = 1e-10  # an element that could slide, but is held by another one, stands exactly at its limit
 
 
 class Friction(gl.Component):
@@ -37,8 +38,8 @@ class Friction(gl.Component):
         tau0_max = self.peak * self.tau0
         was = gl.pre(self.mode)
         forward = gl.Or(gl.holds(self.start_forward), gl.equals(was, FORWARD))
-        locked = gl.pre(self.locked)  # then the speed is rounding, and its sign means nothing
-        moving_forward, moving_backward = (1 - locked) * self.v > locked, (1 - locked) * self.v < -locked
+        free_to_move = 1 - gl.pre(self.locked)  # otherwise the speed is rounding, and its sign means nothing
+        moving_forward, moving_backward = free_to_move * self.v > 0, free_to_move * self.v < 0
         engaged_now = gl.And(gl.equals(was, FREE), gl.Not(free))
         return [
             gl.Eq(
@@ -90,11 +91,10 @@ class Friction(gl.Component):
     def _exceeds(self, torque: Any, limit: Any, starting: Any) -> Any:
         """Stuck, and the torque above its limit, or above the sliding torque where it had started to slide.
 
-        Where a flag is not set, a comparison is replaced by one that cannot change: it would make events of no meaning.
+        The comparisons are multiplied by flags: where a flag is not set, they would make events of no meaning.
         """
-        stuck, started = self.was_stuck, gl.pre(starting)
-        over = stuck * (torque - limit) > 1 - stuck
-        still_over = started * (torque - self.tau0) > 1 - started
+        over = self.was_stuck * (torque - limit) > 0
+        still_over = gl.pre(starting) * (torque - (1 - ROUNDING) * self.tau0) > 0
         return gl.And(gl.equals(gl.pre(self.mode), STUCK), gl.Or(over, still_over))
 
 
@@ -214,9 +214,9 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
         free = self.f_normalized <= 0
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
         peak = gl.no_event(gl.Piecewise((self.peak, self.peak > 1 + HYSTERESIS), (1 + HYSTERESIS, True)))
-        was, started = self.was_stuck, gl.pre(self.start_forward)
-        over = was * (self.sa - self.tau0_max) > 1 - was
-        still_over = started * (self.sa - self.tau0) > 1 - started
+        over = self.was_stuck * (self.sa - self.tau0_max) > 0
+        still_over = gl.pre(self.start_forward) * (self.sa - (1 - ROUNDING) * self.tau0) > 0
+        reversed_or_at_rest = (1 - gl.pre(self.locked)) * self.w_rel <= 0  # locked, the speed is rounding
         return [
             *self.compliant_equations(),
             gl.Eq(self.tau0, gl.Piecewise((0, free), (self.level_at_rest(), True))),
@@ -235,7 +235,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
                 ),
             ),
             gl.Eq(self.locked, gl.And(gl.holds(gl.pre(self.stuck)), gl.Not(gl.holds(self.start_forward)))),
-            gl.Eq(self.stuck, gl.Or(gl.holds(self.locked), self.w_rel <= 0)),
+            gl.Eq(self.stuck, gl.Or(gl.holds(self.locked), reversed_or_at_rest)),
             gl.Eq(self.loss_power, gl.Piecewise((0, gl.holds(self.stuck)), (self.tau * self.w_rel, True))),
             *self.heat_equations(),
         ]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
 from gearparts.backlash import ElastoBacklash
-from gearparts.friction import BACKWARD, FORWARD, FREE, STUCK
+from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK
 from gearparts.interfaces import Dissipative, Flange, TwoFlanges
 from gearparts.tables import Rows, at_zero, check_rows, interpolated
 
@@ -82,7 +82,7 @@ class LossyGear(TwoFlanges, Dissipative):
         at_rest = [at_zero(rows, column) for column in (1, 2, 3, 4)]
         there = [[interpolated(rows, sense * self.w_a, column) for column in (1, 2, 3, 4)] for sense in (1, -1)]
         still = _on_side_a(at_rest)
-        drives = self.tau_eta >= 0
+        drives = (1 - self.locked) * self.tau_eta >= 0
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
         return [
@@ -107,30 +107,36 @@ class LossyGear(TwoFlanges, Dissipative):
         ]
 
     def _modes(self) -> list[gl.Eq | gl.When]:
-        was, stuck = gl.pre(self.mode), self.was_stuck
-        # compared only while stuck: otherwise the difference is replaced by one that cannot change sign
-        over = stuck * (self.sa - self.loss_forward) > 1 - stuck
-        under = stuck * (self.loss_backward - self.sa) > 1 - stuck
+        was, free_to_move = gl.pre(self.mode), 1 - gl.pre(self.locked)
+        # multiplied by flags: where a flag is not set, the comparisons would make events of no meaning
+        moving_forward, moving_backward = free_to_move * self.w_a > 0, free_to_move * self.w_a < 0
+        over = self._exceeds(self.sa, self.loss_forward, self.start_forward)
+        under = self._exceeds(-self.sa, -self.loss_backward, self.start_backward)
         ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
         return [
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(
                 self.start_forward,
-                gl.Or(gl.And(gl.equals(was, STUCK), over), gl.And(gl.initial(), self.w_a > 0)),
+                gl.Or(over, gl.And(gl.initial(), moving_forward)),
             ),
             gl.Eq(
                 self.start_backward,
-                gl.Or(gl.And(gl.equals(was, STUCK), under), gl.And(gl.initial(), self.w_a < 0)),
+                gl.Or(under, gl.And(gl.initial(), moving_backward)),
             ),
             gl.Eq(self.locked, gl.And(gl.Not(ahead), gl.Not(back))),
             gl.Eq(
                 self.mode,
                 gl.Piecewise(
-                    (FORWARD, gl.And(ahead, self.w_a > 0)), (BACKWARD, gl.And(back, self.w_a < 0)), (STUCK, True)
+                    (FORWARD, gl.And(ahead, moving_forward)), (BACKWARD, gl.And(back, moving_backward)), (STUCK, True)
                 ),
             ),
         ]
+
+    def _exceeds(self, loss: Any, limit: Any, starting: Any) -> Any:
+        over = self.was_stuck * (loss - limit) > 0
+        still_over = gl.pre(starting) * (loss - (1 - ROUNDING) * limit) > 0
+        return gl.And(gl.equals(gl.pre(self.mode), STUCK), gl.Or(over, still_over))
 
 
 def _a_drives(torque: Any, sense: int, row: list[Any]) -> Any:

@@ -33,12 +33,11 @@ def test_matrices_equal_a_derivation_by_hand(chain: Callable[..., gl.System]) ->
     B[n - 1] = 1 / J
     C[n - 1, -1] = 1
     place = [list(model.state_labels).index(name) for name in names]
-    # The speeds of bodies that a shaft joins may be kept under the shaft's names; the transfer function does not care.
     assert np.array(model.A)[np.ix_(place, place)] == pytest.approx(A, rel=1e-12, abs=1e-10)
     assert np.array(model.B)[place] == pytest.approx(B, rel=1e-12)
     assert np.array(model.C)[:, place] == pytest.approx(C, rel=1e-12, abs=1e-12)
     assert list(model.input_labels) == ["torque_tau"]
-    assert list(model.output_labels) == [f"shaft[{i}].tau" for i in range(n - 1)] + ["body[3].w"]
+    assert list(model.output_labels) == [f"shaft[{i}]_tau" for i in range(n - 1)] + ["body[3]_w"]
 
 
 def test_paper_equals_its_printed_equations_at_random_parameters() -> None:

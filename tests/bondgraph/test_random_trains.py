@@ -19,9 +19,12 @@ from scipy.optimize import linear_sum_assignment
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.bondgraph import TF, BondGraph, C, I, One, R, RunTime, Se, Zero, state_equations
+from gearlib.bondgraph import GY, TF, BondGraph, C, I, One, R, RunTime, Se, Zero, state_equations
+from gearlib.bondgraph.completion import can_be_completed
 from gearlib.bondgraph.elements import Element
+from gearlib.bondgraph.paper import single_loop_train
 from gearlib.errors import BalanceError, LoopError, SingularError
+from gearparts import zhou_cui_2022 as zc
 
 
 @dataclass(frozen=True)
@@ -357,3 +360,24 @@ def test_locked_loop_is_named_on_both_roads() -> None:
         state_equations(as_bond_graph(spec)[0])
     with pytest.raises(LoopError, match="cannot turn"):
         gl.compile(as_components(spec))
+
+
+def test_choice_of_states_that_the_moduli_forbid() -> None:
+    """The paper's planets are alike by their geometry; with the moduli as symbols that shows when numbers are put in."""
+    run = RunTime(state_equations(single_loop_train().graph, [17, 41]))
+    params = zc.bond_parameters()
+    numbers = {f"m_{k}": float(params.m[k]) for k in range(1, 23)}
+    numbers |= {f"{kind}_{bond}": value for kind in "IRC" for bond, value in getattr(params, kind).items()}
+    numbers = {name: numbers[name] for name in run.parameters}
+    with pytest.raises(SingularError, match=r"these values make the equations for dp_2, dq_6, .* singular"):
+        run.rhs(0.0, np.ones(8), parameters=numbers)
+    run.rhs(0.0, np.ones(8), parameters=numbers | {"m_13": 1.1 * numbers["m_13"]})
+
+
+def test_gyrators_between_shafts_do_not_set_their_speeds() -> None:
+    """Any number of them will do, where a third transformer between the same shafts would be one too many."""
+    for kind, possible in ((GY, True), (TF, False)):
+        a, b, joints = One("a"), One("b"), [kind(2.0), kind(3.0), kind(4.0)]
+        bonds = [(1, a, I()), (2, b, I())]
+        bonds += [(10 + k, a, joint) for k, joint in enumerate(joints)] + [(20 + k, joint, b) for k, joint in enumerate(joints)]
+        assert can_be_completed(BondGraph(*bonds), {}) is possible

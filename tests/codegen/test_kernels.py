@@ -32,7 +32,7 @@ def make(residual: Any) -> Template:
 
 def relations_at(template: Template) -> list[float]:
     table = {sympy.Symbol(k, real=True): v for k, v in POINT.items()}
-    return [float((r.g.subs(table) < 0) if r.negated else (r.g.subs(table) > 0)) for r in template.relations]
+    return [float(bool((r.g.subs(table) < 0) if r.negated else (r.g.subs(table) > 0))) for r in template.relations]
 
 
 def arguments(kernel: Kernel) -> list[float]:
@@ -56,6 +56,7 @@ RESIDUALS = [
     gl.cosh(x) + gl.sinh(y) + gl.tan(z) + x**3.5 + y**-2,
     gl.Piecewise((p * x, x > q), (y, x > -q), (z, True)),
     gl.Max(x, y, z) + gl.Min(x, y) * gl.sign(z) + abs(z),
+    gl.no_event(x + gl.no_event(y)) * p,
     gl.no_event(gl.Max(x, y, z)) + gl.no_event(abs(z)) * gl.no_event(gl.sign(z)),
     gl.Piecewise((1, gl.And(x > 0, y > q)), (2, gl.Or(z > 0, gl.Not(x > 1))), (3, True)) * x,
 ]

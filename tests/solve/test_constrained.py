@@ -1,0 +1,150 @@
+"""Index-3 systems outside gears: the car axis, and pendulums in Cartesian coordinates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import ellipj
+
+import gearlib as gl
+from gearlib.errors import SolverError
+
+
+class CarAxis(gl.Component):
+    """The car axis on a bumpy road.
+
+    F. Mazzia, C. Magherini, Test Set for Initial Value Problem Solvers, release 2.4 (2008).
+    """
+
+    eps = gl.Parameter("1", "square root of mass over stiffness", default=0.01)
+    M = gl.Parameter("kg", "mass", default=10.0)
+    L = gl.Parameter("m", "length of the axis", default=1.0)
+    L0 = gl.Parameter("m", "unstretched length of the springs", default=0.5)
+    r = gl.Parameter("m", "amplitude of the road", default=0.1)
+    omega = gl.Parameter("rad/s", "frequency of the road", default=10.0)
+    g = gl.Parameter("m/s2", "gravity", default=1.0)
+    xl = gl.Variable("m", "left end")
+    yl = gl.Variable("m", "left end")
+    xr = gl.Variable("m", "right end")
+    yr = gl.Variable("m", "right end")
+    ul = gl.Variable("m/s", "left end")
+    vl = gl.Variable("m/s", "left end")
+    ur = gl.Variable("m/s", "right end")
+    vr = gl.Variable("m/s", "right end")
+    lam1 = gl.Variable("N", "multiplier")
+    lam2 = gl.Variable("N/m", "multiplier")
+
+    def equations(self) -> list[gl.Eq]:
+        xl, yl, xr, yr, lam1, lam2 = self.xl, self.yl, self.xr, self.yr, self.lam1, self.lam2
+        yb = self.r * gl.sin(self.omega * gl.time)
+        xb = gl.sqrt(self.L**2 - yb**2)
+        left, right = gl.sqrt(xl**2 + yl**2), gl.sqrt((xr - xb) ** 2 + (yr - yb) ** 2)
+        k = self.M * self.eps**2 / 2
+        pull_l, pull_r = (self.L0 - left) / left, (self.L0 - right) / right
+        return [
+            gl.Eq(gl.der(xl), self.ul),
+            gl.Eq(gl.der(yl), self.vl),
+            gl.Eq(gl.der(xr), self.ur),
+            gl.Eq(gl.der(yr), self.vr),
+            gl.Eq(k * gl.der(self.ul), pull_l * xl + lam1 * xb + 2 * lam2 * (xl - xr)),
+            gl.Eq(k * gl.der(self.vl), pull_l * yl + lam1 * yb + 2 * lam2 * (yl - yr) - k * self.g),
+            gl.Eq(k * gl.der(self.ur), pull_r * (xr - xb) - 2 * lam2 * (xl - xr)),
+            gl.Eq(k * gl.der(self.vr), pull_r * (yr - yb) - 2 * lam2 * (yl - yr) - k * self.g),
+            gl.Eq(xl * xb + yl * yb, 0),
+            gl.Eq((xl - xr) ** 2 + (yl - yr) ** 2, self.L**2),
+        ]
+
+
+# The test set's reference solution at t = 3 (GAMD, quadruple precision).
+CAR_AXIS = {
+    "xl": 0.493455784275402809122e-1, "yl": 0.496989460230171153861, "xr": 0.104174252488542151681e1,
+    "yr": 0.373911027265361256927, "ul": -0.770583684040972357970e-1, "vl": 0.744686658723778553466e-2,
+    "ur": 0.175568157537232222276e-1, "vr": 0.770341043779251976443, "lam1": -0.473688659084893324729e-2,
+    "lam2": -0.110468033125734368808e-2,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["ida", "rk"])
+def test_car_axis(method: str) -> None:
+    start = {"xl": 0.0, "yl": 0.5, "xr": 1.0, "yr": 0.5, "ul": -0.5, "vl": 0.0, "ur": -0.5, "vr": 0.0}
+    system = gl.compile(CarAxis(start=start))
+    assert len(system.states) == 4
+    assert "structural index 3" in system.summary()
+    result = system.simulate(3.0, times=[0.0, 1.5, 3.0], method=method, rtol=1e-10)
+    for name, value in CAR_AXIS.items():
+        assert abs(result[name][-1] - value) <= 1e-7
+    for name, value in start.items():
+        assert result[name][0] == pytest.approx(value, abs=1e-12)
+
+
+class Pendulum(gl.Component):
+    """A point mass on a rod, in Cartesian coordinates."""
+
+    L = gl.Parameter("m", "length", default=1.0)
+    g = gl.Parameter("m/s2", "gravity", default=9.81)
+    x = gl.Variable("m", "horizontal")
+    y = gl.Variable("m", "vertical")
+    u = gl.Variable("m/s", "horizontal speed")
+    v = gl.Variable("m/s", "vertical speed")
+    T = gl.Variable("1/s2", "rod force over mass and length")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.u),
+            gl.Eq(gl.der(self.y), self.v),
+            gl.Eq(gl.der(self.u), self.T * self.x),
+            gl.Eq(gl.der(self.v), self.T * self.y - self.g),
+            gl.Eq(self.x**2 + self.y**2, self.L**2),
+        ]
+
+
+def released(angle: float, speed: float = 0.0) -> gl.System:
+    place = {"x": np.sin(angle), "y": -np.cos(angle)}
+    return gl.compile(Pendulum(start=place | {"u": np.cos(angle) * speed, "v": np.sin(angle) * speed}))
+
+
+def swing(angle: float, t: Any) -> Any:
+    """Angle at time t of a pendulum of length 1 released from rest: sin(phi/2) = k cd(sqrt(g) t, k)."""
+    k = np.sin(angle / 2)
+    _, cn, dn, _ = ellipj(np.sqrt(9.81) * t, k**2)
+    return 2 * np.arcsin(k * cn / dn)
+
+
+@pytest.mark.parametrize("method", ["ida", "rk5", "rk8", "auto"])
+@pytest.mark.parametrize("angle", [0.2, 0.7])
+def test_small_swings_follow_the_elliptic_function(method: str, angle: float) -> None:
+    system = released(angle)
+    assert set(system.states) == {"x", "u"}
+    result = system.simulate(5.0, samples=101, method=method, rtol=1e-9)
+    phi = swing(angle, result.time)
+    assert np.abs(result["x"] - np.sin(phi)).max() < 5e-8
+    assert np.abs(result["y"] + np.cos(phi)).max() < 5e-8
+    assert np.abs(result["x"] ** 2 + result["y"] ** 2 - 1).max() < 1e-14
+    energy = (result["u"] ** 2 + result["v"] ** 2) / 2 + 9.81 * result["y"]
+    assert np.ptp(energy) < 1e-6
+
+
+def test_inputs_of_a_run_are_those_of_the_constraint() -> None:
+    """The rod's length is a parameter of the run: the start then contradicts the constraint."""
+    with pytest.raises(gl.GearlibError, match="start values contradict each other"):
+        released(0.3).simulate(1.0, samples=3, parameters={"L": 2.0})
+
+
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="a run through the singular point of the state choice goes on along the wrong branch")
+@pytest.mark.parametrize(("angle", "speed", "t_end"), [(1.5, 0.0, 2.0), (1.7, 0.0, 2.0), (3.0, 0.1, 2.0)])
+@pytest.mark.parametrize("method", ["ida", "rk"])
+def test_swings_through_the_singular_point_are_right_or_refused(method: str, angle: float, speed: float, t_end: float) -> None:
+    times = np.linspace(0, t_end, 51)
+    exact = solve_ivp(
+        lambda t, z: [z[1], -9.81 * np.sin(z[0])], (0, t_end), [angle, speed], rtol=1e-12, atol=1e-12, t_eval=times, method="DOP853"
+    ).y[0]
+    try:
+        result = released(angle, speed).simulate(t_end, times=times, method=method, rtol=1e-9)
+    except SolverError as problem:
+        assert "states" in str(problem)
+    else:
+        assert np.abs(result["x"] - np.sin(exact)).max() < 1e-6
+        assert np.abs(result["y"] + np.cos(exact)).max() < 1e-6

@@ -1,0 +1,173 @@
+"""Start values: fixed ones hold, guesses give way, contradictions are named."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, NameLookupError, StartError
+
+c = gl.connect
+
+
+def geared(motor: dict[str, Any], load: dict[str, Any], ratio: float = 10.0) -> gl.System:
+    """Motor, gear, load; start and guess values of the two bodies."""
+
+    class Geared(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor, self.load = gp.Inertia(J=0.1, **motor), gp.Inertia(J=2.0, **load)
+            self.gear = gp.IdealGear(ratio=ratio)
+            return [c(self.motor.flange_b, self.gear.flange_a), c(self.gear.flange_b, self.load.flange_a)]
+
+    return gl.compile(Geared())
+
+
+def start(system: gl.System, *names: str, **options: Any) -> list[float]:
+    result = system.simulate(1.0, samples=2, **options)
+    return [float(result[n][0]) for n in names]
+
+
+@pytest.mark.parametrize(
+    ("motor", "load", "expected"),
+    [
+        ({"start": {"w": 50.0}}, {}, 5.0),
+        ({}, {"start": {"w": 5.0}}, 5.0),
+        ({"start": {"w": 50.0}}, {"start": {"w": 5.0}}, 5.0),  # redundant and consistent
+        ({"guess": {"w": 50.0}}, {"start": {"w": 7.0}}, 7.0),
+        ({"start": {"w": 70.0}}, {"guess": {"w": 5.0}}, 7.0),
+        ({}, {}, 0.0),
+        ({"start": {"flange_a.phi": 20.0, "w": 1.0}}, {}, 0.1),
+    ],
+)
+def test_a_fixed_value_holds_on_whichever_side_of_the_gear(motor: Any, load: Any, expected: float) -> None:
+    assert start(geared(motor, load), "load.w", "motor.w") == pytest.approx([expected, 10 * expected], rel=1e-12)
+
+
+def test_fixed_angles_through_the_gear() -> None:
+    assert start(geared({"start": {"phi": 3.0}}, {}), "load.phi", "motor.phi") == pytest.approx([0.3, 3.0], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("motor", "load", "message"),
+    [
+        ({"w": 1.0}, {"w": 2.0}, r"start values contradict each other: motor\.w is fixed at 1, but .*load\.w.*make it 20; fix fewer"),
+        ({"w": 1.0, "flange_a.tau": 3.0}, {}, r"motor\.flange_a\.tau is fixed at 3, but .*make it 0|is always zero"),
+    ],
+)
+def test_contradictions_are_named(motor: Any, load: Any, message: str) -> None:
+    with pytest.raises(StartError, match=message):
+        start(geared({"start": motor}, {"start": load}))
+
+
+def test_two_names_of_one_variable() -> None:
+    class Shaft(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0, start={"phi": 1.0}), gp.Inertia(J=1.0, start={"phi": 2.0})
+            return [c(self.a.flange_b, self.b.flange_a)]
+
+    with pytest.raises(StartError, match=r"a\.phi and b\.phi are one variable \(up to its sign\), but are fixed at 1 and 2"):
+        gl.compile(Shaft()).simulate(1.0)
+
+
+def test_a_held_shaft_cannot_start_with_a_speed() -> None:
+    class Held(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.ground = gp.Inertia(J=1.0, start={"w": 1.0}), gp.Fixed()
+            return [c(self.body.flange_b, self.ground.flange)]
+
+    with pytest.raises(StartError, match=r"body\.w is fixed at 1, but the equations make it 0"):
+        gl.compile(Held()).simulate(1.0)
+
+
+def test_start_of_a_run_overrides_that_of_the_model() -> None:
+    system = geared({"start": {"w": 50.0}}, {})
+    assert start(system, "load.w", start={"motor.w": 20.0}) == pytest.approx([2.0])
+    assert start(system, "load.w") == pytest.approx([5.0])  # nothing is left behind
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"load.ww": 1.0}, NameLookupError, r"no variable 'load\.ww'; did you mean 'load\.w'"),
+        ({"load.J": 1.0}, NameLookupError, r"no variable 'load\.J'"),
+        ({"load.w": float("nan")}, ArgumentError, r"start of load\.w is nan; expected a finite number"),
+        ({"load.w": "1"}, ArgumentError, r"start of load\.w is '1'; expected a finite number"),
+        ({"load.w": None}, ArgumentError, r"start of load\.w is None; expected a finite number"),
+        ("stead", ArgumentError, r"start is 'stead'; expected a mapping of start values, or 'steady'"),
+        ({"load.w": 1.0, "motor.w": 1.0}, StartError, r"motor\.w is fixed at 1, but .*make it 10"),
+        ({3: 1.0}, NameLookupError, "3 is no name"),
+    ],
+)
+def test_wrong_start_of_a_run(given: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        geared({}, {}).simulate(1.0, start=given)
+
+
+def test_summary_names_what_nothing_fixes() -> None:
+    free = geared({}, {}).summary()
+    assert "start       at their guess, since nothing fixes them: " in free
+    assert "load.w" in free.split("nothing fixes them")[1] or "motor.w" in free.split("nothing fixes them")[1]
+    assert "nothing fixes them" not in geared({"start": {"w": 1.0}}, {}).summary()
+
+
+class Fan(gl.Component):
+    """A shaft with a spring in it, a driving torque and a load that grows with speed squared."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.motor, self.load = gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+        self.shaft = gp.SpringDamper(c=100.0, d=1.0)
+        self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-4.0, w_nominal=1.0, torque_direction=False)
+        return [
+            c(self.torque.flange, self.motor.flange_a),
+            c(self.motor.flange_b, self.shaft.flange_a),
+            c(self.shaft.flange_b, self.load.flange_a),
+            c(self.load.flange_b, self.fan.flange),
+        ]
+
+
+def test_steady_state() -> None:
+    system = gl.compile(Fan())
+    result = system.simulate(5.0, samples=6, start="steady", inputs={"torque.tau": 9.0})
+    assert result["motor.w"] == pytest.approx(np.full(6, 1.5), rel=1e-6)
+    assert result["shaft.phi_rel"] == pytest.approx(np.full(6, -0.09), rel=1e-6)
+    assert abs(result["der(motor.w)"]).max() < 1e-5
+
+
+def test_steady_state_that_does_not_exist() -> None:
+    class Free(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.load = gp.Torque(tau=1.0), gp.Inertia(J=1.0)
+            return [c(self.torque.flange, self.load.flange_a)]
+
+    with pytest.raises(StartError, match=r"no steady state was found: der\(load\.w\) stays at 1"):
+        gl.compile(Free()).simulate(1.0, start="steady")
+
+
+def test_a_nonlinear_constraint_moves_the_free_state() -> None:
+    class Leaf(gl.Component):
+        x = gl.Variable("1", "state", guess=1.0)
+        y = gl.Variable("1", "its cube")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), -self.x), gl.Eq(self.y, self.x**3)]
+
+    assert start(gl.compile(Leaf(start={"y": 8.0})), "x", "y") == pytest.approx([2.0, 8.0], rel=1e-12)
+    with pytest.raises(StartError, match=r"y is fixed at 8, but the other fixed values \(x\) and the equations make it 1"):
+        gl.compile(Leaf(start={"y": 8.0, "x": 1.0})).simulate(1.0)
+
+
+def test_start_values_may_be_expressions_of_parameters() -> None:
+    class Model(gl.Component):
+        n = gl.Parameter("rpm", "speed", default=60.0)
+
+        def assemble(self) -> list[Any]:
+            self.load = gp.Inertia(J=1.0, start={"w": 2 * gl.pi * self.n / 60})
+            return []
+
+    system = gl.compile(Model())
+    assert start(system, "load.w") == pytest.approx([2 * np.pi])
+    assert start(system, "load.w", parameters={"n": 120.0}) == pytest.approx([4 * np.pi])

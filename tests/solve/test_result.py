@@ -1,0 +1,134 @@
+"""Access to everything in a run: derivatives, aliases, what was not integrated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import NameLookupError
+
+c = gl.connect
+
+
+class Drive(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.torque, self.motor, self.load = gp.Torque(tau=6.0), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+        self.gear = gp.IdealGear(ratio=-2.0)
+        return [
+            c(self.torque.flange, self.motor.flange_a),
+            c(self.motor.flange_b, self.gear.flange_a),
+            c(self.gear.flange_b, self.load.flange_a),
+        ]
+
+
+RESULT = gl.compile(Drive()).simulate(2.0, samples=5)
+T = np.linspace(0, 2, 5)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("motor.w", 4 * T),  # 6 = (1 + 2 / 4) der(w)
+        ("der(motor.w)", 4 + 0 * T),
+        ("load.w", -2 * T),
+        ("der(load.phi)", -2 * T),
+        ("der(der(load.phi))", -2 + 0 * T),
+        ("load.phi", -(T**2)),  # an absolute angle that nothing depends on: integrated when it is asked for
+        ("motor.flange_b.phi", 2 * T**2),
+        ("torque.flange.tau", -6 + 0 * T),
+        ("motor.flange_b.tau", -2 + 0 * T),
+        ("gear.flange_a.tau", 2 + 0 * T),
+        ("gear.flange_b.tau", 4 + 0 * T),
+        ("load.flange_b.tau", 0 * T),  # not connected
+        ("torque.tau", 6 + 0 * T),
+    ],
+)
+def test_any_variable_by_any_of_its_names(name: str, expected: Any) -> None:
+    assert RESULT[name] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert name in RESULT
+
+
+def test_only_what_is_needed_was_integrated() -> None:
+    assert RESULT.states.shape == (5, 1)
+    assert len(RESULT) == 1
+    assert list(RESULT) == list(gl.compile(Drive()).states)
+
+
+def test_a_run_with_outputs_knows_the_others_too() -> None:
+    result = gl.compile(Drive(), outputs=["load.w"]).simulate(2.0, samples=5)
+    assert list(result) == ["load.w"]
+    assert result["motor.phi"] == pytest.approx(2 * T**2)
+
+
+def test_histories_are_not_shared_with_the_caller() -> None:
+    result = gl.compile(Drive()).simulate(2.0, samples=5)
+    result["load.w"][:] = 99.0
+    assert result["motor.w"] == pytest.approx(4 * T)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("load.ww", r"the model has no variable 'load\.ww'; did you mean 'load\.w'"),
+        ("typo", "the model has no variable 'typo'; "),
+        ("load", "'load' is a component, no variable; name one of its variables: load.flange_a.phi"),
+        ("load.J", r"the model has no variable 'load\.J'"),
+        ("der(der(der(load.w)))", r"does not occur in the model's equations, so it is not computed; load\.w is"),
+        (0, "0 is no name; names are text"),
+    ],
+)
+def test_unknown_names(name: Any, message: str) -> None:
+    with pytest.raises(NameLookupError, match=message):
+        RESULT[name]
+    assert "typo" not in RESULT
+    assert 3 not in RESULT
+
+
+def test_data_frame() -> None:
+    frame = RESULT.to_dataframe(["load.w", "der(motor.w)"])
+    assert list(frame.columns) == ["load.w", "der(motor.w)"]
+    assert frame.index.name == "time"
+    assert frame["load.w"].to_numpy() == pytest.approx(-2 * T)
+    assert list(RESULT.to_dataframe().columns) == list(RESULT)
+    with pytest.raises(NameLookupError, match="no variable 'typo'"):
+        RESULT.to_dataframe(["typo"])
+
+
+def test_plot() -> None:
+    import matplotlib.pyplot as plt
+
+    axes = RESULT.plot("load.w", "der(load.w)")
+    assert [line.get_label() for line in axes.lines] == ["load.w", "der(load.w)"]
+    assert axes.lines[0].get_ydata() == pytest.approx(-2 * T)
+    assert axes.get_xlabel() == "time, s"
+    assert "rad/s" in axes.get_ylabel()
+    assert RESULT.plot("motor.w", axes=axes) is axes
+    plt.close("all")
+    with pytest.raises(NameLookupError, match="no variable 'typo'"):
+        RESULT.plot("typo")
+    plt.close("all")
+
+
+def test_statistics_and_text() -> None:
+    assert RESULT.stats["method"] == "exact"
+    assert RESULT.stats["why"] == "the scene is linear and time-invariant"
+    assert repr(RESULT) == "<Result: 5 samples, 0 .. 2 s, 1 states, exact>"
+
+
+def test_long_turning_keeps_its_digits() -> None:
+    """After 1e6 rad the deflection of the shaft still has all its digits."""
+
+    class Shaft(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0, start={"w": 1e4}), gp.Inertia(J=1.0, start={"w": 1e4})
+            self.shaft = gp.Spring(c=1e6, start={"phi_rel": 1e-6})
+            return [c(self.a.flange_b, self.shaft.flange_a), c(self.shaft.flange_b, self.b.flange_a)]
+
+    system = gl.compile(Shaft())
+    result = system.simulate(100.0, samples=11)
+    assert result["a.phi"][-1] == pytest.approx(1e6, rel=1e-9)
+    assert result["shaft.phi_rel"] == pytest.approx(1e-6 * np.cos(np.sqrt(2e6) * result.time), abs=1e-6 * 1e-6)

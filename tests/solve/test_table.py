@@ -1,0 +1,154 @@
+"""Inputs: numbers, functions of time, tables; and those that fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, GearlibError, NameLookupError
+
+c = gl.connect
+
+
+class Driven(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.torque, self.load = gp.Torque(), gp.Inertia(J=2.0)
+        return [c(self.torque.flange, self.load.flange_a)]
+
+
+SYSTEM = gl.compile(Driven())
+
+
+def run(tau: Any, **options: Any) -> Any:
+    return SYSTEM.simulate(2.0, samples=9, inputs={"torque.tau": tau}, **options)["load.w"]
+
+
+TABLE = gl.Table([0.0, 0.5, 0.5, 1.25, 1.5], [2.0, 4.0, -1.0, 3.0, 0.0])
+
+
+def integral(t: Any) -> Any:
+    """Of the table, by hand: trapezia between its points."""
+    points = np.array([0.0, 0.5, 1.25, 1.5, 2.0])
+    pieces = [(2.0, 4.0), (-1.0, 3.0), (3.0, 0.0), (0.0, 0.0)]
+    total = np.zeros_like(t)
+    for a, b, (ya, yb) in zip(points, points[1:], pieces):
+        s = np.clip((t - a) / (b - a), 0.0, 1.0)
+        total += (b - a) * (ya * s + (yb - ya) * s**2 / 2)
+    return total
+
+
+@pytest.mark.parametrize("method", ["auto", "exact", "ida", "rk", "rk5", "rk8"])
+def test_all_methods_agree_on_a_table(method: str) -> None:
+    expected = integral(np.linspace(0, 2, 9)) / 2
+    assert run(TABLE, method=method, rtol=1e-9) == pytest.approx(expected, rel=1e-7, abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["auto", "ida", "rk"])
+def test_a_function_of_time(method: str) -> None:
+    t = np.linspace(0, 2, 9)
+    assert run(lambda s: np.cos(3 * s), method=method, rtol=1e-9) == pytest.approx(np.sin(3 * t) / 6, rel=1e-7, abs=1e-8)
+
+
+def test_a_number_and_the_default_of_zero() -> None:
+    assert run(3) == pytest.approx(1.5 * np.linspace(0, 2, 9))
+    assert SYSTEM.simulate(2.0, samples=3)["load.w"].tolist() == [0.0, 0.0, 0.0]
+    assert SYSTEM.inputs == ("torque.tau",)
+
+
+def test_an_input_is_a_history_too() -> None:
+    result = SYSTEM.simulate(2.0, samples=9, inputs={"torque.tau": TABLE})
+    assert result["torque.tau"] == pytest.approx(TABLE(result.time))
+    assert result["load.flange_a.tau"] == pytest.approx(TABLE(result.time))
+
+
+def test_table_values_and_its_expression() -> None:
+    t = np.array([-1.0, 0.25, 0.499, 0.5, 1.0, 1.4, 7.0])
+    expression = sympy.lambdify(sympy.Symbol("time", real=True), TABLE.expression())
+    assert TABLE(t) == pytest.approx([float(expression(x)) for x in t], abs=1e-14)
+    assert TABLE(0.5) == -1.0  # the right-hand value of a step
+    assert gl.Table([1.0], [5.0])(np.array([0.0, 3.0])).tolist() == [5.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    ("t", "y", "message"),
+    [
+        ([0, 1], [0], "expected two sequences of one length"),
+        ([], [], "expected two sequences of one length"),
+        ([[0, 1]], [[0, 1]], "expected two sequences of one length"),
+        ([1, 0], [0, 1], "the times must not decrease"),
+        ([0, float("nan")], [0, 1], "must be finite"),
+        ([0, 1], [0, float("inf")], "must be finite"),
+        ("ab", [0, 1], "expected two sequences of numbers"),
+    ],
+)
+def test_wrong_tables(t: Any, y: Any, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        gl.Table(t, y)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "error", "message"),
+    [
+        ({"torque.ta": 1.0}, NameLookupError, r"no unbound input 'torque\.ta'; did you mean 'torque\.tau'"),
+        ({"load.w": 1.0}, NameLookupError, r"no unbound input 'load\.w'; it is bound in the model, or no input"),
+        ({"torque.tau": "1"}, ArgumentError, r"input torque\.tau is '1'; expected a finite number, a function of time or a gl\.Table"),
+        ({"torque.tau": None}, ArgumentError, r"input torque\.tau is None"),
+        ({"torque.tau": float("nan")}, ArgumentError, r"input torque\.tau is nan"),
+        ({"torque.tau": True}, ArgumentError, r"input torque\.tau is True"),
+        ({"torque.tau": np.ones(3)}, ArgumentError, r"input torque\.tau is array"),
+        ({"torque.tau": gl.sin(gl.time)}, ArgumentError, r"input torque\.tau is sin\(time\)"),
+    ],
+)
+def test_wrong_inputs(inputs: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        SYSTEM.simulate(1.0, inputs=inputs)
+
+
+def boom(t: float) -> float:
+    raise ValueError("no torque")
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (boom, r"the input function boom raised ValueError at t = 0 s: no torque"),
+        (lambda: 1.0, "raised TypeError at t = 0 s: .*takes 0 positional arguments"),
+        (lambda t: "x", "returned 'x' at t = 0 s; expected a number"),
+        (lambda t: None, "returned None at t = 0 s; expected a number"),
+        (lambda t: 1j, "returned 1j at t = 0 s; expected a number"),
+        (lambda t: np.array([1.0, 2.0]), r"returned array\(\[1\., 2\.\]\) at t = 0 s; expected a number"),
+        (lambda t: float("nan"), "returned nan at t = 0 s; expected a finite number"),
+    ],
+)
+def test_functions_that_fail_at_the_start(function: Callable[..., Any], message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        run(function)
+
+
+def late(value: Callable[[], float]) -> Callable[[float], float]:
+    return lambda t: 1.0 if t < 1.0 else value()
+
+
+@pytest.mark.parametrize("method", ["ida", "rk"])
+@pytest.mark.parametrize("value", [lambda: boom(0.0), lambda: float("nan"), lambda: float("inf")])
+def test_functions_that_fail_later_stop_the_run(method: str, value: Callable[[], float]) -> None:
+    with pytest.raises(GearlibError):
+        run(late(value), method=method)
+
+
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="the solvers' own error comes first")
+@pytest.mark.parametrize("method", ["ida", "rk"])
+def test_a_function_that_fails_later_is_named(method: str) -> None:
+    with pytest.raises(GearlibError, match="no torque"):
+        run(late(lambda: boom(0.0)), method=method)
+
+
+def test_exact_needs_inputs_that_it_knows() -> None:
+    with pytest.raises(ArgumentError, match="method='exact' needs a linear time-invariant scene: an input is a Python function"):
+        run(lambda t: 1.0, method="exact")
