@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from gearlib.analysis.response import transmission_error_response as transmission_error_response
     from gearlib.analysis.stability import StabilityReport as StabilityReport
     from gearlib.analysis.stability import stability as stability
+    from gearlib.analysis.statics import PowerFlow as PowerFlow
+    from gearlib.analysis.statics import mobility as mobility
+    from gearlib.analysis.statics import power_flow as power_flow
+    from gearlib.analysis.statics import speed_ratio as speed_ratio
     from gearlib.errors import GearlibError as GearlibError
     from gearlib.language.component import Component as Component
     from gearlib.language.component import Connection as Connection
@@ -84,6 +88,7 @@ _HOME = {
     **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.analysis.plots"),
     **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.analysis.response"),
     **dict.fromkeys(["StabilityReport", "stability"], "gearlib.analysis.stability"),
+    **dict.fromkeys(["PowerFlow", "mobility", "power_flow", "speed_ratio"], "gearlib.analysis.statics"),
     "GearlibError": "gearlib.errors",
     **dict.fromkeys(["Component", "Connection", "connect"], "gearlib.language.component"),
     **dict.fromkeys(

@@ -256,7 +256,7 @@ class System:
         parameters : mapping, optional
             Values by path.
         sparse : bool
-            Return a `LinearModel` with sparse matrices instead.
+            Return a `LinearModel` instead, whose matrices are sparse where full ones would be large.
 
         Returns
         -------

@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import sympy
 from numpy.typing import NDArray
 
 from gearlib.codegen.kernels import (
@@ -180,7 +179,7 @@ class Builder:
 
     def _copies(self, kernel: Kernel, template: Template, g: int, i: int, node: Node, sign: int) -> bool:
         """An unknown that equals another one gets its slot. (What is bound to an input keeps one of its own: it may be varied.)"""
-        if len(kernel.columns) != 1 or kernel.expression != sympy.Symbol(f"x{kernel.columns[0]}", real=True):
+        if not kernel.is_copy:
             return False
         source = [(n, s) for c, n, s in self._positions(template, g, i) if c == kernel.columns[0]]
         if len(source) != 1 or source[0][1] * sign != 1 or template.label == "binding":

@@ -12,6 +12,7 @@ import os
 import sys
 import tempfile
 from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 
@@ -21,16 +22,21 @@ _temporary: tempfile.TemporaryDirectory[str] | None = None
 _loaded: dict[str, ModuleType] = {}
 
 
+def _version() -> str:
+    try:
+        return metadata.version("gearlib")
+    except metadata.PackageNotFoundError:  # run from a source tree
+        return "source"
+
+
 def folder() -> Path:
     """The cache folder of this version, made if need be."""
-    import gearlib
-
     chosen = os.environ.get("GEARLIB_CACHE")
     if not chosen:
         from platformdirs import user_cache_dir
 
         chosen = user_cache_dir("gearlib", appauthor=False)
-    path = Path(chosen) / f"{gearlib.__version__}-{FORMAT}-py{sys.version_info.major}.{sys.version_info.minor}"
+    path = Path(chosen) / f"{_version()}-{FORMAT}-py{sys.version_info.major}.{sys.version_info.minor}"
     with suppress(OSError):
         path.mkdir(parents=True, exist_ok=True)
         if os.access(path, os.W_OK):

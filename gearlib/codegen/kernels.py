@@ -50,11 +50,16 @@ class Kernel:
         function: Callable[..., Any] = eval(source, dict(vars(np)))
         return function
 
-    @property
+    @cached_property
     def on_time(self) -> bool:
         return sympy.Symbol("t", real=True) in self.expression.free_symbols
 
-    @property
+    @cached_property
+    def is_copy(self) -> bool:
+        """Whether it is one of the columns as it is."""
+        return len(self.columns) == 1 and bool(self.expression == sympy.Symbol(f"x{self.columns[0]}", real=True))
+
+    @cached_property
     def is_zero(self) -> bool:
         return bool(self.expression == 0)
 

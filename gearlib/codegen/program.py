@@ -103,6 +103,13 @@ class Program:
     def output_slots(self) -> Integers:
         return np.array([self.slots[n] for n in self.outputs], np.int64)
 
+    @cached_property
+    def undifferentiated(self) -> tuple[Integers, Integers]:
+        """Variables themselves, not their derivatives: their numbers and their slots."""
+        pairs = [(v, slot) for (v, k), slot in self.slots.items() if k == 0]
+        table = np.array(pairs, np.int64).reshape(-1, 2)
+        return table[:, 0], table[:, 1]
+
     @property
     def n_unknowns(self) -> int:
         return len(self.slots) - len(self.states) - len(self.inputs)

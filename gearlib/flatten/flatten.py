@@ -70,8 +70,10 @@ def flatten(component: Component) -> FlatModel:
     left, right, sign = (
         (np.array(x, np.int64) for x in zip(*equalities, strict=True)) if equalities else (np.empty(0, np.int64),) * 3
     )
+    own_rank[tree.inputs] = -1  # what is given represents all that equals it
     aliases = unite(n_variables, left, right, sign, own_rank)
     rep = aliases.representative
+    _refuse_equal_inputs(tree, aliases)
     merged_preference = np.full(n_variables, 2)
     has_potential = np.zeros(n_variables, bool)
     has_potential[rep[potential]] = True
@@ -101,6 +103,20 @@ def flatten(component: Component) -> FlatModel:
         np.array(tree.inputs, np.int64), rep, aliases.sign, merged_preference, has_potential, has_flow, merged_nominal,
         tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases),
     )  # fmt: skip
+
+
+def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
+    for own in tree.inputs:
+        other = int(aliases.representative[own])
+        if other != own or aliases.sign[own] == 0:
+            names = [_variable_name(tree, v) for v in (own, other)]
+            what = f"equals the input {names[1]}" if other != own else "is always zero by the model's equations"
+            raise ModelError(f"the unbound input {names[0]} {what}; only one of them can be given: bind one to the other")
+
+
+def _variable_name(tree: Tree, variable: int) -> str:
+    instance = next(i for i in tree.instances if i.first_variable <= variable < i.first_variable + len(i.variables))
+    return ".".join(filter(None, (instance.path, list(instance.variables)[variable - instance.first_variable])))
 
 
 def check_bounds(table: ParameterTable, values: Floats) -> None:

@@ -218,8 +218,9 @@ def _add_links(tree: Tree, component: Component, number_: int) -> None:
                 ancestor = ancestor._parent
             if where is None or ancestor is None:
                 path = tree.instances[number_].path or type(component).__name__
+                foreign = ".".join(filter(None, (port.component._path(), port.connector.name)))
                 raise ConnectionError(
-                    f"{path}: connects {type(port.component).__name__} '{'.'.join(filter(None, (port.component._path(), port.connector.name)))}', "
+                    f"{path}: connects {type(port.component).__name__} '{foreign}', "
                     "which is no part of it; assign the part to an attribute (self.name = ...; a list after it is filled), and "
                     "connect parts of this model only"
                 )

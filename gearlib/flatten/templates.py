@@ -49,7 +49,7 @@ class Partial:
         """Whether it depends on parameters only."""
         return not self.depends_on and not self.on_time and not self.on_modes
 
-    @property
+    @cached_property
     def number(self) -> float | None:
         """Its value, where that is a plain number."""
         return float(self.expression) if self.expression.is_number else None

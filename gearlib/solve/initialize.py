@@ -79,16 +79,18 @@ def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, ove
     for v, (value, _) in fixed.items():
         guess[v] = value
     everything = structure.states
-    place = {node: i for i, node in enumerate(everything)}
     x = np.array([guess[v] if k == 0 else 0.0 for v, k in everything])
+    if not fixed:
+        return Start(x[scene.places], guess, scene.state_names)
+    place = {node: i for i, node in enumerate(everything)}
     direct = {place[v, 0] for v in fixed if (v, 0) in place}
     others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]
     free = [i for i in range(len(everything)) if i not in direct]
-    moved: set[int] = set()
+    settled = set(direct)
     if others:
-        moved = _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free)
-    names = tuple(node_name(model, everything[i]) for i in free if i not in moved and everything[i] in scene.states)
-    return Start(np.array([x[place[s]] for s in scene.states]), guess, names)
+        settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free)
+    open_ = tuple(name for name, i in zip(scene.state_names, scene.places.tolist(), strict=True) if i not in settled)
+    return Start(x[scene.places], guess, open_)
 
 
 def _satisfy(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 import sympy
@@ -23,7 +23,7 @@ TIME: Any = sympy.Symbol("time", real=True)
 MOST_WRITTEN = 60  # states up to which the matrices' entries are written out as scalar operations
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linear:
     """x' = A x + B u(t); the inputs u are expressions of time with numbers in them."""
 
@@ -41,6 +41,7 @@ class _Plan:
     written: Any  # a function that gives the matrices quickly, or None
     slots: NDArray[np.int64]  # parameters in the driving expressions
     last: tuple[Any, ...] = ()  # key, expressions
+    form: tuple[Any, ...] = ()  # numbers, key, the linear form
 
 
 _plans: WeakKeyDictionary[Scene, _Plan] = WeakKeyDictionary()
@@ -81,6 +82,9 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     plan = _plan(scene)
     n, m = len(program.states), len(program.inputs)
     key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
+    if plan.form and plan.form[0]() is numbers and plan.form[1] == key:
+        found: Linear = plan.form[2]
+        return found
     if plan.last[:1] != (key,):
         expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
         constant = [k for k, e in enumerate(expressions) if e.is_number]
@@ -102,7 +106,9 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     columns = [B[:, :m], B[:, [m + k for k in moving]]]
     if constant:
         columns.append((B[:, [m + k for k in constant]] @ values)[:, None])
-    return Linear(d[:, :n], np.hstack(columns), inputs)
+    form = Linear(d[:, :n], np.hstack(columns), inputs)
+    plan.form = (ref(numbers), key, form)
+    return form
 
 
 def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats) -> Any:

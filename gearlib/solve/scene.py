@@ -22,6 +22,7 @@ from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 def node_name(model: FlatModel, node: Node) -> str:
@@ -29,7 +30,7 @@ def node_name(model: FlatModel, node: Node) -> str:
     return "der(" * node[1] + model.name(node[0]) + ")" * node[1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Numbers:
     """A scene's programs with the numbers of one set of parameters."""
 
@@ -113,6 +114,12 @@ class Scene:
     def nominal(self) -> Floats:
         return np.array([self.model.nominal[v] if k == 0 else 1.0 for v, k in self.states])
 
+    @cached_property
+    def places(self) -> Integers:
+        """Where the states of the scene stand among those of the structure."""
+        place = {node: i for i, node in enumerate(self.structure.states)}
+        return np.array([place[s] for s in self.states], np.int64)
+
     def numbers(self, parameters: Floats) -> Numbers:
         """Prepare for a set of parameters."""
         main = prepare(self.program, self.structure, parameters)
@@ -169,9 +176,8 @@ class Scene:
     def guess(self, program: Program, start: Floats) -> Floats:
         """Where Newton's iterations start: the start values of variables, zero for their derivatives."""
         result = np.zeros(program.n_slots)
-        for (v, k), slot in program.slots.items():
-            if k == 0:
-                result[slot] = start[v]
+        variables, slots = program.undifferentiated
+        result[slots] = start[variables]
         return result
 
 

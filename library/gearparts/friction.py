@@ -28,74 +28,60 @@ class Friction(gl.Component):
     v = gl.Variable("rad/s", "relative speed of the friction surfaces")
     tau0 = gl.Variable("N.m", "sliding torque at zero speed")
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free, 3 unknown", start=UNKNOWN)
-    was_stuck = gl.Discrete("whether the mode before the event was stuck; sa is compared with its limits only then")
+    free = gl.Discrete("nothing presses the surfaces together")
+    moving = gl.Discrete("sign of the speed, 0 while locked")
+    was_stuck = gl.Discrete("whether it was stuck before the event")
+    was_forward = gl.Discrete("whether it slid forward before the event")
+    was_backward = gl.Discrete("whether it slid backward before the event")
     start_forward = gl.Discrete("starts to slide forward")
     start_backward = gl.Discrete("starts to slide backward")
     locked = gl.Discrete("no relative acceleration")
 
     def friction_equations(self, torque: Any, level: Callable[[Any], Any], free: Any) -> list[gl.Eq | gl.When]:
         """The element's laws, given its torque, the sliding torque as a function of positive speed, and when it is free."""
+        locked, is_free = gl.holds(self.locked), gl.holds(self.free)
         tau0_max = self.peak * self.tau0
         was = gl.pre(self.mode)
         forward = gl.Or(gl.holds(self.start_forward), gl.equals(was, FORWARD))
-        free_to_move = 1 - gl.pre(self.locked)  # otherwise the speed is rounding, and its sign means nothing
-        moving_forward, moving_backward = free_to_move * self.v > 0, free_to_move * self.v < 0
-        engaged_now = gl.And(gl.equals(was, FREE), gl.Not(free))
+        backward = gl.Or(gl.holds(self.start_backward), gl.equals(was, BACKWARD))
+        ways = [(self.sa - tau0_max, forward), (self.sa + tau0_max, True)]
         return [
-            gl.Eq(
-                gl.der(self.v),
-                gl.Piecewise((0, gl.holds(self.locked)), (self.sa, free), (self.sa - tau0_max, forward), (self.sa + tau0_max, True)),
-            ),
-            gl.Eq(
-                torque,
-                gl.Piecewise((self.sa, gl.holds(self.locked)), (0, free), (level(self.v), forward), (-level(-self.v), True)),
-            ),
+            gl.Eq(gl.der(self.v), gl.Piecewise((0, locked), (self.sa, is_free), *ways)),
+            gl.Eq(torque, gl.Piecewise((self.sa, locked), (0, is_free), (level(self.v), forward), (-level(-self.v), True))),
+            gl.Eq(self.free, free),
+            gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.v)),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
-            gl.Eq(
-                self.start_forward,
-                gl.Or(
-                    self._exceeds(self.sa, tau0_max, self.start_forward),
-                    gl.And(gl.equals(was, BACKWARD), self.v > self.w_small),
-                    gl.And(gl.Or(gl.initial(), engaged_now), moving_forward),
-                ),
-            ),
-            gl.Eq(
-                self.start_backward,
-                gl.Or(
-                    self._exceeds(-self.sa, tau0_max, self.start_backward),
-                    gl.And(gl.equals(was, FORWARD), self.v < -self.w_small),
-                    gl.And(gl.Or(gl.initial(), engaged_now), moving_backward),
-                ),
-            ),
-            gl.Eq(
-                self.locked,
-                gl.And(
-                    gl.Not(free),
-                    gl.Not(gl.equals(was, FORWARD)),
-                    gl.Not(gl.equals(was, BACKWARD)),
-                    gl.Not(gl.holds(self.start_forward)),
-                    gl.Not(gl.holds(self.start_backward)),
-                ),
-            ),
+            gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
+            gl.Eq(self.was_backward, gl.equals(was, BACKWARD)),
+            gl.Eq(self.start_forward, self._starts(1, self.sa, self.v, gl.pre(self.start_forward), self.was_backward)),
+            gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.v, gl.pre(self.start_backward), self.was_forward)),
+            gl.Eq(self.locked, gl.And(gl.Not(is_free), gl.Not(forward), gl.Not(backward))),
             gl.Eq(
                 self.mode,
                 gl.Piecewise(
-                    (FREE, free),
-                    (FORWARD, gl.And(gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward)), moving_forward)),
-                    (BACKWARD, gl.And(gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward)), moving_backward)),
+                    (FREE, is_free),
+                    (FORWARD, gl.And(forward, gl.equals(self.moving, 1))),
+                    (BACKWARD, gl.And(backward, gl.equals(self.moving, -1))),
                     (STUCK, True),
                 ),
             ),
         ]
 
-    def _exceeds(self, torque: Any, limit: Any, starting: Any) -> Any:
-        """Stuck, and the torque above its limit, or above the sliding torque where it had started to slide.
+    def _starts(self, sense: int, torque: Any, speed: Any, started: Any, was_opposite: Any) -> Any:
+        """Whether it starts to slide in a sense, with torque and speed counted in that sense.
 
-        The comparisons are multiplied by flags: where a flag is not set, they would make events of no meaning.
+        Where it was stuck, the torque is above its limit, or above the sliding torque if it had started already. The comparison is
+        multiplied by flags: where none is set, it would make events of no meaning.
         """
-        over = self.was_stuck * (torque - limit) > 0
-        still_over = gl.pre(starting) * (torque - (1 - ROUNDING) * self.tau0) > 0
-        return gl.And(gl.equals(gl.pre(self.mode), STUCK), gl.Or(over, still_over))
+        limit = self.peak * self.tau0 * (1 - started) + (1 - ROUNDING) * self.tau0 * started
+        pushed = self.was_stuck * (torque - limit) + was_opposite * (speed - self.w_small) > 0
+        engaged_now = gl.And(gl.equals(gl.pre(self.mode), FREE), gl.Not(gl.holds(self.free)))
+        return gl.Or(pushed, gl.And(gl.Or(gl.initial(), engaged_now), gl.equals(self.moving, sense)))
+
+
+def sign_while(flag: Any, x: Any) -> Any:
+    """The sign of ``x`` where a flag is 1; zero where it is 0, because x is then rounding and its sign means nothing."""
+    return gl.Piecewise((1, flag * x > 0), (-1, flag * x < 0), (0, True))
 
 
 class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
@@ -166,11 +152,10 @@ class Brake(FrictionOnHousing, Pressed):
     """
 
     def equations(self) -> list[gl.Eq | gl.When]:
-        free = self.f_normalized <= 0
         return [
             *self.housing_equations(),
-            gl.Eq(self.tau0, gl.Piecewise((0, free), (self.level_at_rest(), True))),
-            *self.friction_equations(self.tau, self.level, free),
+            gl.Eq(self.tau0, gl.Piecewise((0, gl.holds(self.free)), (self.level_at_rest(), True))),
+            *self.friction_equations(self.tau, self.level, self.f_normalized <= 0),
         ]
 
 
@@ -182,12 +167,11 @@ class Clutch(Compliant, Friction, Pressed, Dissipative):
     """
 
     def equations(self) -> list[gl.Eq | gl.When]:
-        free = self.f_normalized <= 0
         return [
             *self.compliant_equations(),
             gl.Eq(self.v, self.w_rel),
-            gl.Eq(self.tau0, gl.Piecewise((0, free), (self.level_at_rest(), True))),
-            *self.friction_equations(self.tau, self.level, free),
+            gl.Eq(self.tau0, gl.Piecewise((0, gl.holds(self.free)), (self.level_at_rest(), True))),
+            *self.friction_equations(self.tau, self.level, self.f_normalized <= 0),
             gl.Eq(self.loss_power, self.tau * self.v),
             *self.heat_equations(),
         ]
@@ -206,36 +190,37 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     tau0 = gl.Variable("N.m", "sliding torque at zero speed")
     tau0_max = gl.Variable("N.m", "torque at which it breaks away")
     stuck = gl.Discrete("locked, or not yet sliding")
-    was_stuck = gl.Discrete("whether it was stuck before the event; sa is compared with its limits only then")
+    free = gl.Discrete("nothing presses the surfaces together")
+    moving = gl.Discrete("1 where flange_b overruns")
+    was_stuck = gl.Discrete("whether it was stuck before the event")
     start_forward = gl.Discrete("starts to slide")
     locked = gl.Discrete("no relative acceleration")
 
     def equations(self) -> list[gl.Eq | gl.When]:
-        free = self.f_normalized <= 0
+        locked, is_free, was_stuck = gl.holds(self.locked), gl.holds(self.free), gl.holds(gl.pre(self.stuck))
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
         peak = gl.no_event(gl.Piecewise((self.peak, self.peak > 1 + HYSTERESIS), (1 + HYSTERESIS, True)))
-        over = self.was_stuck * (self.sa - self.tau0_max) > 0
-        still_over = gl.pre(self.start_forward) * (self.sa - (1 - ROUNDING) * self.tau0) > 0
-        reversed_or_at_rest = (1 - gl.pre(self.locked)) * self.w_rel <= 0  # locked, the speed is rounding
+        started = gl.pre(self.start_forward)
+        limit = self.tau0_max * (1 - started) + (1 - ROUNDING) * self.tau0 * started
         return [
             *self.compliant_equations(),
-            gl.Eq(self.tau0, gl.Piecewise((0, free), (self.level_at_rest(), True))),
-            gl.Eq(self.tau0_max, gl.Piecewise((HYSTERESIS * largest_at_rest, free), (peak * self.tau0, True))),
-            gl.Eq(gl.der(self.w_rel), gl.Piecewise((0, gl.holds(self.locked)), (self.sa - self.tau0, True))),
-            gl.Eq(
-                self.tau,
-                gl.Piecewise((self.sa, gl.holds(self.locked)), (0, free), (self.level(self.w_rel), True)),
-            ),
-            gl.Eq(self.was_stuck, gl.holds(gl.pre(self.stuck))),
+            gl.Eq(self.tau0, gl.Piecewise((0, is_free), (self.level_at_rest(), True))),
+            gl.Eq(self.tau0_max, gl.Piecewise((HYSTERESIS * largest_at_rest, is_free), (peak * self.tau0, True))),
+            gl.Eq(gl.der(self.w_rel), gl.Piecewise((0, locked), (self.sa - self.tau0, True))),
+            gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
+            gl.Eq(self.free, self.f_normalized <= 0),
+            gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > 0),
+            gl.Eq(self.was_stuck, was_stuck),
             gl.Eq(
                 self.start_forward,
                 gl.Or(
-                    gl.And(gl.holds(gl.pre(self.stuck)), gl.Or(over, still_over, self.w_rel > self.w_small)),
-                    gl.And(gl.initial(), self.w_rel > 0),
+                    self.was_stuck * (self.sa - limit) > 0,
+                    gl.And(was_stuck, self.w_rel > self.w_small),
+                    gl.And(gl.initial(), gl.holds(self.moving)),
                 ),
             ),
-            gl.Eq(self.locked, gl.And(gl.holds(gl.pre(self.stuck)), gl.Not(gl.holds(self.start_forward)))),
-            gl.Eq(self.stuck, gl.Or(gl.holds(self.locked), reversed_or_at_rest)),
+            gl.Eq(self.locked, gl.And(was_stuck, gl.Not(gl.holds(self.start_forward)))),
+            gl.Eq(self.stuck, gl.Or(locked, gl.Not(gl.holds(self.moving)))),
             gl.Eq(self.loss_power, gl.Piecewise((0, gl.holds(self.stuck)), (self.tau * self.w_rel, True))),
             *self.heat_equations(),
         ]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
 from gearparts.backlash import ElastoBacklash
-from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK
+from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, sign_while
 from gearparts.interfaces import Dissipative, Flange, TwoFlanges
 from gearparts.tables import Rows, at_zero, check_rows, interpolated
 
@@ -46,7 +46,8 @@ class LossyGear(TwoFlanges, Dissipative):
     loss_forward = gl.Variable("N.m", "loss at which it starts to turn forward")
     loss_backward = gl.Variable("N.m", "loss at which it starts to turn backward")
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free of losses", start=FREE)
-    was_stuck = gl.Discrete("whether the mode before the event was stuck; sa is compared with its limits only then")
+    moving = gl.Discrete("sign of the speed, 0 while locked")
+    was_stuck = gl.Discrete("whether it was stuck before the event")
     start_forward = gl.Discrete("starts to turn forward")
     start_backward = gl.Discrete("starts to turn backward")
     locked = gl.Discrete("no acceleration")
@@ -68,7 +69,7 @@ class LossyGear(TwoFlanges, Dissipative):
 
     def _ideal(self) -> list[gl.Eq | gl.When]:
         none = (self.tau_loss, self.loss_forward, self.loss_backward)
-        never = (self.was_stuck, self.start_forward, self.start_backward, self.locked)
+        never = (self.moving, self.was_stuck, self.start_forward, self.start_backward, self.locked)
         return [
             *(gl.Eq(x, 0) for x in (*none, *never)),
             gl.Eq(self.sa, gl.der(self.w_a)),
@@ -107,36 +108,29 @@ class LossyGear(TwoFlanges, Dissipative):
         ]
 
     def _modes(self) -> list[gl.Eq | gl.When]:
-        was, free_to_move = gl.pre(self.mode), 1 - gl.pre(self.locked)
-        # multiplied by flags: where a flag is not set, the comparisons would make events of no meaning
-        moving_forward, moving_backward = free_to_move * self.w_a > 0, free_to_move * self.w_a < 0
-        over = self._exceeds(self.sa, self.loss_forward, self.start_forward)
-        under = self._exceeds(-self.sa, -self.loss_backward, self.start_backward)
+        was = gl.pre(self.mode)
         ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
         return [
+            gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a)),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
-            gl.Eq(
-                self.start_forward,
-                gl.Or(over, gl.And(gl.initial(), moving_forward)),
-            ),
-            gl.Eq(
-                self.start_backward,
-                gl.Or(under, gl.And(gl.initial(), moving_backward)),
-            ),
+            gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, gl.pre(self.start_forward))),
+            gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.loss_backward, gl.pre(self.start_backward))),
             gl.Eq(self.locked, gl.And(gl.Not(ahead), gl.Not(back))),
             gl.Eq(
                 self.mode,
                 gl.Piecewise(
-                    (FORWARD, gl.And(ahead, moving_forward)), (BACKWARD, gl.And(back, moving_backward)), (STUCK, True)
+                    (FORWARD, gl.And(ahead, gl.equals(self.moving, 1))),
+                    (BACKWARD, gl.And(back, gl.equals(self.moving, -1))),
+                    (STUCK, True),
                 ),
             ),
         ]
 
-    def _exceeds(self, loss: Any, limit: Any, starting: Any) -> Any:
-        over = self.was_stuck * (loss - limit) > 0
-        still_over = gl.pre(starting) * (loss - (1 - ROUNDING) * limit) > 0
-        return gl.And(gl.equals(gl.pre(self.mode), STUCK), gl.Or(over, still_over))
+    def _starts(self, sense: int, loss: Any, limit: Any, started: Any) -> Any:
+        """Whether it starts to turn in a sense; multiplied by a flag, since the comparison means nothing unless it was stuck."""
+        pushed = self.was_stuck * (loss - limit * (1 - ROUNDING * started)) > 0
+        return gl.Or(pushed, gl.And(gl.initial(), gl.equals(self.moving, sense)))
 
 
 def _a_drives(torque: Any, sense: int, row: list[Any]) -> Any:

@@ -207,16 +207,16 @@ def _dense(theta: float, b: Any) -> None:
 
 
 @functools.cache
-def chain_floor() -> Any:
-    """Loop ``(data, index, times, out, atol, rtol, h)`` for the chain: no events, no stops, no failures."""
-    step, dense = _stepper(chain_rhs), njit(error_model="numpy")(_dense)
+def chain_floor(rhs: Any = chain_rhs) -> Any:
+    """Loop ``(data, index, times, out, atol, rtol, h)`` for smooth equations: no events, no stops, no failures."""
+    step, dense = _stepper(rhs), njit(error_model="numpy")(_dense)
 
     @njit(error_model="numpy")
     def run(x, data, index, times, out, atol, rtol, h, work):
         n = x.size
         xn, y, k0, k1, k2, k3, k4, k5, k6, b = work
         t, t_end, i_sample, log_old = times[0], times[-1], 0, math.log(1e-4)
-        chain_rhs(t, x, k0, data, index)
+        rhs(t, x, k0, data, index)
         steps = 0
         while t < t_end:
             h = min(h, t_end - t)

@@ -114,3 +114,4 @@ def test_relation_and_derivatives_are_made_once() -> None:
     assert abs(scalar(relation_kernel(template, 0))) == pytest.approx(abs(POINT["x"] - POINT["q"]))
     assert differentiated(template, 0) is template
     assert differentiated(template, 2) is differentiated(template, 2)
+    assert max(order for _, order in differentiated(make(x * y), 2).columns) == 2

@@ -45,9 +45,21 @@ def test_compiling_twice_gives_the_same() -> None:
     [
         (lambda s: None, ModelError, r"Model\.assemble\(\) must return a list of connect\(\.\.\.\) calls; got None"),
         (lambda s: [3], ModelError, r"must return a list of connect\(\.\.\.\) calls; got 3"),
-        (lambda s: setattr(s, "a", gp.Inertia) or [], ModelError, r"Model\.a is the class Inertia; make an instance: Inertia\("),
-        (lambda s: setattr(s, "a", [body(), 3]) or [], ModelError, r"Model\.a\[1\] is 3; a family of parts holds components only"),
-        (lambda s: setattr(s, "a", [body()] * 2) or [], ModelError, r"Model\.a\[1\]: this Inertia already is the part 'a\[0\]'"),
+        (
+            lambda s: setattr(s, "a", gp.Inertia) or [],
+            ModelError,
+            r"Model\.a is the class Inertia; make an instance: Inertia\(",
+        ),
+        (
+            lambda s: setattr(s, "a", [body(), 3]) or [],
+            ModelError,
+            r"Model\.a\[1\] is 3; a family of parts holds components only",
+        ),
+        (
+            lambda s: setattr(s, "a", [body()] * 2) or [],
+            ModelError,
+            r"Model\.a\[1\]: this Inertia already is the part 'a\[0\]'",
+        ),
         (lambda s: setattr(s, "a", s) or [], ModelError, r"Model\.a: a component cannot be a part of itself"),
         (lambda s: setattr(s, "x", 3) or [], DeclarationError, r"Model\.x is declared by the class.*Model\(x=\.\.\.\)"),
     ],
@@ -79,7 +91,10 @@ def test_a_single_connection_is_no_list() -> None:
             r"cannot connect a\.flange_a \(Flange\) to mass\.flange_a \(TranslationalFlange\): connectors of different kinds",
         ),
         (lambda s: (s.gear.support, s.a.flange_a), r"gear has no 'support' here; make it with use_support=True"),
-        (lambda s: (s.a.flange_a, body().flange_a), r"Model: connects Inertia 'flange_a', which is no part of it; assign the part"),
+        (
+            lambda s: (s.a.flange_a, body().flange_a),
+            r"Model: connects Inertia 'flange_a', which is no part of it; assign the part",
+        ),
         (lambda s: (s.a.flange_a, OTHER.motor.flange_a), r"connects Inertia 'motor\.flange_a', which is no part of it"),
     ],
 )
@@ -108,7 +123,9 @@ OTHER = Other()
 
 
 def test_part_of_another_model() -> None:
-    with pytest.raises(ModelError, match=r"Model\.m: this Inertia already is the part 'motor' of another component; make a new one"):
+    with pytest.raises(
+        ModelError, match=r"Model\.m: this Inertia already is the part 'motor' of another component; make a new one"
+    ):
         gl.compile(composite(lambda s: setattr(s, "m", OTHER.motor) or []))
 
 
@@ -155,7 +172,7 @@ def test_forgotten_super_init() -> None:
     [
         (lambda: gp.Inertia(1.0), r"Inertia\(1\.0\): give values by name, such as Inertia\(J=\.\.\.\)"),
         (lambda: gp.Inertia(J=1.0, j=2.0), "Inertia: 'j' is no parameter, input or structural choice.*did you mean 'J'"),
-            (lambda: gp.Inertia(J=1.0, w=2.0), r"Inertia: 'w' is a variable.*a start value is given as start=\{'w': \.\.\.\}"),
+        (lambda: gp.Inertia(J=1.0, w=2.0), r"Inertia: 'w' is a variable.*a start value is given as start=\{'w': \.\.\.\}"),
         (lambda: gp.Inertia(J=1.0, start=[1]), r"Inertia: start is \[1\]; expected start values by name"),
         (lambda: gp.Inertia(J=1.0, start="steady"), "Inertia: start is 'steady'; expected start values by name"),
         (lambda: gp.Inertia(J=1.0, guess=5), "Inertia: guess is 5; expected start values by name"),

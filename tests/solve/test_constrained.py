@@ -133,18 +133,16 @@ def test_inputs_of_a_run_are_those_of_the_constraint() -> None:
         released(0.3).simulate(1.0, samples=3, parameters={"L": 2.0})
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="a run through the singular point of the state choice goes on along the wrong branch")
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="the run goes on along the wrong branch")
 @pytest.mark.parametrize(("angle", "speed", "t_end"), [(1.5, 0.0, 2.0), (1.7, 0.0, 2.0), (3.0, 0.1, 2.0)])
 @pytest.mark.parametrize("method", ["ida", "rk"])
 def test_swings_through_the_singular_point_are_right_or_refused(method: str, angle: float, speed: float, t_end: float) -> None:
     times = np.linspace(0, t_end, 51)
-    exact = solve_ivp(
-        lambda t, z: [z[1], -9.81 * np.sin(z[0])], (0, t_end), [angle, speed], rtol=1e-12, atol=1e-12, t_eval=times, method="DOP853"
-    ).y[0]
+    tight = {"rtol": 1e-12, "atol": 1e-12, "method": "DOP853", "t_eval": times}
+    exact = solve_ivp(lambda t, z: [z[1], -9.81 * np.sin(z[0])], (0, t_end), [angle, speed], **tight).y[0]
     try:
         result = released(angle, speed).simulate(t_end, times=times, method=method, rtol=1e-9)
-    except SolverError as problem:
-        assert "states" in str(problem)
-    else:
-        assert np.abs(result["x"] - np.sin(exact)).max() < 1e-6
-        assert np.abs(result["y"] + np.cos(exact)).max() < 1e-6
+    except SolverError:
+        return
+    assert np.abs(result["x"] - np.sin(exact)).max() < 1e-6
+    assert np.abs(result["y"] + np.cos(exact)).max() < 1e-6

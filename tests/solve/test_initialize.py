@@ -54,7 +54,11 @@ def test_fixed_angles_through_the_gear() -> None:
 @pytest.mark.parametrize(
     ("motor", "load", "message"),
     [
-        ({"w": 1.0}, {"w": 2.0}, r"start values contradict each other: motor\.w is fixed at 1, but .*load\.w.*make it 20; fix fewer"),
+        (
+            {"w": 1.0},
+            {"w": 2.0},
+            r"start values contradict each other: motor\.w is fixed at 1, but .*load\.w.*make it 20; fix fewer",
+        ),
         ({"w": 1.0, "flange_a.tau": 3.0}, {}, r"motor\.flange_a\.tau is fixed at 3, but .*make it 0|is always zero"),
     ],
 )
@@ -158,6 +162,18 @@ def test_a_nonlinear_constraint_moves_the_free_state() -> None:
     assert start(gl.compile(Leaf(start={"y": 8.0})), "x", "y") == pytest.approx([2.0, 8.0], rel=1e-12)
     with pytest.raises(StartError, match=r"y is fixed at 8, but the other fixed values \(x\) and the equations make it 1"):
         gl.compile(Leaf(start={"y": 8.0, "x": 1.0})).simulate(1.0)
+
+
+def test_guesses_and_starts_of_an_opposite_alias() -> None:
+    class Opposite(gl.Component):
+        x = gl.Variable("1", "one")
+        y = gl.Variable("1", "other")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), 0), gl.Eq(self.y, -self.x)]
+
+    for given in ({"guess": {"y": 3.0}}, {"start": {"y": 3.0}}, {"guess": {"x": -3.0}}, {"start": {"x": -3.0}}):
+        assert start(gl.compile(Opposite(**given)), "x", "y") == [-3.0, 3.0]
 
 
 def test_start_values_may_be_expressions_of_parameters() -> None:

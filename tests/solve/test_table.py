@@ -97,7 +97,11 @@ def test_wrong_tables(t: Any, y: Any, message: str) -> None:
     [
         ({"torque.ta": 1.0}, NameLookupError, r"no unbound input 'torque\.ta'; did you mean 'torque\.tau'"),
         ({"load.w": 1.0}, NameLookupError, r"no unbound input 'load\.w'; it is bound in the model, or no input"),
-        ({"torque.tau": "1"}, ArgumentError, r"input torque\.tau is '1'; expected a finite number, a function of time or a gl\.Table"),
+        (
+            {"torque.tau": "1"},
+            ArgumentError,
+            r"input torque\.tau is '1'; expected a finite number, a function of time or a gl\.Table",
+        ),
         ({"torque.tau": None}, ArgumentError, r"input torque\.tau is None"),
         ({"torque.tau": float("nan")}, ArgumentError, r"input torque\.tau is nan"),
         ({"torque.tau": True}, ArgumentError, r"input torque\.tau is True"),
@@ -150,5 +154,7 @@ def test_a_function_that_fails_later_is_named(method: str) -> None:
 
 
 def test_exact_needs_inputs_that_it_knows() -> None:
-    with pytest.raises(ArgumentError, match="method='exact' needs a linear time-invariant scene: an input is a Python function"):
+    with pytest.raises(
+        ArgumentError, match="method='exact' needs a linear time-invariant scene: an input is a Python function"
+    ):
         run(lambda t: 1.0, method="exact")

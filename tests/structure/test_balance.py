@@ -79,10 +79,19 @@ def source_in_the_air(self: Any) -> list[Any]:
     ("assemble", "message"),
     [
         (doubly_driven, r"over-determined.*The equations: .*one \(Speed: .*other \(Speed: .*The variables: .*driven twice"),
-        (doubly_grounded, r"over-determined: held twice by one \(Fixed: .*other \(Fixed: .*The variables: load\.phi\. Remove one"),
+        (
+            doubly_grounded,
+            r"over-determined: held twice by one \(Fixed: .*other \(Fixed: .*The variables: load\.phi\. Remove one",
+        ),
         (grounded_on_both_sides, r"over-determined: held twice by one \(Fixed: .*; other \(Fixed: "),
-        (unconnected, r"under-determined.*1 too few\. The variables: gear\.flange_a\.phi; gear\.flange_b\.phi\. Is a flange left"),
-        (source_in_the_air, r"over-determined.*torque \(binding\).*source not connected.*under-determined.*torque\.flange\.phi"),
+        (
+            unconnected,
+            r"under-determined.*1 too few\. The variables: gear\.flange_a\.phi; gear\.flange_b\.phi\. Is a flange left",
+        ),
+        (
+            source_in_the_air,
+            r"over-determined.*torque \(binding\).*source not connected.*under-determined.*torque\.flange\.phi",
+        ),
     ],
 )
 def test_unbalanced_models_are_named(assemble: Any, message: str) -> None:
@@ -95,8 +104,14 @@ def test_unbalanced_models_are_named(assemble: Any, message: str) -> None:
     [
         (lambda s: [gl.Eq(s.x + s.y, 1)], r"under-determined: 2 variables in 1 equations, 1 too few\. The variables: x; y"),
         (lambda s: [gl.Eq(s.x, 1)], "under-determined: 1 variables in 0 equations, 1 too few. The variables: y"),
-        (lambda s: [gl.Eq(s.x + s.y, 1), gl.Eq(s.x - s.y, 2), gl.Eq(s.x, 3 * s.y)], "over-determined: .* contradict each other: .*x = 3"),
-        (lambda s: [gl.Eq(s.x + s.y, 1), gl.Eq(s.x * s.y, 2), gl.Eq(s.x, gl.exp(s.y))], r"over-determined: 3 equations for 2 .*x = exp"),
+        (
+            lambda s: [gl.Eq(s.x + s.y, 1), gl.Eq(s.x - s.y, 2), gl.Eq(s.x, 3 * s.y)],
+            "over-determined: .* contradict each other: .*x = 3",
+        ),
+        (
+            lambda s: [gl.Eq(s.x + s.y, 1), gl.Eq(s.x * s.y, 2), gl.Eq(s.x, gl.exp(s.y))],
+            r"over-determined: 3 equations for 2 .*x = exp",
+        ),
         (lambda s: [gl.Eq(s.x, 1), gl.Eq(s.y, 1), gl.Eq(s.x, s.x)], "over-determined: .*Leaf: x = x.*none that is not given"),
         (lambda s: [gl.Eq(s.x, 1), gl.Eq(s.y, 1), gl.Eq(1, 2)], "over-determined: .*Leaf: 1 = 2"),
     ],

@@ -86,7 +86,9 @@ def test_ratios_that_differ_by_rounding_are_equal(error: float) -> None:
 
 @pytest.mark.parametrize("ratio", [3.0, -2.0, 2.0 * (1 + 1e-6)])
 def test_gears_that_contradict_each_other_are_named(ratio: float) -> None:
-    with pytest.raises(LoopError, match=r"the rigid loop through gear\[0\], gear\[1\] cannot turn.*make one of the connections elastic"):
+    with pytest.raises(
+        LoopError, match=r"the rigid loop through gear\[0\], gear\[1\] cannot turn.*make one of the connections elastic"
+    ):
         gl.compile(gears(2.0, ratio))
 
 
@@ -126,5 +128,7 @@ def test_a_loop_of_planetary_sets_that_locks_is_named() -> None:
                 c(self.gear.flange_b, self.other.ring),
             ]
 
-    with pytest.raises(LoopError, match=r"the rigid loop through (one|other|gear), (one|other|gear), (one|other|gear) cannot turn"):
+    with pytest.raises(
+        LoopError, match=r"the rigid loop through (one|other|gear), (one|other|gear), (one|other|gear) cannot turn"
+    ):
         gl.compile(Locked())

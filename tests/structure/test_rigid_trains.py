@@ -30,7 +30,10 @@ class XP(gl.Component):
             "torque": lambda: gp.Torque(tau=7.0),
             "planetary": lambda: gp.IdealPlanetary(ratio=self.i0),
             "closing": lambda: gp.IdealGear(ratio=self.i_p),
-            **{name: (lambda j=j: gp.Inertia(J=j)) for name, j in (("sun", 0.3), ("carrier", 2.0), ("ring", 1.5), ("pinion", 0.1))},
+            **{
+                name: (lambda j=j: gp.Inertia(J=j))
+                for name, j in (("sun", 0.3), ("carrier", 2.0), ("ring", 1.5), ("pinion", 0.1))
+            },
         }
         links = [
             ("torque.flange", "ring.flange_a"),

@@ -38,7 +38,8 @@ class Pendulum(gl.Component):
 
 
 @pytest.mark.parametrize(
-    ("angle", "states"), [(0.1, {"x", "u"}), (0.7, {"x", "u"}), (0.9, {"y", "v"}), (1.5, {"y", "v"}), (-2.0, {"y", "v"}), (3.0, {"x", "u"})]
+    ("angle", "states"),
+    [(0.1, {"x", "u"}), (0.7, {"x", "u"}), (0.9, {"y", "v"}), (1.5, {"y", "v"}), (-2.0, {"y", "v"}), (3.0, {"x", "u"})],
 )
 def test_pendulum_keeps_the_coordinate_that_moves(angle: float, states: set[str]) -> None:
     """Two states of four candidates: the pair whose pivot (the other coordinate) is the larger one."""
@@ -96,6 +97,27 @@ def test_deflections_and_speeds_come_before_absolute_angles(n: int) -> None:
     system = gl.compile(chain(n))
     assert sorted(system.states) == sorted([f"shaft[{i}].phi_rel" for i in range(n - 1)] + [f"body[{i}].w" for i in range(n)])
     assert f"{2 * n} possible, {2 * n - 1} integrated" in system.summary()
+
+
+def test_angles_of_connectors_are_avoided_without_being_told() -> None:
+    class Elastic(gl.Component):
+        flange_a = gp.Flange("one side")
+        flange_b = gp.Flange("other side")
+        q = gl.Variable("rad", "deflection, of no declared preference")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(10 * self.q, 3 * self.flange_a.phi - self.flange_b.phi),
+                gl.Eq(self.flange_b.tau, -100 * self.q - gl.der(self.q)),
+                gl.Eq(self.flange_a.tau, -3 * self.flange_b.tau),
+            ]
+
+    class Model(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.elastic = gp.Inertia(J=1.0), gp.Inertia(J=1.0), Elastic()
+            return [c(self.a.flange_b, self.elastic.flange_a), c(self.elastic.flange_b, self.b.flange_a)]
+
+    assert set(gl.compile(Model()).states) == {"a.w", "b.w", "elastic.q"}
 
 
 def test_an_absolute_angle_is_a_state_where_something_depends_on_it() -> None:

@@ -1,0 +1,74 @@
+"""Power that flows in a circle: cycles of the directed graph of powers between shafts and components."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Power that a component takes from a shaft (negative: that it gives), W."""
+
+    component: str
+    shaft: int
+    power: float
+
+
+@dataclass(frozen=True)
+class Circulation:
+    """A power that returns to where it came from, W, and the components that it flows through."""
+
+    power: float
+    components: tuple[str, ...]
+
+
+def circulations(branches: Sequence[Branch]) -> tuple[Circulation, ...]:
+    """Take cycles out of the power flow until none is left; each carries the smallest power on its way.
+
+    Power flows from a shaft into a component and out at another shaft. In a train with one closed loop there is at most one
+    cycle, and its power is the circulating power of that loop; with several loops the sum depends on how cycles are told apart,
+    and shortest ones are taken first.
+
+    Examples
+    --------
+    >>> loop = [Branch("a", 1, 5.0), Branch("a", 2, -5.0), Branch("b", 2, 5.0), Branch("b", 1, -4.0), Branch("drive", 1, -1.0)]
+    >>> circulations(loop)
+    (Circulation(power=4.0, components=('a', 'b')),)
+    """
+    import networkx as nx
+
+    graph = nx.DiGraph()
+    largest = max((abs(b.power) for b in branches), default=0.0)
+    for b in branches:
+        ends = (("shaft", b.shaft), ("part", b.component))
+        graph.add_edge(*(ends if b.power > 0 else reversed(ends)), power=abs(b.power))
+    found = []
+    while True:
+        cycle = _shortest_cycle(graph)
+        if cycle is None:
+            return tuple(sorted(found, key=lambda c: -c.power))
+        edges = list(zip(cycle, [*cycle[1:], cycle[0]], strict=True))
+        power = min(graph.edges[e]["power"] for e in edges)
+        parts = [name for kind, name in cycle if kind == "part"]
+        first = parts.index(min(parts))
+        found.append(Circulation(power, tuple(parts[first:] + parts[:first])))
+        for e in edges:
+            graph.edges[e]["power"] -= power
+            if graph.edges[e]["power"] <= 1e-12 * largest:
+                graph.remove_edge(*e)
+
+
+def _shortest_cycle(graph: object) -> list[tuple[str, object]] | None:
+    import networkx as nx
+
+    best: list[tuple[str, object]] | None = None
+    for group in nx.strongly_connected_components(graph):
+        if len(group) < 2:
+            continue
+        inside = graph.subgraph(group)  # type: ignore[attr-defined]
+        for u, v in inside.edges:
+            path = nx.shortest_path(inside, v, u)
+            if best is None or len(path) < len(best):
+                best = path
+    return best

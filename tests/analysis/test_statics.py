@@ -1,0 +1,236 @@
+"""Mobility, speed ratios and power flow against hand calculations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearparts.lossy import LossyGear
+
+EXACT = 1e-12
+
+
+class SingleLoop(gl.Component):
+    """An X unit and a P unit in one loop. "XP": ring drives, the P unit leads the sun to the carrier; "PX": it leads to the ring."""
+
+    kind = gl.Structural("XP")
+    k = gl.Parameter("1", default=4.2)
+    i = gl.Parameter("1", default=-1.6)
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load = gp.Torque(), gp.Torque()
+        self.x, self.p = gp.IdealPlanetary(ratio=self.k), gp.IdealGear(ratio=self.i)
+        self.body = gp.Inertia(J=3.0)
+        out = gl.connect(self.x.carrier, self.body.flange_a)
+        if self.kind == "XP":
+            return [
+                out,
+                gl.connect(self.drive.flange, self.x.ring),
+                gl.connect(self.x.sun, self.p.flange_a),
+                gl.connect(self.p.flange_b, self.body.flange_b, self.load.flange),
+            ]
+        return [
+            out,
+            gl.connect(self.drive.flange, self.x.sun, self.p.flange_a),
+            gl.connect(self.p.flange_b, self.x.ring),
+            gl.connect(self.body.flange_b, self.load.flange),
+        ]
+
+
+@pytest.fixture(scope="module")
+def xp() -> gl.System:
+    return gl.compile(SingleLoop())
+
+
+@pytest.mark.parametrize("i", [-1.6, 1.7, 3.0, 8.0])
+def test_xp_train(xp: gl.System, i: float) -> None:
+    k, T, w = 4.2, 70.0, 12.0
+    flow = gl.power_flow(xp, speeds={"body.w": w}, torques={"load.tau": -T}, parameters={"i": i})
+    assert flow.mobility == 1
+    tau_s = T / (1 + k - i)
+    expected = {
+        "x.sun": (i * w, tau_s), "x.ring": (w * (1 + k - i) / k, k * tau_s), "x.carrier": (w, -(1 + k) * tau_s),
+        "p.flange_a": (i * w, -tau_s), "p.flange_b": (w, i * tau_s), "load.flange": (w, T),
+    }  # fmt: skip
+    for name, (speed, torque) in expected.items():
+        assert flow[name].speed == pytest.approx(speed, rel=EXACT)
+        assert flow[name].torque == pytest.approx(torque, rel=EXACT)
+        assert flow[name].power == pytest.approx(speed * torque, rel=EXACT)
+    assert flow.efficiency == pytest.approx(1.0, rel=EXACT)
+    assert flow.imbalance < EXACT
+    # through the P unit flows i / (1 + k - i) of the output; it returns to the X unit where that is positive, and where
+    # it is below -1 the X unit's ring and carrier both feed the drive's side of the loop
+    share = i / (1 + k - i)
+    circulating = share if share > 0 else max(-share - 1, 0.0)
+    assert flow.circulating_power == pytest.approx(circulating * T * w, rel=EXACT, abs=1e-9)
+    assert gl.speed_ratio(xp, "x.ring", "body.w", parameters={"i": i}) == pytest.approx((1 + k - i) / k, rel=EXACT)
+    assert flow.willis("x.sun", "x.ring", "x.carrier") == pytest.approx((-k, -k), rel=EXACT)
+
+
+@pytest.mark.parametrize("i", [-9.0, -6.0, 2.5])
+def test_px_train(i: float) -> None:
+    k, T, w = 4.2, 70.0, 12.0
+    system = gl.compile(SingleLoop(kind="PX", i=i))
+    flow = gl.power_flow(system, speeds={"x.sun": w}, torques={"load.tau": -T})
+    out = w * (1 + k / i) / (1 + k)
+    assert flow["body.flange_a"].speed == pytest.approx(out, rel=EXACT)
+    assert flow["x.sun"].power == pytest.approx(T * w / (1 + k), rel=EXACT)
+    assert flow["x.ring"].power == pytest.approx(T * w / (1 + k) * k / i, rel=EXACT)
+    assert flow["drive.flange"].torque == pytest.approx(-T * (1 + k / i) / (1 + k), rel=EXACT)
+    circulating = T * w / (1 + k) * abs(k / i) if i < 0 else 0.0
+    assert flow.circulating_power == pytest.approx(circulating, rel=EXACT, abs=1e-9)
+    assert flow.imbalance < EXACT
+
+
+class Wolfrom(gl.Component):
+    """Sun, ring 1 held, ring 2 out, stepped planets: two sets that share the sun and the carrier."""
+
+    z_s, z_p1, z_r1, z_p2, z_r2 = (gl.Parameter("1", default=float(z)) for z in (21, 40, 101, 38, 99))
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load, self.ground, self.carrier = gp.Torque(), gp.Torque(), gp.Fixed(), gp.Inertia(J=1.0)
+        self.first = gp.IdealPlanetary(ratio=self.z_r1 / self.z_s)
+        self.second = gp.IdealPlanetary(ratio=self.z_p1 * self.z_r2 / (self.z_s * self.z_p2))
+        return [
+            gl.connect(self.drive.flange, self.first.sun, self.second.sun),
+            gl.connect(self.first.carrier, self.second.carrier, self.carrier.flange_a),
+            gl.connect(self.first.ring, self.ground.flange),
+            gl.connect(self.second.ring, self.load.flange),
+        ]
+
+
+def test_wolfrom_set() -> None:
+    system = gl.compile(Wolfrom())
+    z_s, z_p1, z_r1, z_p2, z_r2 = 21.0, 40.0, 101.0, 38.0, 99.0
+    ratio = (1 + z_r1 / z_s) / (1 - z_r1 * z_p2 / (z_p1 * z_r2))
+    assert gl.mobility(system) == 1
+    assert gl.speed_ratio(system, "first.sun", "second.ring") == pytest.approx(ratio, rel=EXACT)
+    flow = gl.power_flow(system, speeds={"first.sun": 300.0}, torques={"load.tau": -900.0})
+    assert flow["load.flange"].speed == pytest.approx(300.0 / ratio, rel=EXACT)
+    assert flow["drive.flange"].torque == pytest.approx(-900.0 / ratio, rel=EXACT)
+    assert flow["ground.flange"].torque == pytest.approx(900.0 / ratio - 900.0, rel=EXACT)
+    assert flow["ground.flange"].power == pytest.approx(0.0, abs=EXACT)
+    assert flow.imbalance < EXACT
+
+
+class Ravigneaux(gl.Component):
+    """Two suns, one ring and one carrier; the small sun drives the ring through two planets, so with a positive basic ratio."""
+
+    z_1, z_2, z_r = (gl.Parameter("1", default=float(z)) for z in (28, 36, 78))
+
+    def assemble(self) -> list[Any]:
+        self.small, self.large = gp.IdealPlanetary(ratio=-self.z_r / self.z_1), gp.IdealPlanetary(ratio=self.z_r / self.z_2)
+        self.sun_1, self.sun_2, self.carrier, self.ring = (gp.Torque() for _ in range(4))
+        self.body = [gp.Inertia(J=1.0), gp.Inertia(J=1.0)]
+        return [
+            gl.connect(self.body[0].flange_a, self.carrier.flange),
+            gl.connect(self.body[1].flange_a, self.ring.flange),
+            gl.connect(self.small.sun, self.sun_1.flange),
+            gl.connect(self.large.sun, self.sun_2.flange),
+            gl.connect(self.small.carrier, self.large.carrier, self.carrier.flange),
+            gl.connect(self.small.ring, self.large.ring, self.ring.flange),
+        ]
+
+
+def test_ravigneaux_set() -> None:
+    system = gl.compile(Ravigneaux())
+    k_1, k_2 = 78 / 28, 78 / 36
+    assert gl.mobility(system) == 2
+    ratios = {
+        ("sun_1", "carrier"): k_1, ("sun_1", "sun_2"): k_1 + (1 - k_1) * k_2 / (1 + k_2), ("sun_2", "carrier"): -k_2,
+        ("carrier", "sun_2"): k_2 / (1 + k_2),
+    }  # fmt: skip
+    for (driving, held), ratio in ratios.items():
+        found = gl.speed_ratio(system, f"{driving}.flange", "ring.flange", held=[f"{held}.flange"])
+        assert found == pytest.approx(ratio, rel=EXACT)
+    ratio = ratios["sun_1", "sun_2"]
+    flow = gl.power_flow(
+        system, speeds={"sun_1.flange": 50.0, "sun_2.flange": 0.0}, torques={"ring.tau": -80.0, "carrier.tau": 0.0}
+    )
+    assert flow["sun_1.flange"].torque == pytest.approx(-80.0 / ratio, rel=EXACT)
+    assert flow["sun_2.flange"].torque == pytest.approx(80.0 / ratio - 80.0, rel=EXACT)  # the held sun takes the rest
+    assert flow.imbalance < EXACT
+
+
+class Rig(gl.Component):
+    """Two equal gearboxes back to back: a loading torque between the slow shafts, a drive for the losses on the fast one."""
+
+    losses = gl.Structural(((0.0, 0.97, 0.95, 0.0, 0.0),))
+    preload = gl.Structural("torque")
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.body = gp.Torque(), gp.Inertia(J=0.5)
+        self.test, self.slave = (LossyGear(ratio=3.0, loss_table=self.losses) for _ in range(2))
+        self.loading = gp.Torque2() if self.preload == "torque" else gp.Spring(c=2e4, phi_rel0=-0.02)
+        return [
+            gl.connect(self.drive.flange, self.body.flange_a, self.test.flange_a, self.slave.flange_a),
+            gl.connect(self.test.flange_b, self.loading.flange_a),
+            gl.connect(self.loading.flange_b, self.slave.flange_b),
+        ]
+
+
+@pytest.mark.parametrize(("T", "w"), [(600.0, 150.0), (-600.0, 150.0), (600.0, -150.0)])
+def test_recirculating_rig_with_losses(T: float, w: float) -> None:
+    flow = gl.power_flow(gl.compile(Rig()), speeds={"test.flange_a": w}, torques={"loading.tau": T})
+    eta_1, eta_2, i = 0.97, 0.95, 3.0
+    power = abs(T * w) / i
+    assert flow.input_power == pytest.approx(power * (1 / eta_1 - eta_2), rel=EXACT)
+    assert flow.output_power == 0.0
+    assert flow.circulating_power == pytest.approx(power * eta_2, rel=EXACT)
+    driven, driving = ("test", "slave") if T * w > 0 else ("slave", "test")
+    assert flow.losses[driven] == pytest.approx(power * (1 / eta_1 - 1), rel=EXACT)
+    assert flow.losses[driving] == pytest.approx(power * (1 - eta_2), rel=EXACT)
+    assert flow.imbalance < EXACT
+
+
+def test_recirculating_rig_with_a_twisted_shaft() -> None:
+    flow = gl.power_flow(gl.compile(Rig(losses=((0.0, 1.0, 1.0, 0.0, 0.0),), preload="spring")), speeds={"test.flange_a": 150.0})
+    assert flow["loading.flange_b"].torque == pytest.approx(400.0, rel=EXACT)
+    assert flow.circulating_power == pytest.approx(400.0 * 50.0, rel=EXACT)
+    assert flow.input_power == pytest.approx(0.0, abs=1e-8)
+
+
+def test_elastic_train_turns_as_the_rigid_one_does(paper: gl.System) -> None:
+    """Steady state of the paper's system, against a search for a state in which nothing accelerates."""
+    tau = 40.0
+    flow = gl.power_flow(paper, torques={"tau_in": tau})
+    steady = paper.simulate(1e-3, samples=2, start="steady", inputs={"tau_in": tau}, parameters={"e_amplitude": 0.0})
+    for flange, name in {"x_unit.ring": "w_in", "x_unit.sun": "w_sun", "x_unit.carrier": "w_out"}.items():
+        assert flow[f"train.{flange}"].speed == pytest.approx(steady[name][0], rel=1e-9)
+    assert flow.mobility == 2  # the planets at the sun are held by dampers only
+    assert flow.input_power == pytest.approx(tau * steady["w_in"][0], rel=1e-9)
+    assert flow.output_power + sum(flow.losses.values()) == pytest.approx(flow.input_power, rel=EXACT)
+
+
+def test_table_and_text(xp: gl.System) -> None:
+    flow = gl.power_flow(xp, speeds={"body.w": 10.0}, torques={"load.tau": -5.0}, parameters={"i": 1.7})
+    assert flow.to_dataframe().loc["load.flange", "power"] == pytest.approx(50.0)
+    assert "circulating: " in str(flow)
+    assert "mobility 1" in str(flow)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"speeds": {"body.w": 10.0}}, "too little is given"),
+        ({"torques": {"load.tau": -5.0}}, "too little is given: the speed of"),
+        ({"speeds": {"body.w": 10.0, "x.sun": 5.0}, "torques": {"load.tau": -5.0}}, "no steady motion has the given body.w, x.sun"),
+        ({"speeds": {"body.w": 10.0}, "torques": {"load.tau": -5.0, "drive.tau": 99.0}}, "no steady motion"),
+        ({"speeds": {"body.v": 10.0}}, "no speed or flange 'body.v'"),
+        ({"speeds": {"body.w": float("nan")}}, "expected a finite number"),
+    ],
+)
+def test_errors(xp: gl.System, arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(gl.GearlibError, match=message):
+        gl.power_flow(xp, **arguments)
+
+
+def test_ratios_that_do_not_exist() -> None:
+    system = gl.compile(Ravigneaux())
+    with pytest.raises(gl.GearlibError, match="name the speeds that are held"):
+        gl.speed_ratio(system, "sun_1.flange", "ring.flange")
+    with pytest.raises(gl.GearlibError, match="cannot turn"):
+        gl.speed_ratio(system, "sun_1.flange", "ring.flange", held=["carrier.flange", "ring.flange"])

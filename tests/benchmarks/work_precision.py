@@ -1,0 +1,137 @@
+"""Work against precision: every solver on every scene, each tolerance several times, processor times and true errors.
+
+    python -m tests.benchmarks.work_precision [SCENE ...]     writes docs/benchmarks.md and its pictures
+
+Solvers take turns, so that a busy machine disturbs all of them alike; times are medians of processor time. A solver stops going
+to finer tolerances when one run takes longer than the limit, and one that is missing is named in the tables.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import statistics
+import sys
+import time
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+from tests.benchmarks.competitors import Competitor, RunAt, Unavailable, others
+from tests.benchmarks.contestants import FLOORS, OWN, clocked
+from tests.benchmarks.references import SCENES, BenchScene
+
+TOLERANCES = tuple(10.0**-k for k in range(3, 13))
+TARGETS = (1e-4, 1e-6, 1e-8)
+LIMIT = 2.0  # s, of one run
+BUDGET = 1.5  # s, for the repetitions of one tolerance and solver
+
+
+@dataclass
+class Point:
+    """One solver at one tolerance."""
+
+    rtol: float
+    error: float
+    totals: list[float] = field(default_factory=list)  # s, of a whole call
+    inners: list[float] = field(default_factory=list)  # s, of the integration in it
+
+    @property
+    def total(self) -> float:
+        return statistics.median(self.totals)
+
+    @property
+    def inner(self) -> float:
+        return statistics.median(self.inners)
+
+
+@dataclass
+class Curve:
+    """One solver on one scene."""
+
+    solver: str
+    kind: str
+    points: list[Point] = field(default_factory=list)
+    remark: str = ""
+
+    def time_to(self, target: float, inner: bool = False) -> float:
+        """Time (s) to a true error, interpolated between neighbours; NaN where no run is that accurate."""
+        data = [(p.error, p.inner if inner else p.total) for p in self.points if math.isfinite(p.error) and p.error > 0.0]
+        found = [t for e, t in data if e <= target]
+        for (e, t), (e_next, t_next) in pairwise(data):
+            if (e - target) * (e_next - target) < 0.0:
+                share = math.log(target / e) / math.log(e_next / e)
+                found.append(t * (t_next / t) ** share)
+        return min(found, default=math.nan)
+
+
+def measure(scene: BenchScene, solvers: tuple[Competitor, ...], repeats: int = 5) -> list[Curve]:
+    """Curves of the solvers on a scene."""
+    curves = [Curve(s.name, s.kind) for s in solvers]
+    runs: dict[str, RunAt] = {}
+    for solver, curve in zip(solvers, curves, strict=True):
+        try:
+            runs[solver.name] = solver.prepare(scene)
+        except Unavailable as reason:
+            curve.remark = str(reason)
+    for rtol in TOLERANCES:
+        _one_tolerance(scene, rtol, [c for c in curves if c.solver in runs], runs, repeats)
+    return curves
+
+
+def _one_tolerance(scene: BenchScene, rtol: float, curves: list[Curve], runs: dict[str, RunAt], repeats: int) -> None:
+    active: list[tuple[Curve, Point, int]] = []
+    for curve in curves:  # the first run compiles or fills caches, and is judged
+        try:
+            values = runs[curve.solver](rtol)
+        except Unavailable as reason:
+            curve.remark = curve.remark or f"{rtol:.0e}: {reason}"
+            continue
+        point = Point(rtol, scene.error(values))
+        seconds = _clock(runs[curve.solver], point)
+        curve.points.append(point)
+        if seconds > LIMIT:
+            curve.remark = f"stopped at rtol {rtol:.0e}, which takes {seconds:.1f} s"
+            del runs[curve.solver]
+        elif seconds < BUDGET / 2:
+            active.append((curve, point, repeats if seconds < BUDGET / repeats else 1))
+    for k in range(1, repeats):
+        for curve, point, count in active:
+            if k < count:
+                _clock(runs[curve.solver], point)
+
+
+def _clock(run: RunAt, point: Point) -> float:
+    rtol = point.rtol
+    gc.disable()
+    try:
+        with clocked() as inner:
+            start = time.process_time()
+            run(rtol)
+            total = time.process_time() - start
+    finally:
+        gc.enable()
+    point.totals.append(total)
+    point.inners.append(inner[0] or total)
+    return total
+
+
+def best(curves: list[Curve], kind: str, target: float, inner: bool = False) -> float:
+    """Shortest time of a kind of solvers to an error; NaN where none gets there. ``auto`` is no method of its own."""
+    times = [c.time_to(target, inner) for c in curves if c.kind == kind and c.solver != "gearlib auto"]
+    return min((t for t in times if not math.isnan(t)), default=math.nan)
+
+
+def main(names: list[str]) -> None:
+    from tests.benchmarks.page import save_curves, write_page
+
+    for name in names or SCENES:
+        scene = SCENES[name]
+        start = time.perf_counter()
+        save_curves(name, measure(scene, FLOORS + OWN + others()))
+        print(f"{name}: {time.perf_counter() - start:.0f} s", flush=True)
+    write_page(Path(__file__).resolve().parents[2] / "docs")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,168 @@
+"""The cache of generated code: damage, a folder that cannot be written, and writers at the same time cost time, never a result."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gearlib.codegen import cache
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = """
+from numba import cfunc, types
+
+@cfunc(types.float64(types.float64), cache=True)
+def f(x):
+    return {number}.0 * x
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.setenv("GEARLIB_CACHE", str(tmp_path))
+    monkeypatch.setattr(cache, "_temporary", None)
+    forget(monkeypatch)
+    yield tmp_path
+    forget(monkeypatch)
+    if cache._temporary is not None:
+        cache._temporary.cleanup()
+
+
+def forget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a new process would begin."""
+    monkeypatch.setattr(cache, "_loaded", {})
+    for name in [n for n in sys.modules if n.startswith("gearlib_model_")]:
+        del sys.modules[name]
+
+
+def triple(number: int = 3) -> tuple[float, int]:
+    """The result of a cached function for 2, and whether its machine code was found on disk."""
+    compiled = cache.load(SOURCE.replace("{number}", str(number))).f
+    return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(compiled.address)(2.0), compiled.cache_hits
+
+
+def files(folder: Path, pattern: str) -> list[Path]:
+    return sorted(folder.rglob(f"gearlib_model_*{pattern}"))
+
+
+def test_second_process_finds_the_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert triple() == (6.0, 0)
+    forget(monkeypatch)
+    assert triple() == (6.0, 1)
+
+
+@pytest.mark.parametrize("what", [".py", ".sum", ".nbi", ".nbc"])
+@pytest.mark.parametrize("how", ["cut", "changed", "emptied", "swapped"])
+def test_damage_costs_time_only(own_folder: Path, monkeypatch: pytest.MonkeyPatch, what: str, how: str) -> None:
+    triple()
+    triple(4)
+    (file, other) = files(own_folder, what)
+    if not file.read_bytes().count(b"3.0") and what == ".py":
+        file, other = other, file
+    good = file.read_bytes()
+    half = len(good) // 2
+    bad = {"cut": good[:half], "changed": good[:half] + bytes([good[half] ^ 1]) + good[half + 1 :], "emptied": b"",
+           "swapped": other.read_bytes()}[how]  # fmt: skip
+    times = file.stat().st_atime, file.stat().st_mtime
+    file.write_bytes(bad)
+    os.utime(file, times)
+    forget(monkeypatch)
+    assert (triple()[0], triple(4)[0]) == (6.0, 8.0)
+    forget(monkeypatch)
+    assert (triple(), triple(4)) == ((6.0, 1), (8.0, 1))  # mended
+
+
+def test_code_that_fails_to_load_is_made_anew(monkeypatch: pytest.MonkeyPatch, own_folder: Path) -> None:
+    """Damage that the digests did not see."""
+    triple()
+    (file,) = files(own_folder, ".nbi")
+    file.write_bytes(b"no pickle")
+    monkeypatch.setattr(cache, "_digest", lambda path: "same")
+    (seal,) = files(own_folder, ".sum")
+    seal.write_text("same", encoding="utf-8")
+    forget(monkeypatch)
+    assert triple()[0] == 6.0
+
+
+def test_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way", encoding="utf-8")
+    monkeypatch.setenv("GEARLIB_CACHE", str(blocked))
+    assert triple() == (6.0, 0)
+    assert blocked.read_text(encoding="utf-8") == "in the way"
+
+
+def test_folder_that_cannot_be_written(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace = os.replace
+
+    def full(source: str, target: str | Path) -> None:
+        if Path(target).is_relative_to(own_folder):
+            raise OSError(28, "No space left on device")
+        replace(source, target)
+
+    monkeypatch.setattr(cache.os, "replace", full)
+    assert triple() == (6.0, 0)
+    assert files(own_folder, "") == []
+
+
+def test_broken_source_is_an_error_and_leaves_no_module() -> None:
+    with pytest.raises(ZeroDivisionError):
+        cache.load("1 / 0")
+    assert not [n for n in sys.modules if n.startswith("gearlib_model_")]
+
+
+def test_writers_at_the_same_time(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = "from tests.codegen.test_cache import triple; print([triple(k)[0] for k in (3, 4, 5)])"
+    path = os.pathsep.join([str(ROOT), str(ROOT / "library")])
+    run = [subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, env={**os.environ, "PYTHONPATH": path},
+                            stdout=subprocess.PIPE, text=True) for _ in range(3)]  # fmt: skip
+    assert {process.communicate()[0] for process in run} == {"[6.0, 8.0, 10.0]\n"}
+    for _ in range(2):  # what one of them left undone is done at once
+        found = [triple(k) for k in (3, 4, 5)]
+        forget(monkeypatch)
+    assert found == [(6.0, 1), (8.0, 1), (10.0, 1)]
+    assert files(own_folder, ".tmp") == []
+
+
+def test_size_is_bounded(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    triple(1)
+    one = sum(file.stat().st_size for file in files(own_folder, ""))
+    for number, file in enumerate(files(own_folder, "")):
+        os.utime(file, (number, number))  # long ago
+    monkeypatch.setattr(cache, "LARGEST", int(2.5 * one))
+    for number in (2, 3, 4):
+        triple(number)
+        assert sum(file.stat().st_size for file in files(own_folder, "")) <= 2.5 * one
+    forget(monkeypatch)
+    assert triple(4) == (8.0, 1)
+    assert triple(1) == (2.0, 0)
+
+
+def test_nothing_else_is_ever_removed(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = own_folder / "mine.txt"
+    kept.write_text("a" * 1000, encoding="utf-8")
+    monkeypatch.setattr(cache, "LARGEST", 0)
+    triple(1)
+    triple(2)
+    assert kept.exists()
+
+
+def test_versions_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = cache.folder()
+    assert first.name.endswith(f"py{sys.version_info.major}.{sys.version_info.minor}")
+    monkeypatch.setattr(cache, "FORMAT", "next")
+    second = cache.folder()
+    monkeypatch.setattr(cache, "_version", lambda: "9.9")
+    assert len({first, second, cache.folder()}) == 3
+
+
+def test_folder_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("GEARLIB_CACHE")
+    monkeypatch.setattr("platformdirs.user_cache_dir", lambda *a, **k: str(tmp_path / "user"))
+    assert cache.folder().parent == tmp_path / "user"

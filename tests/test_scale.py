@@ -1,0 +1,279 @@
+"""Translation at scale: symbols are counted, source and states do not depend on size or process, nothing unneeded is done."""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.codegen import cache
+from gearlib.solve import scene as scene_module
+from tests.benchmarks.scenes import Chain, Star, Trains, Tree, chain_speeds
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def run(script: str, *, hash_seed: int = 0, **environment: str) -> Any:
+    """What a script prints as JSON, in a process of its own."""
+    path = os.pathsep.join([str(ROOT), str(ROOT / "library")])
+    full = {**os.environ, "PYTHONPATH": path, "PYTHONHASHSEED": str(hash_seed), **environment}
+    done = subprocess.run([sys.executable, "-c", script], env=full, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+# ---------------------------------------------------------------- symbols
+
+COUNT = """
+import json, sys
+from tests.benchmarks.scenes import Chain, Star, Tree
+import gearlib as gl
+
+calls = 0
+
+def in_package(frame, name):
+    return frame is not None and f"/{name}/" in frame.f_code.co_filename.replace("\\\\", "/")
+
+def count(frame, event, argument):  # calls from outside only: inside, sympy tries its rules in random order
+    global calls
+    if event == "call" and in_package(frame, "sympy") and (in_package(frame.f_back, "gearlib") or in_package(frame.f_back, "tests")):
+        calls += 1
+
+def sympy_calls(model):
+    global calls
+    calls = 0
+    sys.setprofile(count)
+    system = gl.compile(model)
+    compiling = calls
+    source = system.source
+    sys.setprofile(None)
+    return compiling, calls - compiling
+
+print(json.dumps(sympy_calls({model})))
+"""
+
+
+@pytest.mark.parametrize(("small", "large"), [("Chain(N=10)", "Chain(N=1000)"), ("Star(N=13)", "Star(N=49)")])
+def test_symbolic_work_does_not_grow_with_the_model(small: str, large: str) -> None:
+    """Of the stars, the torques on the hub are summed by the same kinds of sums."""
+    one, other = (run(COUNT.replace("{model}", model))[0] for model in (small, large))
+    assert one == other
+    assert one > 100
+
+
+def test_known_classes_need_no_symbolic_work() -> None:
+    """What is left is in the models: the torque's expression, once for each. The source's kernels are made once, too."""
+    script = COUNT.replace("sympy_calls({model})", "[sympy_calls(Chain(N=n)) for n in (100, 100, 1000)]")
+    first, again, larger = run(script)
+    assert again == larger
+    assert sum(larger) < 0.1 * sum(first)
+
+
+# ---------------------------------------------------------------- source and states
+
+
+def test_source_of_a_large_chain_is_that_of_any_other() -> None:
+    small, large, larger = (gl.compile(Chain(N=n)).source for n in (10, 1000, 2000))
+    assert large == larger
+    assert len(large) <= len(small)
+
+
+def test_source_of_long_rigid_trains_is_bounded_by_the_kinds_of_equations() -> None:
+    small, large = (gl.compile(Tree(N=n, rigid=0.0)).source for n in (150, 600))
+    assert "if kind == 0:" in large  # loops in a list
+    assert len(large) < 1.5 * len(small)
+
+
+@pytest.mark.parametrize("rigid", [0.0, 0.5, 1.0])
+def test_roads_agree_on_random_trees(rigid: float) -> None:
+    """Loops in a list, sparse blocks and tearing, against the matrix exponential of the linear form."""
+    system = gl.compile(Tree(N=50, rigid=rigid, seed=3), outputs=["body[0].w", "body[49].w"])
+    exact, loops = (system.simulate(t_end=0.02, samples=11, method=m, rtol=1e-9) for m in ("exact", "rk"))
+    for name in ("body[0].w", "body[49].w"):
+        assert abs(exact[name] - loops[name]).max() < 1e-7 * abs(exact[name]).max()
+
+
+def test_large_rigid_block_is_solved_sparsely() -> None:
+    """600 bodies on rigid gears have one degree of freedom; its inertia by hand."""
+    model = Tree(N=600, rigid=1.0)
+    result = gl.simulate(model, t_end=0.01, samples=3, rtol=1e-10, outputs=["body[0].w"], method="rk")
+    inertia, speed = reduced_inertia(model)
+    drag = 0.1 * speed[-1] ** 2
+    a, b = drag / inertia, 2 * np.pi * 5  # w' = 10 sin(b t) / inertia - a w
+    t = result.time
+    w = 10 / inertia * (a * np.sin(b * t) - b * np.cos(b * t) + b * np.exp(-a * t)) / (a**2 + b**2)
+    assert result["body[0].w"] == pytest.approx(w, rel=1e-8)
+
+
+def reduced_inertia(model: Tree) -> tuple[float, np.ndarray]:
+    """Of a rigid tree, seen from the first body; and the speeds of all bodies when it turns at 1."""
+    parameters = gl.compile(model).parameters
+    links = {}
+    for connection in model._assembled():
+        ports = [(p.component._path(), p.connector.name) for p in connection.ports]
+        if ports[1][0].startswith("gear") and ports[0][0].startswith("body"):
+            links[ports[1][0]] = ports[0][0]
+        elif ports[0][0].startswith("gear"):
+            links[ports[0][0] + "!"] = ports[1][0]
+    speed = {"body[0]": 1.0}
+    for k in range(len(model.gear)):
+        a, b = links[f"gear[{k}]"], links[f"gear[{k}]!"]
+        speed.setdefault(b, speed[a] / parameters[f"gear[{k}].ratio"])
+    speeds = np.array([speed[f"body[{i}]"] for i in range(model.N)])
+    return sum(parameters[f"body[{i}].J"] * s**2 for i, s in enumerate(speeds)), speeds
+
+
+class Loop(gl.Component):
+    """A motor on an elastic shaft, and behind it three bodies on a loop of rigid gears, one of which may be left out."""
+
+    closed = gl.Structural(True)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque, self.motor = gp.Torque(tau=10.0), gp.Inertia(J=1.0)
+        self.shaft = gp.SpringDamper(c=100.0, d=1.0)
+        self.a, self.b, self.c = gp.Inertia(J=1.0), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        self.gear = [gp.IdealGear(ratio=ratio) for ratio in (2.0, 3.0, 6.0)][: 3 if self.closed else 2]
+        chain = [self.motor, self.shaft, self.a, self.gear[0], self.b, self.gear[1], self.c]
+        links = [gl.connect(x.flange_b, y.flange_a) for x, y in zip(chain[:-1], chain[1:], strict=True)]
+        if self.closed:
+            links += [gl.connect(self.a.flange_b, self.gear[2].flange_a), gl.connect(self.gear[2].flange_b, self.c.flange_a)]
+        return [*links, gl.connect(self.torque.flange, self.motor.flange_a)]
+
+
+def test_torque_that_a_redundant_gear_leaves_open_is_its_own() -> None:
+    """The third gear changes nothing: the torque that is set to zero runs through it, not through the shaft beside the loop."""
+    open_, closed = (gl.compile(Loop(closed=c)).simulate(t_end=1.0, samples=11) for c in (False, True))
+    for name in ("c.w", "shaft.tau", "gear[0].flange_a.tau"):
+        assert closed[name] == pytest.approx(open_[name], abs=1e-9)
+
+
+DETERMINED = """
+import json
+import gearlib as gl, gearparts as gp
+from tests.benchmarks.scenes import Star, Tree
+
+class Shift(gl.Component):
+    def assemble(self):
+        self.torque, self.a, self.b = gp.Torque(tau=10 * gl.sin(gl.time)), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+        self.clutch = gp.Clutch(fn_max=100, f_normalized=gl.Piecewise((0.0, gl.time < 1), (1.0, True)))
+        self.gear = gp.IdealGear(ratio=2.0)
+        return [gl.connect(self.torque.flange, self.a.flange_a), gl.connect(self.a.flange_b, self.clutch.flange_a),
+                gl.connect(self.clutch.flange_b, self.gear.flange_a), gl.connect(self.gear.flange_b, self.b.flange_a)]
+
+systems = [gl.compile(m) for m in (Tree(N=60), Star(N=5), gp.ZhouCui2022(tau_in=1.0), Shift())]
+print(json.dumps([[s.source, s.states, s.summary()] for s in systems]))
+"""
+
+
+def test_compiling_does_not_depend_on_the_process() -> None:
+    assert run(DETERMINED, hash_seed=1) == run(DETERMINED, hash_seed=2)
+
+
+def test_chain_of_a_thousand_agrees_with_the_matrix_exponential() -> None:
+    times = np.linspace(0.0, 0.02, 11)
+    expected = chain_speeds(1000, times)
+    system = gl.compile(Chain(N=1000))
+    assert len(system.states) == 1999
+    for method, rtol in (("auto", 1e-6), ("rk", 1e-8)):
+        result = system.simulate(t_end=0.02, times=times, method=method, rtol=rtol)
+        found = np.column_stack([result[f"body[{i}].w"] for i in range(1000)])
+        assert abs(found - expected).max() < 30 * rtol * abs(expected).max()
+
+
+# ---------------------------------------------------------------- nothing unneeded
+
+
+def test_one_train_of_many_costs_what_one_costs() -> None:
+    many, one = gl.compile(Trains(N=40), outputs=["train[7].w_out"]), gl.compile(Trains(N=1), outputs=["train[0].w_out"])
+    assert [s.replace("train[7]", "train[0]") for s in many.states] == list(one.states)
+    spent: dict[Any, list[float]] = {many: [], one: []}
+    for _ in range(60):
+        for system, seconds in spent.items():
+            begin = time.process_time()
+            for _ in range(5):
+                system.simulate(t_end=0.05, samples=101)
+            seconds.append(time.process_time() - begin)
+    assert statistics.median(spent[many]) < 1.3 * statistics.median(spent[one])
+    assert "no output depends on them" in many.summary()
+    assert "train[0].w_in" in many.summary().split("dropped")[1].split("\n")[0]
+
+
+def test_no_absolute_angle_is_integrated_for_speeds() -> None:
+    assert gl.compile(gp.ZhouCui2022(tau_in=1.0)).states == gl.compile(gp.ZhouCui2022(tau_in=1.0), outputs=["w_out"]).states
+    system = gl.compile(Chain(N=10), outputs=["body[9].w"])
+    assert sorted(s.split(".")[1] for s in system.states) == ["phi_rel"] * 9 + ["w"] * 10
+    everything = gl.compile(Chain(N=10))
+    dropped = everything.summary().split("dropped")[1].split("\n")[0]
+    assert "phi" in dropped
+    assert "integrated when asked for" in dropped
+    result = everything.simulate(t_end=0.1, samples=1001)
+    speed = np.concatenate([[0.0], np.cumsum((result["body[3].w"][1:] + result["body[3].w"][:-1]) / 2 * 1e-4)])
+    assert result["body[3].phi"] == pytest.approx(speed, abs=1e-5 * abs(speed).max())
+
+
+def test_other_numbers_never_translate_or_compile_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Drive(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.torque, self.spring = gp.Torque(), gp.SpringDamper(c=100.0, d=1.0)
+            self.a, self.b = gp.Inertia(J=1.0, start={"w": 1.0}), gp.Inertia(J=2.0)
+            chain = [self.a, self.spring, self.b]
+            return [gl.connect(self.torque.flange, self.a.flange_a),
+                    *(gl.connect(x.flange_b, y.flange_a) for x, y in zip(chain[:-1], chain[1:], strict=True))]  # fmt: skip
+
+    system = gl.compile(Drive(), outputs=["b.w"])
+    methods = ("rk", "ida", "auto")
+    for method in methods:
+        system.simulate(t_end=0.1, method=method)["b.w"]
+    calls: list[str] = []
+    for module, name in ((cache, "load"), (scene_module, "compile_scene"), (scene_module, "build")):
+        kept = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, kept=kept, name=name, **k: calls.append(name) or kept(*a, **k))
+    for method in methods:
+        for changed in (
+            {"parameters": {"a.J": 3.0, "spring.c": 50.0}}, {"start": {"a.w": 5.0}}, {"inputs": {"torque.tau": 2.0}},
+            {"inputs": {"torque.tau": np.sin}}, {"rtol": 1e-9}, {"times": [0.0, 0.03, 0.05]}, {"samples": 7}, {"t_end": 0.2},
+        ):  # fmt: skip
+            if method == "auto" or not callable(changed.get("inputs", {}).get("torque.tau")):
+                system.simulate(**{"t_end": 0.1, "method": method, **changed})["b.w"]
+    assert calls == []
+
+
+# ---------------------------------------------------------------- import
+
+IMPORTS = """
+import json, time
+begin = time.process_time()
+{imports}
+spent = time.process_time() - begin
+import sys
+print(json.dumps([spent, sorted({m.split(".")[0] for m in sys.modules})]))
+"""
+
+
+def test_import_is_cheap() -> None:
+    theirs, ours = "import numpy, sympy, networkx", "import gearlib, gearparts; gearlib.Component, gearparts.Inertia"
+    spent: dict[str, list[float]] = {theirs: [], ours: []}
+    loaded: set[str] = set()
+    for _ in range(3):
+        for imports, seconds in spent.items():
+            taken, modules = run(IMPORTS.replace("{imports}", imports))
+            seconds.append(taken)
+            loaded.update(modules if imports == ours else ())
+    assert min(spent[ours]) < 1.3 * min(spent[theirs])
+    assert not loaded & {"matplotlib", "control", "numba", "pandas", "sksundae"}
+
+
+def test_linear_scene_loads_no_compiler() -> None:
+    script = "import gearlib as gl, gearparts as gp; gl.simulate(gp.ZhouCui2022(tau_in=1.0), t_end=0.01)['w_out']"
+    _, modules = run(IMPORTS.replace("{imports}", script))
+    assert not set(modules) & {"matplotlib", "control", "numba", "pandas", "sksundae"}
