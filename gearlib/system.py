@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -24,7 +24,7 @@ from gearlib.solve.methods import METHODS, Run, integrate
 from gearlib.solve.result import Result
 from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
 from gearlib.solve.table import Table, values
-from gearlib.structure.analysis import Structure, analyse, discrete_nodes
+from gearlib.structure.analysis import Structure, analyse, confirm, discrete_nodes
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -65,6 +65,10 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
     >>> system.simulate(t_end=2.0, samples=3)["load.w"]
     array([0., 2., 4.])
     """
+    if outputs is not None and (
+        isinstance(outputs, str) or not isinstance(outputs, Iterable) or not all(isinstance(n, str) for n in outputs)
+    ):
+        raise ArgumentError(f"outputs is a list of names, such as {[outputs] if isinstance(outputs, str) else ['load.w']}; got {outputs!r}")
     model = flatten(component)
     parameters = model.parameters.evaluate(model.parameters.values)
     structure = analyse(model, numbers_of(model, parameters, 0.0))
@@ -111,8 +115,6 @@ class System:
             wanted = [s for s in structure.states if s not in structure.angles]
             states = tuple(sorted({*wanted, *needed_states(structure, targets)}))
         else:
-            if isinstance(outputs, str):
-                raise ArgumentError(f"outputs is a list of names, such as [{outputs!r}]")
             discretes = [model.discretes.names.index(n) for n in outputs if n in model.discretes.names]
             targets = [self._node(n, "output") for n in outputs if n not in model.discretes.names]
             targets += [n for d in discretes for n in discrete_nodes(model, d)]
@@ -217,9 +219,7 @@ class System:
     ) -> Result:  # fmt: skip
         numbers = self._prepared(scene, parameters)
         begin = self._start(scene, parameters, float(grid[0]), start, signals, numbers)
-        absolute = None if atol is None else np.broadcast_to(np.asarray(atol, float), (len(scene.states),)).copy()
-        if absolute is not None and not (np.isfinite(absolute).all() and (absolute >= 0).all()):
-            raise ArgumentError(f"atol is {atol!r}; expected numbers that are not negative")
+        absolute = _absolute(atol, len(scene.states))
         run = Run(scene, numbers, begin, tuple(signals), grid, rtol, absolute)
         if progress:
             print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {method}")
@@ -264,29 +264,21 @@ class System:
             With the states that the outputs need. States are named by path, inputs and outputs too, but with "_" for "."
             (``linear["load_w", "torque_tau"]``), since python-control takes no dots there.
         """
-        from gearlib.analysis.linearize import Point, linearize, state_space
+        from gearlib.analysis.linearize import linearize, operating_point, state_space
 
-        numbers = self._parameters(parameters)
-        chosen_inputs = list(self.inputs if inputs is None else inputs)
-        chosen = list(outputs if outputs is not None else (self.outputs if self.outputs is not None else self.states))
         if isinstance(inputs, str) or isinstance(outputs, str):
             raise ArgumentError("inputs and outputs are lists of names, such as ['torque.tau']")
+        chosen_inputs = list(self.inputs if inputs is None else inputs)
+        chosen = list(outputs if outputs is not None else (self.outputs if self.outputs is not None else self.states))
         states = needed_states(self._structure, [self._node(n, "output") for n in chosen])
-        scene = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted))
-        t, signals = 0.0, [0.0] * len(self.inputs)
-        if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
-            result, t = at[0], float(at[1])
-            known = {s: float(np.interp(t, result.time, result._history(s))) for s in states}
-            begin = self._start(scene, numbers, t, None, signals)
-        else:
-            begin = self._start(scene, numbers, t, at, signals)
-            known = dict(zip(states, begin.states.tolist(), strict=True))
-        point = Point(t, known, np.array(signals, float), begin.guess)
+        scene, numbers, point = operating_point(self, states, at, parameters)
         model = linearize(scene, numbers, chosen_inputs, chosen, point)
         return model if sparse else state_space(model)
 
     def _parameters(self, given: Mapping[str, float] | None) -> Floats:
         table = self._model.parameters
+        if given is not None and not isinstance(given, Mapping):
+            raise ArgumentError(f"parameters is {given!r}; expected a mapping of paths to numbers")
         if not given:
             return self._defaults
         chosen = table.values.copy()
@@ -294,6 +286,7 @@ class System:
         for name, value in given.items():
             k = table.index.get(name)
             if k is None:
+                name = str(name)
                 valid = [n for n in table.names if "#" not in n and not n.startswith("start(")]
                 raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
             if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
@@ -302,6 +295,8 @@ class System:
             overridden.add(k)
         result = table.evaluate(chosen, frozenset(overridden))
         check_bounds(table, result)
+        if self._structure.redundant:
+            confirm(self._structure, numbers_of(self._structure.complete, result, 0.0))
         return result
 
     @cached_property
@@ -320,9 +315,12 @@ class System:
 
     def _signals(self, given: Mapping[str, Any] | None) -> list[Any]:
         names = self.inputs
+        if given is not None and not isinstance(given, Mapping):
+            raise ArgumentError(f"inputs is {given!r}; expected a mapping of paths to numbers, functions of time or tables")
         given = dict(given or {})
         for name, value in given.items():
             if name not in names:
+                name = str(name)
                 bound = self._model.find(name) is not None
                 hint = "it is bound in the model, or no input" if bound else nearest(name, names)
                 raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
@@ -338,7 +336,7 @@ class System:
         numbers: Numbers | None = None,
     ) -> Start:  # fmt: skip
         overrides: dict[int, float] = {}
-        if isinstance(start, str) and start != "steady":
+        if start is not None and start != "steady" and not isinstance(start, Mapping):
             raise ArgumentError(f"start is {start!r}; expected a mapping of start values, or 'steady'")
         if isinstance(start, Mapping):
             for name, value in start.items():
@@ -366,7 +364,10 @@ def _grid(t_start: float, t_end: float, samples: int | None, times: ArrayLike | 
     if times is not None:
         if samples is not None:
             raise ArgumentError("give samples or times, not both")
-        grid = np.array(times, float)
+        try:
+            grid = np.array(times, float)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"times is {times!r}; expected an increasing sequence of numbers, s") from None
         if grid.ndim != 1 or len(grid) < 1 or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
             raise ArgumentError("times must be an increasing sequence of finite numbers")
         if grid[0] < t_start or grid[-1] > t_end:
@@ -387,3 +388,15 @@ def _check(method: str, rtol: float) -> None:
         raise ArgumentError(f"there is no method {method!r}; {nearest(str(method), METHODS)}")
     if isinstance(rtol, bool) or not isinstance(rtol, (int, float, np.number)) or not 1e-13 <= rtol <= 0.1:
         raise ArgumentError(f"rtol is {rtol!r}; expected a number from 1e-13 to 0.1")
+
+
+def _absolute(atol: ArrayLike | None, n: int) -> Floats | None:
+    if atol is None:
+        return None
+    try:
+        result = np.broadcast_to(np.asarray(atol, float), (n,)).copy()
+    except (TypeError, ValueError):
+        raise ArgumentError(f"atol is {atol!r}; expected a number, or one for each of the {n} states") from None
+    if not (np.isfinite(result).all() and (result > 0).all()):
+        raise ArgumentError(f"atol is {atol!r}; expected positive numbers")
+    return result

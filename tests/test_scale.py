@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import statistics
@@ -18,7 +19,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.codegen import cache
 from gearlib.solve import scene as scene_module
-from tests.benchmarks.scenes import Chain, Star, Trains, Tree, chain_speeds
+from tests.benchmarks.scenes import Chain, Trains, Tree, chain_speeds
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -144,7 +145,7 @@ class Loop(gl.Component):
         self.a, self.b, self.c = gp.Inertia(J=1.0), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
         self.gear = [gp.IdealGear(ratio=ratio) for ratio in (2.0, 3.0, 6.0)][: 3 if self.closed else 2]
         chain = [self.motor, self.shaft, self.a, self.gear[0], self.b, self.gear[1], self.c]
-        links = [gl.connect(x.flange_b, y.flange_a) for x, y in zip(chain[:-1], chain[1:], strict=True)]
+        links = [gl.connect(x.flange_b, y.flange_a) for x, y in itertools.pairwise(chain)]
         if self.closed:
             links += [gl.connect(self.a.flange_b, self.gear[2].flange_a), gl.connect(self.gear[2].flange_b, self.c.flange_a)]
         return [*links, gl.connect(self.torque.flange, self.motor.flange_a)]
@@ -228,7 +229,7 @@ def test_other_numbers_never_translate_or_compile_again(monkeypatch: pytest.Monk
             self.a, self.b = gp.Inertia(J=1.0, start={"w": 1.0}), gp.Inertia(J=2.0)
             chain = [self.a, self.spring, self.b]
             return [gl.connect(self.torque.flange, self.a.flange_a),
-                    *(gl.connect(x.flange_b, y.flange_a) for x, y in zip(chain[:-1], chain[1:], strict=True))]  # fmt: skip
+                    *(gl.connect(x.flange_b, y.flange_a) for x, y in itertools.pairwise(chain))]  # fmt: skip
 
     system = gl.compile(Drive(), outputs=["b.w"])
     methods = ("rk", "ida", "auto")

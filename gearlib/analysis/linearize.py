@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.codegen.sensitivity import sensitivity
-from gearlib.errors import NameLookupError, nearest
+from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.templates import parse_column
 from gearlib.solve.scene import Scene, needed_states, node_name
@@ -57,10 +57,15 @@ def operating_point(
     scene = system._scenes.setdefault(states, Scene(system._structure, states))
     t, signals = 0.0, [0.0] * len(system.inputs)
     if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
-        result, t = at[0], float(at[1])
+        result, t = at
+        if isinstance(t, bool) or not isinstance(t, (int, float, np.number)) or not result.time[0] <= t <= result.time[-1]:
+            raise ArgumentError(f"at names the time {t!r}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
+        t = float(t)
         known = {s: float(np.interp(t, result.time, result._history(s))) for s in states}
         begin = system._start(scene, numbers, t, None, signals)
     else:
+        if not (at is None or at == "steady" or isinstance(at, Mapping)):
+            raise ArgumentError(f"at is {at!r}; expected start values by path, 'steady', or (result, time)")
         begin = system._start(scene, numbers, t, at, signals)
         known = dict(zip(states, begin.states.tolist(), strict=True))
     return scene, numbers, Point(t, known, np.array(signals, float), begin.guess)

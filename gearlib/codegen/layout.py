@@ -77,9 +77,10 @@ def lay_out(program: Program, shared: Shared, base: int) -> Layout:
             at += len(rows) * len(step.known)
         elif isinstance(step, Newton):
             n = len(step.unknowns)
-            scratch = max(scratch, n * n + 2 * n)  # right-hand side, matrix, order of columns
+            scratch = max(scratch, n * n + 2 * n + 1)  # right-hand side, matrix, order of columns
     end = at + program.n_slots
-    return Layout(shared, tuple(solutions), at, end, end + scratch, tuple(needed))
+    memory = sum(isinstance(step, Newton) and not step.linear for step in program.steps)  # a first determinant each
+    return Layout(shared, tuple(solutions), at, end, end + scratch + memory, tuple(needed))
 
 
 def fill(

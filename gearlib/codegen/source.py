@@ -23,6 +23,7 @@ from gearlib.codegen.runs import coefficient_batches, has_runs, run_index, run_l
 from gearlib.codegen.text import expression
 
 Integers = NDArray[np.int64]
+SMALLER = 9.2  # logarithm of the share of its first determinant to which that of a nonlinear block may fall
 LONGEST = 260  # assignments up to which a program is written out
 MOST_LOOPS = 40  # up to which they follow each other in the source
 MOST_SIGNS = 4  # patterns of signs up to which a kernel has a loop for each
@@ -156,6 +157,7 @@ def looped(program: Program, layout: Layout) -> Body:
         "    data[v + n + k] = data[u + k]",
     ]
     pieces: list[Body] = []
+    memory = layout.size - sum(isinstance(step, Newton) and not step.linear for step in program.steps)
     block = 0
     for step in program.steps:
         if isinstance(step, Batch):
@@ -174,7 +176,8 @@ def looped(program: Program, layout: Layout) -> Body:
             _linear(pieces[-1], step, layout.solutions[block], layout.needed[block])
             block += 1
         else:
-            _newton(pieces[-1], step)
+            _newton(pieces[-1], step, memory)
+            memory += not step.linear
     body.include_all(pieces)
     outputs = program.output_slots
     starts = starts_of_runs(outputs[:, None]) if len(outputs) else np.empty(0, np.int64)
@@ -262,11 +265,14 @@ def _linear(body: Body, step: Linear, place: int, rows: Integers) -> None:
     ]
 
 
-def _newton(body: Body, step: Newton) -> None:
+def _newton(body: Body, step: Newton, memory: int) -> None:
+    """Newton's iteration. ``memory`` keeps the logarithm of the first determinant: where it has fallen to a ten-thousandth, the
+    unknowns are hardly determined by the states any more and another branch is near, so the evaluation is refused.
+    """
     n = len(step.unknowns)
     unknowns = body.array(step.unknowns)
     body.lines += [
-        f"h, z = {body.array([n, step.lead])}, {unknowns}",
+        f"h, z = {body.array([n, step.lead, memory])}, {unknowns}",
         "q, lead = index[h], index[h + 1]",
         f"for iteration in range({1 if step.linear else 25}):",
         "    for k in range(q + q * q):",
@@ -287,7 +293,15 @@ def _newton(body: Body, step: Newton) -> None:
         "        break",
     ]
     if not step.linear:
-        body.lines += ["if not e <= 1e-10 * f + 1e-300:", "    return 1"]
+        body.lines += [
+            "if not e <= 1e-10 * f + 1e-300:",
+            "    return 1",
+            "h, s = index[h + 2], data[w + q + q * q + q]",
+            "if data[h] == 0.0:",
+            "    data[h] = s if s != 0.0 else 1e-9",
+            f"elif s < data[h] - {SMALLER}:",
+            "    return 1",
+        ]
 
 
 SOLVE = '''
@@ -299,6 +313,7 @@ def solve(data, a, b, n, lead):
     undetermined is zero. The numbers of columns stand behind the matrix.
     """
     p = a + n * n
+    size = 0.0
     for i in range(n):
         data[p + i] = i
         s = 0.0
@@ -308,6 +323,7 @@ def solve(data, a, b, n, lead):
             for j in range(n):
                 data[a + i * n + j] /= s
             data[b + i] /= s
+            size += log(s)
     rank = n
     for k in range(n):
         best, r, c = 0.0, k, k
@@ -321,7 +337,9 @@ def solve(data, a, b, n, lead):
                     best, r, c = abs(data[a + i * n + j]), i, j
         if best <= 1e-13:
             rank = k
+            size = -1e300
             break
+        size += log(abs(data[a + r * n + c]))
         if r != k:
             for j in range(n):
                 data[a + k * n + j], data[a + r * n + j] = data[a + r * n + j], data[a + k * n + j]
@@ -336,11 +354,12 @@ def solve(data, a, b, n, lead):
                 for j in range(max(k + 1, lead), n):
                     data[a + i * n + j] -= f * data[a + k * n + j]
                 data[b + i] -= f * data[b + k]
-    size = 1e-300
+    data[p + n] = size
+    largest = 1e-300
     for i in range(rank):
-        size = max(size, abs(data[b + i]))
+        largest = max(largest, abs(data[b + i]))
     for i in range(rank, n):
-        if not abs(data[b + i]) <= 1e-9 * max(size, 1.0):
+        if not abs(data[b + i]) <= 1e-9 * max(largest, 1.0):
             return 1
         data[b + i] = 0.0
     for k in range(rank - 1, -1, -1):

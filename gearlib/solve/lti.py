@@ -11,9 +11,12 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from gearlib.codegen.evaluate import owner_of
+from gearlib.codegen.kernels import Kernel, derivative_of
 from gearlib.codegen.program import Batch
 from gearlib.codegen.scalars import linear_function
 from gearlib.codegen.sensitivity import affine_seeds, rest_expression, sensitivity
+from gearlib.errors import SingularError
 from gearlib.flatten.templates import Relation
 from gearlib.solve.scene import Numbers, Scene
 from gearlib.solve.table import Table
@@ -96,7 +99,10 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
         plan.last = (key, tuple(inputs), moving, constant, np.array([float(expressions[k]) for k in constant]))
     _, inputs, moving, constant, values = plan.last
     if plan.written is not None:
-        entries = plan.written(numbers.parameters.tolist(), [s.tolist() for s in numbers.main.solutions])
+        try:
+            entries = plan.written(numbers.parameters.tolist(), [s.tolist() for s in numbers.main.solutions])
+        except (ArithmeticError, ValueError):
+            raise not_finite(scene, numbers) from None
         d: Any = np.zeros((n, n + m + len(plan.added)))
         d[tuple(np.array(plan.written.places, np.int64).reshape(-1, 2).T)] = entries
     else:
@@ -109,6 +115,29 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     form = Linear(d[:, :n], np.hstack(columns), inputs)
     plan.form = (ref(numbers), key, form)
     return form
+
+
+def not_finite(scene: Scene, numbers: Numbers) -> SingularError:
+    """The error that names an equation with a coefficient that cannot be evaluated, and its parameters."""
+    for step in scene.program.steps:
+        if isinstance(step, Batch):
+            for c in step.kernel.columns:
+                kernel = derivative_of(step.kernel, c)
+                with np.errstate(all="ignore"):
+                    values = kernel.function(0.0, *numbers.parameters[step.parameters[:, _places(step, kernel)].T])
+                bad = np.flatnonzero(~np.isfinite(np.broadcast_to(np.asarray(values, float), (len(step),))))
+                if len(bad):
+                    i = int(bad[0])
+                    names = ", ".join(
+                        f"{scene.model.parameters.names[p]} = {numbers.parameters[p]:g}" for p in step.parameters[i]
+                    )
+                    owner = owner_of(scene.structure, int(step.equations[i]))
+                    return SingularError(f"{owner}: {step.kernel.template.label} cannot be evaluated with {names}")
+    return SingularError("the linear equations cannot be evaluated with these parameters: something is divided by zero")
+
+
+def _places(step: Batch, kernel: Kernel) -> list[int]:
+    return [step.kernel.parameters.index(p) for p in kernel.parameters]
 
 
 def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,8 +14,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.codegen.evaluate import owner_of
 from gearlib.codegen.layout import Shared
 from gearlib.codegen.native import NativeScene
+from gearlib.codegen.program import Newton
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solve.initialize import Start
 from gearlib.solve.lti import linear_form, time_conditions
@@ -140,23 +143,40 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
     if not scene.states:
         return _exact(run, None, "there are no states")
     problem, keep = _problem(run, jacobian=method == "ida")
-    if method == "ida":
-        from gearlib.solve import ida
+    try:
+        if method == "ida":
+            from gearlib.solve import ida
 
-        solution = ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol)
-    else:
-        from gearlib.solve import rungekutta
+            solution = ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol)
+        else:
+            from gearlib.solve import rungekutta
 
-        order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
-        solution = rungekutta.integrate(
-            problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over
-        )
+            order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
+            solution = rungekutta.integrate(
+                problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over
+            )
+    except SolverError as problem_:
+        raise keep.failure() or _explained(problem_, scene) from None
     failure = keep.failure()
     if failure is not None:
         raise failure
     if solution.status == "stiff":
         return _continue(run, solution, why)
     return _outcome(run, solution, method, why)
+
+
+def _explained(problem: SolverError, scene: Scene) -> SolverError:
+    """The same error; where nonlinear constraints are solved on the way, with a word on these."""
+    owners = dict.fromkeys(
+        owner_of(scene.structure, int(e))
+        for s in scene.program.steps if isinstance(s, Newton) and not s.linear for e in s.equations
+    )  # fmt: skip
+    if not owners or "chatter" in str(problem):
+        return problem
+    return SolverError(
+        f"{problem}. The constraints of {', '.join(owners)} may have become singular there for the states in use "
+        f"({', '.join(scene.state_names[:6])}): start nearer to the end, or declare other variables as state='prefer'"
+    )
 
 
 def _continue(run: Run, first: Solution, why: str) -> Outcome:
@@ -282,7 +302,10 @@ def _feed(
     def call(t: float, x: Any, out: Any, data: Any, index: Any) -> int:
         try:
             for k, signal in moving:
-                data[shared.inputs + k] = float(signal(t))
+                value = float(signal(t))
+                if not math.isfinite(value):
+                    raise ValueError(f"{value} at t = {t:g} s")
+                data[shared.inputs + k] = value
         except Exception as problem:  # it must not cross the native frames
             keep.problem = problem
             return -1

@@ -29,7 +29,7 @@ class Friction(gl.Component):
     tau0 = gl.Variable("N.m", "sliding torque at zero speed")
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free, 3 unknown", start=UNKNOWN)
     free = gl.Discrete("nothing presses the surfaces together")
-    moving = gl.Discrete("sign of the speed, 0 while locked")
+    moving = gl.Discrete("sign of the speed, 0 while locked or free")
     was_stuck = gl.Discrete("whether it was stuck before the event")
     was_forward = gl.Discrete("whether it slid forward before the event")
     was_backward = gl.Discrete("whether it slid backward before the event")
@@ -49,7 +49,7 @@ class Friction(gl.Component):
             gl.Eq(gl.der(self.v), gl.Piecewise((0, locked), (self.sa, is_free), *ways)),
             gl.Eq(torque, gl.Piecewise((self.sa, locked), (0, is_free), (level(self.v), forward), (-level(-self.v), True))),
             gl.Eq(self.free, free),
-            gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.v)),
+            gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v)),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
             gl.Eq(self.was_backward, gl.equals(was, BACKWARD)),
@@ -80,7 +80,7 @@ class Friction(gl.Component):
 
 
 def sign_while(flag: Any, x: Any) -> Any:
-    """The sign of ``x`` where a flag is 1; zero where it is 0, because x is then rounding and its sign means nothing."""
+    """The sign of ``x`` where a flag is 1; zero where it is 0, because ``x`` may then be rounding, whose sign means nothing."""
     return gl.Piecewise((1, flag * x > 0), (-1, flag * x < 0), (0, True))
 
 

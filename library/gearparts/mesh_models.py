@@ -154,6 +154,6 @@ def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> A
     Examples
     --------
     >>> float(mesh_damping(0.05, 2e8, 0.001, 0.05, 0.016, 0.1))
-    793.4920476158723
+    800.0
     """
     return 2 * zeta * gl.sqrt(c / (r_a**2 / J_a + r_b**2 / J_b))

@@ -133,7 +133,6 @@ def test_inputs_of_a_run_are_those_of_the_constraint() -> None:
         released(0.3).simulate(1.0, samples=3, parameters={"L": 2.0})
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="the run goes on along the wrong branch")
 @pytest.mark.parametrize(("angle", "speed", "t_end"), [(1.5, 0.0, 2.0), (1.7, 0.0, 2.0), (3.0, 0.1, 2.0)])
 @pytest.mark.parametrize("method", ["ida", "rk"])
 def test_swings_through_the_singular_point_are_right_or_refused(method: str, angle: float, speed: float, t_end: float) -> None:

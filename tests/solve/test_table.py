@@ -146,7 +146,6 @@ def test_functions_that_fail_later_stop_the_run(method: str, value: Callable[[],
         run(late(value), method=method)
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="the solvers' own error comes first")
 @pytest.mark.parametrize("method", ["ida", "rk"])
 def test_a_function_that_fails_later_is_named(method: str) -> None:
     with pytest.raises(GearlibError, match="no torque"):

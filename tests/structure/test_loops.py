@@ -92,7 +92,6 @@ def test_gears_that_contradict_each_other_are_named(ratio: float) -> None:
         gl.compile(gears(2.0, ratio))
 
 
-@pytest.mark.xfail(strict=True, raises=pytest.fail.Exception, reason="System does not call structure.analysis.confirm yet")
 def test_a_parameter_of_a_run_cannot_break_a_loop() -> None:
     system = gl.compile(gears(2.0, 2.0))
     assert system.simulate(1.0, samples=2, parameters={"b.J": 6.0})["a.w"][-1] == pytest.approx(6 / 2.5)

@@ -1,0 +1,159 @@
+"""Tables and pictures of the measured curves: docs/benchmarks.md between its markers, docs/images/work_precision_*.png."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import subprocess
+from dataclasses import asdict
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tests.benchmarks.references import SCENES
+
+if TYPE_CHECKING:
+    from tests.benchmarks.work_precision import Curve
+
+ROOT = Path(__file__).resolve().parents[2]
+KEPT = ROOT / ".cache" / "benchmarks"
+BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+
+
+def save_curves(name: str, curves: list[Curve]) -> None:
+    """Keep the curves of a scene, so that scenes can be measured one at a time."""
+    KEPT.mkdir(parents=True, exist_ok=True)
+    kept = {"load": os.getloadavg()[0], "curves": [asdict(c) for c in curves]}
+    (KEPT / f"{name}.json").write_text(json.dumps(kept))
+
+
+def load_curves(name: str) -> list[Curve]:
+    from tests.benchmarks.work_precision import Curve, Point
+
+    kept = json.loads((KEPT / f"{name}.json").read_text())["curves"]
+    return [Curve(c["solver"], c["kind"], [Point(**p) for p in c["points"]], c["remark"]) for c in kept]
+
+
+def number(value: float, factor: float = 1.0) -> str:
+    """Three digits, or a dash."""
+    return "-" if math.isnan(value) else f"{factor * value:.3g}"
+
+
+def scene_table(name: str, curves: list[Curve]) -> list[str]:
+    from tests.benchmarks.work_precision import TARGETS, best
+
+    floors = [best(curves, "floor", target) for target in TARGETS]
+    lines = [
+        f"### {name}: {SCENES[name].title}", "",
+        "| solver | 1e-4, ms | 1e-6, ms | 1e-8, ms | over the floor | error / rtol | remark |",
+        "|---|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    for curve in curves:
+        if curve.kind in ("floor", "IDA floor") and not curve.points:
+            continue
+        times = [curve.time_to(target) for target in TARGETS]
+        over = " / ".join(number(t / f) for t, f in zip(times, floors, strict=True))
+        quotients = [p.error / p.rtol for p in curve.points]
+        span = f"{min(quotients):.2g} .. {max(quotients):.2g}" if quotients else "-"
+        cells = [curve.solver, *(number(t, 1e3) for t in times), over, span, curve.remark]
+        lines.append("| " + " | ".join(cells) + " |")
+    return [*lines, "", f"![Time against error, {name}](images/work_precision_{name}.png)", ""]
+
+
+def verdicts(measured: dict[str, list[Curve]]) -> list[str]:
+    """What was to hold, scene by scene."""
+    from tests.benchmarks.work_precision import TARGETS, best
+
+    lines = [
+        "| scene | error | floor, ms | best method, ms | over floor | `auto`, ms | over best | acausal over auto | others over auto |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, curves in measured.items():
+        auto = next(c for c in curves if c.solver == "gearlib auto")
+        for target in TARGETS:
+            floor, ours = best(curves, "floor", target), best(curves, "gearlib", target, inner=True)
+            picked, whole = auto.time_to(target, inner=True), auto.time_to(target)
+            ratios = (best(curves, kind, target) / whole for kind in ("acausal", "other"))
+            cells = [name, f"{target:.0e}", number(floor, 1e3), number(ours, 1e3), number(ours / floor), number(picked, 1e3),
+                     number(picked / ours), *(number(r) for r in ratios)]  # fmt: skip
+            lines.append("| " + " | ".join(cells) + " |")
+    return [*lines, ""]
+
+
+def side_tables(measured: dict[str, list[Curve]]) -> list[str]:
+    """IDA against its floor, and what a run costs beside its integration."""
+    lines = ["| scene | rtol | IDA floor, ms | `ida`, ms | ratio |", "|---|---|---|---|---|"]
+    for name, curves in measured.items():
+        by_name = {c.solver: {p.rtol: p for p in c.points} for c in curves}
+        floor, own = by_name.get("IDA floor, C", {}), by_name["gearlib ida"]
+        for rtol in (1e-4, 1e-6, 1e-8):
+            if rtol in floor and rtol in own:
+                a, b = floor[rtol].inner, own[rtol].inner
+                lines.append(f"| {name} | {rtol:.0e} | {number(a, 1e3)} | {number(b, 1e3)} | {number(b / a)} |")
+    lines += ["", "| scene | " + " | ".join(c.solver for c in next(iter(measured.values())) if c.kind == "gearlib") + " |",
+              "|---|---|---|---|---|---|"]  # fmt: skip
+    for name, curves in measured.items():
+        beside = [
+            "-" if not c.points else f"{1e3 * min(p.total - p.inner for p in c.points):.2f}" for c in curves if c.kind == "gearlib"
+        ]
+        lines.append(f"| {name} | " + " | ".join(beside) + " |")
+    return [*lines, ""]
+
+
+def draw(name: str, curves: list[Curve], path: Path) -> None:
+    """Time against error, gearlib in colour, the floors black, the others thin."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6.4, 3.9), layout="constrained")
+    thin = iter("osv^<>ph")
+    for curve in curves:
+        points = [p for p in curve.points if 1e-15 < p.error < 1.0]
+        if not points:
+            continue
+        style: dict[str, Any] = {"lw": 0.7, "ms": 3, "color": "0.6"}
+        if curve.kind in ("other", "acausal"):
+            style["marker"] = next(thin)
+        elif curve.kind == "gearlib":
+            style = {"marker": ".", "lw": 1.8}
+            if curve.solver == "gearlib auto":
+                style = {"ls": "", "marker": "o", "ms": 9, "mfc": "none", "color": "0.2"}
+        else:
+            style = {"lw": 1.2, "color": "black", "ls": "--" if "IDA" in curve.kind else "-." if ", C" in curve.solver else "-"}
+        axes.loglog([p.error for p in points], [1e3 * p.total for p in points], label=curve.solver, **style)
+    axes.set(xlabel="largest error over largest value", ylabel="processor time, ms", title=SCENES[name].title)
+    axes.invert_xaxis()
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=6, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.savefig(path, dpi=80)
+    plt.close(figure)
+
+
+def machine() -> str:
+    try:
+        listed = subprocess.run(["lscpu"], capture_output=True, text=True, check=True).stdout
+        fields = dict(line.split(":", 1) for line in listed.splitlines() if ":" in line)
+        cpu = f"{fields.get('Model name', '?').strip()} at {float(fields.get('BogoMIPS', '0')) / 2000:.1f} GHz"
+    except (OSError, subprocess.CalledProcessError):
+        cpu = platform.processor()
+    return f"{cpu}, {os.cpu_count()} cores, Python {platform.python_version()}, {date.today()}"
+
+
+def write_page(docs: Path) -> None:
+    """Put all kept curves into the page."""
+    names = [n for n in SCENES if (KEPT / f"{n}.json").exists()]
+    measured = {n: load_curves(n) for n in names}
+    loads = [json.loads((KEPT / f"{n}.json").read_text())["load"] for n in names]
+    lines = [
+        BEGIN, "", f"Measured on {machine()}; load average {min(loads):.1f} to {max(loads):.1f} (other programs were running).", "",
+        "## What was aimed at, and what is", "", *verdicts(measured), "## IDA, and what a run costs beside its integration", "",
+        *side_tables(measured), "## All solvers", "",
+    ]  # fmt: skip
+    for name, curves in measured.items():
+        lines += scene_table(name, curves)
+        draw(name, curves, docs / "images" / f"work_precision_{name}.png")
+    page = docs / "benchmarks.md"
+    text = page.read_text()
+    head, tail = text.split(BEGIN)[0], text.split(END)[1]
+    page.write_text(head + "\n".join([*lines, END]) + tail)

@@ -1,0 +1,262 @@
+"""Bearings, brakes, clutches and freewheels: reference trajectories, modes by hand, laws of Coulomb friction, energy."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError
+from gearparts.friction import BearingFriction, Brake, Clutch
+from gearparts.friction import OneWayClutch as OneWayClutchPart
+from gearparts.tables import check_rows
+from tests.gearparts import msl_hybrid_examples as msl
+from tests.gearparts.friction_by_hand import Bodies, Element
+from tests.gearparts.test_msl_examples import agree, reference
+
+METHODS = ["rk", "ida"]
+
+
+def run(component: gl.Component, outputs: list[str], times: np.ndarray, method: str, rtol: float = 1e-9) -> Any:
+    return gl.compile(component, outputs=outputs).simulate(times[-1], times=times, method=method, rtol=rtol)
+
+
+def modes_agree(result: Any, expected: dict[str, np.ndarray]) -> None:
+    """Modes are compared where they last: at a sample on an event itself, either side may be meant."""
+    for name, signal in expected.items():
+        lasting = np.ones(len(signal), bool)
+        lasting[1:] &= signal[1:] == signal[:-1]
+        lasting[0] = signal[0] == signal[1]
+        lasting[0] &= result[name][0] != 0  # a start at rest
+        assert (result[name][lasting] == signal[lasting]).all(), name
+
+
+def check_against_reference(component: gl.Component, name: str, method: str) -> Any:
+    expected = reference(name)
+    times = expected.pop("time")
+    result = run(component, list(expected), times, method)
+    modes = {k: expected.pop(k) for k in list(expected) if k.endswith(".mode")}
+    agree(result, {k: np.where(np.isnan(v), result[k], v) for k, v in expected.items()})
+    modes_agree(result, modes)
+    return result
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_friction(method: str) -> None:
+    check_against_reference(msl.Friction(), "Friction", method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_simple_gear_shift(method: str) -> None:
+    result = check_against_reference(msl.SimpleGearShift(), "SimpleGearShift", method)
+    assert result.stats["events"] < 30  # no chatter of the surfaces that stick
+
+
+def clutch(bodies: int, at: int, level: Any, peak: float) -> Element:
+    speed = np.zeros(bodies)
+    speed[at], speed[at + 1] = -1.0, 1.0
+    return Element(speed, lambda t, v: level(t), lambda t: peak * level(t))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_coupled_clutches(method: str) -> None:
+    times = np.linspace(0.0, 1.5, 151)
+    levels = [
+        lambda t: 10 * max(math.cos(0.4 * math.pi * t), 0.0),
+        lambda t: 10.0 if t >= 0.4 else 0.0,
+        lambda t: 10.0 if t >= 0.9 else 0.0,
+    ]
+    by_hand = Bodies(
+        np.ones(4), lambda t: np.array([10 * math.sin(10 * math.pi * t), 0, 0, 0]),
+        [clutch(4, i, level, 1.1) for i, level in enumerate(levels)],
+    )  # fmt: skip
+    phi, w, _ = by_hand.integrate(np.array([10.0, 0, 0, 0]), times, [0.4, 0.9, 1.25])
+    expected = {f"J{i + 1}.w": w[i] for i in range(4)} | {f"J{i + 1}.phi": phi[i] for i in range(4)}
+    agree(run(msl.CoupledClutches(), [*expected], times, method), expected, 1e-7)
+
+
+def one_way_by_hand(load: float, f: float, offset: float, force: Any, times: np.ndarray, stops: list[float]) -> Any:
+    small = 1e-4 * 0.5 * 3.0
+    element = Element(
+        np.array([-1.0, 1.0]), lambda t, v: 1.5 * force(t), lambda t: 25 * 1.5 * force(t) if force(t) > 0 else small, freewheel=True
+    )
+    return Bodies(
+        np.ones(2), lambda t: np.array([offset + 10 * math.sin(2 * math.pi * f * t), load]), [element]
+    ).integrate(np.array([-0.5, 0.0]), times, stops)  # fmt: skip
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_one_way_clutch(method: str) -> None:
+    times = np.linspace(0.0, 2.0, 201)
+    on = lambda t: 1.0 if 0.3 <= t < 0.95 or t >= 1.6 else 0.0  # noqa: E731
+    phi, w, _ = one_way_by_hand(0.0, 3.0, 0.0, on, times, [0.3, 0.95, 1.6])
+    expected = {"inertiaIn.w": w[0], "inertiaOut.w": w[1], "inertiaIn.phi": phi[0], "inertiaOut.phi": phi[1]}
+    result = run(msl.OneWayClutch(), [*expected, "oneWayClutch.stuck", "oneWayClutch.loss_power"], times, method)
+    agree(result, expected, 1e-6)
+    assert (result["inertiaOut.w"] - result["inertiaIn.w"]).min() > -1e-8
+    assert result["oneWayClutch.loss_power"].min() >= 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_one_way_clutch_disengaged(method: str) -> None:
+    times = np.linspace(0.0, 2.0, 201)
+    phi, w, _ = one_way_by_hand(-0.3, 2.0, 0.3, lambda t: 0.0, times, [])
+    expected = {"inertiaIn.w": w[0], "inertiaOut.w": w[1], "inertiaIn.phi": phi[0], "inertiaOut.phi": phi[1]}
+    agree(run(msl.OneWayClutchDisengaged(), [*expected], times, method), expected, 1e-6)
+
+
+class Coasting(gl.Component):
+    """A body that coasts to rest in a bearing, and is pushed again later."""
+
+    tau_pos = gl.Structural(((0.0, 1.0),))
+    peak = gl.Parameter("1", default=1.0)
+    push = gl.Input("N.m", default=0.0)
+
+    def assemble(self) -> Any:
+        self.body = gp.Inertia(J=2.0, start={"phi": 0.0, "w": -6.0})
+        self.bearing = BearingFriction(tau_pos=self.tau_pos, peak=self.peak)
+        self.torque = gp.Torque(tau=self.push)
+        return [
+            gl.connect(self.torque.flange, self.bearing.flange_a),
+            gl.connect(self.bearing.flange_b, self.body.flange_a),
+        ]
+
+
+def test_a_body_coasts_to_rest_in_its_bearing() -> None:
+    t = np.linspace(0.0, 20.0, 401)
+    result = run(Coasting(), ["body.w", "body.phi", "bearing.mode", "bearing.loss_power"], t, "rk")
+    agree(result, {"body.w": np.minimum(-6 + 0.5 * t, 0.0)}, 1e-9)
+    assert result["body.phi"][-1] == pytest.approx(-36.0, rel=1e-9)
+    assert (result["bearing.mode"] == np.where(t < 12.0, -1, 0))[t != 12.0].all()
+    assert np.trapezoid(result["bearing.loss_power"], t) == pytest.approx(36.0, rel=1e-9)
+
+
+def test_a_table_of_bearing_torques_is_interpolated_and_extrapolated() -> None:
+    # 2 w' = -(1 + w) to w = 1, -(2 + 3 (w - 1)) from there on, also beyond the last row
+    rows = ((0.0, 1.0), (1.0, 2.0), (3.0, 8.0))
+    t = np.linspace(0.0, 3.0, 121)
+    t1 = 2 / 3 * math.log((6 - 1 / 3) / (1 - 1 / 3))
+    t0 = t1 + 2 * math.log(2.0)
+    w = np.select(
+        [t < t1, t < t0], [1 / 3 + (6 - 1 / 3) * np.exp(-1.5 * t), -1 + 2 * np.exp(-0.5 * (t - t1))], 0.0
+    )  # fmt: skip
+    result = run(Coasting(tau_pos=rows), ["body.w"], t, "rk")
+    agree(result, {"body.w": -w}, 1e-8)
+
+
+def test_peak_holds_what_the_sliding_torque_would_not() -> None:
+    t = np.linspace(0.0, 30.0, 301)
+    push = gl.Piecewise((0, gl.time < 15), (0.2 * (gl.time - 15), True))
+    result = run(Coasting(peak=1.5, push=push), ["body.w", "bearing.mode"], t, "rk")
+    late = np.maximum(t - 22.5, 0.0)  # 1.5 N.m are reached there
+    expected = np.minimum(-6 + 0.5 * t, 0.0) + (0.5 * late + 0.1 * late**2) / 2
+    agree(result, {"body.w": expected}, 1e-8)
+    assert (result["bearing.mode"][t > 22.6] == 1).all()
+
+
+def heat_losses_law(result: Any, name: str, v: np.ndarray, tau: np.ndarray, level: np.ndarray) -> None:
+    """Coulomb's law at every sample, whatever the modes say."""
+    moving = np.abs(v) > 1e-9
+    assert tau[moving] == pytest.approx((np.sign(v) * level)[moving], rel=1e-6, abs=1e-9), name
+    assert (np.abs(tau) <= level * (1 + 1e-6) + 1e-9).all(), name
+
+
+HEAT = [f"inertia{i}.w" for i in range(1, 7)]
+LOSSES = ["damper", "springDamper", "elastoBacklash", "bearingFriction", "lossyGear", "clutch", "oneWayClutch", "brake"]
+
+
+@pytest.fixture(scope="module")
+def heat_losses() -> Any:
+    outputs = [
+        *HEAT, *(f"{part}.loss_power" for part in LOSSES), "bearingFriction.tau", "bearingFriction.w", "clutch.tau", "clutch.w_rel",
+        "brake.tau", "brake.w", "oneWayClutch.tau", "oneWayClutch.w_rel", "oneWayClutch.stuck", "lossyGear.flange_a.tau",
+        "lossyGear.tau_loss", "lossyGear.w_a", "TAmbient.port.Q_flow", "springDamper.phi_rel", "spring3.phi_rel",
+        "elastoBacklash.tau_c", "lossyGear.flange_b.tau",
+    ]  # fmt: skip
+    return run(msl.HeatLosses(), outputs, np.linspace(0.0, 1.0, 2001), "rk")
+
+
+def test_heat_losses_obeys_the_laws_of_friction(heat_losses: Any) -> None:
+    r, f = heat_losses, np.sin(0.4 * np.pi * heat_losses.time)
+    heat_losses_law(r, "bearing", r["bearingFriction.w"], r["bearingFriction.tau"], np.ones(len(f)))
+    heat_losses_law(r, "clutch", r["clutch.w_rel"], r["clutch.tau"], 5 * f)
+    heat_losses_law(r, "brake", r["brake.w"], r["brake.tau"], f)
+    v, tau, overruns = r["oneWayClutch.w_rel"], r["oneWayClutch.tau"], r["oneWayClutch.w_rel"] > 1e-9
+    assert v.min() > -1e-8
+    assert tau[overruns] == pytest.approx(0.5 * f[overruns], rel=1e-6, abs=1e-9)
+    assert (tau <= 0.5 * f * (1 + 1.1e-4) + 1e-4).all()
+    w, T, L = r["lossyGear.w_a"], r["lossyGear.flange_a.tau"], r["lossyGear.tau_loss"]
+    eta, B = 0.8 - 0.1 * np.abs(w), 1 + np.abs(w)
+    drives = np.where(w > 0, T >= 0, T < 0)  # B1 = B2: no bearing torque on side a
+    loss = np.where(drives, (1 - eta) * T, (1 - 1 / eta) * T) + np.sign(w) * B
+    moving = np.abs(w) > 1e-9
+    assert L[moving] == pytest.approx(loss[moving], rel=1e-6, abs=1e-9)
+    assert r["lossyGear.flange_b.tau"] == pytest.approx(-2 * (T - L), rel=1e-9, abs=1e-9)
+
+
+def test_heat_losses_conserves_energy(heat_losses: Any) -> None:
+    r, t = heat_losses, heat_losses.time
+    lost = sum(r[f"{part}.loss_power"] for part in LOSSES)
+    assert r["TAmbient.port.Q_flow"] == pytest.approx(lost, rel=1e-9, abs=1e-12)
+    assert all((r[f"{part}.loss_power"] >= -1e-9).all() for part in LOSSES)
+    stored = sum(r[name] ** 2 for name in HEAT) + 5e3 * (r["springDamper.phi_rel"] ** 2 + r["spring3.phi_rel"] ** 2)
+    stored = stored + r["elastoBacklash.tau_c"] ** 2 / 2e5
+    work = np.trapezoid(20 * np.sin(10 * np.pi * t) * r["inertia1.w"], t)
+    assert stored[-1] + np.trapezoid(lost, t) == pytest.approx(work, rel=2e-4)  # as good as the trapezoids
+
+
+@pytest.mark.slow
+def test_heat_losses_is_the_same_with_ida(heat_losses: Any) -> None:
+    result = run(msl.HeatLosses(), HEAT, heat_losses.time, "ida")
+    agree(result, {name: heat_losses[name] for name in HEAT}, 1e-6)
+
+
+class Warm(gl.Component):
+    """A part between a driving and a driven body, with its heat port on a body."""
+
+    kind = gl.Structural(Clutch)
+
+    def assemble(self) -> Any:
+        self.a, self.b = gp.Inertia(J=1.0, start={"w": 1.0}), gp.Inertia(J=1.0, start={"w": 5.0})
+        self.part = self.kind(fn_max=4.0, f_normalized=1.0, use_heat_port=True)
+        self.metal = gp.HeatCapacitor(C=10.0, start={"T": 300.0})
+        return [
+            gl.connect(self.a.flange_b, self.part.flange_a),
+            gl.connect(self.part.flange_b, self.b.flange_a),
+            gl.connect(self.part.heat_port, self.metal.port),
+        ]
+
+
+@pytest.mark.parametrize("kind", [Clutch, OneWayClutchPart])
+def test_a_clutch_heats_up_by_the_energy_it_takes(kind: type[gl.Component]) -> None:
+    result = gl.simulate(Warm(kind=kind), t_end=3.0, samples=31, method="rk", rtol=1e-9)
+    assert result["metal.T"][-1] == pytest.approx(300 + (0.5 + 12.5 - 9.0) / 10, rel=1e-9)
+    assert result["a.w"] == pytest.approx(np.minimum(1 + 2 * result.time, 3.0), rel=1e-9)
+
+
+class Braked(gl.Component):
+    """A brake whose housing rides on a body."""
+
+    def assemble(self) -> Any:
+        self.shaft, self.housing = gp.Inertia(J=1.0, start={"w": 9.0}), gp.Inertia(J=2.0, start={"w": 0.0})
+        self.brake = Brake(fn_max=2.0, mu_pos=((0.0, 0.75),), cgeo=2.0, f_normalized=1.0, use_support=True)
+        return [
+            gl.connect(self.shaft.flange_b, self.brake.flange_a),
+            gl.connect(self.brake.support, self.housing.flange_a),
+        ]
+
+
+def test_a_brake_drags_its_housing_along() -> None:
+    result = gl.simulate(Braked(), t_end=4.0, samples=41, method="rk", rtol=1e-9)
+    assert result["shaft.w"] == pytest.approx(np.maximum(9 - 3 * result.time, 3.0), rel=1e-9)
+    assert result["housing.w"] == pytest.approx(np.minimum(1.5 * result.time, 3.0), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("rows", [(), ((0.0, 1.0, 2.0),), ((0.0, 1.0), (0.0, 2.0)), (3.0,)])
+def test_a_table_that_is_none_is_named(rows: Any) -> None:
+    with pytest.raises(BindingError, match="tau_pos"):
+        check_rows("BearingFriction.tau_pos", rows, 2)

@@ -1,0 +1,250 @@
+"""Gears with losses: a reference trajectory, motions worked out by hand, efficiencies, self-locking, energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError
+from gearparts.lossy import Gearbox, LossyGear
+from tests.gearparts import msl_hybrid_examples as msl
+from tests.gearparts.test_friction import METHODS, check_against_reference, run
+from tests.gearparts.test_msl_examples import agree
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_lossy_gear_demo_1(method: str) -> None:
+    result = check_against_reference(msl.LossyGearDemo1(), "LossyGearDemo1", method)
+    given = result["Inertia1.w"] * result["gear.flange_a.tau"] + result["Inertia2.w"] * result["gear.flange_b.tau"]
+    assert result["gear.loss_power"] == pytest.approx(given, abs=1e-12)
+    assert result["gear.loss_power"].min() > -1e-9
+
+
+@dataclass(frozen=True)
+class TwoBodies:
+    """Two bodies, a lossy gear between them, and a bearing on the first: one speed, that of the first body."""
+
+    J1: float
+    J2: float
+    ratio: float
+    row: tuple[float, float, float, float]
+    torque1: Callable[[float], float]
+    torque2: Callable[[float], float]
+    bearing: Callable[[float], float]  # sliding torque over speed
+
+    def acceleration(self, t: float, speed: float, sense: int) -> float:
+        """Turning in a sense, with the side that turns out to drive."""
+        eta1, eta2, B1, B2 = self.row
+        side_a = 0.0 if eta1 == 1 == eta2 else (B1 - B2) / (eta1 - 1 / eta2)
+        found = []
+        for a_drives in (True, False):
+            # J1 w' = torque1 - bearing - T; J2 w' / ratio = torque2 + ratio (T - L); L = p T + r
+            by_a = a_drives if sense > 0 else not a_drives
+            p, r = (1 - eta1, sense * B1) if by_a else (1 - 1 / eta2, sense * B2)
+            known = self.torque1(t) - sense * self.bearing(abs(speed))
+            w_dot = (self.torque2(t) / self.ratio + (1 - p) * known - r) / (self.J2 / self.ratio**2 + (1 - p) * self.J1)
+            if (known - self.J1 * w_dot - sense * side_a >= -1e-12) == a_drives or math.isclose(p, 0.0):
+                found.append(w_dot)
+        return found[0] if found else w_dot
+
+    def integrate(self, w0: float, times: np.ndarray, stops: list[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Angle and speed of the first body."""
+        out = np.zeros((2, len(times)))
+        t, y, end = float(times[0]), np.array([0.0, w0]), float(times[-1])
+        while t < end:
+            sense = int(np.sign(y[1])) or next((s for s in (1, -1) if s * self.acceleration(t + 1e-9, 0.0, s) > 1e-12), 0)
+            limit = min([s for s in stops if s > t] + [end])
+            if sense == 0:
+                t_new = self._release(t, limit)
+                inside = (times >= t) & (times <= t_new)
+                out[:, inside] = y[:, None]
+            else:
+                rest: Any = lambda at, x: sense * x[1] + (1e-9 if at - t < 1e-7 else 0.0)  # noqa: B023, E731
+                rest.terminal, rest.direction = True, -1
+                solution = solve_ivp(
+                    lambda at, x: [x[1], self.acceleration(at, x[1], sense)],  # noqa: B023
+                    (t, limit), y, "DOP853", dense_output=True, events=rest, rtol=1e-12, atol=1e-15, max_step=0.01,
+                )  # fmt: skip
+                t_new, y = float(solution.t[-1]), solution.y[:, -1].copy()
+                inside = (times >= t) & (times <= t_new)
+                if inside.any():
+                    out[:, inside] = solution.sol(times[inside])
+                if solution.status == 1:
+                    y[1] = 0.0
+            t = t_new
+        return out[0], out[1]
+
+    def _release(self, t: float, end: float) -> float:
+        """When it starts to turn again."""
+        grid = np.linspace(t, end, 2001)
+        for before, after in zip(grid, grid[1:], strict=False):
+            for s in (1, -1):
+                if s * self.acceleration(after, 0.0, s) > 0:
+                    return float(brentq(lambda at: s * self.acceleration(at, 0.0, s), before, after, xtol=1e-14))  # noqa: B023
+        return end
+
+
+def test_equations_by_hand_agree_with_the_reference_of_demo_1() -> None:
+    from tests.gearparts.test_msl_examples import reference
+
+    expected = reference("LossyGearDemo1")
+    w = demo(lambda w: 0.0).integrate(0.0, expected["time"], [])[1]
+    assert w / 2 == pytest.approx(expected["Inertia2.w"], abs=1e-8 * np.abs(expected["Inertia2.w"]).max())
+
+
+def demo(bearing: Callable[[float], float]) -> TwoBodies:
+    return TwoBodies(
+        1.0, 1.5, 2.0, (0.5, 0.5, 0.0, 0.0), lambda t: 10 * math.sin(2 * math.pi * t), lambda t: -10 + 2.5 * t, bearing
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_lossy_gear_demo_2(method: str) -> None:
+    times = np.linspace(0.0, 0.5, 201)
+    phi, w = demo(lambda w: 0.5 + 0.5 * w).integrate(0.0, times, [])
+    expected = {"Inertia1.w": w, "Inertia1.phi": phi, "Inertia2.w": w / 2, "Inertia2.phi": phi / 2}
+    assert (np.abs(w) < 1e-12).sum() > 50  # stuck for long: two elements share the torque
+    agree(run(msl.LossyGearDemo2(), [*expected], times, method), expected, 1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_lossy_gear_demo_3(method: str) -> None:
+    # at the border between both sides driving, T = 0.5 N.m: it comes to rest after 20 ms, and 1 N.m at the load does not move it
+    times = np.linspace(0.0, 1.0, 201)
+    by_hand = TwoBodies(
+        1e-3, 1e-3, 1.0, (0.25, 0.25, 0.625, 2.5), lambda t: 0.0, lambda t: 1.0 if t >= 0.5 else 0.0, lambda w: 0.0
+    )
+    phi, w = by_hand.integrate(10.0, times, [0.5])
+    assert w == pytest.approx(np.maximum(10 - 500 * times, 0.0), abs=1e-9)
+    result = run(msl.LossyGearDemo3(), ["Inertia1.w", "Inertia2.w", "Inertia2.phi", "gear.mode"], times, method)
+    agree(result, {"Inertia1.w": w, "Inertia2.w": w, "Inertia2.phi": phi}, 1e-8)
+    assert (result["gear.mode"][5:] == 0).all()
+
+
+class Driven(gl.Component):
+    """A gear between a driving and a driven body, both under torque."""
+
+    loss_table = gl.Structural(((0.0, 1.0, 1.0, 0.0, 0.0),))
+    ratio = gl.Parameter("1", default=3.0)
+    tau_a = gl.Parameter("N.m", default=2.0)
+    tau_b = gl.Parameter("N.m", default=0.0)
+    w0 = gl.Parameter("rad/s", default=30.0)
+
+    def assemble(self) -> Any:
+        self.a, self.b = gp.Inertia(J=0.1), gp.Inertia(J=0.5)
+        self.gear = LossyGear(ratio=self.ratio, loss_table=self.loss_table, use_heat_port=True, start={"w_a": self.w0})
+        self.torque_a, self.torque_b = gp.Torque(tau=self.tau_a), gp.Torque(tau=self.tau_b)
+        self.metal = gp.HeatCapacitor(C=1.0, start={"T": 300.0})
+        return [
+            gl.connect(self.torque_a.flange, self.a.flange_a),
+            gl.connect(self.a.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.b.flange_a),
+            gl.connect(self.b.flange_b, self.torque_b.flange),
+            gl.connect(self.gear.heat_port, self.metal.port),
+        ]
+
+
+ROW = (0.0, 0.9, 0.8, 0.3, 0.5)
+
+
+@pytest.mark.parametrize(("tau_a", "tau_b"), [(8.0, -3.0), (-4.0, 9.0), (-8.0, 3.0), (4.0, -30.0)])
+@pytest.mark.parametrize("w0", [30.0, -30.0])
+@pytest.mark.parametrize("ratio", [3.0, -2.0])
+def test_all_quadrants(tau_a: float, tau_b: float, w0: float, ratio: float) -> None:
+    system = gl.compile(Driven(loss_table=(ROW,)), outputs=["gear.w_a", "metal.T", "gear.flange_a.tau", "gear.tau_loss"])
+    values = {"tau_a": tau_a, "tau_b": tau_b, "w0": w0, "ratio": ratio}
+    times = np.linspace(0.0, 2.0, 101)
+    result = system.simulate(2.0, times=times, method="rk", rtol=1e-9, parameters=values)
+    by_hand = TwoBodies(0.1, 0.5, ratio, ROW[1:], lambda t: tau_a, lambda t: tau_b, lambda w: 0.0)
+    phi, w = by_hand.integrate(w0, times, [])
+    agree(result, {"gear.w_a": w}, 1e-7)
+    stored = (0.05 + 0.25 / ratio**2) * (w**2 - w0**2)
+    assert result["metal.T"] - 300 == pytest.approx((tau_a + tau_b / ratio) * phi - stored, rel=1e-6, abs=1e-5)
+
+
+def test_a_table_of_losses_is_interpolated() -> None:
+    # no mesh losses, bearing torque 1 + w / 10 up to w = 20 and beyond: (0.1 + 0.5 / 9) w' = 2 - 1 - w / 10
+    rows = ((0.0, 1.0, 1.0, 1.0, 1.0), (10.0, 1.0, 1.0, 2.0, 2.0), (20.0, 1.0, 1.0, 3.0, 3.0))
+    times = np.linspace(0.0, 3.0, 61)
+    result = run(Driven(loss_table=rows), ["gear.w_a"], times, "rk")
+    agree(result, {"gear.w_a": 10 + 20 * np.exp(-0.1 * times / (0.1 + 0.5 / 9))}, 1e-8)
+
+
+def test_without_losses_it_is_an_ideal_gear() -> None:
+    times = np.linspace(0.0, 1.0, 11)
+    result = run(Driven(), ["gear.w_a", "gear.mode", "gear.loss_power"], times, "auto")
+    agree(result, {"gear.w_a": 30 + 2 * times / (0.1 + 0.5 / 9)}, 1e-9)
+    assert (result["gear.mode"] == 2).all()
+    assert (result["gear.loss_power"] == 0).all()
+
+
+class Geared(gl.Component):
+    """A gearbox on a housing that is held, between two bodies."""
+
+    kind = gl.Structural(Gearbox)
+    options = gl.Structural(())
+
+    def assemble(self) -> Any:
+        self.motor, self.load = gp.Inertia(J=0.1, start={"w": 0.0}), gp.Inertia(J=2.0, start={"w": 0.0})
+        self.gearbox = Gearbox(
+            ratio=5.0, c=1e4, d=20.0, use_support=True, use_heat_port=True, start={"phi_rel": 0.0}, **dict(self.options)
+        )
+        self.torque = gp.Torque(tau=3.0)
+        self.ground, self.metal = gp.Fixed(), gp.HeatCapacitor(C=1.0, start={"T": 0.0})
+        return [
+            gl.connect(self.torque.flange, self.motor.flange_a),
+            gl.connect(self.motor.flange_b, self.gearbox.flange_a),
+            gl.connect(self.gearbox.flange_b, self.load.flange_a),
+            gl.connect(self.gearbox.support, self.ground.flange),
+            gl.connect(self.gearbox.heat_port, self.metal.port),
+        ]
+
+
+@pytest.mark.parametrize("b", [0.0, 0.02])
+def test_a_gearbox_is_a_lossy_gear_and_a_coupling_with_backlash(b: float) -> None:
+    options = (("loss_table", ((0.0, 0.8, 0.7, 0.2, 0.3),)), ("b", b))
+    outputs = [
+        "motor.w", "motor.phi", "load.w", "load.phi", "gearbox.phi_rel", "gearbox.w_rel", "metal.T", "gearbox.loss_power",
+        "gearbox.support.tau", "gearbox.flange_a.tau", "gearbox.flange_b.tau", "gearbox.elastoBacklash.tau_c",
+    ]  # fmt: skip
+    times = np.linspace(0.0, 1.0, 201)
+    r = run(Geared(options=options), outputs, times, "rk")
+
+    def rate(t: float, x: np.ndarray) -> list[float]:
+        deflection, w_rel = x[3] - x[1] / 5, x[2] - x[0] / 5
+        beyond = math.copysign(max(abs(deflection) - b / 2, 0.0), deflection)
+        spring, damper = 1e4 * beyond, 20.0 * w_rel
+        if b == 0:
+            tau = spring + damper
+        elif spring > 0:
+            tau = max(0.0, spring + min(spring, damper))
+        else:
+            tau = min(0.0, spring + max(spring, damper))
+        out = -tau  # torque that the gear delivers: ratio (T - L); forward it is 5 (eta1 T - B1) or 5 (T / eta2 - B2)
+        T = (out / 5 + 0.2) / 0.8
+        side_a = (0.2 - 0.3) / (0.8 - 1 / 0.7)
+        if T < side_a:
+            T = (out / 5 + 0.3) * 0.7
+        return [(3.0 - T) / 0.1, x[0], out / 2.0, x[2]]
+
+    x = solve_ivp(rate, (0, 1), np.zeros(4), "DOP853", times, rtol=1e-10, atol=1e-13, max_step=2e-5 if b else 1e-3).y
+    expected = {"motor.w": x[0], "motor.phi": x[1], "load.w": x[2], "load.phi": x[3]}
+    expected["gearbox.phi_rel"] = x[3] - x[1] / 5
+    agree(r, expected, 1e-6)
+    stored = 0.05 * r["motor.w"] ** 2 + r["load.w"] ** 2 + r["gearbox.elastoBacklash.tau_c"] ** 2 / 2e4
+    assert stored + r["metal.T"] == pytest.approx(3.0 * r["motor.phi"], rel=1e-6, abs=1e-7)
+    assert r["gearbox.support.tau"] == pytest.approx(-r["gearbox.flange_a.tau"] - r["gearbox.flange_b.tau"], abs=1e-9)
+
+
+def test_a_wrong_table_is_named() -> None:
+    with pytest.raises(BindingError, match=r"LossyGear\.loss_table .* rows of 5 numbers"):
+        gl.compile(Driven(loss_table=((0.0, 0.5),)))

@@ -1,0 +1,147 @@
+"""Mesh stiffness from 1e2 to 1e14 N/m, damping from none to far above critical, inertia ratios to 1e10."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import gearlib as gl
+import gearparts as gp
+
+R_1, R_2, J_1, J_2 = 0.05, 0.1, 0.01, 0.2
+MASS = 1 / (R_1**2 / J_1 + R_2**2 / J_2)  # kg, of the mesh's vibration
+STIFFNESSES = tuple(10.0**k for k in range(2, 15))
+c = gl.connect
+
+
+class Pair(gl.Component):
+    """A gear pair with an elastic or a rigid mesh; a fan as load makes it nonlinear."""
+
+    rigid = gl.Structural(False)
+    linear = gl.Structural(False, "no fan")
+    fan = gl.Parameter("N.m.s2/rad2", "drag of the load over its speed squared", default=0.01)
+
+    def assemble(self) -> list[Any]:
+        self.torque = gp.Torque(tau=10 + 2 * gl.sin(30 * gl.time))
+        self.pinion, self.wheel = gp.Inertia(J=J_1), gp.Inertia(J=J_2)
+        if not self.linear:
+            drag = {"tau_nominal": -self.fan, "w_nominal": 1.0, "torque_direction": False}
+            self.load = gp.QuadraticSpeedDependentTorque(**drag)
+        self.mesh = gp.IdealGear(ratio=-R_2 / R_1) if self.rigid else gp.ExternalMesh(r_a=R_1, r_b=R_2, c=1e8, d=0.0)
+        links = [
+            c(self.torque.flange, self.pinion.flange_a), c(self.pinion.flange_b, self.mesh.flange_a),
+            c(self.mesh.flange_b, self.wheel.flange_a),
+        ]  # fmt: skip
+        return links if self.linear else [*links, c(self.wheel.flange_b, self.load.flange)]
+
+
+@cache
+def compiled(rigid: bool = False, linear: bool = False) -> gl.System:
+    return gl.compile(Pair(rigid=rigid, linear=linear), outputs=["pinion.w", "wheel.w"])
+
+
+def damping(stiffness: float, ratio: float) -> float:
+    """N.s/m at a fraction of critical damping."""
+    return 2 * ratio * math.sqrt(stiffness * MASS)
+
+
+def run(stiffness: float, ratio: float, method: str, rtol: float = 1e-8, t_end: float = 0.5, **parameters: float) -> Any:
+    values = {"mesh.c": stiffness, "mesh.d": damping(stiffness, ratio), **parameters}
+    return compiled().simulate(t_end, samples=51, method=method, rtol=rtol, parameters=values)
+
+
+def distance_from_rigid(stiffness: float, rtol: float = 1e-10) -> float:
+    """Of the wheel's speed, after the first vibration has died away, with the mesh damped at 0.7 of critical."""
+    rigid = compiled(True).simulate(0.5, samples=51, method="rk8", rtol=1e-12)
+    elastic = run(stiffness, 0.7, "auto" if stiffness > 1e9 else "rk8", rtol)
+    return float(np.abs(elastic["wheel.w"] - rigid["wheel.w"])[10:].max())
+
+
+def rates(stiffnesses: tuple[float, ...]) -> list[float]:
+    """Powers of the stiffness with which the elastic train nears the rigid one."""
+    found = [distance_from_rigid(k) for k in stiffnesses]
+    return [math.log10(a / b) / math.log10(y / x) for a, b, x, y in zip(found, found[1:], stiffnesses, stiffnesses[1:])]
+
+
+def test_elastic_becomes_rigid() -> None:
+    # the deflection is F / k, its rate too: first order in 1 / k
+    assert rates((1e7, 1e8, 1e9)) == pytest.approx([1.0, 1.0], abs=0.1)
+
+
+@pytest.mark.stress
+def test_elastic_becomes_rigid_up_the_ladder() -> None:
+    assert rates((1e6, 1e7, 1e8, 1e9, 1e10)) == pytest.approx([1.0] * 4, abs=0.1)
+    # above, the difference is what the tolerance leaves of it
+    for stiffness in (1e11, 1e12, 1e13, 1e14):
+        assert distance_from_rigid(stiffness) < 3e-8
+
+
+@pytest.mark.parametrize("stiffness", STIFFNESSES[::4])
+def test_ida_steps_are_bounded(stiffness: float) -> None:
+    result = run(stiffness, 1.0, "ida", 1e-6)
+    assert result.stats["steps"] < 3000
+    assert np.isfinite(result["wheel.w"]).all()
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("ratio", [0.3, 1.0, 10.0, 1000.0])
+@pytest.mark.parametrize("stiffness", STIFFNESSES)
+def test_ida_steps_are_bounded_up_the_ladder(stiffness: float, ratio: float) -> None:
+    result = run(stiffness, ratio, "ida", 1e-6)
+    assert result.stats["steps"] < 3000
+    reference = run(stiffness, ratio, "ida", 1e-10)
+    assert np.abs(result["wheel.w"] - reference["wheel.w"]).max() <= 1e-4 * np.abs(reference["wheel.w"]).max()
+
+
+def test_auto_hands_over_where_it_is_stiff() -> None:
+    soft, stiff = run(1e5, 1.0, "auto"), run(1e14, 1.0, "auto")
+    assert soft.stats["method"].startswith("rk")
+    assert stiff.stats["method"] == "ida"
+    assert "handed over" in stiff.stats["why"]
+    assert stiff.stats["steps"] < 5000
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("stiffness", STIFFNESSES)
+@pytest.mark.parametrize("ratio", [0.01, 1.0, 100.0])
+def test_auto_agrees_with_ida(stiffness: float, ratio: float) -> None:
+    if ratio < 0.1 and stiffness > 1e9:
+        pytest.skip("a vibration of hundreds of kilohertz, hardly damped: every step of every method must follow it")
+    one, other = (run(stiffness, ratio, m) for m in ("auto", "ida"))
+    assert np.abs(one["wheel.w"] - other["wheel.w"]).max() <= 1e-5 * np.abs(other["wheel.w"]).max()
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.01, 1.0, 50.0])
+@pytest.mark.parametrize("stiffness", [1e2, 1e6, 1e10, 1e14])
+def test_exact_at_any_stiffness_and_damping(stiffness: float, ratio: float) -> None:
+    """The deflection alone obeys an equation of second order, whose solution is known."""
+    d = damping(stiffness, ratio)
+    result = compiled(linear=True).simulate(0.01, samples=11, method="exact", parameters={"mesh.c": stiffness, "mesh.d": d})
+    times = result.time
+    A = np.zeros((4, 4))  # scaled time w t: deflection and its rate, and the cosine's two states; constant torque apart
+    frequency = math.sqrt(stiffness / MASS)
+    A[0, 1], A[1, 0], A[1, 1] = frequency, -frequency, -d / MASS
+    A[1, 2], A[2, 3], A[3, 2] = 2 * R_1 / J_1 / frequency, 30.0, -30.0
+    constant = 10 * R_1 / J_1 / frequency
+    full = np.zeros((5, 5))
+    full[:4, :4], full[1, 4] = A, constant
+    start = np.array([0.0, 0.0, 0.0, 1.0, 1.0])
+    expected = np.array([(expm(full * t) @ start)[0] for t in times])
+    assert np.abs(result["mesh.q"] - expected).max() <= 1e-8 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("small", [1e-4, 1e-10])
+@pytest.mark.parametrize("method", ["exact", "ida", "rk8"])
+def test_inertia_ratios(method: str, small: float) -> None:
+    """A tiny pinion before a large wheel: the momentum on the line of action is that of the torque."""
+    values = {"pinion.J": small, "mesh.c": 1e3, "mesh.d": 1e3 * math.sqrt(small)}
+    result = compiled(linear=True).simulate(0.05, samples=6, method=method, rtol=1e-9, parameters=values)
+    t = result.time
+    work = R_2 / R_1 * (10 * t + 2 * (1 - np.cos(30 * t)) / 30)
+    momentum = R_2 / R_1 * small * result["pinion.w"] - J_2 * result["wheel.w"]
+    assert np.abs(momentum - work).max() <= 1e-6 * work.max()
