@@ -19,8 +19,9 @@ from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.templates import parse_column
 from gearlib.language.component import Component
+from gearlib.solve.arguments import absolute_tolerance, check_options, output_times
 from gearlib.solve.initialize import Start, start_values, steady_state
-from gearlib.solve.methods import METHODS, Run, integrate
+from gearlib.solve.methods import Run, integrate
 from gearlib.solve.result import Result
 from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
 from gearlib.solve.table import Table, values
@@ -65,10 +66,10 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
     >>> system.simulate(t_end=2.0, samples=3)["load.w"]
     array([0., 2., 4.])
     """
-    if outputs is not None and (
-        isinstance(outputs, str) or not isinstance(outputs, Iterable) or not all(isinstance(n, str) for n in outputs)
-    ):
-        raise ArgumentError(f"outputs is a list of names, such as {[outputs] if isinstance(outputs, str) else ['load.w']}; got {outputs!r}")
+    if outputs is not None and (isinstance(outputs, str) or not isinstance(outputs, Iterable)):
+        raise ArgumentError(
+            f"outputs is a list of names, such as {[outputs] if isinstance(outputs, str) else ['load.w']}; got {outputs!r}"
+        )
     model = flatten(component)
     parameters = model.parameters.evaluate(model.parameters.values)
     structure = analyse(model, numbers_of(model, parameters, 0.0))
@@ -206,8 +207,8 @@ class System:
         ArgumentError, NameLookupError, BoundError, StartError, SolverError
             Each names what was found and what was expected.
         """
-        grid = _grid(t_start, t_end, samples, times)
-        _check(method, rtol)
+        grid = output_times(t_start, t_end, samples, times)
+        check_options(method, rtol)
         numbers = self._parameters(parameters)
         signals = self._signals(inputs)
         options = (grid, method, rtol, atol, numbers, start, signals, progress)
@@ -219,7 +220,7 @@ class System:
     ) -> Result:  # fmt: skip
         numbers = self._prepared(scene, parameters)
         begin = self._start(scene, parameters, float(grid[0]), start, signals, numbers)
-        absolute = _absolute(atol, len(scene.states))
+        absolute = absolute_tolerance(atol, len(scene.states))
         run = Run(scene, numbers, begin, tuple(signals), grid, rtol, absolute)
         if progress:
             print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {method}")
@@ -353,50 +354,3 @@ class System:
 
     def __repr__(self) -> str:
         return f"<System {self.name}: {len(self.states)} states>"
-
-
-def _grid(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None) -> Floats:
-    for name, value in (("t_start", t_start), ("t_end", t_end)):
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
-            raise ArgumentError(f"{name} is {value!r}; expected a finite number of seconds")
-    if not t_end > t_start:
-        raise ArgumentError(f"t_end ({t_end:g}) must be greater than t_start ({t_start:g})")
-    if times is not None:
-        if samples is not None:
-            raise ArgumentError("give samples or times, not both")
-        try:
-            grid = np.array(times, float)
-        except (TypeError, ValueError):
-            raise ArgumentError(f"times is {times!r}; expected an increasing sequence of numbers, s") from None
-        if grid.ndim != 1 or len(grid) < 1 or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
-            raise ArgumentError("times must be an increasing sequence of finite numbers")
-        if grid[0] < t_start or grid[-1] > t_end:
-            raise ArgumentError(
-                f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {grid[0]:g} .. {grid[-1]:g}"
-            )
-        if grid[0] > t_start:
-            raise ArgumentError(f"times must begin at t_start ({t_start:g}), got {grid[0]:g}")
-        return grid
-    count = 501 if samples is None else samples
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
-        raise ArgumentError(f"samples is {samples!r}; expected a whole number, 2 or more")
-    return np.linspace(t_start, t_end, int(count))
-
-
-def _check(method: str, rtol: float) -> None:
-    if method not in METHODS:
-        raise ArgumentError(f"there is no method {method!r}; {nearest(str(method), METHODS)}")
-    if isinstance(rtol, bool) or not isinstance(rtol, (int, float, np.number)) or not 1e-13 <= rtol <= 0.1:
-        raise ArgumentError(f"rtol is {rtol!r}; expected a number from 1e-13 to 0.1")
-
-
-def _absolute(atol: ArrayLike | None, n: int) -> Floats | None:
-    if atol is None:
-        return None
-    try:
-        result = np.broadcast_to(np.asarray(atol, float), (n,)).copy()
-    except (TypeError, ValueError):
-        raise ArgumentError(f"atol is {atol!r}; expected a number, or one for each of the {n} states") from None
-    if not (np.isfinite(result).all() and (result > 0).all()):
-        raise ArgumentError(f"atol is {atol!r}; expected positive numbers")
-    return result

@@ -411,7 +411,7 @@ FAILURES = {
     "chattering": (
         problem(switched_rhs, [0.5], [-1.0], roots=first_state_root, n_roots=1, update=sliding_update),
         SolverError,
-        r"chattering at t=0\.5.* event functions 0$",
+        r"events chatter at t=0\.5.* of root 0$",
     ),
 }
 

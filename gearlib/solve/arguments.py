@@ -1,0 +1,63 @@
+"""What a user asks of a run, checked."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearlib.errors import ArgumentError, nearest
+from gearlib.solve.methods import METHODS
+
+Floats = NDArray[np.float64]
+
+
+def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None) -> Floats:
+    """The output times, or an `ArgumentError` that says what is wrong with what was asked for."""
+    for name, value in (("t_start", t_start), ("t_end", t_end)):
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
+            raise ArgumentError(f"{name} is {value!r}; expected a finite number of seconds")
+    if not t_end > t_start:
+        raise ArgumentError(f"t_end ({t_end:g}) must be greater than t_start ({t_start:g})")
+    if times is not None:
+        if samples is not None:
+            raise ArgumentError("give samples or times, not both")
+        try:
+            grid = np.array(times, float)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"times is {times!r}; expected an increasing sequence of numbers, s") from None
+        if grid.ndim != 1 or len(grid) < 1 or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
+            raise ArgumentError("times must be an increasing sequence of finite numbers")
+        if grid[0] < t_start or grid[-1] > t_end:
+            raise ArgumentError(
+                f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {grid[0]:g} .. {grid[-1]:g}"
+            )
+        if grid[0] > t_start:
+            raise ArgumentError(f"times must begin at t_start ({t_start:g}), got {grid[0]:g}")
+        return grid
+    count = 501 if samples is None else samples
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
+        raise ArgumentError(f"samples is {samples!r}; expected a whole number, 2 or more")
+    return np.linspace(t_start, t_end, int(count))
+
+
+def check_options(method: str, rtol: float) -> None:
+    """Raise `ArgumentError` for an unknown method or a tolerance out of range."""
+    if method not in METHODS:
+        raise ArgumentError(f"there is no method {method!r}; {nearest(str(method), METHODS)}")
+    if isinstance(rtol, bool) or not isinstance(rtol, (int, float, np.number)) or not 1e-13 <= rtol <= 0.1:
+        raise ArgumentError(f"rtol is {rtol!r}; expected a number from 1e-13 to 0.1")
+
+
+def absolute_tolerance(atol: ArrayLike | None, n: int) -> Floats | None:
+    """One absolute tolerance for each state, or None where none was given."""
+    if atol is None:
+        return None
+    try:
+        result = np.broadcast_to(np.asarray(atol, float), (n,)).copy()
+    except (TypeError, ValueError):
+        raise ArgumentError(f"atol is {atol!r}; expected a number, or one for each of the {n} states") from None
+    if not (np.isfinite(result).all() and (result > 0).all()):
+        raise ArgumentError(f"atol is {atol!r}; expected positive numbers")
+    return result
