@@ -19,6 +19,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.codegen import cache
 from gearlib.solve import scene as scene_module
+from tests import test_documents
 from tests.benchmarks.scenes import Chain, Trains, Tree, chain_speeds
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -37,6 +38,7 @@ def run(script: str, *, hash_seed: int = 0, **environment: str) -> Any:
 
 COUNT = """
 import json, sys
+from tests import test_documents
 from tests.benchmarks.scenes import Chain, Star, Tree
 import gearlib as gl
 
@@ -161,6 +163,7 @@ def test_torque_that_a_redundant_gear_leaves_open_is_its_own() -> None:
 DETERMINED = """
 import json
 import gearlib as gl, gearparts as gp
+from tests import test_documents
 from tests.benchmarks.scenes import Star, Tree
 
 class Shift(gl.Component):
@@ -247,6 +250,11 @@ def test_other_numbers_never_translate_or_compile_again(monkeypatch: pytest.Monk
             if method == "auto" or not callable(changed.get("inputs", {}).get("torque.tau")):
                 system.simulate(**{"t_end": 0.1, "method": method, **changed})["b.w"]
     assert calls == []
+
+
+def test_page_shows_what_its_code_prints() -> None:
+    """``python -m tests.benchmarks.scale`` brings it up to date."""
+    test_documents.test_code_prints_what_the_page_shows("docs/how_it_scales.md")
 
 
 # ---------------------------------------------------------------- import

@@ -12,7 +12,7 @@ from typing import Any
 
 import gearlib as gl
 from gearparts.interfaces import Compliant, Dissipative, Flange, TwoFlanges
-from gearparts.tables import at_zero, check_rows, interpolated
+from gearparts.tables import at_zero, check_rows, interpolated, piecewise_without_events
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # of a one-way clutch's break-away torque, relative
@@ -199,7 +199,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     def equations(self) -> list[gl.Eq | gl.When]:
         locked, is_free, was_stuck = gl.holds(self.locked), gl.holds(self.free), gl.holds(gl.pre(self.stuck))
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
-        peak = gl.no_event(gl.Piecewise((self.peak, self.peak > 1 + HYSTERESIS), (1 + HYSTERESIS, True)))
+        peak = piecewise_without_events((self.peak, self.peak > 1 + HYSTERESIS), (1 + HYSTERESIS, True))
         started = gl.pre(self.start_forward)
         limit = self.tau0_max * (1 - started) + (1 - ROUNDING) * self.tau0 * started
         return [

@@ -8,7 +8,7 @@ import gearlib as gl
 from gearparts.backlash import ElastoBacklash
 from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, sign_while
 from gearparts.interfaces import Dissipative, Flange, TwoFlanges
-from gearparts.tables import Rows, at_zero, check_rows, interpolated
+from gearparts.tables import Rows, at_zero, check_rows, interpolated, piecewise_without_events
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -95,15 +95,11 @@ class LossyGear(TwoFlanges, Dissipative):
             gl.Eq(gl.der(self.w_a), gl.Piecewise((0, gl.holds(self.locked)), (self.sa - self.tau_loss, True))),
             gl.Eq(
                 self.loss_forward,
-                gl.no_event(
-                    gl.Piecewise((_a_drives(torque, 1, at_rest), torque > still), (_b_drives(torque, 1, at_rest), True))
-                ),
+                piecewise_without_events((_a_drives(torque, 1, at_rest), torque > still), (_b_drives(torque, 1, at_rest), True)),
             ),
             gl.Eq(
                 self.loss_backward,
-                gl.no_event(
-                    gl.Piecewise((_b_drives(torque, -1, at_rest), torque > -still), (_a_drives(torque, -1, at_rest), True))
-                ),
+                piecewise_without_events((_b_drives(torque, -1, at_rest), torque > -still), (_a_drives(torque, -1, at_rest), True)),
             ),
         ]
 

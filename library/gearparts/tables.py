@@ -42,7 +42,13 @@ def interpolated(rows: Rows, x: Any, column: int = 1) -> Any:
         slope = (right[column] - left[column]) / (right[0] - left[0])
         lines.append((left[column] + slope * (x - left[0]), x < right[0]))
     lines[-1] = (lines[-1][0], True)
-    return gl.no_event(gl.Piecewise(*lines))
+    return piecewise_without_events(*lines)
+
+
+def piecewise_without_events(*branches: Any) -> Any:
+    """A `Piecewise` whose conditions are evaluated at every moment; plain where its branches are all the same."""
+    law = gl.Piecewise(*branches)
+    return gl.no_event(law) if isinstance(law, gl.Piecewise) else law
 
 
 def at_zero(rows: Rows, column: int = 1) -> float:

@@ -261,7 +261,7 @@ def backlash_floor() -> Any:
     def run(x, data, index, times, out, atol, rtol, h, work):
         xn, y, k0, k1, k2, k3, k4, k5, k6, b = work
         t, t_end, i_sample, log_old, held = times[0], times[-1], 0, math.log(1e-4), 1.0
-        data[0] = 1.0
+        data[0] = 0.0  # the deflection decreases from the flank where it starts
         backlash_rhs(t, x, k0, data, index)
         steps = 0
         while t < t_end:

@@ -1,4 +1,4 @@
-"""How translation grows with the model: measurements, the table in docs/scale.md and its plot.
+"""How translation grows with the model: measurements, the table in docs/scale.md and its plot, the output in docs/how_it_scales.md.
 
 Run as ``python -m tests.benchmarks.scale`` from the checkout. Every measurement is made in a process of its own with an empty cache, and
 times are processor time, so that other work on the machine does not count.
@@ -6,11 +6,14 @@ times are processor time, so that other work on the machine does not count.
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import io
 import json
 import math
 import os
 import platform
+import re
 import statistics
 import subprocess
 import sys
@@ -24,7 +27,11 @@ SIZES = {
     "star": [20, 50, 200],
     "tree": [50, 200, 600, 1950],  # 1950 bodies: 5000 components
 }
-TITLES = {"chain": "chain of N inertias", "star": "star of N planetary sets", "tree": "random tree of N bodies on gears, with loops"}
+TITLES = {
+    "chain": "chain of N inertias",
+    "star": "star of N planetary sets",
+    "tree": "random tree of N bodies on gears, with loops",
+}
 Row = dict[str, Any]
 
 MEASURE = """
@@ -40,7 +47,10 @@ marks.append(clock())
 system._scene.program
 marks.append(clock())
 source = system.source
-memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+try:  # the peak of this program; elsewhere the system's number may include the parent's
+    memory = 1024 * int(next(l for l in open("/proc/self/status") if l.startswith("VmHWM")).split()[1])
+except OSError:
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 import numba
 marks.append(clock())
 system._scene.native
@@ -142,27 +152,33 @@ def second_process(method: str = "auto", repetitions: int = 5) -> Row:
     return {"total": total, "run": integration, "imports": statistics.median(loads), "first": first["total"]}
 
 
+COLUMNS = {
+    "n": ("N", "{}"), "components": ("components", "{}"), "equations": ("equations", "{}"), "states": ("states", "{}"),
+    "compile": ("translate, s", "{:.3f}"), "again": ("again, s", "{:.3f}"), "program": ("program, s", "{:.3f}"),
+    "native": ("machine code, s", "{:.2f}"), "source": ("lines of source", "{}"), "megabytes": ("memory, MB", "{:.0f}"),
+}  # fmt: skip
+
+
 def table() -> str:
     """The page docs/scale.md."""
+    heads = [head for head, _ in COLUMNS.values()]
     lines = [
         "# Translation at scale",
         "",
         "Processor seconds, each the median of three processes that began with an empty cache; "
         f"Python {platform.python_version()}, one core of an {platform.machine()} machine that also did other work. *Translate* is "
         "`gl.compile`; *again* is a second model of that size in the same process, whose classes are known; *program* is the sorted "
-        "program that a run needs, made at the first run; *machine code* is numba's compilation of it, which the cache keeps. Linear "
-        "scenes that are solved exactly need no machine code. Memory is the peak of the whole process before numba was loaded; "
-        "of that, 85 MB are numpy, sympy and networkx.",
+        "program that a run needs, made at the first run; *machine code* is numba's compilation of it, which the cache keeps (of it, "
+        "0.3 s are numba's own start). Linear scenes that are solved exactly need no machine code. Memory is the peak of the process "
+        "before numba was loaded.",
         "",
-        "| model | N | components | equations | states | translate, s | again, s | program, s | machine code, s | lines of source | memory, MB |",
-        "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+        f"| model | {' | '.join(heads)} |",
+        f"|---|{'---:|' * len(heads)}",
     ]
-    for kind, sizes in SIZES.items():
-        for r in (measure(kind, n) for n in sizes):
-            lines.append(
-                f"| {TITLES[kind]} | {r['n']} | {r['components']} | {r['equations']} | {r['states']} | {r['compile']:.3f} | "
-                f"{r['again']:.3f} | {r['program']:.3f} | {r['native']:.2f} | {r['source']} | {r['memory'] / 2**20:.0f} |"
-            )
+    rows = [(TITLES[kind], measure(kind, n)) for kind, sizes in SIZES.items() for n in sizes]
+    for title, r in rows:
+        cells = [form.format({**r, "megabytes": r["memory"] / 2**20}[key]) for key, (_, form) in COLUMNS.items()]
+        lines += [f"| {title} | {' | '.join(cells)} |"]
     lines += ["", "![Time to translate against the number of components](images/scale.png)", ""]
     for kind, sizes in SIZES.items():
         small, large = (measure(kind, n) for n in sizes[-2:])
@@ -182,8 +198,8 @@ def _comparison() -> list[str]:
     version = found["rumoca_components"][0]["version"]  # type: ignore[index]
     lines = [
         "## Beside rumoca", "",
-        f"rumoca {version}, `Session.loads` of the same chain, in the same run; the factor is against gearlib's `gl.compile` in a new process.",
-        "", "| | N = 100, s | N = 1000, s | factor at N = 1000 |", "|---|---:|---:|---:|",
+        f"rumoca {version}, `Session.loads` of the same chain, in the same run; the factor is against gearlib's `gl.compile` in a new "
+        "process.", "", "| | N = 100, s | N = 1000, s | factor at N = 1000 |", "|---|---:|---:|---:|",
         f"| gearlib | {measure('chain', 100)['compile']:.3f} | {measure('chain', 1000)['compile']:.3f} | 1 |",
     ]  # fmt: skip
     for form, rows in found.items():
@@ -195,8 +211,8 @@ def _comparison() -> list[str]:
 def _process() -> list[str]:
     lines = [
         "## A second process", "",
-        "The XP train (`gp.ZhouCui2022`), from the start of the process to `w_out`, with a warm cache; beside it a process that only imports "
-        "the same modules, and the integration alone.", "",
+        "The XP train (`gp.ZhouCui2022`), from the start of the process to `w_out`, with a warm cache; beside it a process that only "
+        "imports the same modules, and the integration alone.", "",
         "| method | first process, s | second process, s | imports, s | integration, s | second / (imports + integration) |",
         "|---|---:|---:|---:|---:|---:|",
     ]  # fmt: skip
@@ -219,7 +235,10 @@ def plot(path: Path) -> None:
         rows = [measure(kind, n) for n in sizes]
         x = [r["components"] for r in rows]
         axes.loglog(x, [r["again"] for r in rows], marker + "-", label=TITLES[kind])
-    for form, label in (("rumoca_components", "chain, rumoca (components)"), ("rumoca_equations", "chain, rumoca (flat equations)")):
+    for form, label in (
+        ("rumoca_components", "chain, rumoca (components)"),
+        ("rumoca_equations", "chain, rumoca (flat equations)"),
+    ):
         sizes = [n for n in (10, 100, 1000) if rumoca(form, n)]
         if sizes:
             axes.loglog([measure("chain", n)["components"] for n in sizes], [(rumoca(form, n) or {})["seconds"] for n in sizes], "x--",
@@ -228,10 +247,25 @@ def plot(path: Path) -> None:
     axes.set_ylabel("processor time to translate, s")
     axes.grid(which="major", alpha=0.3)
     axes.legend(fontsize="small")
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=90)
     plt.close(figure)
 
 
+def refresh(page: Path) -> None:
+    """Run the code of a page and put what it prints below each block."""
+    names: Row = {"__name__": "page"}
+
+    def printed(block: re.Match[str]) -> str:
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            exec(compile(block[1], str(page), "exec"), names)
+        return f"```python\n{block[1]}```\n" + (f"\n```text\n{out.getvalue()}```\n" if out.getvalue() else "")
+
+    text = page.read_text(encoding="utf-8")
+    block = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n.*?^```\n)?", re.MULTILINE | re.DOTALL)
+    page.write_text(block.sub(printed, text), encoding="utf-8")
+
+
 if __name__ == "__main__":
+    refresh(ROOT / "docs" / "how_it_scales.md")
     plot(ROOT / "docs" / "images" / "scale.png")
     (ROOT / "docs" / "scale.md").write_text(table(), encoding="utf-8")

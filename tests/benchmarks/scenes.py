@@ -94,7 +94,10 @@ class Tree(gl.Component):
         self.body = [gp.Inertia(J=0.01 * (1 + rng.random())) for _ in range(n)]
         links = [gl.connect(self.torque.flange, self.body[0].flange_a)]
         gears, shafts = [], []
-        speed, cluster = [1.0], [0]  # of each body: what it turns at when the first turns at 1; the rigid part that it belongs to
+        speed, cluster = (
+            [1.0],
+            [0],
+        )  # of each body: what it turns at when the first turns at 1; the rigid part that it belongs to
 
         def join(a: int, b: int, ratio: float, rigid: bool) -> None:
             gears.append(gp.IdealGear(ratio=ratio))

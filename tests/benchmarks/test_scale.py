@@ -22,7 +22,9 @@ def test_chain() -> None:
     assert large["memory"] < 2 * 2**30
     assert exponent(thousand, large) <= 1.15
     assert large["source"] <= small["source"]
-    assert large["native"] <= 1.2 * hundred["native"]  # loops do not grow; ten bodies are written out, which numba compiles faster
+    assert (
+        large["native"] <= 1.2 * hundred["native"]
+    )  # loops do not grow; ten bodies are written out, which numba compiles faster
 
 
 @pytest.mark.parametrize(("kind", "small", "large"), [("star", 50, 200), ("tree", 600, 1950)])

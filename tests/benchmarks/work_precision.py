@@ -88,7 +88,7 @@ def _one_tolerance(scene: BenchScene, rtol: float, curves: list[Curve], runs: di
             curve.remark = curve.remark or f"{rtol:.0e}: {reason}"
             continue
         point = Point(rtol, scene.error(values))
-        seconds = _clock(runs[curve.solver], point)
+        seconds = _clock(runs[curve.solver], point, curve.kind)
         curve.points.append(point)
         if seconds > LIMIT:
             curve.remark = f"stopped at rtol {rtol:.0e}, which takes {seconds:.1f} s"
@@ -98,10 +98,10 @@ def _one_tolerance(scene: BenchScene, rtol: float, curves: list[Curve], runs: di
     for k in range(1, repeats):
         for curve, point, count in active:
             if k < count:
-                _clock(runs[curve.solver], point)
+                _clock(runs[curve.solver], point, curve.kind)
 
 
-def _clock(run: RunAt, point: Point) -> float:
+def _clock(run: RunAt, point: Point, kind: str) -> float:
     rtol = point.rtol
     gc.disable()
     try:
@@ -112,7 +112,7 @@ def _clock(run: RunAt, point: Point) -> float:
     finally:
         gc.enable()
     point.totals.append(total)
-    point.inners.append(inner[0] or total)
+    point.inners.append(inner[0] if kind == "gearlib" else total)
     return total
 
 

@@ -134,5 +134,5 @@ def test_chattering_is_reported_with_the_component():
         def equations(self):
             return [gl.Eq(gl.der(self.x), gl.Piecewise((1, self.x < 0), (-1, True)))]
 
-    with pytest.raises(gl.GearlibError, match="events chatter at t = 0.5 s .* of Chatter"):
+    with pytest.raises(gl.GearlibError, match=r"events chatter at t = 0.5 s .* of Chatter"):
         gl.simulate(Chatter(), t_end=1.0, method="rk")

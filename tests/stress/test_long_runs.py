@@ -32,8 +32,9 @@ def first_and_last(method: str, revolutions: float, rtol: float = 1e-10) -> tupl
     moments = np.linspace(0.0, 4 * PERIOD, 41)
     times = np.concatenate(([0.0], 5 * PERIOD + moments, periods * PERIOD + moments))
     result = train().simulate(times[-1], times=times, method=method, rtol=rtol)
-    power = -result["load.tau"] * result["w_out"] / (100.0 * result["w_in"])
-    values = np.column_stack([result[name] for name in FORCES] + [power])[1:]
+    values = np.column_stack([result[name] for name in FORCES])[1:]
+    efficiency = (result["load.tau"] * result["w_out"])[1:] / (100.0 * result["w_in"][1:])
+    values = np.column_stack([values, efficiency])
     return values[:41], values[41:]
 
 
