@@ -59,7 +59,9 @@ def follow(residual: Residual, z: Floats, start: float, end: float, step: float,
         if found is None:
             length /= 2
             if length < 1e-7:
-                raise SolverError(f"the branch cannot be followed beyond {place(current):g}: steps of {length:.1g} do not converge")
+                raise SolverError(
+                    f"the branch cannot be followed beyond {place(current):g}: steps of {length:.1g} do not converge"
+                )
             continue
         new, gradient, iterations = found
         if not 0.0 <= new[-1] <= 1.0:  # finish exactly on the border

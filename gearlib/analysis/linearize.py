@@ -193,4 +193,3 @@ def state_space(model: LinearModel) -> Any:
         array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states),
         inputs=[label(n) for n in model.inputs], outputs=[label(n) for n in model.outputs], remove_useless_states=False,
     )  # fmt: skip
-

@@ -409,5 +409,3 @@ def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
         more = f" and {len(open_) - 4} more" if len(open_) > 4 else ""
         raise ArgumentError(f"too little is given: the {', '.join(open_[:4])}{more} stay open; give more speeds or torques")
     return rows
-
-

@@ -61,7 +61,9 @@ def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) 
     return values
 
 
-def apply(model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats) -> Floats:
+def apply(
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
+) -> Floats:
     """Values of a kernel of one group at t = 0, with the flags of events as they are."""
     template = kernel.template
     columns = [*template.columns, *template.relation_columns]

@@ -9,7 +9,7 @@ from gearlib.codegen.kernels import relation_kernel
 from gearlib.codegen.layout import Layout
 from gearlib.codegen.modes import Relations
 from gearlib.codegen.program import Batch
-from gearlib.codegen.source import CLOSING, Body, loop, looped, sign_groups
+from gearlib.codegen.source import CLOSING, Body, loop, looped
 
 Integers = NDArray[np.int64]
 MOST_ITERATIONS = 100
@@ -48,22 +48,14 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
     if any(batch.arguments.size for batch in relations.discretes):
         body.lines += compute
     for batch in relations.discretes:  # first, so that what has just become stuck is tried as locked
-        for rows in sign_groups(batch):
-            loop(body, batch.take(rows), "y = {value}")
-            body.lines += [
-                "    if data[r + index[o + 1 + k]] != y:",
-                "        data[r + index[o + 1 + k]] = y",
-                "        changed = 1",
-            ]
+        loop(body, batch, "y = {value}\nif data[r + {target}] != y:\n    data[r + {target}] = y\n    changed = 1")
     body.lines += compute
     for batch in relations.batches:
         _relation_loops(body, batch, numbers)
     inner, body.lines = body.lines, []
     sizes = body.array([n_relations, n_discrete])
     for batch in relations.reinits:
-        for rows in sign_groups(batch):
-            loop(body, batch.take(rows), "y = {value}")
-            body.lines += ["    if x[index[o + 1 + k]] != y:", "        x[index[o + 1 + k]] = y", "        result = 2"]
+        loop(body, batch, "y = {value}\nif x[{target}] != y:\n    x[{target}] = y\n    result = 2")
     reinits = body.lines
     body.lines = [
         *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", "result = 0", "moved = 1",
@@ -111,21 +103,11 @@ def _relation_loops(body: Body, batch: Batch, numbers: Integers) -> None:
 
 
 def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compare: str, strict: bool) -> None:
-    for rows in sign_groups(part):
-        body.lines.append(f"e = {body.array(roots[rows])}")
-        loop(body, part.take(rows), "y = {value}")
-        body.lines.append(f"    f = 1.0 if y {compare} 0.0 else 0.0")
-        if not timed:
-            side = ">" if strict else "<"
-            body.lines += [
-                "    if fired[index[e + k]] != 0:",
-                f"        f = 1.0 if fired[index[e + k]] {side} 0 else 0.0",
-            ]
-        body.lines += [
-            "    if data[r + index[o + 1 + k]] != f:",
-            "        data[r + index[o + 1 + k]] = f",
-            "        changed = 1",
-        ]
+    lines = ["y = {value}", f"f = 1.0 if y {compare} 0.0 else 0.0"]
+    if not timed:
+        lines += ["if fired[{extra}] != 0:", f"    f = 1.0 if fired[{{extra}}] {'>' if strict else '<'} 0 else 0.0"]
+    lines += ["if data[r + {target}] != f:", "    data[r + {target}] = f", "    changed = 1"]
+    loop(body, part, "\n".join(lines), extra=roots)
 
 
 def relation_of(batch: Batch) -> tuple[bool, bool]:

@@ -145,6 +145,12 @@ def _accumulate(body: Body, batch: Batch, a: int, pattern: Pattern) -> list[Body
 def _chain(body: Body, part: Batch, pointer: list[int], source: list[int], target: list[int]) -> list[Body]:
     """Loops over instances and, inside, over the entries that each contributes to."""
     pieces = []
+    if body.literal:
+        piece = body.piece()
+        for i in range(len(part)):
+            loop(piece, part.take(np.array([i])), "y = {value}")
+            piece.lines += [f"data[d + {target[q]}] += y * data[d + {source[q]}]" for q in range(pointer[i], pointer[i + 1])]
+        return [piece]
     for rows in sign_groups(part):
         entries = [range(pointer[i], pointer[i + 1]) for i in rows.tolist()]
         piece = body.piece()

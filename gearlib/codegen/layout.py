@@ -83,9 +83,7 @@ def lay_out(program: Program, shared: Shared, base: int) -> Layout:
     return Layout(shared, tuple(solutions), at, end, end + scratch + memory, tuple(needed))
 
 
-def fill(
-    data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared, guess: Floats | None = None
-) -> None:
+def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared, guess: Floats | None = None) -> None:
     """Write a program's numbers into its part of ``data``; the coefficients of runs stand behind the layout's end."""
     at = layout.size
     for batch in coefficients:

@@ -62,7 +62,9 @@ def coefficient_batches(batch: Batch) -> list[Batch]:
 def _of_parameters(batch: Batch, kernel: Kernel, signs: Integers) -> Batch:
     parameters = batch.parameters[:, [batch.kernel.parameters.index(p) for p in kernel.parameters]]
     none = np.empty((len(batch), 0), np.int64)
-    return replace(batch, kernel=kernel, signs=signs, arguments=none, argument_signs=none, parameters=parameters, relations=none)
+    return replace(
+        batch, kernel=kernel, signs=signs, arguments=none, argument_signs=none, parameters=parameters, relations=none
+    )
 
 
 def run_lines(batch: Batch, place: str) -> list[str]:

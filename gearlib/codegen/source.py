@@ -57,6 +57,7 @@ class Body:
     lines: list[str] = field(default_factory=list)
     index: list[Integers] = field(default_factory=list)
     signed: frozenset[Kernel] = frozenset()  # kernels whose loops take the signs from index arrays
+    literal: bool = False  # a small program: a statement for each row, with its numbers in it, instead of loops
     coefficients: list[Batch] = field(default_factory=list)  # computed before a run, laid down behind the layout's end
 
     @property
@@ -70,7 +71,7 @@ class Body:
 
     def piece(self) -> Body:
         """An empty piece of this body."""
-        return Body("at", signed=self.signed)
+        return Body("at", signed=self.signed, literal=self.literal)
 
     def include(self, piece: Body) -> None:
         """Put a piece at the end."""
@@ -82,7 +83,7 @@ class Body:
         """Put pieces at the end one after the other: as they are, or where they are many, as a list of which kind follows which."""
         kinds: dict[tuple[str, ...], int] = {}
         numbers = [kinds.setdefault(tuple(piece.lines), len(kinds)) for piece in pieces]
-        if len(pieces) <= MOST_LOOPS:
+        if self.literal or len(pieces) <= MOST_LOOPS:
             for piece in pieces:
                 self.include(piece)
             return
@@ -144,7 +145,8 @@ CLOSING = 6  # lines at the end of a looped body that store the derivatives
 
 def looped(program: Program, layout: Layout) -> Body:
     """One loop for each kernel and level; the source depends on the kinds of equations only."""
-    body = Body(signed=_many_signs(program))
+    rows = sum(len(b) for step in program.steps for b in _batches(step))
+    body = Body(signed=_many_signs(program), literal=rows <= LONGEST)
     sizes = body.array(
         [layout.slots, layout.relations, layout.inputs, len(program.states), len(program.inputs), layout.scratch]
     )
@@ -164,7 +166,7 @@ def looped(program: Program, layout: Layout) -> Body:
             for rows in sign_groups(step, body.signed):
                 pieces.append(body.piece())
                 part = step.take(rows)
-                if step.kernel not in body.signed and has_runs(part):
+                if not body.literal and step.kernel not in body.signed and has_runs(part):
                     place = pieces[-1].array(run_index(part, layout.size + body.n_coefficients))
                     body.coefficients += coefficient_batches(part)
                     pieces[-1].lines += run_lines(part, place)
@@ -194,6 +196,12 @@ def looped(program: Program, layout: Layout) -> Body:
     return body
 
 
+def _batches(step: Batch | Linear | Newton) -> Sequence[Batch]:
+    if isinstance(step, Batch):
+        return [step]
+    return [] if isinstance(step, Linear) else [*step.residuals, *step.jacobian]
+
+
 def _many_signs(program: Program) -> frozenset[Kernel]:
     """Kernels with more patterns of signs than there should be loops."""
     patterns: dict[Kernel, set[bytes]] = defaultdict(set)
@@ -217,15 +225,35 @@ def sign_groups(batch: Batch, signed: frozenset[Kernel] = frozenset()) -> Iterat
         yield np.flatnonzero(which.ravel() == number)
 
 
-def loop(body: Body, batch: Batch, statement: str, indent: str = "") -> None:
-    """Loops over the rows of a batch, one for each pattern of signs."""
+def loop(body: Body, batch: Batch, statement: str, indent: str = "", extra: Integers | None = None) -> None:
+    """Carry out a statement for each row of a batch: loops, one for each pattern of signs; or as many statements.
+
+    ``statement`` holds ``{target}``, ``{value}`` and ``{extra}``, a whole number of each row.
+    """
+    label = batch.kernel.template.label.replace("\n", " ")
+    if body.literal:
+        body.lines.append(f"{indent}# {label}")
+        for i in range(len(batch)):
+            text = _literal(batch, i)
+            filled = statement.format(target=int(batch.targets[i]), value=text, extra=None if extra is None else int(extra[i]))
+            body.lines += [indent + line for line in filled.split("\n")]
+        return
     for rows in sign_groups(batch, body.signed):
-        _one_loop(body, batch.take(rows), statement, indent)
+        body.lines.append(f"{indent}# {label}")
+        _one_loop(body, batch.take(rows), statement, indent, None if extra is None else extra[rows])
 
 
-def _one_loop(body: Body, part: Batch, statement: str, indent: str) -> None:
+def _literal(batch: Batch, i: int) -> str:
+    return expression(
+        batch, i, lambda a: f"data[v + {int(batch.arguments[i, a])}]", lambda a: f"data[{int(batch.parameters[i, a])}]",
+        lambda a: f"data[r + {int(batch.relations[i, a])}]",
+    )  # fmt: skip
+
+
+def _one_loop(body: Body, part: Batch, statement: str, indent: str, extra: Integers | None) -> None:
     signed = part.kernel in body.signed
     columns = [part.targets, *part.arguments.T, *part.parameters.T, *part.relations.T, *(_signs(part).T if signed else ())]
+    columns += [] if extra is None else [extra]
     place = body.array(np.concatenate([[len(part)], *columns]))
     n_x, n_p = part.arguments.shape[1], part.parameters.shape[1]
     first_sign = 1 + n_x + n_p + part.relations.shape[1]
@@ -242,13 +270,12 @@ def _one_loop(body: Body, part: Batch, statement: str, indent: str) -> None:
     )  # fmt: skip
     if signed:
         value = f"{at(first_sign)} * ({value})"
-    label = part.kernel.template.label.replace("\n", " ")
+    filled = statement.format(target=at(0), value=value, extra=at(len(columns) - 1))
     body.lines += [
-        f"{indent}# {label}",
         f"{indent}o = {place}",
         f"{indent}c = index[o]",
         f"{indent}for k in range(c):",
-        f"{indent}    " + statement.format(target=at(0), value=value),
+        *(f"{indent}    {line}" for line in filled.split("\n")),
     ]
 
 

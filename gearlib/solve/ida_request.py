@@ -143,7 +143,9 @@ def failure(asked: Request, outcome: Outcome) -> GearlibError:
         names = "; ".join(dict.fromkeys(asked.problem.root_name(int(k)) for k in involved if k >= 0))
         return SolverError(f"events chatter {when}: more than {BURST} of them within {asked.window:.3g} s, of {names}")
     step = "" if outcome.step_size is None else f" (h={outcome.step_size:.3g})"
-    worst = "" if outcome.worst_state < 0 else f"; the error estimate is largest in {asked.problem.state_name(outcome.worst_state)}"
+    worst = (
+        "" if outcome.worst_state < 0 else f"; the error estimate is largest in {asked.problem.state_name(outcome.worst_state)}"
+    )
     texts = {
         STEP_LIMIT: f"{asked.max_steps} steps taken without reaching t={asked.times[-1]:.9g}; stopped {when}{step}{worst}",
         UPDATE_FAILED: f"the event iteration failed {when}",

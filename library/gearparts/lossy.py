@@ -13,6 +13,7 @@ from gearparts.tables import Rows, at_zero, check_rows, interpolated, piecewise_
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
 
+SMALLEST = 1e-15  # where both efficiencies are 1, both bearing torques are the same, and their difference over this is zero
 IDEAL: Rows = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 
 
@@ -82,24 +83,29 @@ class LossyGear(TwoFlanges, Dissipative):
         ahead = gl.Or(gl.holds(self.start_forward), gl.equals(gl.pre(self.mode), FORWARD))
         at_rest = [at_zero(rows, column) for column in (1, 2, 3, 4)]
         there = [[interpolated(rows, sense * self.w_a, column) for column in (1, 2, 3, 4)] for sense in (1, -1)]
-        still = _on_side_a(at_rest)
+        separable = any(row[1] != 1 or row[2] != 1 for row in rows)
+        still, side_forward, side_backward = (_on_side_a(row, separable) for row in (at_rest, *there))
         drives = (1 - self.locked) * self.tau_eta >= 0
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
         return [
             gl.Eq(
                 self.tau_eta,
-                torque + gl.Piecewise((0, gl.holds(self.locked)), (-_on_side_a(there[0]), ahead), (_on_side_a(there[1]), True)),
+                torque + gl.Piecewise((0, gl.holds(self.locked)), (-side_forward, ahead), (side_backward, True)),
             ),
             gl.Eq(self.tau_loss, gl.Piecewise((self.sa, gl.holds(self.locked)), (forward, ahead), (backward, True))),
             gl.Eq(gl.der(self.w_a), gl.Piecewise((0, gl.holds(self.locked)), (self.sa - self.tau_loss, True))),
             gl.Eq(
                 self.loss_forward,
-                piecewise_without_events((_a_drives(torque, 1, at_rest), torque > still), (_b_drives(torque, 1, at_rest), True)),
+                piecewise_without_events(
+                    (_a_drives(torque, 1, at_rest), torque > still), (_b_drives(torque, 1, at_rest), True)
+                ),
             ),
             gl.Eq(
                 self.loss_backward,
-                piecewise_without_events((_b_drives(torque, -1, at_rest), torque > -still), (_a_drives(torque, -1, at_rest), True)),
+                piecewise_without_events(
+                    (_b_drives(torque, -1, at_rest), torque > -still), (_a_drives(torque, -1, at_rest), True)
+                ),
             ),
         ]
 
@@ -139,11 +145,11 @@ def _b_drives(torque: Any, sense: int, row: list[Any]) -> Any:
     return (1 - 1 / row[1]) * torque + sense * row[3]
 
 
-def _on_side_a(row: list[Any]) -> Any:
-    """The part of the bearing friction at flange_a; half of it where the efficiencies are 1 and do not tell."""
-    if row[0] == 1 and row[1] == 1:
+def _on_side_a(row: list[Any], separable: bool) -> Any:
+    """The part of the bearing friction at flange_a; half of it where the efficiencies are 1 throughout and do not tell."""
+    if not separable:
         return row[2] / 2
-    return (row[2] - row[3]) / (row[0] - 1 / row[1])
+    return (row[2] - row[3]) / (row[0] - 1 / row[1] - SMALLEST)
 
 
 class Gearbox(TwoFlanges, Dissipative):

@@ -187,7 +187,9 @@ def test_recirculating_rig_with_losses(T: float, w: float) -> None:
 
 
 def test_recirculating_rig_with_a_twisted_shaft() -> None:
-    flow = gl.power_flow(gl.compile(Rig(losses=((0.0, 1.0, 1.0, 0.0, 0.0),), preload="spring")), speeds={"test.flange_a": 150.0})
+    flow = gl.power_flow(
+        gl.compile(Rig(losses=((0.0, 1.0, 1.0, 0.0, 0.0),), preload="spring")), speeds={"test.flange_a": 150.0}
+    )
     assert flow["loading.flange_b"].torque == pytest.approx(400.0, rel=EXACT)
     assert flow.circulating_power == pytest.approx(400.0 * 50.0, rel=EXACT)
     assert flow.input_power == pytest.approx(0.0, abs=1e-8)
@@ -217,7 +219,10 @@ def test_table_and_text(xp: gl.System) -> None:
     [
         ({"speeds": {"body.w": 10.0}}, "too little is given"),
         ({"torques": {"load.tau": -5.0}}, "too little is given: the speed of"),
-        ({"speeds": {"body.w": 10.0, "x.sun": 5.0}, "torques": {"load.tau": -5.0}}, "no steady motion has the given body.w, x.sun"),
+        (
+            {"speeds": {"body.w": 10.0, "x.sun": 5.0}, "torques": {"load.tau": -5.0}},
+            "no steady motion has the given body.w, x.sun",
+        ),
         ({"speeds": {"body.w": 10.0}, "torques": {"load.tau": -5.0, "drive.tau": 99.0}}, "no steady motion"),
         ({"speeds": {"body.v": 10.0}}, "no speed or flange 'body.v'"),
         ({"speeds": {"body.w": float("nan")}}, "expected a finite number"),

@@ -55,7 +55,7 @@ def test_symmetric_backlash_is_one_minus_saturation() -> None:
     amplitudes = np.array([1.1, 2.0, 5.0])
     _, N1 = gl.backlash_describing_function(amplitudes, 0.0, c=1.0, b=2.0)
     saturation = control.describing_function(control.saturation_nonlinearity(1.0), amplitudes)
-    assert N1 == pytest.approx(1.0 - saturation, abs=1e-12)
+    assert pytest.approx(1.0 - saturation, abs=1e-12) == N1
 
 
 def test_preloaded_backlash_in_python_control() -> None:
@@ -65,7 +65,7 @@ def test_preloaded_backlash_in_python_control() -> None:
     assert stiffness[:2] == pytest.approx(100.0)
     assert stiffness[2] < 100.0
     F0, _ = gl.backlash_describing_function(0.8, spring.mean(0.8), c=100.0, b=1.0)
-    assert F0 == pytest.approx(20.0, rel=1e-12)
+    assert pytest.approx(20.0, rel=1e-12) == F0
     assert [spring(x) for x in (0.05, -0.2, -0.7, -1.4)] == pytest.approx([5.0, -20.0, -20.0, -40.0])
 
 

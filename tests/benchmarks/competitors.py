@@ -20,8 +20,8 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import diags_array
 
 from gearlib.solve.problem import Floats
-from tests.benchmarks.references import BenchScene, flank_event
 from tests.benchmarks.equations import ByHand
+from tests.benchmarks.references import BenchScene, flank_event
 
 RunAt = Callable[[float], Floats]
 BANDED_FROM = 50  # states
@@ -60,7 +60,14 @@ def scipy_with(method: str) -> Callable[[BenchScene], RunAt]:
 
         def run(rtol: float) -> Floats:
             found = solve_ivp(
-                f, scene.times[[0, -1]], hand.x0, method, scene.times, rtol=max(rtol, 2.3e-14), atol=rtol * hand.nominal, **options
+                f,
+                scene.times[[0, -1]],
+                hand.x0,
+                method,
+                scene.times,
+                rtol=max(rtol, 2.3e-14),
+                atol=rtol * hand.nominal,
+                **options,
             )
             if not found.success:
                 raise Unavailable(found.message)
@@ -135,7 +142,9 @@ def heyoka_taylor(scene: BenchScene) -> RunAt:
     def run(rtol: float) -> Floats:
         if rtol not in made:
             # events are located as well as the tolerance allows: the coarser ones lose them
-            made[rtol] = hy.taylor_adaptive(system, hand.x0.tolist(), tol=1e-6 * rtol if scene.name == "M3" else rtol, **options)
+            made[rtol] = hy.taylor_adaptive(
+                system, hand.x0.tolist(), tol=1e-6 * rtol if scene.name == "M3" else rtol, **options
+            )
         integrator = made[rtol]
         integrator.time = float(scene.times[0])
         integrator.state[:] = hand.x0

@@ -22,7 +22,6 @@ from tests.benchmarks.competitors import Competitor, RunAt, Unavailable
 from tests.benchmarks.equations import shown
 from tests.benchmarks.references import BenchScene
 
-
 EPSILON = 2.2e-16
 _count = itertools.count()
 

@@ -96,7 +96,9 @@ def side_tables(measured: dict[str, list[Curve]]) -> list[str]:
               "|---|---|---|---|---|---|"]  # fmt: skip
     for name, curves in measured.items():
         beside = [
-            "-" if not c.points else f"{1e3 * min(p.total - p.inner for p in c.points):.2f}" for c in curves if c.kind == "gearlib"
+            "-" if not c.points else f"{1e3 * min(p.total - p.inner for p in c.points):.2f}"
+            for c in curves
+            if c.kind == "gearlib"
         ]
         lines.append(f"| {name} | " + " | ".join(beside) + " |")
     return [*lines, ""]

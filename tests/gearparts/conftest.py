@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import evaluate, prepare
 from gearlib.codegen.numbers import numbers_of
-from gearlib.codegen.builder import build
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.flatten.flatten import flatten
 from gearlib.structure.analysis import analyse

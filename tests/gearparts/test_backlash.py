@@ -219,5 +219,7 @@ def test_power_into_a_detailed_mesh_is_stored_or_lost() -> None:
     outputs = ["a.w", "a.phi", "b.w", "mesh.q", "metal.T"]
     r = run(Loaded(), outputs, np.linspace(0.0, 0.02, 101), "rk", 1e-10)
     beyond = np.maximum(np.abs(r["mesh.q"]) - 5e-5, 0.0)
-    energy = 0.001 * r["a.w"] ** 2 + 0.005 * r["b.w"] ** 2 + 0.5e7 * beyond**2 + r["metal.T"] - 5.0 * (r["a.phi"] - r["a.phi"][0])
+    energy = (
+        0.001 * r["a.w"] ** 2 + 0.005 * r["b.w"] ** 2 + 0.5e7 * beyond**2 + r["metal.T"] - 5.0 * (r["a.phi"] - r["a.phi"][0])
+    )
     assert energy == pytest.approx(np.full(101, 0.1), abs=1e-8)

@@ -82,7 +82,10 @@ def test_coupled_clutches(method: str) -> None:
 def one_way_by_hand(load: float, f: float, offset: float, force: Any, times: np.ndarray, stops: list[float]) -> Any:
     small = 1e-4 * 0.5 * 3.0
     element = Element(
-        np.array([-1.0, 1.0]), lambda t, v: 1.5 * force(t), lambda t: 25 * 1.5 * force(t) if force(t) > 0 else small, freewheel=True
+        np.array([-1.0, 1.0]),
+        lambda t, v: 1.5 * force(t),
+        lambda t: 25 * 1.5 * force(t) if force(t) > 0 else small,
+        freewheel=True,
     )
     return Bodies(
         np.ones(2), lambda t: np.array([offset + 10 * math.sin(2 * math.pi * f * t), load]), [element]

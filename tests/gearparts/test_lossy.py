@@ -232,7 +232,7 @@ def test_a_gearbox_is_a_lossy_gear_and_a_coupling_with_backlash(b: float) -> Non
         out = -tau  # torque that the gear delivers: ratio (T - L); forward it is 5 (eta1 T - B1) or 5 (T / eta2 - B2)
         T = (out / 5 + 0.2) / 0.8
         side_a = (0.2 - 0.3) / (0.8 - 1 / 0.7)
-        if T < side_a:
+        if side_a > T:
             T = (out / 5 + 0.3) * 0.7
         return [(3.0 - T) / 0.1, x[0], out / 2.0, x[2]]
 

@@ -36,7 +36,9 @@ def check(seed: int, numbers: int, methods: Sequence[str]) -> None:
         assert np.isfinite(speeds).all(), f"{method} returned a number that is not finite; {label}"
         energy = max(np.abs(work).max(), np.abs(stored).max(), 1.0)
         assert np.abs(work - stored + stored[0]).max() <= 100 * RTOL * energy, f"{method}'s energies do not balance; {label}"
-        assert np.abs(speeds - found[methods[0]][0]).max() <= LOST.get(method, 300) * RTOL * scale, f"{method} against {methods[0]}; {label}"
+        assert np.abs(speeds - found[methods[0]][0]).max() <= LOST.get(method, 300) * RTOL * scale, (
+            f"{method} against {methods[0]}; {label}"
+        )
 
 
 @pytest.mark.parametrize("seed", [3, 11])

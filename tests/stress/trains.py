@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,7 @@ FLANGES = {
 }  # fmt: skip
 
 
-@lru_cache(maxsize=None)
+@cache
 def blueprint(seed: int) -> tuple[int, tuple[tuple[str, tuple[int, ...]], ...]]:
     """Number of bodies, and joints with the bodies at their ends; a tree, so that no rigid loop can lock, and elastic loops."""
     rng = random.Random(seed)
@@ -124,7 +124,7 @@ def random_parameters(seed: int, numbers: int) -> dict[str, float]:
     return values
 
 
-@lru_cache(maxsize=None)
+@cache
 def compiled(seed: int, order: int = 0) -> gl.System:
     """A train, compiled once; parameters differ from run to run."""
     bodies, _ = blueprint(seed)
