@@ -43,7 +43,7 @@ def circulations(branches: Sequence[Branch]) -> tuple[Circulation, ...]:
     for b in branches:
         ends = (("shaft", b.shaft), ("part", b.component))
         graph.add_edge(*(ends if b.power > 0 else reversed(ends)), power=abs(b.power))
-    found = []
+    found: list[Circulation] = []
     while True:
         cycle = _shortest_cycle(graph)
         if cycle is None:
@@ -59,10 +59,10 @@ def circulations(branches: Sequence[Branch]) -> tuple[Circulation, ...]:
                 graph.remove_edge(*e)
 
 
-def _shortest_cycle(graph: object) -> list[tuple[str, object]] | None:
+def _shortest_cycle(graph: object) -> list[tuple[str, str]] | None:
     import networkx as nx
 
-    best: list[tuple[str, object]] | None = None
+    best: list[tuple[str, str]] | None = None
     for group in nx.strongly_connected_components(graph):
         if len(group) < 2:
             continue

@@ -47,7 +47,7 @@ class HarmonicResponse:
     @property
     def harmonics(self) -> int:
         """Number of harmonics."""
-        return self.coefficients.shape[1] // 2
+        return int(self.coefficients.shape[1]) // 2
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -151,12 +151,11 @@ class Balance:
         moved = np.concatenate([x, *(x + s * step[i] * np.eye(n)[:, [i]] for i in range(n) for s in (1, -1))], axis=1)
         values = self.rates(np.tile(t, 2 * n + 1), moved, omega).reshape(n, 2 * n + 1, m)
         slopes = (values[:, 1::2] - values[:, 2::2]) / (2 * step[None, :, None])
-        return values[:, 0], np.moveaxis(slopes, 2, 0)
+        return values[:, 0], np.asarray(np.moveaxis(slopes, 2, 0), float)
 
     def moments(self, omega: float) -> Floats:
         """Equidistant moments of a period."""
-        result: Floats = np.arange(self.samples) * 2 * np.pi / (omega * self.samples)
-        return result
+        return np.asarray(np.arange(self.samples) * (2 * np.pi / (omega * self.samples)), float)
 
     def residual(self, z: Floats, omega: float, jacobian: bool = True) -> tuple[Floats, Floats]:
         """``w D c - transform(f(t, x))`` over the scale of rates, and its derivative by the scaled coefficients ``z``."""

@@ -145,8 +145,8 @@ CLOSING = 6  # lines at the end of a looped body that store the derivatives
 
 def looped(program: Program, layout: Layout) -> Body:
     """One loop for each kernel and level; the source depends on the kinds of equations only."""
-    rows = sum(len(b) for step in program.steps for b in _batches(step))
-    body = Body(signed=_many_signs(program), literal=rows <= LONGEST)
+    n_rows = sum(len(b) for step in program.steps for b in _batches(step))
+    body = Body(signed=_many_signs(program), literal=n_rows <= LONGEST)
     sizes = body.array(
         [layout.slots, layout.relations, layout.inputs, len(program.states), len(program.inputs), layout.scratch]
     )
