@@ -27,6 +27,8 @@ from gearlib.solve.table import breakpoints, values
 
 Floats = NDArray[np.float64]
 METHODS = ("auto", "exact", "ida", "rk", "rk5", "rk8")
+MOST_STEPS = 100_000_000
+MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints: near a point where these are singular the steps shrink for ever
 LARGEST_EXACT = 30_000  # states
 
 
@@ -143,17 +145,19 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
     if not scene.states:
         return _exact(run, None, "there are no states")
     problem, keep = _problem(run, jacobian=method == "ida")
+    constrained = any(isinstance(s, Newton) and not s.linear for s in scene.program.steps)
+    most = MOST_STEPS_CONSTRAINED if constrained else MOST_STEPS
     try:
         if method == "ida":
             from gearlib.solve import ida
 
-            solution = ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol)
+            solution = ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol, max_steps=most)
         else:
             from gearlib.solve import rungekutta
 
             order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
             solution = rungekutta.integrate(
-                problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over
+                problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over, max_steps=most
             )
     except SolverError as problem_:
         raise keep.failure() or _explained(problem_, scene) from None
