@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from gearlib.analysis.describing import PreloadedBacklash as PreloadedBacklash
     from gearlib.analysis.describing import backlash_describing_function as backlash_describing_function
     from gearlib.analysis.describing import equivalent_stiffness as equivalent_stiffness
-    from gearlib.analysis.harmonic_balance import HarmonicResponse as HarmonicResponse
-    from gearlib.analysis.harmonic_balance import harmonic_balance as harmonic_balance
     from gearlib.analysis.modes import Modes as Modes
     from gearlib.analysis.modes import modes as modes
     from gearlib.analysis.orders import OrderSpectrum as OrderSpectrum
@@ -91,7 +89,6 @@ _HOME = {
     **dict.fromkeys(
         ["PreloadedBacklash", "backlash_describing_function", "equivalent_stiffness"], "gearlib.analysis.describing"
     ),
-    **dict.fromkeys(["HarmonicResponse", "harmonic_balance"], "gearlib.analysis.harmonic_balance"),
     **dict.fromkeys(["Modes", "modes"], "gearlib.analysis.modes"),
     **dict.fromkeys(["OrderSpectrum", "OrderWaterfall", "order_spectrum", "order_waterfall"], "gearlib.analysis.orders"),
     **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.analysis.plots"),

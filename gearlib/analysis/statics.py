@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gearlib.analysis.circulation import Branch, Circulation, circulations
-from gearlib.analysis.steady_motion import VALUE, Given, Motion, kinematics, solve
+from gearlib.analysis.steady_motion import VALUE, Given, Motion, kinematics, refuse_contradiction, solve
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.templates import parse_column
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from gearlib.system import System
 
 UNDETERMINED = 1e-8  # part of a unit vector; orthonormal directions are exact to about 1e-13
-CONTRADICTION = 1e-8  # relative residual of an equation that cannot be met
 
 
 @dataclass(frozen=True)
@@ -236,7 +235,7 @@ def power_flow(
     numbers = system._parameters(parameters)
     given = _given(model, speeds, torques)
     motion = solve(model, numbers, given)
-    _refuse_contradiction(motion, given)
+    refuse_contradiction(motion, given)
     flanges = tuple(_flanges(model, motion))
     return PowerFlow(flanges, mobility(system, parameters=parameters))
 
@@ -376,17 +375,6 @@ def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mappin
             if sign:
                 found.append(Given(name, variable, order, sign * float(value)))
     return found
-
-
-def _refuse_contradiction(motion: Motion, given: Sequence[Given]) -> None:
-    bad = np.flatnonzero(motion.residual > CONTRADICTION)
-    if len(bad):
-        owners = list(dict.fromkeys(motion.owners[i] for i in bad[np.argsort(-motion.residual[bad])]))
-        named = [o for o in owners if o != "connection"][:6]
-        raise ArgumentError(
-            f"no steady motion has the given {', '.join(g.name for g in given) or 'torques'}: the equations of {', '.join(named)} cannot "
-            "hold; give fewer values, leave a driving torque unbound, or close gaps (backlash parameters = 0)"
-        )
 
 
 def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:

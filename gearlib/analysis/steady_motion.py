@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.kernels import Kernel, partial_kernel, relation_kernel, residual_kernel
+from gearlib.errors import ArgumentError
 from gearlib.flatten.model import EquationGroup, FlatModel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+CONTRADICTION = 1e-8  # relative residual of an equation that cannot be met
 RANK = 1e-11  # relative singular value below which a row says nothing new
 SPEED, VALUE = 1, 0
 
@@ -241,3 +243,14 @@ def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) ->
         if (old == modes[first : first + d]).all():
             break
     return modes
+
+
+def refuse_contradiction(motion: Motion, given: Sequence[Given]) -> None:
+    bad = np.flatnonzero(motion.residual > CONTRADICTION)
+    if len(bad):
+        owners = list(dict.fromkeys(motion.owners[i] for i in bad[np.argsort(-motion.residual[bad])]))
+        named = [o for o in owners if o != "connection"][:6]
+        raise ArgumentError(
+            f"no steady motion has the given {', '.join(g.name for g in given) or 'torques'}: the equations of {', '.join(named)} cannot "
+            "hold; give fewer values, leave a driving torque unbound, or close gaps (backlash parameters = 0)"
+        )

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen import cache
+from gearlib.codegen.elimination import SOLVE
 from gearlib.codegen.events import root_numbers, roots_body, update_body
 from gearlib.codegen.jacobian import Pattern, jacobian_body, pattern_of
 from gearlib.codegen.layout import Layout, Shared, lay_out
 from gearlib.codegen.modes import Relations
 from gearlib.codegen.names import identifiers
 from gearlib.codegen.program import Program
-from gearlib.codegen.source import HEADER, SOLVE, Body, function, is_small, looped, written_out
+from gearlib.codegen.source import HEADER, Body, function, is_small, looped, written_out
 
 Integers = NDArray[np.int64]
 

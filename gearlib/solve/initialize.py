@@ -79,7 +79,8 @@ def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, ove
     for v, (value, _) in fixed.items():
         guess[v] = value
     everything = structure.states
-    x = np.array([guess[v] if k == 0 else 0.0 for v, k in everything])
+    variables, orders = scene.everything
+    x = np.where(orders == 0, guess[variables], 0.0)
     if not fixed:
         return Start(x[scene.places], guess, scene.state_names)
     place = {node: i for i, node in enumerate(everything)}

@@ -115,6 +115,12 @@ class Scene:
         return np.array([self.model.nominal[v] if k == 0 else 1.0 for v, k in self.states])
 
     @cached_property
+    def everything(self) -> tuple[Integers, Integers]:
+        """Variable and order of every state of the structure."""
+        table = np.array(self.structure.states, np.int64).reshape(-1, 2)
+        return table[:, 0], table[:, 1]
+
+    @cached_property
     def places(self) -> Integers:
         """Where the states of the scene stand among those of the structure."""
         place = {node: i for i, node in enumerate(self.structure.states)}

@@ -1,0 +1,71 @@
+"""Source of the elimination that nonlinear and varying blocks are solved with; it goes into the code that needs it."""
+
+SOLVE = '''
+@njit(types.int64(types.float64[::1], types.int64, types.int64, types.int64, types.int64))
+def solve(data, a, b, n, lead):
+    """Gaussian elimination with complete pivoting, in place: the matrix at ``a``, the right-hand side and then the solution at ``b``.
+
+    Equations that depend on others (two stuck clutches on one rigid path) are left out if they agree with these; what they leave
+    undetermined is zero. The numbers of columns stand behind the matrix.
+    """
+    p = a + n * n
+    size = 0.0
+    for i in range(n):
+        data[p + i] = i
+        s = 0.0
+        for j in range(n):
+            s = max(s, abs(data[a + i * n + j]))
+        if s > 0.0:
+            for j in range(n):
+                data[a + i * n + j] /= s
+            data[b + i] /= s
+            size += log(s)
+    rank = n
+    for k in range(n):
+        best, r, c = 0.0, k, k
+        if k < lead and abs(data[a + k * n + k]) > 1e-6:
+            best = 1.0
+        else:
+            lead = 0
+        for i in range(k, n if lead == 0 else k):
+            for j in range(k, n):
+                if abs(data[a + i * n + j]) > best:
+                    best, r, c = abs(data[a + i * n + j]), i, j
+        if best <= 1e-13:
+            rank = k
+            size = -1e300
+            break
+        size += log(abs(data[a + r * n + c]))
+        if r != k:
+            for j in range(n):
+                data[a + k * n + j], data[a + r * n + j] = data[a + r * n + j], data[a + k * n + j]
+            data[b + k], data[b + r] = data[b + r], data[b + k]
+        if c != k:
+            for i in range(n):
+                data[a + i * n + k], data[a + i * n + c] = data[a + i * n + c], data[a + i * n + k]
+            data[p + k], data[p + c] = data[p + c], data[p + k]
+        for i in range(k + 1, n):
+            f = data[a + i * n + k] / data[a + k * n + k]
+            if f != 0.0:
+                for j in range(max(k + 1, lead), n):
+                    data[a + i * n + j] -= f * data[a + k * n + j]
+                data[b + i] -= f * data[b + k]
+    data[p + n] = size
+    largest = 1e-300
+    for i in range(rank):
+        largest = max(largest, abs(data[b + i]))
+    for i in range(rank, n):
+        if not abs(data[b + i]) <= 1e-9 * max(largest, 1.0):
+            return 1
+        data[b + i] = 0.0
+    for k in range(rank - 1, -1, -1):
+        s = data[b + k]
+        for j in range(k + 1, rank):
+            s -= data[a + k * n + j] * data[b + j]
+        data[b + k] = s / data[a + k * n + k]
+    for i in range(n):
+        data[a + i] = data[b + i]
+    for i in range(n):
+        data[b + int(data[p + i])] = data[a + i]
+    return 0
+'''
