@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gearlib.analysis.circulation import Branch, Circulation, circulations
-from gearlib.analysis.steady_motion import VALUE, Given, Motion, kinematics, refuse_contradiction, solve
+from gearlib.analysis.steady_motion import CONTRADICTION, VALUE, Given, Motion, kinematics, refuse_contradiction, solve
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.templates import parse_column
