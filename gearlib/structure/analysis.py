@@ -7,13 +7,12 @@ counted, and one torque that nothing determines any more is set to zero.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from gearlib.errors import LoopError, ModelError, SingularError
 from gearlib.flatten.model import FlatModel
-from gearlib.structure.incidence import Entries, Integers, Node
+from gearlib.structure.incidence import Entries, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
 from gearlib.structure.redundancy import balanced, flows_beside, redundant_rows, shifted, without
 from gearlib.structure.rows import Numbers, Rows
@@ -38,16 +37,6 @@ class Structure:
     @property
     def states(self) -> tuple[Node, ...]:
         return self.choice.states
-
-    @cached_property
-    def state_variables(self) -> Integers:
-        """The variable of each state."""
-        return np.array([v for v, _ in self.states], np.int64)
-
-    @cached_property
-    def state_orders(self) -> Integers:
-        """How often it is differentiated."""
-        return np.array([k for _, k in self.states], np.int64)
 
 
 def analyse(model: FlatModel, numbers: Numbers) -> Structure:

@@ -13,7 +13,7 @@ from typing import Any
 import gearlib as gl
 from gearlib.errors import BindingError
 from gearparts.interfaces import Dissipative, TwoFlanges
-from gearparts.tables import check_rows
+from gearparts.tables import Rows, check_rows
 
 
 class DetailedMesh(TwoFlanges, Dissipative):
@@ -69,10 +69,13 @@ class DetailedMesh(TwoFlanges, Dissipative):
 
     def _error(self) -> tuple[Any, Any]:
         """The static transmission error and its derivative with respect to the mesh phase."""
-        rows = check_rows(f"{type(self).__name__}.error_terms", self.error_terms, 3) if self.error_terms else ()
+        rows = self._terms("error_terms", self.error_terms)
         angles = [order * self.phase + shift for order, _, shift in rows]
         error = sum(row[1] * gl.sin(angle) for row, angle in zip(rows, angles, strict=True))
         return error, sum(row[0] * row[1] * gl.cos(angle) for row, angle in zip(rows, angles, strict=True))
+
+    def _terms(self, name: str, rows: Rows) -> Rows:
+        return check_rows(f"{type(self).__name__}.{name}", rows, 3) if rows else ()
 
     def _stiffness(self) -> Any:
         """The stiffness over its mean."""
@@ -82,7 +85,7 @@ class DetailedMesh(TwoFlanges, Dissipative):
         if self.stiffness == "sinusoidal":
             return 1 + self.c_amplitude * gl.cos(phase)
         if self.stiffness == "fourier":
-            rows = check_rows(f"{type(self).__name__}.stiffness_terms", self.stiffness_terms, 3)
+            rows = self._terms("stiffness_terms", self.stiffness_terms)
             return 1 + sum(amplitude * gl.cos(order * phase + shift) for order, amplitude, shift in rows)
         if not self.contact_ratio >= 1:
             raise BindingError(f"{type(self).__name__}.contact_ratio is {self.contact_ratio!r}; expected a number from 1 on")

@@ -43,7 +43,7 @@ def test_linear_scenes_in_half_the_floors_time(name: str) -> None:
     assert find(curves(name), "exact").time_to(1e-8, inner=True) < 0.5 * best(curves(name), "floor", 1e-8)
 
 
-@pytest.mark.parametrize(("name", "method"), itertools.product(SMALL, ["rk5", "rk8", "ida"]))
+@pytest.mark.parametrize(("name", "method"), list(itertools.product(SMALL, ["rk5", "rk8", "ida"])))
 def test_errors_follow_the_tolerance(name: str, method: str) -> None:
     for point in find(curves(name), method).points:
         # twelve digits of a rattling gear pair are more than double precision holds; coarse tolerances let order 8 overshoot

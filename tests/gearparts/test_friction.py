@@ -161,7 +161,7 @@ def test_peak_holds_what_the_sliding_torque_would_not() -> None:
     assert (result["bearing.mode"][t > 22.6] == 1).all()
 
 
-def heat_losses_law(result: Any, name: str, v: np.ndarray, tau: np.ndarray, level: np.ndarray) -> None:
+def coulomb(name: str, v: np.ndarray, tau: np.ndarray, level: np.ndarray) -> None:
     """Coulomb's law at every sample, whatever the modes say."""
     moving = np.abs(v) > 1e-9
     assert tau[moving] == pytest.approx((np.sign(v) * level)[moving], rel=1e-6, abs=1e-9), name
@@ -183,16 +183,26 @@ def heat_losses() -> Any:
     return run(msl.HeatLosses(), outputs, np.linspace(0.0, 1.0, 2001), "rk")
 
 
+@pytest.mark.slow  # to compile
 def test_heat_losses_obeys_the_laws_of_friction(heat_losses: Any) -> None:
-    r, f = heat_losses, np.sin(0.4 * np.pi * heat_losses.time)
-    heat_losses_law(r, "bearing", r["bearingFriction.w"], r["bearingFriction.tau"], np.ones(len(f)))
-    heat_losses_law(r, "clutch", r["clutch.w_rel"], r["clutch.tau"], 5 * f)
-    heat_losses_law(r, "brake", r["brake.w"], r["brake.tau"], f)
-    v, tau, overruns = r["oneWayClutch.w_rel"], r["oneWayClutch.tau"], r["oneWayClutch.w_rel"] > 1e-9
+    r, t = heat_losses, heat_losses.time
+    f = np.sin(0.4 * np.pi * t)
+    w, T, L = r["lossyGear.w_a"], r["lossyGear.flange_a.tau"], r["lossyGear.tau_loss"]
+    # at first the gear and the brake both hold the shaft between them, in no unique way, until neither can any more
+    rest = t < t[np.argmax(np.abs(w) > 1e-12)]
+    assert 70 < rest.sum() < 90
+    strongest = (1 + 0.5 * f) / 0.8
+    assert (T[rest] <= strongest[rest]).all()
+    assert T[rest][-1] + 1.1 * (T[rest][-1] - T[rest][-2]) > strongest[rest][-1]
+    go = ~rest
+    coulomb("bearing", r["bearingFriction.w"], r["bearingFriction.tau"], np.ones(len(f)))
+    coulomb("clutch", r["clutch.w_rel"], r["clutch.tau"], 5 * f)
+    coulomb("brake", r["brake.w"][go], r["brake.tau"][go], f[go])
+    v, tau = r["oneWayClutch.w_rel"], r["oneWayClutch.tau"]
+    overruns = v > 1e-9
     assert v.min() > -1e-8
     assert tau[overruns] == pytest.approx(0.5 * f[overruns], rel=1e-6, abs=1e-9)
-    assert (tau <= 0.5 * f * (1 + 1.1e-4) + 1e-4).all()
-    w, T, L = r["lossyGear.w_a"], r["lossyGear.flange_a.tau"], r["lossyGear.tau_loss"]
+    assert (tau <= 0.5 * f * (1 + 1.1e-4) + 1e-4)[go].all()
     eta, B = 0.8 - 0.1 * np.abs(w), 1 + np.abs(w)
     drives = np.where(w > 0, T >= 0, T < 0)  # B1 = B2: no bearing torque on side a
     loss = np.where(drives, (1 - eta) * T, (1 - 1 / eta) * T) + np.sign(w) * B
@@ -201,6 +211,7 @@ def test_heat_losses_obeys_the_laws_of_friction(heat_losses: Any) -> None:
     assert r["lossyGear.flange_b.tau"] == pytest.approx(-2 * (T - L), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_heat_losses_conserves_energy(heat_losses: Any) -> None:
     r, t = heat_losses, heat_losses.time
     lost = sum(r[f"{part}.loss_power"] for part in LOSSES)
