@@ -58,22 +58,26 @@ def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepa
         Names the components whose values are at fault.
     """
     pivots, matrices = _constants(program, parameters)
-    at = 0
-    for batch in program.pivots:
-        values = pivots[at : at + len(batch)]
-        at += len(batch)
-        for i in np.flatnonzero((values == 0.0) | ~np.isfinite(values))[:1]:
-            names = ", ".join(f"{structure.model.parameters.names[p]} = {parameters[p]:g}" for p in batch.parameters[i])
-            owner = owner_of(structure, int(batch.equations[i]))
-            raise SingularError(f"{owner}: {batch.kernel.template.label} cannot be solved with {names}; a zero is divided by")
+    wrong = (pivots == 0.0) | ~np.isfinite(pivots)
+    if wrong.any():
+        raise _divided(program, structure, parameters, int(np.argmax(wrong)))
     blocks = [s for s in program.steps if isinstance(s, Linear)]
     return Prepared(program, parameters, tuple(_solution(b, structure, m) for b, m in zip(blocks, matrices, strict=True)))
 
 
+def _divided(program: Program, structure: Structure, parameters: Floats, row: int) -> SingularError:
+    for batch in program.pivots:
+        if row < len(batch):
+            break
+        row -= len(batch)
+    names = ", ".join(f"{structure.model.parameters.names[p]} = {parameters[p]:g}" for p in batch.parameters[row])
+    owner = owner_of(structure, int(batch.equations[row]))
+    return SingularError(f"{owner}: {batch.kernel.template.label} cannot be solved with {names}; a zero is divided by")
+
+
 def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Floats]]:
     """Values of the pivots, and of each linear block's entries."""
-    function = constants(program)
-    groups = [program.pivots, *(s.matrix for s in program.steps if isinstance(s, Linear))]
+    function, groups = constants(program), program.constant_groups
     if function is None:
         parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
     else:
@@ -82,8 +86,7 @@ def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Float
         except (ZeroDivisionError, ValueError, OverflowError):  # let the array road say nan or inf
             parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
         else:
-            ends = np.cumsum([sum(len(b) for b in group) for group in groups])
-            parts = np.split(everything, ends[:-1])
+            parts = [everything[here] for here in program.constant_parts]
     return parts[0], list(parts[1:])
 
 
@@ -102,21 +105,21 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | 
     if not np.isfinite(entries).all():
         raise _singular(block, structure)
     if n <= MOST_DENSE:
-        matrix = np.bincount(places, entries, n * n).reshape(n, n)
+        matrix = np.asarray(np.bincount(places, entries, n * n), float).reshape(n, n)
         row_scale = np.abs(matrix).max(axis=1)
         if not row_scale.all():
             raise _singular(block, structure)
-        matrix = matrix / row_scale[:, None]
+        matrix /= row_scale[:, None]
         column_scale = np.abs(matrix).max(axis=0)
         if not column_scale.all():
             raise _singular(block, structure)
-        matrix = matrix / column_scale
+        matrix /= column_scale
         try:
             inverse = np.linalg.inv(matrix)
         except np.linalg.LinAlgError:
             raise _singular(block, structure) from None
-        condition = np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max()
-        if not condition < 1 / SINGULAR:
+        bound = n * n * max(inverse.max(), -inverse.min())  # of the condition, since the matrix is scaled
+        if not bound < 1 / SINGULAR and not np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max() < 1 / SINGULAR:
             raise _singular(block, structure)
         solved: Floats = -inverse[:, block.known_rows] / column_scale[:, None] / row_scale[block.known_rows]
         return solved

@@ -40,7 +40,7 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
 
     With the values before the event held, relations and discrete variables are evaluated until none changes; then the values before
     are set to these, and all is repeated until that changes nothing either. A relation whose root was located takes the side that it
-    crossed to. States with a new value are set at the end.
+    crossed to, until a state is given a new value: then it is evaluated like the others.
     """
     body = looped(relations.program, layout)
     numbers = root_numbers(relations)
@@ -73,7 +73,8 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
         "    for k in range(nd):",
         "        if data[r + nr + nd + k] != data[r + nr + k]:",
         "            moved = 1",
-        *([f"    {line}" for line in reinits] if reinits else []),
+        *(f"    {line}" for line in reinits),
+        *(["    if result == 2:", f"        for k in range({len(numbers)}):", "            fired[k] = 0"] if reinits and len(numbers) else []),
         "    for k in range(nd):",
         "        data[r + nr + nd + k] = data[r + nr + k]",
         "    if moved == 0:",

@@ -158,11 +158,11 @@ def _chain(body: Body, part: Batch, pointer: list[int], source: list[int], targe
         f = piece.array([source[q] for e in entries for q in e])
         g = piece.array([target[q] for e in entries for q in e])
         piece.lines.append(f"p, f, g = {p}, {f}, {g}")
-        loop(piece, part.take(rows), "y = {value}")
-        piece.lines += [
-            "    for j in range(index[p + k], index[p + k + 1]):",
-            "        data[d + index[g + j]] += y * data[d + index[f + j]]",
-        ]
+        loop(
+            piece, part.take(rows),
+            "y = {value}\nfor j in range(index[p + {row}], index[p + {row} + 1]):\n"
+            "    data[d + index[g + j]] += y * data[d + index[f + j]]",
+        )  # fmt: skip
         pieces.append(piece)
     return pieces
 

@@ -12,10 +12,8 @@ from gearlib.structure.rows import Numbers
 def start_guess(model: FlatModel, parameters: Floats) -> Floats:
     """A value of every representative variable: its start or guess value where it has one, else zero."""
     values = np.zeros(model.n_variables)
-    order = np.argsort(model.starts.fixed, kind="stable")  # fixed ones last, so that they win
-    v = model.starts.variables[order]
-    sign = model.sign[v]
-    values[model.representative[v]] = np.where(sign == 0, 0.0, sign * parameters[model.starts.slots[order]])
+    representatives, signs, slots = model.guessed
+    values[representatives] = signs * parameters[slots]
     return values
 
 

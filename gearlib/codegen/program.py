@@ -7,6 +7,7 @@ the others.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -109,6 +110,17 @@ class Program:
         pairs = [(v, slot) for (v, k), slot in self.slots.items() if k == 0]
         table = np.array(pairs, np.int64).reshape(-1, 2)
         return table[:, 0], table[:, 1]
+
+    @cached_property
+    def constant_groups(self) -> tuple[tuple[Batch, ...], ...]:
+        """What depends on parameters only: the pivots, and each linear block's matrix."""
+        return (self.pivots, *(s.matrix for s in self.steps if isinstance(s, Linear)))
+
+    @cached_property
+    def constant_parts(self) -> tuple[slice, ...]:
+        """Where each group stands when their values follow each other."""
+        ends = [0, *itertools.accumulate(sum(len(b) for b in group) for group in self.constant_groups)]
+        return tuple(itertools.starmap(slice, itertools.pairwise(ends)))
 
     @property
     def n_unknowns(self) -> int:

@@ -74,34 +74,33 @@ def run_lines(batch: Batch, place: str) -> list[str]:
     terms, q = [], 0
     for a, kernel in enumerate(_coefficients(batch.kernel)):
         if kernel.number is None:
-            terms.append(f"+ q{q}[k] * x{a}[k]")
+            terms.append(f"+ data[q{q} + k] * data[x{a} + k]")
             q += 1
         else:
             number = kernel.number * int(batch.signs[0] * batch.argument_signs[0, a])
             factor = "" if abs(number) == 1.0 else f"{abs(number)!r} * "
-            terms.append(f"{'-' if number < 0 else '+'} {factor}x{a}[k]")
+            terms.append(f"{'-' if number < 0 else '+'} {factor}data[x{a} + k]")
     if not rest_of(batch.kernel).is_zero:
-        terms.append(f"+ q{q}[k]")
+        terms.append(f"+ data[q{q} + k]")
     label = batch.kernel.template.label.replace("\n", " ")
     return [
         f"# {label}",
         f"o = {place}",
         "for g in range(index[o]):",
         f"    h = o + 1 + {width} * g",
-        "    c = index[h]",
-        "    y = data[v + index[h + 1] : v + index[h + 1] + c]",
-        *(f"    x{a} = data[v + index[h + {2 + a}] : v + index[h + {2 + a}] + c]" for a in range(n_x)),
-        *(f"    q{i} = data[index[h + {2 + n_x + i}] : index[h + {2 + n_x + i}] + c]" for i in range(n_q)),
-        "    for k in range(c):",
-        f"        y[k] = {' '.join(terms).removeprefix('+ ')}",
+        "    y = size(index[h + 1])",
+        *(f"    x{a} = size(index[h + {2 + a}])" for a in range(n_x)),
+        *(f"    q{i} = size(index[h + {2 + n_x + i}])" for i in range(n_q)),
+        "    for k in range(size(index[h])):",
+        f"        data[y + k] = {' '.join(terms).removeprefix('+ ')}",
     ]
 
 
-def run_index(batch: Batch, coefficients_at: int) -> Integers:
-    """Number of runs, then of each its length, its first slots, and where its coefficients lie in ``data``."""
+def run_index(batch: Batch, slots_at: int, coefficients_at: int) -> Integers:
+    """Number of runs, then of each its length, and where in ``data`` its first slots and its coefficients lie."""
     columns = np.column_stack([batch.targets, batch.arguments])
     starts = starts_of_runs(columns)
     lengths = np.diff([*starts, len(batch)])
     n_q = len(coefficient_batches(batch))
     places = coefficients_at + starts[:, None] + len(batch) * np.arange(n_q)[None, :]
-    return np.concatenate([[len(starts)], np.column_stack([lengths, columns[starts], places]).ravel()]).astype(np.int64)
+    return np.concatenate([[len(starts)], np.column_stack([lengths, slots_at + columns[starts], places]).ravel()]).astype(np.int64)

@@ -75,14 +75,12 @@ class ParameterTable:
     def evaluate(self, values: Floats, overridden: frozenset[int] = frozenset()) -> Floats:
         """The complete vector, dependent parameters computed from the given ones unless overridden."""
         result = values.copy()
-        for d in self.dependents:
-            with np.errstate(all="ignore"):
-                computed = d.function(*(result[a] for a in d.arguments.T))
-            if overridden:
-                keep = np.array([t not in overridden for t in d.targets])
-                result[d.targets[keep]] = np.broadcast_to(computed, d.targets.shape)[keep]
-            else:
-                result[d.targets] = computed
+        given = sorted(overridden)
+        with np.errstate(all="ignore"):
+            for d in self.dependents:
+                result[d.targets] = d.function(*result[d.arguments.T])
+                if given:
+                    result[given] = values[given]
         return result
 
 
@@ -213,6 +211,13 @@ class FlatModel:
         """All variables' paths, in order."""
         for instance in self.instances:
             yield from self._names_of(instance)
+
+    @cached_property
+    def guessed(self) -> tuple[Integers, Integers, Integers]:
+        """Representatives that have a start or guess value, its sign, and where it stands among the parameters."""
+        order = np.argsort(self.starts.fixed, kind="stable")  # fixed ones last, so that they win
+        variables = self.starts.variables[order]
+        return self.representative[variables], self.sign[variables], self.starts.slots[order]
 
     @cached_property
     def first_relations(self) -> Integers:

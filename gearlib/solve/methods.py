@@ -292,7 +292,7 @@ def _time_events(run: Run, t0: float, t1: float) -> Floats:
         from gearlib.solve.switches import times_of_breakpoints
 
         found += [times_of_breakpoints(c, t0, t1) for c in conditions]
-    times = np.unique(np.concatenate(found))
+    times = found[0] if len(found) == 1 else np.unique(np.concatenate(found))
     return times[(times > t0) & (times < t1)]
 
 

@@ -142,13 +142,13 @@ def _checked(problem: Problem, times: Floats, rtol: float, atol: ArrayLike | Non
     if not np.all(problem.differential):
         raise ArgumentError("an explicit method cannot solve a problem with algebraic unknowns")
     times = np.array(times, dtype=np.float64)
-    if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(times) < 0.0):
+    if times.ndim != 1 or times.size == 0 or not np.isfinite(times).all() or (times[1:] < times[:-1]).any():
         raise ArgumentError("times must be finite and not decrease, and there must be one at least")
     if not 0.0 < rtol < 1.0:
         raise ArgumentError(f"rtol must lie between 0 and 1, not {rtol!r}")
     tolerance = rtol * problem.nominal if atol is None else np.asarray(atol, dtype=np.float64)
     try:
-        tolerance = np.array(np.broadcast_to(tolerance, problem.x0.shape))
+        tolerance = np.full(problem.x0.shape, tolerance)
     except ValueError:
         raise ArgumentError(f"atol is one number or {problem.x0.size} of them") from None
     if not np.all((tolerance > 0.0) & np.isfinite(tolerance)):

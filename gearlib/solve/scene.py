@@ -79,7 +79,7 @@ class Scene:
     def slot_names(self) -> list[str]:
         names = [""] * self.program.n_slots
         for node, slot in self.program.slots.items():
-            names[slot] = node_name(self.model, node)
+            names[slot] = names[slot] or node_name(self.model, node)  # copies share a slot
         return [name or f"known_{i}" for i, name in enumerate(names)]
 
     @cached_property
