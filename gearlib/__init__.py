@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from gearlib.analysis.describing import PreloadedBacklash as PreloadedBacklash
     from gearlib.analysis.describing import backlash_describing_function as backlash_describing_function
     from gearlib.analysis.describing import equivalent_stiffness as equivalent_stiffness
+    from gearlib.analysis.harmonic_balance import harmonic_balance as harmonic_balance
+    from gearlib.analysis.harmonic_response import HarmonicBalance as HarmonicBalance
     from gearlib.analysis.modes import Modes as Modes
     from gearlib.analysis.modes import modes as modes
     from gearlib.analysis.orders import OrderSpectrum as OrderSpectrum
@@ -24,12 +26,12 @@ if TYPE_CHECKING:
     from gearlib.analysis.plots import nichols_plot as nichols_plot
     from gearlib.analysis.plots import nyquist_plot as nyquist_plot
     from gearlib.analysis.plots import root_locus_plot as root_locus_plot
+    from gearlib.analysis.power import PowerFlow as PowerFlow
     from gearlib.analysis.response import FrequencyResponse as FrequencyResponse
     from gearlib.analysis.response import frequency_response as frequency_response
     from gearlib.analysis.response import transmission_error_response as transmission_error_response
     from gearlib.analysis.stability import StabilityReport as StabilityReport
     from gearlib.analysis.stability import stability as stability
-    from gearlib.analysis.statics import PowerFlow as PowerFlow
     from gearlib.analysis.statics import mobility as mobility
     from gearlib.analysis.statics import power_flow as power_flow
     from gearlib.analysis.statics import speed_ratio as speed_ratio
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from gearlib.language.component import Connection as Connection
     from gearlib.language.component import connect as connect
     from gearlib.language.declarations import Connector as Connector
+    from gearlib.language.declarations import Derivative as Derivative
     from gearlib.language.declarations import Discrete as Discrete
     from gearlib.language.declarations import Flow as Flow
     from gearlib.language.declarations import Input as Input
@@ -89,16 +92,20 @@ _HOME = {
     **dict.fromkeys(
         ["PreloadedBacklash", "backlash_describing_function", "equivalent_stiffness"], "gearlib.analysis.describing"
     ),
+    "harmonic_balance": "gearlib.analysis.harmonic_balance",
+    "HarmonicBalance": "gearlib.analysis.harmonic_response",
     **dict.fromkeys(["Modes", "modes"], "gearlib.analysis.modes"),
     **dict.fromkeys(["OrderSpectrum", "OrderWaterfall", "order_spectrum", "order_waterfall"], "gearlib.analysis.orders"),
     **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.analysis.plots"),
     **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.analysis.response"),
     **dict.fromkeys(["StabilityReport", "stability"], "gearlib.analysis.stability"),
-    **dict.fromkeys(["PowerFlow", "mobility", "power_flow", "speed_ratio"], "gearlib.analysis.statics"),
+    "PowerFlow": "gearlib.analysis.power",
+    **dict.fromkeys(["mobility", "power_flow", "speed_ratio"], "gearlib.analysis.statics"),
     "GearlibError": "gearlib.errors",
     **dict.fromkeys(["Component", "Connection", "connect"], "gearlib.language.component"),
     **dict.fromkeys(
-        ["Connector", "Discrete", "Flow", "Input", "Parameter", "Potential", "Structural", "Variable"], "gearlib.language.declarations"
+        ["Connector", "Derivative", "Discrete", "Flow", "Input", "Parameter", "Potential", "Structural", "Variable"],
+        "gearlib.language.declarations",
     ),
     **dict.fromkeys(
         [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,6 @@ from gearlib.codegen.numbers import numbers_of
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
-from gearlib.flatten.templates import parse_column
 from gearlib.language.component import Component
 from gearlib.solve.arguments import absolute_tolerance, check_options, output_times
 from gearlib.solve.initialize import Start, start_values, steady_state
@@ -27,6 +26,9 @@ from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
 from gearlib.solve.table import Table, values
 from gearlib.structure.analysis import Structure, analyse, confirm, discrete_nodes
 from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    from gearlib.analysis.power import PowerFlow
 
 Floats = NDArray[np.float64]
 
@@ -115,12 +117,14 @@ class System:
             targets += [n for d in discretes for n in discrete_nodes(model, d)]
             wanted = [s for s in structure.states if s not in structure.angles]
             states = tuple(sorted({*wanted, *needed_states(structure, targets)}))
+            computed: list[Node] = []
         else:
             discretes = [model.discretes.names.index(n) for n in outputs if n in model.discretes.names]
-            targets = [self._node(n, "output") for n in outputs if n not in model.discretes.names]
-            targets += [n for d in discretes for n in discrete_nodes(model, d)]
+            nodes = [self._node(n, "output") for n in outputs if n not in model.discretes.names]
+            targets = [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))]
             states = needed_states(structure, targets)
-        self._scene = Scene(structure, states, tuple(discretes))
+            computed = [n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states]
+        self._scene = Scene(structure, states, tuple(discretes), tuple(computed))
         self._scenes: dict[tuple[Node, ...], Scene] = {states: self._scene}
         self._numbers: dict[tuple[Node, ...], tuple[bytes, Numbers]] = {}
         self.states = tuple(node_name(model, s) for s in states)
@@ -130,7 +134,7 @@ class System:
         return self._structure.model
 
     def _node(self, name: str, what: str = "variable") -> Node:
-        base, order = parse_column(name)
+        base, order = self._model.column(name)
         variable = self._model.variable(base, what)
         node = (int(self._model.representative[variable]), order)
         solved = node in self._structure.choice.solved_by or node in self._structure.dependence.is_state
@@ -229,7 +233,7 @@ class System:
             print(f"{self.name}: done with {outcome.stats['method']} in {outcome.stats['seconds']:.3g} s")
 
         def again(states: tuple[Node, ...]) -> Result:
-            wider = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted))
+            wider = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted, self._scene.outputs))
             return self._run(
                 wider, grid, method, rtol, None if np.ndim(atol or 0.0) else atol, parameters, start, signals, progress
             )
@@ -275,6 +279,15 @@ class System:
         scene, numbers, point = operating_point(self, states, at, parameters)
         model = linearize(scene, numbers, chosen_inputs, chosen, point)
         return model if sparse else state_space(model)
+
+    def power_flow(
+        self, speeds: Mapping[str, float] | None = None, torques: Mapping[str, float] | None = None, *,
+        parameters: Mapping[str, float] | None = None,
+    ) -> PowerFlow:  # fmt: skip
+        """Speeds, torques and powers when the train turns steadily, without a simulation: `gearlib.power_flow`."""
+        from gearlib.analysis.statics import power_flow
+
+        return power_flow(self, speeds, torques, parameters=parameters)
 
     def _parameters(self, given: Mapping[str, float] | None) -> Floats:
         table = self._model.parameters

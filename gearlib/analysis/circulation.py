@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -59,16 +60,20 @@ def circulations(branches: Sequence[Branch]) -> tuple[Circulation, ...]:
                 graph.remove_edge(*e)
 
 
-def _shortest_cycle(graph: object) -> list[tuple[str, str]] | None:
+def _shortest_cycle(graph: Any) -> list[tuple[str, Any]] | None:
+    """A shortest cycle. Only nodes with a choice of ways are tried, as a cycle without one is its whole component."""
     import networkx as nx
 
-    best: list[tuple[str, str]] | None = None
+    best: list[tuple[str, Any]] | None = None
     for group in nx.strongly_connected_components(graph):
         if len(group) < 2:
             continue
-        inside = graph.subgraph(group)  # type: ignore[attr-defined]
-        for u, v in inside.edges:
-            path = nx.shortest_path(inside, v, u)
-            if best is None or len(path) < len(best):
-                best = path
+        inside = graph.subgraph(group)
+        # Sorted, since the order of sets of names changes from process to process.
+        starts = sorted((node for node in group if inside.out_degree(node) > 1), key=str) or [min(group, key=str)]
+        for u in starts:
+            for v in sorted(inside.successors(u), key=str):
+                path = nx.shortest_path(inside, v, u)
+                if best is None or len(path) < len(best):
+                    best = path
     return best

@@ -14,7 +14,6 @@ from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
-from gearlib.flatten.templates import parse_column
 from gearlib.solve.scene import Scene, needed_states, node_name
 from gearlib.structure.incidence import Node
 
@@ -95,7 +94,7 @@ def linearize(
     structure, model = structure_scene.structure, structure_scene.model
     targets, signs = [], []
     for name in outputs:
-        base, order = parse_column(name)
+        base, order = model.column(name)
         variable = model.variable(base, "output")
         targets.append((int(model.representative[variable]), order))
         signs.append(int(model.sign[variable]))

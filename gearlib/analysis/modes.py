@@ -272,7 +272,8 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
         if (v, k) in program.slots:
             orders[v], pick[v] = k, program.slots[v, k]
     rows = d[pick]
-    spectrum = _spectrum(A, rows, orders, count)
+    angles = any(k == 0 and structure.model.potential[v] for v, k in states)
+    spectrum = _spectrum(A, rows, orders, count, angles)
     names = tuple(node_name(structure.model, s) for s in states)
     return Modes(
         np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([spectrum.free, spectrum.vectors]), names,
@@ -281,13 +282,13 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
     )  # fmt: skip
 
 
-def _spectrum(A: Any, rows: Any, orders: Any, count: int | None) -> Spectrum:
+def _spectrum(A: Any, rows: Any, orders: Any, count: int | None, angles: bool) -> Spectrum:
     """All modes of a small matrix, the lowest of a large one."""
     speeds = rows[np.flatnonzero(orders == 1)]
     if A.shape[0] <= MOST_DENSE:
         full = [m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (A, speeds)]
         return dense_spectrum(full[0], full[1], count)
-    return sparse_spectrum(A, speeds, 20 if count is None else count)
+    return sparse_spectrum(A, speeds, 20 if count is None else count, angles)
 
 
 def _moving_states(structure: Structure) -> tuple[Node, ...]:

@@ -24,6 +24,7 @@ from gearlib.errors import SolverError
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+SAME = 1e-9  # of a pole's magnitude: others on the axis as near as this are passed together with it
 FARTHEST = 1e3  # radius of the path over the largest pole
 
 
@@ -126,14 +127,14 @@ def nyquist_count(loop: Loop) -> NyquistCount:
 
 def contour(loop: Loop) -> list[Complexes]:
     """Points of the path's upper half, piece by piece: axis, detours to the right of poles on it, and the arc at infinity."""
-    centres = np.unique(np.concatenate([loop.open_poles.on_axis, loop.closed_poles.on_axis]))
-    centres = _merged(centres, max(loop.scale[1], 1e-300))
+    axis = np.unique(np.concatenate([loop.open_poles.on_axis, loop.closed_poles.on_axis]))
+    groups = _together(axis, loop.scale[0])
     high = FARTHEST * loop.scale[1]
     pieces: list[Complexes] = []
     here = 0.0
     critical = loop.critical
-    for centre in centres:
-        radius = _radius(centre, centres, critical, loop.scale[0])
+    for low, up in groups:
+        centre, radius = (low + up) / 2, _radius(low, up, critical)
         if centre - radius > here:
             pieces.append(_points(lambda x: 1j * x, here, centre - radius, critical))
         arc = _arc(1j * centre, radius)
@@ -155,20 +156,23 @@ def _points(path: Callable[[Any], Any], start: float, end: float, critical: Comp
     return points
 
 
-def _merged(centres: Floats, scale: float) -> Floats:
-    """Poles of the open and of the closed loop that are one, up to rounding."""
-    kept: list[float] = []
-    for centre in centres:
-        if not kept or centre - kept[-1] > 1e-9 * scale:
-            kept.append(float(centre))
-    return np.array(kept)
+def _together(axis: Floats, smallest: float) -> list[tuple[float, float]]:
+    """Poles of the open and of the closed loop that rounding does not tell apart, as intervals of the axis."""
+    groups: list[tuple[float, float]] = []
+    for w in axis.tolist():
+        if groups and w - groups[-1][1] <= SAME * max(w, smallest):
+            groups[-1] = groups[-1][0], w
+        else:
+            groups.append((w, w))
+    return groups
 
 
-def _radius(centre: float, centres: Floats, critical: Complexes, smallest: float) -> float:
-    """Small enough to leave every other pole, also of the closed loop, on its side of the path."""
-    distances = np.abs(critical - 1j * centre)
-    others = distances[distances > 1e-9 * max(abs(centre), smallest)]
-    nearest = float(others.min()) if len(others) else 1.0
-    if centre > 0:
-        nearest = min(nearest, centre)
-    return 0.25 * nearest
+def _radius(low: float, up: float, critical: Complexes) -> float:
+    """Large enough to go round the poles between two points of the axis, small enough to leave every other pole on its side."""
+    inside = (critical.real == 0) & (np.abs(critical.imag) >= low) & (np.abs(critical.imag) <= up)
+    others = np.abs(critical[~inside] - 0.5j * (low + up))
+    gap = float(others.min()) if len(others) else 1.0
+    if low > 0:
+        gap = min(gap, (low + up) / 2)
+    half = (up - low) / 2
+    return half + 0.25 * (gap - half)

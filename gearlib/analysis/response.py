@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.analysis.linearize import input_names
 from gearlib.analysis.loops import is_system, matrices
 from gearlib.errors import ArgumentError, NameLookupError, nearest
-from gearlib.flatten.templates import parse_column
 
 if TYPE_CHECKING:
     import pandas
@@ -161,7 +160,7 @@ def frequency_response(
 
 
 def _unit(system: System, name: str) -> str:
-    base, order = parse_column(name)
+    base, order = system._model.column(name)
     declared = system._model.declaration(system._model.variable(base))
     return "" if declared is None else declared.unit + "/s" * order
 

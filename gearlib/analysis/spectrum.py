@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.analysis.elimination import factorise
 from gearlib.analysis.poles import deflate
 from gearlib.errors import SolverError
 
@@ -102,8 +103,8 @@ def _ordered(values: Complexes, vectors: Complexes, free: Complexes, preloads: i
     return Spectrum(chosen, shapes / peak, free, preloads, decays)
 
 
-def sparse_spectrum(A: Any, speeds: Any, count: int) -> Spectrum:
-    """The lowest modes of a large matrix, by ARPACK on the mapped matrix.
+def sparse_spectrum(A: Any, speeds: Any, count: int, chained: bool = True) -> Spectrum:
+    """The lowest modes of a large matrix, by ARPACK on the mapped matrix; ``chained`` where angles are states.
 
     Raises
     ------
@@ -138,15 +139,30 @@ def sparse_spectrum(A: Any, speeds: Any, count: int) -> Spectrum:
         shift = min(lowest, shift) / 4
     residual = np.linalg.norm(product - vectors * values, axis=0) / np.linalg.norm(product, axis=0)
     good = residual < 1e-5
-    projected = start[:, None] * np.random.default_rng(1).normal(size=(n, 8))
-    slow = splu(A - 1e-3 * lowest * eye)
-    for _ in range(6):  # what is left is at 0: every other motion shrinks a thousandfold at each turn
-        projected = -1e-3 * lowest * slow.solve(projected)
-    free = _free(projected, speeds)
+    free = _free_motions(A, speeds, chained)
     found = _ordered(values[good], vectors[:, good], free, None, count)
     if len(found.values) < count and wanted < n - 2:
         return _more(A, speeds, count, found)
     return found
+
+
+def _free_motions(A: Any, speeds: Any, chained: bool) -> Complexes:
+    """Motions at 0 of a large matrix, from its sparse elimination; where angles are states, with chains of two."""
+    import scipy.sparse as sparse
+
+    n = A.shape[0]
+    found = factorise(sparse.bmat([[A, -sparse.identity(n)], [None, A]]) if chained else A)  # x and A x, with A (A x) = 0
+    scale, looks, most = found.column[:n], 8, found.matrix.shape[0] - found.rank
+    while True:  # random motions at 0: more than are independent show how many are
+        zero = np.linalg.qr(found.directions(min(looks, most))[:n])[0]
+        free = scale[:, None] * _free(zero, speeds @ sparse.diags(scale))
+        if free.shape[1] < looks:
+            break
+        looks *= 4
+    # Without the preloads that are mixed in, if what no speed depends on can be left out.
+    alone = free * (np.asarray(abs(speeds).sum(axis=0)).ravel() > 0)[:, None]
+    left = found.row[:n, None] * np.abs((A @ alone))
+    return alone if left.max(initial=0.0) <= 1e-9 * np.abs(alone / scale[:, None]).max(initial=0.0) else free
 
 
 def _more(A: Any, speeds: Any, count: int, found: Spectrum) -> Spectrum:

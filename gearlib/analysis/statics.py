@@ -3,181 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gearlib.analysis.circulation import Branch, Circulation, circulations
+from gearlib.analysis.power import FlangePower, PowerFlow
 from gearlib.analysis.steady_motion import CONTRADICTION, VALUE, Given, Motion, kinematics, refuse_contradiction, solve
-from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.templates import parse_column
 from gearlib.language.declarations import Flow, Potential
 
 if TYPE_CHECKING:
-    import pandas
-
     from gearlib.system import System
 
-UNDETERMINED = 1e-8  # part of a unit vector; orthonormal directions are exact to about 1e-13
-
-
-@dataclass(frozen=True)
-class FlangePower:
-    """Speed, torque and power at one flange; torque and power are positive into the component."""
-
-    component: str
-    flange: str
-    speed: float
-    torque: float
-    power: float
-    shaft: int  # flanges on one rigid shaft have the same number
-    leaf: bool  # False for the flanges of a composite, which repeat those of its parts
-
-    @property
-    def name(self) -> str:
-        """Path of the flange."""
-        return f"{self.component}.{self.flange}" if self.component else self.flange
-
-
-@dataclass(frozen=True)
-class PowerFlow:
-    """Torque and power in a train that turns steadily.
-
-    Attributes
-    ----------
-    flanges : tuple of FlangePower
-    mobility : int
-        Independent speeds of the train.
-    """
-
-    flanges: tuple[FlangePower, ...]
-    mobility: int
-
-    def __getitem__(self, name: str) -> FlangePower:
-        """A flange by its path."""
-        found = self._by_name.get(name)
-        if found is None:
-            raise NameLookupError(f"the model has no flange '{name}'; {nearest(str(name), self._by_name)}")
-        return found
-
-    @cached_property
-    def _by_name(self) -> dict[str, FlangePower]:
-        return {f.name: f for f in self.flanges}
-
-    @cached_property
-    def _branches(self) -> tuple[Branch, ...]:
-        """Net power of each basic component at each rigid shaft."""
-        power: dict[tuple[str, int], float] = {}
-        for f in self.flanges:
-            if f.leaf:
-                power[f.component, f.shaft] = power.get((f.component, f.shaft), 0.0) + f.power
-        least = 1e-12 * self.largest
-        return tuple(Branch(c, s, p) for (c, s), p in power.items() if abs(p) > least)
-
-    @property
-    def largest(self) -> float:
-        """Largest power at any flange, W."""
-        return max((abs(f.power) for f in self.flanges), default=0.0)
-
-    @cached_property
-    def absorbed(self) -> dict[str, float]:
-        """Power that each basic component takes up, W: negative for a drive, positive for a load, the loss of a gear."""
-        total: dict[str, float] = {}
-        for f in self.flanges:
-            if f.leaf:
-                total[f.component] = total.get(f.component, 0.0) + f.power
-        return total
-
-    @cached_property
-    def outer(self) -> tuple[str, ...]:
-        """Components that exchange power through one shaft only: drives and loads."""
-        shafts: dict[str, int] = {}
-        for branch in self._branches:
-            shafts[branch.component] = shafts.get(branch.component, 0) + 1
-        return tuple(c for c, count in shafts.items() if count == 1)
-
-    @property
-    def input_power(self) -> float:
-        """What the drives deliver, W."""
-        return -sum(min(self.absorbed[c], 0.0) for c in self.outer)
-
-    @property
-    def output_power(self) -> float:
-        """What the loads take, W."""
-        return sum(max(self.absorbed[c], 0.0) for c in self.outer)
-
-    @property
-    def efficiency(self) -> float:
-        """Power of the loads over power of the drives; NaN where nothing drives."""
-        return self.output_power / self.input_power if self.input_power else float("nan")
-
-    @property
-    def losses(self) -> dict[str, float]:
-        """Power lost in the components between drives and loads, W."""
-        least = 1e-12 * self.largest
-        return {c: p for c, p in self.absorbed.items() if c not in self.outer and abs(p) > least}
-
-    @property
-    def imbalance(self) -> float:
-        """Sum of the power at all basic flanges over the largest of them: rounding, since connections pass on all power."""
-        total = sum(f.power for f in self.flanges if f.leaf)
-        return abs(total) / self.largest if self.largest else 0.0
-
-    @cached_property
-    def circulating(self) -> tuple[Circulation, ...]:
-        """Power that flows in a circle, and through which components."""
-        return circulations(self._branches)
-
-    @property
-    def circulating_power(self) -> float:
-        """Sum of the circulating powers, W."""
-        return sum(c.power for c in self.circulating)
-
-    def willis(self, sun: str, ring: str, carrier: str) -> tuple[float, float]:
-        """Basic ratio of a planetary set from its speeds, and from its torques; without losses they are equal.
-
-        Parameters
-        ----------
-        sun, ring, carrier : str
-            Paths of its flanges.
-
-        Returns
-        -------
-        tuple of float
-            ``(w_sun - w_carrier) / (w_ring - w_carrier)`` and ``-tau_ring / tau_sun``; NaN where the set turns as a block or
-            carries no torque.
-        """
-        s, r, c = self[sun], self[ring], self[carrier]
-        relative = r.speed - c.speed
-        turning = abs(relative) > 1e-12 * max(abs(s.speed), abs(r.speed), abs(c.speed))
-        return (s.speed - c.speed) / relative if turning else float("nan"), -r.torque / s.torque if s.torque else float("nan")
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """One row per flange."""
-        import pandas
-
-        table = [(f.name, f.speed, f.torque, f.power) for f in self.flanges]
-        return pandas.DataFrame(table, columns=["flange", "speed", "torque", "power"]).set_index("flange")
-
-    def __str__(self) -> str:
-        basic = [f for f in self.flanges if f.leaf]
-        width = max((len(f.name) for f in basic), default=6)
-        lines = [f"{'flange':{width}}  {'speed, rad/s':>13} {'torque, N.m':>13} {'power, W':>13}"]
-        lines += [f"{f.name:{width}}  {_tidy(f.speed):13.6g} {_tidy(f.torque):13.6g} {_tidy(f.power):13.6g}" for f in basic]
-        lines.append(
-            f"mobility {self.mobility}; drives deliver {self.input_power:.6g} W, loads take {self.output_power:.6g} W, "
-            f"efficiency {self.efficiency:.6g}"
-        )
-        lines += [f"lost in {c}: {p:.6g} W" for c, p in self.losses.items()]
-        lines += [f"circulating: {c.power:.6g} W through {', '.join(c.components)}" for c in self.circulating]
-        return "\n".join(lines)
-
-
-def _tidy(value: float) -> float:
-    return 0.0 if abs(value) < 1e-12 else value
+UNDETERMINED = 1e-8  # of a free motion of about 1, scaled; such motions are exact to about 1e-13
 
 
 def power_flow(
@@ -237,7 +77,7 @@ def power_flow(
     motion = solve(model, numbers, given)
     refuse_contradiction(motion, given)
     flanges = tuple(_flanges(model, motion))
-    return PowerFlow(flanges, mobility(system, parameters=parameters))
+    return PowerFlow(flanges, mobility(system, parameters=parameters), system.name)
 
 
 def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -> int:
@@ -258,11 +98,17 @@ def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -
     2
     """
     model = system._structure.model
-    _, factors = kinematics(model, system._parameters(parameters))
     moving = sorted({int(model.representative[v]) for _, v, _, _ in _mechanical(model) if model.sign[v]})
+    speeds = model.n_variables + np.array(moving, np.int64)
     if not moving:
         return 0
-    return int(np.linalg.matrix_rank(factors.free[model.n_variables + np.array(moving)], tol=1e-8))
+    _, factors, _ = kinematics(model, system._parameters(parameters), speeds)
+    looks = 8
+    while True:  # random free motions: more than are independent show how many are
+        rank = int(np.linalg.matrix_rank(factors.directions(looks)[speeds], tol=1e-8))
+        if rank < looks:
+            return rank
+        looks *= 4
 
 
 def speed_ratio(
@@ -305,17 +151,18 @@ def speed_ratio(
         raise ArgumentError(f"held is a list of names, such as [{held!r}]")
     model = system._structure.model
     given = _given(model, {driving: 1.0, **dict.fromkeys(held, 0.0)}, None)
-    rows, factors = kinematics(model, system._parameters(parameters), given)
-    residual = rows.residual[rows.kinematic].copy()
-    x = -factors.solve(residual)
-    left = residual + rows.matrix[rows.kinematic] @ x
-    if np.abs(left).max() > CONTRADICTION:
-        raise ArgumentError(f"{driving} cannot turn{' with ' + ', '.join(held) + ' held' if held else ''}")
     variable, order, sign = _speed(model, driven)
+    place = variable + order * model.n_variables
+    wanted = np.array([place, *(g.variable + g.order * model.n_variables for g in given)])
+    rows, factors, chosen = kinematics(model, system._parameters(parameters), wanted, given)
+    residual = rows.residual[chosen]
+    x = -factors.solve(residual)
+    x -= factors.solve(residual + factors.matrix @ x)
+    if factors.contradiction(residual + factors.matrix @ x, x).max(initial=0.0) > CONTRADICTION:
+        raise ArgumentError(f"{driving} cannot turn{' with ' + ', '.join(held) + ' held' if held else ''}")
     if sign == 0:
         raise ArgumentError(f"{driven} always stands still")
-    place = variable + order * model.n_variables
-    if np.abs(factors.free[place]).max(initial=0.0) > UNDETERMINED:
+    if factors.undetermined[place] > UNDETERMINED:
         raise ArgumentError(f"{driven} does not follow from {driving} alone; name the speeds that are held (held=[...])")
     speed = sign * float(x[place])
     if abs(speed) < 1e-12:
@@ -387,12 +234,14 @@ def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
         path = model.instances[i].path
         p, f = int(model.representative[potential]), int(model.representative[flow])
         for place, sign, what in ((p + n, model.sign[potential], "speed"), (f, model.sign[flow], "torque")):
-            if sign and np.abs(motion.free[place]).max(initial=0.0) > UNDETERMINED:
+            if sign and motion.undetermined[place] > UNDETERMINED:
                 open_.append(f"{what} of {path + '.' if path else ''}{flange}")
         speed = float(motion.rates[p]) * int(model.sign[potential])
         torque = float(motion.constants[f]) * int(model.sign[flow])
         shaft = p if model.sign[potential] else -1
-        rows.append(FlangePower(path, flange, speed, torque, speed * torque, shaft, alone or path not in composite))
+        sliding = (declared := model.declaration(potential)) is not None and declared.unit == "m"
+        leaf = alone or path not in composite
+        rows.append(FlangePower(path, flange, speed, torque, speed * torque, shaft, leaf, sliding))
     if open_:
         more = f" and {len(open_) - 4} more" if len(open_) > 4 else ""
         raise ArgumentError(f"too little is given: the {', '.join(open_[:4])}{more} stay open; give more speeds or torques")

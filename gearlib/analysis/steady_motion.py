@@ -7,12 +7,14 @@ speeds vanish, so inertia takes no torque; what is left is kinematics and static
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.analysis.elimination import Factors, factorise
 from gearlib.codegen.kernels import Kernel, partial_kernel, relation_kernel, residual_kernel
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import EquationGroup, FlatModel
@@ -20,7 +22,6 @@ from gearlib.flatten.model import EquationGroup, FlatModel
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONTRADICTION = 1e-8  # relative residual of an equation that cannot be met
-RANK = 1e-11  # relative singular value below which a row says nothing new
 SPEED, VALUE = 1, 0
 
 
@@ -34,25 +35,26 @@ class Given:
     value: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rows:
     """Linear equations between the ``2 n`` unknowns: constants ``a``, then rates ``b``."""
 
-    matrix: Floats
+    matrix: Any  # sparse
     residual: Floats
     kinematic: NDArray[np.bool_]  # rows without torques
-    owners: tuple[str, ...]
+    owner: Callable[[int], str]  # which component wrote a row
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
-    """The steady motion, and the directions in which it is not determined."""
+    """The steady motion, and how far each unknown is left open by the equations (0: not at all)."""
 
     constants: Floats
     rates: Floats
-    free: Floats  # (2 n, directions)
-    residual: Floats
-    owners: tuple[str, ...]
+    undetermined: Floats
+    residual: Floats  # of each row, relative
+    factors: Factors
+    owner: Callable[[int], str]
 
 
 def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) -> Floats:
@@ -80,129 +82,169 @@ def apply(
     return np.broadcast_to(np.asarray(value, float), (len(group),))
 
 
+class Entries:
+    """Rows of a sparse matrix that is being put together."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._parts: list[tuple[Integers, Integers, Floats]] = []
+
+    def put(self, rows: Any, columns: Any, values: Any) -> None:
+        """Entries at rows counted from those that are being added."""
+        rows = np.asarray(rows, np.int64) + self.count
+        shape = np.broadcast_shapes(rows.shape, np.shape(columns), np.shape(values))
+        self._parts.append(tuple(np.broadcast_to(np.asarray(x), shape) for x in (rows, columns, values)))  # type: ignore[arg-type]
+
+    def matrix(self, columns: int) -> Any:
+        import scipy.sparse as sparse
+
+        rows, places, values = (np.concatenate([p[k] for p in self._parts]) for k in range(3))
+        return sparse.csr_matrix((values.astype(float), (rows, places)), shape=(self.count, columns))
+
+
 def assemble(model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, modes: Floats) -> Rows:
     """The equations of a steady motion, linearised about ``a + b t``. A binding to a function of time stands for zero."""
     n = model.n_variables
-    replaced = {g.variable for g in given if g.order == VALUE}
-    blocks: list[Floats] = []
+    entries = Entries()
     rest: list[Floats] = []
     kinematic: list[NDArray[np.bool_]] = []
-    owners: list[str] = []
+    writers: list[tuple[int, Integers]] = []  # group, and its row of each line
+    replaced = np.array([g.variable for g in given if g.order == VALUE], np.int64)
     for g, group in enumerate(model.groups):
-        template, count = group.template, len(group)
-        binding = template.label == "binding"
-        keep = np.ones(count, bool)
-        if binding:
-            j = template.locals.index("bound")
-            keep = np.array([v not in replaced for v in group.variables[:, j].tolist()], bool)
-        constant, growth = np.zeros((count, 2 * n)), np.zeros((count, 2 * n))
-        torques = np.zeros(count, bool)
-        rows = np.arange(count)
-        for c, (name, order) in enumerate(template.columns):
-            j = template.locals.index(name)
-            v = group.variables[:, j]
-            p = apply(model, partial_kernel(template, c), g, group, parameters, a, b, modes) * group.signs[:, j]
-            p = np.where(np.isfinite(p), p, 0.0)
-            if not template.linear:
-                p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
-            if order < 2:
-                np.add.at(constant, (rows, v + order * n), p)
-            if order == 0:
-                np.add.at(growth, (rows, v + n), p)
-                torques |= model.flow[v] & (p != 0)
-        if binding and template.on_time:
-            value = argument(group, "bound", 0, a, b)
-            constant[:] = 0.0
-            constant[rows, group.variables[:, j]] = group.signs[:, j]
-        else:
-            value = apply(model, residual_kernel(template), g, group, parameters, a, b, modes)
-        blocks += [constant[keep], growth[keep]]
-        rest += [value[keep], (growth @ np.concatenate([a, b]))[keep]]
-        kinematic += [~torques[keep], np.ones(int(keep.sum()), bool)]
-        owners += 2 * [model.owner(g, i) for i in np.flatnonzero(keep).tolist()]
-    steady = np.flatnonzero(model.flow & (model.representative == np.arange(n)))  # torques do not grow
-    extra = np.zeros((len(steady), 2 * n))
-    extra[np.arange(len(steady)), n + steady] = 1.0
-    wanted = np.zeros((len(given), 2 * n))
-    for i, item in enumerate(given):
-        wanted[i, item.variable + item.order * n] = 1.0
+        keep = np.arange(len(group))
+        if group.template.label == "binding":
+            keep = np.flatnonzero(~np.isin(group.variables[:, group.template.locals.index("bound")], replaced))
+        value, torques = _group(model, entries, g, keep, parameters, a, b, modes)
+        rest.append(value)
+        kinematic += [~torques, np.ones(len(keep), bool)]
+        writers += [(g, keep), (g, keep)]
     x = np.concatenate([a, b])
-    blocks += [extra, wanted]
-    rest += [extra @ x, wanted @ x - np.array([item.value for item in given])]
+    steady = np.flatnonzero(model.flow & (model.representative == np.arange(n)))  # torques do not grow
+    entries.put(np.arange(len(steady)), n + steady, 1.0)
+    entries.count += len(steady)
+    places = np.array([item.variable + item.order * n for item in given], np.int64)
+    entries.put(np.arange(len(given)), places, 1.0)
+    entries.count += len(given)
+    rest += [x[n + steady], x[places] - np.array([item.value for item in given])]
     kinematic += [np.ones(len(steady), bool), ~model.flow[[item.variable for item in given]] if given else np.empty(0, bool)]
-    owners += ["connection"] * len(steady) + [item.name for item in given]
-    return Rows(np.concatenate(blocks), np.concatenate(rest), np.concatenate(kinematic), tuple(owners))
+    ends = np.cumsum([len(rows) for _, rows in writers])
+
+    def owner(row: int) -> str:
+        part = int(np.searchsorted(ends, row, side="right"))
+        if part < len(writers):
+            group, rows = writers[part]
+            return model.owner(group, int(rows[row - (ends[part - 1] if part else 0)]))
+        row -= int(ends[-1]) if len(ends) else 0
+        return "connection" if row < len(steady) else given[row - len(steady)].name
+
+    return Rows(entries.matrix(2 * n), np.concatenate(rest), np.concatenate(kinematic), owner)
 
 
-@dataclass(frozen=True)
-class Factors:
-    """A singular value decomposition of a matrix whose rows and columns were scaled to similar size."""
-
-    row: Floats
-    column: Floats
-    u: Floats
-    s: Floats
-    vt: Floats
-    rank: int
-
-    def solve(self, residual: Floats) -> Floats:
-        """The smallest change that makes the residual as small as possible."""
-        r = self.rank
-        y = (self.u[:, :r].T @ (residual * self.row)) / self.s[:r]
-        x: Floats = (self.vt[:r].T @ y) * self.column
-        return x
-
-    @property
-    def free(self) -> Floats:
-        """A basis of what the equations leave free, shape (unknowns, directions), in scaled unknowns."""
-        basis: Floats = self.vt[self.rank :].T.copy()
-        return basis
-
-
-def factorise(matrix: Floats) -> Factors:
-    """Scale and decompose."""
-    size = np.abs(matrix)
-    row, column = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
-    for _ in range(8):
-        scaled = size * row[:, None] * column
-        row /= np.sqrt(np.where(scaled.any(axis=1), scaled.max(axis=1, initial=0.0), 1.0))
-        column /= np.sqrt(np.where(scaled.any(axis=0), scaled.max(axis=0, initial=0.0), 1.0))
-    missing = np.zeros((max(0, matrix.shape[1] - matrix.shape[0]), matrix.shape[1]))  # so that all directions come out
-    u, s, vt = np.linalg.svd(np.concatenate([matrix * row[:, None] * column, missing]), full_matrices=False)
-    u = u[: len(matrix)]
-    rank = int((s > RANK * max(1.0, float(s[0]) if len(s) else 1.0)).sum())
-    return Factors(row, column, u, s, vt, rank)
+def _group(
+    model: FlatModel, entries: Entries, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, modes: Floats
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Rows of one group: the constant parts, then those that grow with time. Gives the residuals, and which rows hold torques."""
+    group, n, count = model.groups[g], model.n_variables, len(keep)
+    template = group.template
+    torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
+    on_time = template.label == "binding" and template.on_time
+    for c, (name, order) in enumerate(template.columns):
+        j = template.locals.index(name)
+        v = group.variables[:, j]
+        p = apply(model, partial_kernel(template, c), g, group, parameters, a, b, modes) * group.signs[:, j]
+        p = np.where(np.isfinite(p), p, 0.0)
+        if not template.linear:
+            p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
+        if order < 2 and not on_time:
+            entries.put(rows, v[keep] + order * n, p[keep])
+        if order == 0:
+            entries.put(rows + count, v[keep] + n, p[keep])
+            growth += p * b[v]
+            torques |= model.flow[v] & (p != 0)
+    if on_time:
+        j = template.locals.index("bound")
+        value = argument(group, "bound", 0, a, b)
+        entries.put(rows, group.variables[keep, j], group.signs[keep, j])
+    else:
+        value = apply(model, residual_kernel(template), g, group, parameters, a, b, modes)
+    entries.count += 2 * count
+    return np.concatenate([value[keep], growth[keep]]), torques[keep]
 
 
 def solve(model: FlatModel, parameters: Floats, given: Sequence[Given]) -> Motion:
+    """The steady motion by Newton's method, from rest or, where that fails, from the guesses of the model."""
+    n = model.n_variables
+    motion = _newton(model, parameters, given, np.zeros(2 * n))
+    if (motion.residual > CONTRADICTION).any() and any(not group.template.linear for group in model.groups):
+        guess = _guessed(model, parameters, given)
+        other = _newton(model, parameters, given, guess)
+        if not (other.residual > CONTRADICTION).any():
+            return other
+    return motion
+
+
+def _guessed(model: FlatModel, parameters: Floats, given: Sequence[Given]) -> Floats:
+    """Speeds that agree with each other and, as far as they can, with the guesses of the model."""
+    starts, n = model.starts, model.n_variables
+    guesses = []
+    for v, slot in zip(starts.variables.tolist(), starts.slots.tolist(), strict=True):
+        rep, sign = int(model.representative[v]), int(model.sign[v])
+        if sign and not model.flow[rep] and not model.potential[rep] and parameters[slot]:
+            guesses.append(Given("guess", rep, VALUE, sign * float(parameters[slot])))
+    zero = np.zeros(n)
+    rows = assemble(model, parameters, [*given, *guesses], zero, zero, initial_modes(model))
+    return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
+
+
+def _newton(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
     """Newton's method for the unknowns, inside an iteration for the flags of events (which side of a lossy gear drives)."""
     n = model.n_variables
-    x = np.zeros(2 * n)
-    modes = initial_modes(model)
+    modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else initial_modes(model)
+    last: Factors | None = None
     for _ in range(40):
         for _ in range(30):
             rows = assemble(model, parameters, given, x[:n], x[n:], modes)
-            factors = factorise(rows.matrix)
-            change = factors.solve(rows.residual)
+            last = _factors(rows.matrix, last)
+            change = last.solve(rows.residual)
             x = x - change
-            if np.abs(change / factors.column).max(initial=0.0) <= 1e-14 * np.abs(x / factors.column).max(initial=0.0):
+            if np.abs(change / last.column).max(initial=0.0) <= 1e-14 * np.abs(x / last.column).max(initial=0.0):
                 break
         new = settled_modes(model, parameters, x[:n], x[n:])
         if (new == modes).all():
             break
         modes = new
     rows = assemble(model, parameters, given, x[:n], x[n:], modes)
-    factors = factorise(rows.matrix)
-    size = np.abs(x / factors.column).max(initial=0.0)
-    relative = np.abs(rows.residual) * factors.row / max(size, np.finfo(float).tiny)
-    return Motion(x[:n], x[n:], factors.free, relative, rows.owners)
+    factors = _factors(rows.matrix, last)
+    contradiction = factors.contradiction(rows.residual, x)
+    return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner)
 
 
-def kinematics(model: FlatModel, parameters: Floats, given: Sequence[Given] = ()) -> tuple[Rows, Factors]:
-    """The equations between speeds alone, whatever the torques are."""
+def _factors(matrix: Any, last: Factors | None) -> Factors:
+    """Factors of a matrix, those at hand if it is the same."""
+    if last is not None and matrix.nnz == last.matrix.nnz and (matrix.data == last.matrix.data).all():
+        same = (matrix.indices == last.matrix.indices).all() and (matrix.indptr == last.matrix.indptr).all()
+        if same:
+            return last
+    return factorise(matrix)
+
+
+def kinematics(
+    model: FlatModel, parameters: Floats, wanted: Integers, given: Sequence[Given] = ()
+) -> tuple[Rows, Factors, Integers]:
+    """The equations between speeds alone, whatever the torques are: those rows that the wanted unknowns depend on."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
     zero = np.zeros(model.n_variables)
     rows = assemble(model, parameters, given, zero, zero, initial_modes(model))
-    return rows, factorise(rows.matrix[rows.kinematic])
+    matrix = rows.matrix[np.flatnonzero(rows.kinematic)]
+    matrix.eliminate_zeros()
+    m, n = matrix.shape
+    entries = matrix.tocoo()
+    graph = csr_matrix((np.ones(len(entries.data)), (entries.row, m + entries.col)), shape=(m + n, m + n))
+    parts = connected_components(graph, directed=False)[1]
+    chosen = np.flatnonzero(np.isin(parts[:m], parts[m + wanted]))
+    return rows, factorise(matrix[chosen]), np.flatnonzero(rows.kinematic)[chosen]
 
 
 def initial_modes(model: FlatModel) -> Floats:
@@ -246,11 +288,17 @@ def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) ->
 
 
 def refuse_contradiction(motion: Motion, given: Sequence[Given]) -> None:
+    """Raise an error that names the components whose equations contradict each other or what is given."""
     bad = np.flatnonzero(motion.residual > CONTRADICTION)
     if len(bad):
-        owners = list(dict.fromkeys(motion.owners[i] for i in bad[np.argsort(-motion.residual[bad])]))
-        named = [o for o in owners if o != "connection"][:6]
+        worst = int(bad[np.argmax(motion.residual[bad])])
+        weights = np.abs(motion.factors.combined(worst))
+        involved = np.flatnonzero(weights > 1e-9 * weights.max())
+        names = {g.name for g in given}
+        owners = dict.fromkeys(motion.owner(i) for i in (worst, *involved[np.argsort(-weights[involved])].tolist()))
+        named = [o for o in owners if o != "connection" and o not in names][:6]
         raise ArgumentError(
             f"no steady motion has the given {', '.join(g.name for g in given) or 'torques'}: the equations of {', '.join(named)} cannot "
-            "hold; give fewer values, leave a driving torque unbound, or close gaps (backlash parameters = 0)"
+            "hold; give fewer values, leave a driving torque unbound, close gaps (backlash parameters = 0), or, for a load that "
+            "depends on speed, start near its speed: guess={'w': ...}"
         )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
+from gearlib.flatten.attributes import attributes_of, merge
 from gearlib.flatten.bindings import parameter_function
 from gearlib.flatten.connections import Sum, connection_sets, split_sum, sum_template
 from gearlib.flatten.instances import Tree, walk
@@ -28,7 +28,6 @@ from gearlib.flatten.templates import Template
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
 
-PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
 # template, variables, signs, parameters, owners
 Raw = list[tuple[Template, Integers, Integers, Integers, Integers]]
 
@@ -66,25 +65,15 @@ def flatten(component: Component) -> FlatModel:
         raw.append((sum_template(kind), variables, signs, np.empty((len(members), 0), np.int64), np.full(len(members), -1)))
     equalities += [(s.variables[0], s.variables[1], -s.signs[0] * s.signs[1]) for s in sums if len(s.variables) == 2]
     equalities += zeros
-    potential, flow, own_rank, preference, nominal = _attributes(tree, n_variables)
+    own = attributes_of(tree, n_variables)
     left, right, sign = (
         (np.array(x, np.int64) for x in zip(*equalities, strict=True)) if equalities else (np.empty(0, np.int64),) * 3
     )
-    own_rank[tree.inputs] = -1  # what is given represents all that equals it
-    aliases = unite(n_variables, left, right, sign, own_rank)
+    own.rank[tree.inputs] = -1  # what is given represents all that equals it
+    aliases = unite(n_variables, left, right, sign, own.rank)
     rep = aliases.representative
     _refuse_equal_inputs(tree, aliases)
-    merged_preference = np.full(n_variables, 2)
-    has_potential = np.zeros(n_variables, bool)
-    has_potential[rep[potential]] = True
-    merged_preference[has_potential] = PREFERENCE["avoid"]
-    for level in (PREFERENCE["avoid"], PREFERENCE["never"], PREFERENCE["prefer"]):
-        merged_preference[rep[preference == level]] = level
-    merged_nominal = np.ones(n_variables)
-    set_nominal = nominal != 1.0
-    merged_nominal[rep[set_nominal]] = nominal[set_nominal]
-    has_flow = np.zeros(n_variables, bool)
-    has_flow[rep[flow]] = True
+    merged = merge(own, rep, tree.choices)
     groups = tuple(_group(r, aliases, tree) for r in raw)
     counts = Counts(
         len(tree.instances),
@@ -100,7 +89,7 @@ def flatten(component: Component) -> FlatModel:
             np.array([s[0] for s in starts], np.int64), np.array([s[1] for s in starts], np.int64),
             np.array([s[2] for s in starts], bool),
         ),
-        np.array(tree.inputs, np.int64), rep, aliases.sign, merged_preference, has_potential, has_flow, merged_nominal,
+        np.array(tree.inputs, np.int64), rep, aliases.sign, merged.preference, merged.potential, merged.flow, merged.nominal,
         tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases),
     )  # fmt: skip
 
@@ -237,28 +226,6 @@ def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int
         if 2 * port not in connected:
             equalities += [(v, -1, 0) for v in variables_of(2 * port, Flow)]
     return sums, equalities, len(sets), n_variables
-
-
-def _attributes(tree: Tree, n_variables: int) -> Sequence[np.ndarray]:
-    """Of each variable: potential, flow, rank as a representative, preference as a state, nominal value."""
-    potential, flow = np.zeros(n_variables, bool), np.zeros(n_variables, bool)
-    rank = np.ones(n_variables, np.int64)
-    preference, nominal = np.full(n_variables, PREFERENCE["default"]), np.ones(n_variables)
-    known: dict[int, list[np.ndarray]] = {}
-    for record, instance in zip(tree.records, tree.instances, strict=True):
-        if id(record) not in known:
-            declared = record.declared.variables
-            known[id(record)] = [
-                np.array([isinstance(v, Potential) for v in declared.values()], bool),
-                np.array([isinstance(v, Flow) for v in declared.values()], bool),
-                np.array(["." in n for n in declared], np.int64),
-                np.array([PREFERENCE[v.state] for v in declared.values()], np.int64),
-                np.array([v.nominal for v in declared.values()], float),
-            ]
-        here = slice(instance.first_variable, instance.first_variable + len(instance.variables))
-        for target, values in zip((potential, flow, rank, preference, nominal), known[id(record)], strict=True):
-            target[here] = values
-    return potential, flow, rank, preference, nominal
 
 
 def _group(raw: tuple[Template, Integers, Integers, Integers, Integers], aliases: Aliases, tree: Tree) -> EquationGroup:

@@ -11,6 +11,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from gearlib.errors import BindingError, ConnectionError, DeclarationError, ModelError, nearest
+from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.bindings import BoundInput, bind_input, canonical, is_expression, number
 from gearlib.flatten.discrete import Update, split_equations
 from gearlib.flatten.model import Instance
@@ -45,6 +46,7 @@ class Tree:
     upper: list[float] = field(default_factory=list)
     dependents: dict[tuple[int, Any], tuple[list[tuple[int, ...]], list[int]]] = field(default_factory=dict)
     starts: list[tuple[int, int, bool]] = field(default_factory=list)
+    choices: list[tuple[int, str, Any]] = field(default_factory=list)  # see gearlib.flatten.attributes
     inputs: list[int] = field(default_factory=list)
     links: list[list[int]] = field(default_factory=list)
     ports: list[tuple[int, str]] = field(default_factory=list)  # (instance, connector)
@@ -183,9 +185,10 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
     tree.records.append(record)
     tree.instances.append(
         Instance(
-            path, type(component).__name__, declared.variables, declared.parameters, tree.n_variables, len(tree.parameter_names)
+            path, type(component).__name__, declared.variables, declared.parameters, tree.n_variables, len(tree.parameter_names),
+            declared.derivatives,
         )
-    )
+    )  # fmt: skip
     tree.n_variables += len(declared.variables)
     prefix = f"{path}." if path else ""
     for name, p in declared.parameters.items():
@@ -271,6 +274,8 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                 )
             unit = instance.variables[name].unit
             _set_start(tree, prefix, name, own_variable(instance, record, name), value, parent, fixed, unit)
+    if component._nominal or component._state:
+        tree.choices += [(own_variable(instance, record, n), what, v) for n, what, v in choices_of(component, instance)]
 
 
 def own_variable(instance: Instance, record: ClassRecord, name: str) -> int:

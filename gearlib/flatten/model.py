@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import NameLookupError, nearest
-from gearlib.flatten.templates import Template
+from gearlib.flatten.templates import Column, Template, parse_column
 from gearlib.language.declarations import Parameter, Variable
 
 Integers = NDArray[np.int64]
@@ -29,6 +29,7 @@ class Instance:
     parameters: dict[str, Parameter]
     first_variable: int
     first_parameter: int
+    derivatives: Mapping[str, str] = field(default_factory=dict)  # other names of derivatives, such as {"a": "der(w)"}
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,16 @@ class FlatModel:
                 raise NameLookupError(f"'{name}' is a component, no {what}; name one of its variables: {', '.join(inner[:12])}")
             raise NameLookupError(f"the model has no {what} '{name}'; {nearest(name, valid or self.names())}")
         return found
+
+    def column(self, name: str) -> Column:
+        """The variable's path and the order of derivative that a name stands for: "der(load.w)", or "load.a"."""
+        base, order = parse_column(name)
+        path, _, local = base.rpartition(".")
+        instance = self._by_path.get(path)
+        if instance is not None and local in (known := self.instances[instance].derivatives):
+            inner, more = parse_column(known[local])
+            return f"{path}.{inner}" if path else inner, order + more
+        return base, order
 
     def find(self, name: str) -> int | None:
         """The number of the variable with that path, or None."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar
 
+import numpy as np
 import sympy
 
 from gearlib.errors import BindingError, ConnectionError, DeclarationError, ModelError, nearest
@@ -20,18 +21,22 @@ from gearlib.language.declarations import (
     NO_VALUE,
     Connector,
     Declaration,
+    Derivative,
     Discrete,
     Input,
     Parameter,
     Port,
+    StatePreference,
     Structural,
     Variable,
 )
 from gearlib.language.expressions import Eq, When
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
-RESERVED = frozenset({"time", "start", "guess", "equations", "assemble"})
-PRIVATE = frozenset({"_parent", "_name", "_parts", "_connections", "_start", "_guess", "_structural", "_bindings"})
+RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
+PRIVATE = frozenset(
+    {"_parent", "_name", "_parts", "_connections", "_start", "_guess", "_nominal", "_state", "_structural", "_bindings"}
+)
 
 
 @lru_cache(maxsize=100_000)
@@ -97,6 +102,10 @@ class Component:
         Start values that are fixed, such as ``{"phi": 0, "w": 100}``.
     guess : mapping of str to float, optional
         Start values that only help the solver.
+    nominal : mapping of str to float, optional
+        Typical sizes of variables, where they are not those of the class.
+    state : mapping of str to {"never", "avoid", "default", "prefer"}, optional
+        How much variables are wanted as states, where that differs from the class.
     **bindings
         Values by name: numbers, or expressions of the enclosing component's parameters; inputs also take expressions of ``time``
         and of variables.
@@ -148,16 +157,20 @@ class Component:
                     raise DeclarationError(f"{cls.__name__}.{name}: when={declared.when!r} is no Structural of the class")
 
     def __init__(
-        self, *positional: Any, start: Mapping[str, Any] | None = None, guess: Mapping[str, Any] | None = None, **bindings: Any
-    ) -> None:
+        self, *positional: Any, start: Mapping[str, Any] | None = None, guess: Mapping[str, Any] | None = None,
+        nominal: Mapping[str, float] | None = None, state: Mapping[str, StatePreference] | None = None, **bindings: Any,
+    ) -> None:  # fmt: skip
         kind = type(self).__name__
         if positional:
             raise BindingError(
                 f"{kind}({positional[0]!r}): give values by name, such as {kind}({next(iter(self._bindable), 'start')}=...)"
             )
-        for what, given in (("start", start), ("guess", guess)):
+        for what, given, kind_of, example in (
+            ("start", start, "start values", "100.0"), ("guess", guess, "start values", "100.0"),
+            ("nominal", nominal, "typical sizes", "0.01"), ("state", state, "preferences", "'prefer'"),
+        ):  # fmt: skip
             if given is not None and not isinstance(given, Mapping):
-                raise BindingError(f"{kind}: {what} is {given!r}; expected start values by name, such as {what}={{'w': 100.0}}")
+                raise BindingError(f"{kind}: {what} is {given!r}; expected {kind_of} by name, such as {what}={{'w': {example}}}")
         put = object.__setattr__
         put(self, "_parent", None)
         put(self, "_name", "")
@@ -165,6 +178,8 @@ class Component:
         put(self, "_connections", None)
         put(self, "_start", dict(start or {}))
         put(self, "_guess", dict(guess or {}))
+        put(self, "_nominal", nominal or {})
+        put(self, "_state", state or {})
         structural: dict[str, Any] = {}
         for name in bindings:
             if name not in self._bindable:
@@ -196,6 +211,8 @@ class Component:
         expected = type(declared.default)
         if expected is int and isinstance(value, sympy.Integer):
             value = int(value)
+        if expected is tuple and isinstance(value, (list, np.ndarray)):  # a table, kept as what can be a key
+            value = _as_tuple(value)
         if declared.default is not None and (not isinstance(value, expected) or isinstance(value, bool) != (expected is bool)):
             raise BindingError(f"{where} is {value!r} ({type(value).__name__}); expected {expected.__name__}")
         return value
@@ -300,6 +317,11 @@ class Component:
         return f"<{type(self).__name__}{' ' + self._path() if self._path() else ''}>"
 
 
+def _as_tuple(value: Any) -> Any:
+    """Nested tuples of what are lists or arrays."""
+    return tuple(_as_tuple(v) for v in value) if isinstance(value, (list, tuple, np.ndarray)) else value
+
+
 @contextmanager
 def _inside(component: Component) -> Iterator[None]:
     token = _scope.set(component)
@@ -333,6 +355,7 @@ class Declared:
     parameters: dict[str, Parameter]
     connectors: dict[str, Connector]
     discretes: dict[str, Discrete]
+    derivatives: dict[str, str]  # names of derivatives, such as {"a": "der(w)"}
 
 
 def declared_by(component: Component) -> Declared:
@@ -351,7 +374,8 @@ def declared_by(component: Component) -> Declared:
         elif isinstance(declared, Connector) and (declared.when is None or component._structural[declared.when]):
             connectors[name] = declared
             variables.update({f"{name}.{inner}": v for inner, v in declared.variables.items()})
-    return Declared(variables, parameters, connectors, discretes)
+    derivatives = {n: f"der({d.of})" for n, d in component._declarations.items() if isinstance(d, Derivative)}
+    return Declared(variables, parameters, connectors, discretes, derivatives)
 
 
 def equations_of(component: Component) -> list[Eq | When]:

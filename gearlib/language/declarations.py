@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, overload
 
 from gearlib.errors import DeclarationError
+from gearlib.language.expressions import der
 
 if TYPE_CHECKING:
     from gearlib.language.component import Component
@@ -103,6 +104,26 @@ class Input(Variable):
     """
 
     default: Any = NO_VALUE
+
+
+@dataclass(frozen=True, eq=False)
+class Derivative(Declaration):
+    """A name for the time derivative of a variable, such as ``a`` for ``der(w)``; it adds no unknown and no equation.
+
+    Parameters
+    ----------
+    of : str
+        The variable, which has to have a derivative in the class's equations.
+    unit, description : str
+        SI unit and a few words.
+    """
+
+    of: str
+    unit: str = "1"
+    description: str = ""
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        return self if instance is None else der(instance._symbol(self.of))
 
 
 @dataclass(frozen=True, eq=False)

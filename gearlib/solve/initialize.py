@@ -158,7 +158,9 @@ def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
 
 
 def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
-    """States at which nothing accelerates: all derivatives vanish (absolute angles in which the train turns are not states).
+    """States at which nothing accelerates: all derivatives vanish, but those of angles that nothing depends on.
+
+    Such angles keep their start values: the train turns through them at a constant speed.
 
     Raises
     ------
@@ -170,11 +172,13 @@ def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t
     now, u = np.array([t]), inputs[:, None]
     scale = np.maximum(scene.nominal, 1e-300)
     size = 1.0
+    still = np.flatnonzero([s not in scene.structure.angles for s in scene.states])
+    places = scene.program.output_slots[still]
     for _ in range(60):
         flags = scene.modes(numbers, now, x[:, None], u)
         slots = evaluate(numbers.main, now, x[:, None], u, flags, guess)
-        rate = slots[scene.program.output_slots, 0]
-        gradient = _dense(sensitivity(numbers.main, t, slots[:, 0], flags[:, 0], range(len(x)))[scene.program.output_slots])
+        rate = slots[places, 0]
+        gradient = _dense(sensitivity(numbers.main, t, slots[:, 0], flags[:, 0], range(len(x)))[places])
         row = np.maximum(np.abs(gradient * scale).max(axis=1), 1e-300)
         step, *_ = np.linalg.lstsq(gradient * scale / row[:, None], -rate / row, rcond=1e-12)
         x = x + step * scale
@@ -183,11 +187,11 @@ def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t
             break
     flags = scene.modes(numbers, now, x[:, None], u)
     slots = evaluate(numbers.main, now, x[:, None], u, flags, guess)
-    rate = slots[scene.program.output_slots, 0]
+    rate = slots[places, 0]
     worst = int(np.argmax(np.abs(rate) / row)) if len(rate) else 0
     if len(rate) and not abs(rate[worst]) / row[worst] <= 1e-8 * max(1.0, float(np.max(np.abs(x / scale)))):
         raise StartError(
-            f"no steady state was found: der({node_name(scene.model, scene.states[worst])}) stays at {rate[worst]:g}; a train "
+            f"no steady state was found: der({node_name(scene.model, scene.states[still[worst]])}) stays at {rate[worst]:g}; a train "
             "that is driven needs a load that grows with its speed"
         )
     return x

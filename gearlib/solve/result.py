@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import evaluate, prepare
 from gearlib.codegen.modes import relations_of
 from gearlib.codegen.program import Program
 from gearlib.errors import ArgumentError, NameLookupError
-from gearlib.flatten.templates import parse_column
-from gearlib.solve.scene import Scene, needed_states, settle_once
+from gearlib.solve.scene import Scene, settle_once
 from gearlib.solve.table import values
 from gearlib.structure.incidence import Node
 
@@ -61,7 +59,7 @@ class Result:
         return len(self._outputs)
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and self._scene.model.find(parse_column(name)[0]) is not None
+        return isinstance(name, str) and self._scene.model.find(self._scene.model.column(name)[0]) is not None
 
     @property
     def states(self) -> Floats:
@@ -78,8 +76,8 @@ class Result:
         return self._relations[:, place].copy()
 
     def _node(self, name: str) -> tuple[Node, int]:
-        base, order = parse_column(name)
         model = self._scene.model
+        base, order = model.column(name)
         variable = model.variable(base)
         node = (int(model.representative[variable]), order)
         known = self._scene.structure.choice.solved_by
@@ -93,12 +91,12 @@ class Result:
         scene = self._scene
         if node in self._known:
             return self._known[node]
-        if node in scene.states:
-            found = self._states[:, scene.states.index(node)].copy()
+        if node in scene.place_of:
+            found = self._states[:, scene.place_of[node]].copy()
         else:
-            missing = [s for s in needed_states(scene.structure, [node]) if s not in scene.states]
+            missing = scene.missing(node)
             if missing:
-                if self._extended is None or any(s not in self._extended._scene.states for s in missing):
+                if self._extended is None or any(s not in self._extended._scene.place_of for s in missing):
                     more = () if self._extended is None else self._extended._scene.states
                     self._extended = self._again(tuple(sorted({*scene.states, *more, *missing})))
                 found = self._extended._history(node)
@@ -109,7 +107,7 @@ class Result:
 
     def _compute(self, node: Node) -> Floats:
         scene = self._scene
-        program = build(scene.structure, [node], scene.states, dynamic=False)
+        program = scene.computing(node)
         prepared = prepare(program, scene.structure, self._parameters)
         inputs = values(self._signals, self.time)
         inputs = np.vstack([inputs, np.zeros((len(program.inputs) - len(inputs), len(self.time)))])
@@ -171,8 +169,9 @@ class Result:
         units = []
         for name in chosen:
             axes.plot(self.time, self[name], label=name)
-            declared = self._scene.model.declaration(self._scene.model.variable(parse_column(name)[0]))
-            units.append("" if declared is None else declared.unit + "/s" * parse_column(name)[1])
+            base, order = self._scene.model.column(name)
+            declared = self._scene.model.declaration(self._scene.model.variable(base))
+            units.append("" if declared is None else declared.unit + "/s" * order)
         axes.set_xlabel("time, s")
         axes.set_ylabel(", ".join(dict.fromkeys(u for u in units if u)))
         axes.legend()

@@ -166,6 +166,8 @@ def crossing(
                 return 0, h_event, 1.0, extra
     rounding = _ROUNDING * (1.0 + abs(t) / h_event)
     theta = _locate(order, native, t, h_event, x, k, b, y, low, high, rounding, bracket, side)
-    _look(order, native, t, h_event, x, k, b, y, theta, g[1])
-    _copy(y, x_new)
+    if theta != 1.0:
+        _look(order, native, t, h_event, x, k, b, y, theta, g[1])
+        _copy(y, x_new)
+    _copy(bracket[1], g[1])  # what is evaluated anew may differ by rounding, and may not have flipped
     return 1, h_event, theta, extra

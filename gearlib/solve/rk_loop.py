@@ -110,21 +110,23 @@ def _handle(
         if found == 1 and (g[1, i] * side[i] < 0.0 or (side[i] == 0 and g[1, i] != 0.0)):
             fired[i] = np.sign(g[1, i])
             from_zero = from_zero and side[i] == 0
+    if timed:
+        log_t[count[EVENTS]] = t
+        log_root[count[EVENTS]] = -1
+        count[EVENTS] += 1
+    logged = count[EVENTS]
+    for i in range(side.size):  # before the update, which may forget what fired
+        if fired[i] != 0:
+            log_t[count[EVENTS]] = t
+            log_root[count[EVENTS]] = i
+            count[EVENTS] += 1
     changed = 0
     if native[2] != 0:
         changed = call_native(native[2], t, x.ctypes.data, fired.ctypes.data, native[3], native[4])
         if changed < 0:
             return UPDATE_FAILED
-    if timed:
-        log_t[count[EVENTS]] = t
-        log_root[count[EVENTS]] = -1
-        count[EVENTS] += 1
-    if changed != 0 or not from_zero:  # a function that merely starts from zero is not worth an entry
-        for i in range(side.size):
-            if fired[i] != 0:
-                log_t[count[EVENTS]] = t
-                log_root[count[EVENTS]] = i
-                count[EVENTS] += 1
+    if changed == 0 and from_zero:  # a function that merely starts from zero is not worth an entry
+        count[EVENTS] = logged
     # the step that suits the next phase is not known: that of the phase before this one is a good guess where two alternate
     held = clock[H_HELD]
     clock[H_HELD] = clock[H]
@@ -153,21 +155,21 @@ def _is_stiff(looks_stiff: bool, far_from_end: bool, count: Any) -> bool:
 @inner()
 def _attempt(
     order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, y: Any, atol: Any, rtol: float, count: Any
-) -> float:
-    """Try a step; its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops the run."""
+) -> tuple[float, float]:
+    """Try a step; its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops; and caution."""
     count[STEPS] += 1
     count[RHS] += 6 if order == 5 else 12
     code = take_step(order, native, t, h, x, x_new, k, y)
     if code < 0:
-        return -1.0
-    error = math.inf
+        return -1.0, 1.0
+    error, caution = math.inf, 1.0
     if code == 0:
-        error = error5(x, x_new, h, k, atol, rtol) if order == 5 else error8(x, x_new, h, k, atol, rtol)
-    return error if error < math.inf else math.inf
+        error, caution = error5(x, x_new, h, k, y, atol, rtol) if order == 5 else error8(x, x_new, h, k, y, atol, rtol)
+    return error if error < math.inf else math.inf, caution
 
 
 @inner()
-def _adapt(order: int, h: float, error: float, clock: Any, count: Any) -> bool:
+def _adapt(order: int, h: float, error: float, caution: float, clock: Any, count: Any) -> bool:
     """Choose the next step size; whether the step is accepted.
 
     PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before. These constants leave hardly a
@@ -179,7 +181,7 @@ def _adapt(order: int, h: float, error: float, clock: Any, count: Any) -> bool:
         clock[H] = h * (max(0.2, 0.9 * error ** (-1.0 / order)) if error < math.inf else 0.25)
         return False
     alpha, beta = (0.14, 0.08) if order == 5 else (0.0875, 0.05)
-    log_error = math.log(max(error, 1e-10))
+    log_error = math.log(max(error * caution, 1e-10))
     growth = min(10.0, max(0.2, 0.9 * math.exp(beta * clock[LOG_ERROR] - alpha * log_error)))
     if count[RETRY] == 1:
         growth = min(growth, 1.0)
@@ -224,10 +226,10 @@ def _advance(
         last_of_span = t + 1.0001 * h >= stop
         if last_of_span:
             h = stop - t
-        error = _attempt(order, native, t, h, x, x_new, k, y, atol, rtol, count)
+        error, caution = _attempt(order, native, t, h, x, x_new, k, y, atol, rtol, count)
         if error < 0.0:
             return RHS_FAILED
-        if not _adapt(order, h, error, clock, count):
+        if not _adapt(order, h, error, caution, clock, count):
             continue
         far_from_end = stops[stops.size - 1] - t > STIFF_LEFT * h
         if detect and _is_stiff(stiffness(order, h, x_new, k, y, atol, rtol), far_from_end, count):

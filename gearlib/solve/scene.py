@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -48,11 +48,18 @@ class Scene:
     structure : Structure
     states : tuple of nodes
         In the order in which they are integrated.
+    wanted : tuple of int
+        Discrete variables that are outputs.
+    outputs : tuple of nodes
+        Outputs that are no states: they are computed together.
     """
 
     structure: Structure
     states: tuple[Node, ...]
-    wanted: tuple[int, ...] = ()  # discrete variables that are outputs
+    wanted: tuple[int, ...] = ()
+    outputs: tuple[Node, ...] = ()
+    _computing: dict[Node, Program] = field(default_factory=dict)
+    _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
 
     @property
     def model(self) -> FlatModel:
@@ -62,6 +69,25 @@ class Scene:
     def program(self) -> Program:
         """Computes the derivatives of the states."""
         return build(self.structure, [(v, k + 1) for v, k in self.states], self.states, dynamic=True)
+
+    @cached_property
+    def place_of(self) -> dict[Node, int]:
+        """Where each state stands."""
+        return {node: i for i, node in enumerate(self.states)}
+
+    def missing(self, node: Node) -> tuple[Node, ...]:
+        """States that must be integrated too to know a variable."""
+        if node not in self._missing:
+            self._missing[node] = tuple(s for s in needed_states(self.structure, [node]) if s not in self.place_of)
+        return self._missing[node]
+
+    def computing(self, node: Node) -> Program:
+        """Computes a variable from the states; kept for the next run."""
+        if node not in self._computing:
+            together = self.outputs if node in self.outputs else (node,)
+            program = build(self.structure, together, self.states, dynamic=False)
+            self._computing.update(dict.fromkeys(together, program))
+        return self._computing[node]
 
     @property
     def n_modes(self) -> int:

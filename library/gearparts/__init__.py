@@ -9,10 +9,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gearparts.backlash import ElastoBacklash as ElastoBacklash
+    from gearparts.backlash import ElastoBacklash2 as ElastoBacklash2
     from gearparts.bond_graph import BondGraphPart as BondGraphPart
     from gearparts.bond_graph import from_bond_graph as from_bond_graph
+    from gearparts.friction import BearingFriction as BearingFriction
     from gearparts.friction import Brake as Brake
     from gearparts.friction import Clutch as Clutch
+    from gearparts.friction import OneWayClutch as OneWayClutch
+    from gearparts.gear_pair import GearPair as GearPair
     from gearparts.gears import IdealGear as IdealGear
     from gearparts.gears import IdealGearR2T as IdealGearR2T
     from gearparts.gears import IdealPlanetary as IdealPlanetary
@@ -20,6 +25,12 @@ if TYPE_CHECKING:
     from gearparts.interfaces import Flange as Flange
     from gearparts.interfaces import HeatPort as HeatPort
     from gearparts.interfaces import TranslationalFlange as TranslationalFlange
+    from gearparts.lossy import Gearbox as Gearbox
+    from gearparts.lossy import LossyGear as LossyGear
+    from gearparts.lossy_planetary import LossyPlanetary as LossyPlanetary
+    from gearparts.mesh_models import DetailedExternalMesh as DetailedExternalMesh
+    from gearparts.mesh_models import DetailedInternalMesh as DetailedInternalMesh
+    from gearparts.mesh_models import mesh_damping as mesh_damping
     from gearparts.meshes import ExternalMesh as ExternalMesh
     from gearparts.meshes import InternalMesh as InternalMesh
     from gearparts.motions import Accelerate as Accelerate
@@ -27,6 +38,9 @@ if TYPE_CHECKING:
     from gearparts.motions import Move as Move
     from gearparts.motions import Position as Position
     from gearparts.motions import Speed as Speed
+    from gearparts.phasing import PlanetPhasing as PlanetPhasing
+    from gearparts.phasing import check_assembly as check_assembly
+    from gearparts.phasing import planet_phasing as planet_phasing
     from gearparts.planar import PlanarBody as PlanarBody
     from gearparts.planar import PlanarFlange as PlanarFlange
     from gearparts.planar import PlanarMesh as PlanarMesh
@@ -64,6 +78,9 @@ if TYPE_CHECKING:
     from gearparts.sources import Torque as Torque
     from gearparts.sources import Torque2 as Torque2
     from gearparts.sources import TorqueStep as TorqueStep
+    from gearparts.stiffness_patterns import StiffnessPattern as StiffnessPattern
+    from gearparts.stiffness_patterns import cai_pair_stiffness as cai_pair_stiffness
+    from gearparts.stiffness_patterns import cai_stiffness as cai_stiffness
     from gearparts.thermal import Convection as Convection
     from gearparts.thermal import FixedTemperature as FixedTemperature
     from gearparts.thermal import HeatCapacitor as HeatCapacitor
@@ -80,10 +97,14 @@ if TYPE_CHECKING:
     from gearparts.translational import TranslationalSpringDamper as TranslationalSpringDamper
 
 _HOME = {
+    **dict.fromkeys(["ElastoBacklash", "ElastoBacklash2"], "gearparts.backlash"),
     **dict.fromkeys(["BondGraphPart", "from_bond_graph"], "gearparts.bond_graph"),
-    **dict.fromkeys(["Brake", "Clutch"], "gearparts.friction"),
+    **dict.fromkeys(["BearingFriction", "Brake", "Clutch", "OneWayClutch"], "gearparts.friction"),
+    "GearPair": "gearparts.gear_pair",
     **dict.fromkeys(["IdealGear", "IdealGearR2T", "IdealPlanetary", "IdealRollingWheel"], "gearparts.gears"),
     **dict.fromkeys(["Flange", "HeatPort", "TranslationalFlange"], "gearparts.interfaces"),
+    **dict.fromkeys(["Gearbox", "LossyGear"], "gearparts.lossy"),
+    **dict.fromkeys(["DetailedExternalMesh", "DetailedInternalMesh", "mesh_damping"], "gearparts.mesh_models"),
     **dict.fromkeys(["ExternalMesh", "InternalMesh"], "gearparts.meshes"),
     **dict.fromkeys(["Accelerate", "ConstantSpeed", "Move", "Position", "Speed"], "gearparts.motions"),
     **dict.fromkeys(
@@ -115,6 +136,7 @@ _HOME = {
         ],
         "gearparts.sources",
     ),
+    **dict.fromkeys(["StiffnessPattern", "cai_pair_stiffness", "cai_stiffness"], "gearparts.stiffness_patterns"),
     **dict.fromkeys(["Convection", "FixedTemperature", "HeatCapacitor", "ThermalConductor"], "gearparts.thermal"),
     **dict.fromkeys(["FixedAxisUnit", "XPTrain", "ZhouCui2022"], "gearparts.trains"),
     **dict.fromkeys(
@@ -124,6 +146,8 @@ _HOME = {
         ],
         "gearparts.translational",
     ),
+    **dict.fromkeys(["PlanetPhasing", "check_assembly", "planet_phasing"], "gearparts.phasing"),
+    **dict.fromkeys(["LossyPlanetary"], "gearparts.lossy_planetary"),
 }  # fmt: skip
 
 __all__ = sorted(_HOME)

@@ -17,6 +17,7 @@ from gearparts.tables import at_zero, check_rows, interpolated, piecewise_withou
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # of a one-way clutch's break-away torque, relative
 ROUNDING = 1e-10  # an element that could slide, but is held by another one, stands exactly at its limit
+AT_REST = 1e-11  # rad/s: slower than that, what was at rest has not begun to move; a solver's rounding has no sign that means anything
 
 
 class Friction(gl.Component):
@@ -49,7 +50,7 @@ class Friction(gl.Component):
             gl.Eq(gl.der(self.v), gl.Piecewise((0, locked), (self.sa, is_free), *ways)),
             gl.Eq(torque, gl.Piecewise((self.sa, locked), (0, is_free), (level(self.v), forward), (-level(-self.v), True))),
             gl.Eq(self.free, free),
-            gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v)),
+            gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v, gl.pre(self.moving))),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
             gl.Eq(self.was_backward, gl.equals(was, BACKWARD)),
@@ -79,9 +80,14 @@ class Friction(gl.Component):
         return gl.Or(pushed, gl.And(gl.Or(gl.initial(), engaged_now), gl.equals(self.moving, sense)))
 
 
-def sign_while(flag: Any, x: Any) -> Any:
-    """The sign of ``x`` where a flag is 1; zero where it is 0, because ``x`` may then be rounding, whose sign means nothing."""
-    return gl.Piecewise((1, flag * x > 0), (-1, flag * x < 0), (0, True))
+def sign_while(flag: Any, speed: Any, was: Any) -> Any:
+    """The sign of a speed where a flag is 1; zero where it is 0, because the speed may then be rounding.
+
+    ``was`` is the sign before: what was at rest has to exceed `AT_REST`, what moves does so until its speed crosses zero.
+    """
+    return gl.Piecewise(
+        (1, flag * speed > AT_REST * (1 - was * (was + 1) / 2)), (-1, flag * speed < -AT_REST * (1 - was * (was - 1) / 2)), (0, True)
+    )
 
 
 class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
@@ -209,7 +215,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
             gl.Eq(gl.der(self.w_rel), gl.Piecewise((0, locked), (self.sa - self.tau0, True))),
             gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
             gl.Eq(self.free, self.f_normalized <= 0),
-            gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > 0),
+            gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > AT_REST * (1 - gl.pre(self.moving))),
             gl.Eq(self.was_stuck, was_stuck),
             gl.Eq(
                 self.start_forward,

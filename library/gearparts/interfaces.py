@@ -74,7 +74,7 @@ class Compliant(TwoFlanges):
     """
 
     phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="prefer", nominal=1e-4)
-    w_rel = gl.Variable("rad/s", "relative speed")
+    w_rel = gl.Variable("rad/s", "relative speed", nominal=1e-2)  # the deflection's, vibrating at 100 rad/s
     tau = gl.Variable("N.m", "torque between the flanges; pulls them together when positive")
 
     def compliant_equations(self) -> list[gl.Eq]:

@@ -41,6 +41,7 @@ class LossyGear(TwoFlanges, Dissipative):
     ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
     phi_a = gl.Variable("rad", "angle of flange_a relative to the housing")
     w_a = gl.Variable("rad/s", "speed of flange_a relative to the housing")
+    a_a = gl.Derivative("w_a", "rad/s2", "acceleration of flange_a relative to the housing")
     sa = gl.Variable("1", "curve parameter: loss while locked, acceleration otherwise")
     tau_loss = gl.Variable("N.m", "torque lost, at flange_a")
     tau_eta = gl.Variable("N.m", "torque that tells which side drives")
@@ -114,7 +115,7 @@ class LossyGear(TwoFlanges, Dissipative):
         ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
         return [
-            gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a)),
+            gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving))),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, gl.pre(self.start_forward))),
             gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.loss_backward, gl.pre(self.start_backward))),

@@ -1,31 +1,37 @@
-"""Meshes in more detail: backlash or preload, stiffness and transmission error that vary over the mesh phase.
+"""Meshes in more detail: backlash or preload, stiffness and transmission error that vary over the mesh phase, sliding friction.
 
 As in ``meshes``, the deflection ``q`` along the line of action is a state and counts from unloaded contact in the middle of the
 gap; it is positive where a positive turn of ``flange_a`` presses the teeth together. The mesh phase grows by two pi with every
-tooth, ``der(phase) = z_a (w_a - w_frame)``, and is a state only where something varies with it.
+tooth of gear a, ``der(phase) = z_a (w_a - w_support)``; at its multiples of two pi a new pair comes into contact. It is a state
+only where something varies with it.
 """
 
 from __future__ import annotations
 
-from math import floor
 from typing import Any
 
 import gearlib as gl
-from gearlib.errors import BindingError
-from gearparts.interfaces import Dissipative, TwoFlanges
+from gearparts.interfaces import Dissipative, Flange, TwoFlanges
+from gearparts.mesh_phase import periodic, stretches
 from gearparts.tables import Rows, check_rows
+
+STIFFNESS = ("constant", "sinusoidal", "rectangular", "fourier", "table")
+EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
 
 
 class DetailedMesh(TwoFlanges, Dissipative):
     """Declares what detailed meshes share; see `DetailedExternalMesh` for the laws."""
 
     backlash = gl.Structural(False, "whether the flanks can part; otherwise force and deflection are proportional")
-    stiffness = gl.Structural(
-        "constant", "how the stiffness varies over the mesh phase", choices=("constant", "sinusoidal", "rectangular", "fourier")
-    )
+    stiffness = gl.Structural("constant", "how the stiffness varies over the mesh phase", choices=STIFFNESS)
     stiffness_terms = gl.Structural((), "fourier: rows of order, relative amplitude, phase (rad) of cosines")
-    contact_ratio = gl.Structural(1.5, "rectangular: mean number of tooth pairs in contact")
+    stiffness_table = gl.Structural(EVEN, "table: rows of mesh phase (rad), stiffness over c")
+    contact_ratio = gl.Structural(1.5, "rectangular, friction: mean number of tooth pairs in contact")
     error_terms = gl.Structural((), "static transmission error: rows of order, amplitude (m), phase (rad) of sines")
+    error_table = gl.Structural((), "static transmission error: rows of mesh phase (rad), error (m)")
+    friction = gl.Structural(False, "whether the teeth slide with friction")
+    use_support = gl.Structural(False, "whether the axes are carried by a flange, as on a carrier; otherwise they stand still")
+    support = Flange("housing or carrier of the axes", when="use_support")
 
     r_a = gl.Parameter("m", "base radius of the gear on flange_a", min=0)
     r_b = gl.Parameter("m", "base radius of the gear on flange_b", min=0)
@@ -36,8 +42,13 @@ class DetailedMesh(TwoFlanges, Dissipative):
     c_amplitude = gl.Parameter("1", "sinusoidal: amplitude of the stiffness over its mean", default=0.0, min=-1, max=1)
     c_phase = gl.Parameter("rad", "phase of the stiffness, ahead of the mesh phase", default=0.0)
     phase0 = gl.Parameter("rad", "mesh phase at the start", default=0.0)
+    mu = gl.Parameter("1", "friction: coefficient of the sliding teeth", default=0.05, min=0)
+    v_smooth = gl.Parameter("m/s", "friction: sliding speed at which it has 76 % of its full size", default=1e-3, min=1e-12)
+    alpha = gl.Parameter("rad", "friction: working pressure angle in the transverse section", default=gl.pi / 9, min=0, max=1.5)
+    approach = gl.Parameter(
+        "1", "friction: part of the contact ratio before the pitch point", default=lambda mesh: mesh.contact_ratio / 2, min=0
+    )
     e_rate = gl.Input("m/s", "rate of a further transmission error; adds to the deflection", default=0.0)
-    w_frame = gl.Input("rad/s", "speed of the carrier on which the pair rides", default=0.0)
     q = gl.Variable("m", "deflection along the line of action", state="prefer", nominal=1e-6)
     v = gl.Variable("m/s", "rate of deflection")
     f = gl.Variable("N", "force along the line of action; acts against a positive turn of flange_a")
@@ -45,37 +56,55 @@ class DetailedMesh(TwoFlanges, Dissipative):
     phase = gl.Variable("rad", "mesh phase", state="never")
     c_now = gl.Variable("N/m", "stiffness")
     e = gl.Variable("m", "static transmission error; adds to the deflection", state="never")
+    w_a = gl.Variable("rad/s", "speed of flange_a relative to the support", state="avoid")
+    w_b = gl.Variable("rad/s", "speed of flange_b relative to the support", state="avoid")
+    tau_friction_a = gl.Variable("N.m", "torque of the sliding friction on flange_a")
+    tau_friction_b = gl.Variable("N.m", "torque of the sliding friction on flange_b")
 
     def mesh_equations(self, turns_against: int) -> list[gl.Eq]:
         """Deflection, force and torques; ``turns_against`` is 1 where the gears turn against each other, -1 otherwise."""
         r_b = turns_against * self.r_b
-        w_a = gl.der(self.flange_a.phi)
+        w_support = gl.der(self.support.phi) if self.use_support else 0
         error, slope = self._error()
-        phase_rate = self.z_a * (w_a - self.w_frame)
+        phase_rate = self.z_a * self.w_a
         force, loss = self._force()
+        torque_a, torque_b = self._friction(turns_against)
+        rubbing = self.tau_friction_a * self.w_a + self.tau_friction_b * self.w_b if self.friction else 0
         return [
+            gl.Eq(self.w_a, gl.der(self.flange_a.phi) - w_support),
+            gl.Eq(self.w_b, gl.der(self.flange_b.phi) - w_support),
             gl.Eq(gl.der(self.turned), phase_rate),
             gl.Eq(self.phase, self.phase0 + self.turned),
             gl.Eq(self.e, error),
             gl.Eq(gl.der(self.q), self.v),
-            gl.Eq(self.v, self.r_a * w_a + r_b * gl.der(self.flange_b.phi) + self.e_rate + slope * phase_rate),
+            gl.Eq(self.v, self.r_a * self.w_a + r_b * self.w_b + self.e_rate + slope * phase_rate),
             gl.Eq(self.c_now, self.c * self._stiffness()),
             gl.Eq(self.f, force),
-            gl.Eq(self.flange_a.tau, self.r_a * self.f),
-            gl.Eq(self.flange_b.tau, r_b * self.f),
-            gl.Eq(self.loss_power, loss),
+            gl.Eq(self.tau_friction_a, torque_a),
+            gl.Eq(self.tau_friction_b, torque_b),
+            gl.Eq(self.flange_a.tau, self.r_a * self.f + (self.tau_friction_a if self.friction else 0)),
+            gl.Eq(self.flange_b.tau, r_b * self.f + (self.tau_friction_b if self.friction else 0)),
+            *([gl.Eq(self.support.tau, -self.flange_a.tau - self.flange_b.tau)] if self.use_support else []),
+            gl.Eq(self.loss_power, loss + rubbing),
             *self.heat_equations(),
         ]
+
+    def _owner(self, name: str) -> str:
+        return f"{type(self).__name__}.{name}"
 
     def _error(self) -> tuple[Any, Any]:
         """The static transmission error and its derivative with respect to the mesh phase."""
         rows = self._terms("error_terms", self.error_terms)
         angles = [order * self.phase + shift for order, _, shift in rows]
         error = sum(row[1] * gl.sin(angle) for row, angle in zip(rows, angles, strict=True))
-        return error, sum(row[0] * row[1] * gl.cos(angle) for row, angle in zip(rows, angles, strict=True))
+        slope = sum(row[0] * row[1] * gl.cos(angle) for row, angle in zip(rows, angles, strict=True))
+        if not self.error_table:
+            return error, slope
+        more = periodic(self._owner("error_table"), self.error_table, self.phase)
+        return error + more[0], slope + more[1]
 
     def _terms(self, name: str, rows: Rows) -> Rows:
-        return check_rows(f"{type(self).__name__}.{name}", rows, 3) if rows else ()
+        return check_rows(self._owner(name), rows, 3) if rows else ()
 
     def _stiffness(self) -> Any:
         """The stiffness over its mean."""
@@ -87,14 +116,12 @@ class DetailedMesh(TwoFlanges, Dissipative):
         if self.stiffness == "fourier":
             rows = self._terms("stiffness_terms", self.stiffness_terms)
             return 1 + sum(amplitude * gl.cos(order * phase + shift) for order, amplitude, shift in rows)
-        if not self.contact_ratio >= 1:
-            raise BindingError(f"{type(self).__name__}.contact_ratio is {self.contact_ratio!r}; expected a number from 1 on")
-        fewer = floor(self.contact_ratio)
-        share = self.contact_ratio - fewer  # of a period in which one pair more is in contact, from its beginning
-        if share == 0:
+        if self.stiffness == "table":
+            return periodic(self._owner("stiffness_table"), self.stiffness_table, phase)[0]
+        first, second = stretches(type(self).__name__, self.contact_ratio)
+        if first.pairs == second.pairs:
             return 1
-        more = gl.cos(phase - gl.pi * share) > gl.cos(gl.pi * share)
-        return gl.Piecewise(((fewer + 1) / self.contact_ratio, more), (fewer / self.contact_ratio, True))
+        return gl.Piecewise((first.pairs / self.contact_ratio, first.within(phase)), (second.pairs / self.contact_ratio, True))
 
     def _force(self) -> tuple[Any, Any]:
         """Force and loss."""
@@ -109,24 +136,62 @@ class DetailedMesh(TwoFlanges, Dissipative):
         flanks = gl.Piecewise((1, drive), (0, True)) + gl.Piecewise((1, coast), (0, True))
         return force, flanks * damping * self.v
 
+    def _friction(self, turns_against: int) -> tuple[Any, Any]:
+        """Torques of the sliding friction, summed over the pairs in contact."""
+        if not self.friction:
+            return 0, 0
+        first, second = stretches(type(self).__name__, self.contact_ratio)
+        pitch = 2 * gl.pi * self.r_a / self.z_a
+        tangent = gl.sin(self.alpha) / gl.cos(self.alpha)
+        pressed = self.mu * gl.no_event(abs(self.f))
+        torques: list[tuple[Any, Any]] = []
+        for stretch in (first, second):
+            on_a, on_b = 0, 0
+            for place in stretch.places(self.phase):
+                beyond = turns_against * pitch * (place - self.approach)  # of the pitch point, away from gear a's tangent point
+                arm_a, arm_b = self.r_a * tangent + beyond, turns_against * self.r_b * tangent - beyond
+                sliding = arm_a * self.w_a + arm_b * self.w_b
+                force = pressed / stretch.pairs * gl.tanh(sliding / self.v_smooth)
+                on_a, on_b = on_a + force * arm_a, on_b + force * arm_b
+            torques.append((on_a, on_b))
+        inside = first.within(self.phase)
+        by_gear = [gl.Piecewise((early, inside), (late, True)) for early, late in zip(*torques, strict=True)]
+        return by_gear[0], by_gear[1]
+
 
 class DetailedExternalMesh(DetailedMesh):
     """Two outer gears, which turn against each other, with backlash and with parameters that vary over the mesh phase.
 
-    ``der(q) = r_a w_a + r_b w_b + e_rate + der(e)`` with the static transmission error ``e = sum(E_k sin(k phase + p_k))``.
+    ``der(q) = r_a w_a + r_b w_b + e_rate + der(e)`` with speeds relative to the support. The static transmission error is
+    ``e = sum(E_k sin(k phase + p_k))``, plus a table if there is one.
 
     Without backlash ``f = c_now q + d v``. With it, each flank that touches adds its part: the drive flank
     ``c_now (q - b/2) + d v`` where ``q > b/2``, the coast flank ``c_now (q + b/2) + d v`` where ``q < -b/2``. A negative ``b`` is an
     interference: within ``abs(q) < -b/2`` both flanks touch, pressed by ``-c_now b / 2``, and the mesh is twice as stiff.
 
-    The stiffness ``c_now`` is the mean ``c`` times 1, ``1 + c_amplitude cos(phase)``, ``1 + sum(A_k cos(k phase + p_k))``, or,
-    rectangular, proportional to the number of pairs in contact: the next number above the contact ratio in the fractional part of
-    it of each period, and the number below otherwise. ``phase + c_phase`` stands for the phase.
+    The stiffness ``c_now`` is the mean ``c`` times 1, ``1 + c_amplitude cos(phase)``, ``1 + sum(A_k cos(k phase + p_k))``, the
+    value of a table, or, rectangular, proportional to the number of pairs in contact: the next number above the contact ratio in
+    the fractional part of it of each period, from its beginning, and the number below otherwise. ``phase + c_phase`` stands for
+    the phase. Tables are interpolated by periodic cubic splines (`gearparts.mesh_phase.periodic`); `GearPair` makes some from
+    the geometry.
+
+    With friction, the pairs in contact share ``f`` equally. A pair that has come ``u`` base pitches ``p = 2 pi r_a / z_a`` along
+    the line of action touches at ``x_a = r_a tan(alpha) + p (u - approach)`` from gear a's tangent point and at
+    ``x_b = r_b tan(alpha) - p (u - approach)`` from gear b's. Its flanks slide with ``v_s = x_a w_a + x_b w_b``, which changes its
+    sign at the pitch point, and rub with ``mu abs(f) / pairs tanh(v_s / v_smooth)``, which has the arms ``x_a`` and ``x_b``. So it
+    always takes power, and at rest none is transmitted. Without vibrations and with ``1 <= contact_ratio <= 2`` the mean loss is
+    ``mu pi (1/z_a + 1/z_b) (1 - eps + eps_1**2 + eps_2**2)`` of the power, with the contact ratios of approach and recess. Both
+    flanks are taken to have the drive flank's positions.
 
     References
     ----------
     A. Kahraman, R. Singh, "Interactions between time-varying mesh stiffness and clearance non-linearities in a geared system",
     Journal of Sound and Vibration 146 (1991), 135-156. https://doi.org/10.1016/0022-460X(91)90527-Q
+
+    S. He, R. Gunda, R. Singh, "Effect of sliding friction on the dynamics of spur gear pair with realistic time-varying
+    stiffness", Journal of Sound and Vibration 301 (2007), 927-949 (moments of friction; here with a smoothed sign).
+
+    G. Niemann, H. Winter, "Maschinenelemente", vol. 2 (mean loss).
     """
 
     def equations(self) -> list[gl.Eq]:
@@ -134,14 +199,18 @@ class DetailedExternalMesh(DetailedMesh):
 
 
 class DetailedInternalMesh(DetailedMesh):
-    """A ring on flange_a and a gear inside it: ``der(q) = r_a w_a - r_b w_b + e_rate + der(e)``; else as `DetailedExternalMesh`."""
+    """A ring on flange_a and a gear inside it: ``der(q) = r_a w_a - r_b w_b + e_rate + der(e)``; else as `DetailedExternalMesh`.
+
+    With friction, both tangent points lie on one side of the pitch point: ``x_a = r_a tan(alpha) - p (u - approach)``,
+    ``x_b = r_b tan(alpha) - p (u - approach)``, ``v_s = x_a w_a - x_b w_b``.
+    """
 
     def equations(self) -> list[gl.Eq]:
         return self.mesh_equations(-1)
 
 
 def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> Any:
-    """Damping (N.s/m) of a mesh between two free bodies for a damping ratio: ``2 zeta sqrt(c m)``, ``1/m = r_a**2/J_a + r_b**2/J_b``.
+    """Mesh damping (N.s/m) for a damping ratio: ``2 zeta sqrt(c m)`` with the reduced mass ``1 / (r_a**2 / J_a + r_b**2 / J_b)``.
 
     Parameters
     ----------

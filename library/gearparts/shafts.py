@@ -27,6 +27,7 @@ class Inertia(TwoFlanges):
     J = gl.Parameter("kg.m2", "moment of inertia", min=0)
     phi = gl.Variable("rad", "angle")
     w = gl.Variable("rad/s", "angular velocity")
+    a = gl.Derivative("w", "rad/s2", "angular acceleration")
 
     def equations(self) -> list[gl.Eq]:
         return [

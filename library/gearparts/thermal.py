@@ -12,6 +12,7 @@ class HeatCapacitor(gl.Component):
     port = HeatPort("the body")
     C = gl.Parameter("J/K", "heat capacity", min=0)
     T = gl.Variable("K", "temperature", state="prefer", nominal=300.0, guess=293.15)
+    der_T = gl.Derivative("T", "K/s", "rate of the temperature")
 
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.T, self.port.T), gl.Eq(self.C * gl.der(self.T), self.port.Q_flow)]

@@ -31,6 +31,7 @@ class Mass(TwoTranslationalFlanges):
     L = gl.Parameter("m", "length from flange_a to flange_b", default=0.0)
     s = gl.Variable("m", "position of the middle")
     v = gl.Variable("m/s", "velocity")
+    a = gl.Derivative("v", "m/s2", "acceleration")
 
     def equations(self) -> list[gl.Eq]:
         return [
@@ -45,7 +46,7 @@ class TranslationalCompliant(TwoTranslationalFlanges):
     """Declares what springs and dampers share: the force between the flanges, and the relative position and velocity."""
 
     s_rel = gl.Variable("m", "flange_b.s - flange_a.s", state="prefer", nominal=1e-4)
-    v_rel = gl.Variable("m/s", "relative velocity")
+    v_rel = gl.Variable("m/s", "relative velocity", nominal=1e-2)
     f = gl.Variable("N", "force between the flanges; pulls them together when positive")
 
     def compliant_equations(self) -> list[gl.Eq]:

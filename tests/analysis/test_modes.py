@@ -122,15 +122,26 @@ def test_two_thousand_states(chain: Callable[..., gl.System], d: float) -> None:
     squares = eigh_tridiagonal(diagonal, -c / np.sqrt(mass[1:] * mass[:-1]), True, "i", (0, 20))
     expected = np.sqrt(np.maximum(squares, 0))
     values = {"c": 1e4, "d": d}
-    gl.modes(system, 2, parameters=values)  # symbolic work, once for each class
-    begin = time.process_time()
     found = gl.modes(system, 20, parameters=values)
-    seconds = time.process_time() - begin
     assert len(system.states) == 1999
     assert found.free == 1
     assert len(found) == 21
     assert found.omega[1:] == pytest.approx(expected[1:], rel=1e-6 if d else 1e-9)
-    assert seconds < 2.0  # of the processor; other processes do not count
+
+
+@pytest.mark.slow
+def test_two_thousand_states_are_linearised_and_have_their_modes_in_two_seconds(chain: Callable[..., gl.System]) -> None:
+    system = chain(n=1000)
+    values = {"c": 1e4, "d": 1.0}
+    chain(n=4).linearize(["torque.tau"], ["body[3].w"])  # symbolic work, once for each class
+    begin = time.process_time()
+    model = system.linearize(["torque.tau"], ["body[999].w"], sparse=True, parameters=values)
+    found = gl.modes(system, 20, parameters=values)
+    shares = found.kinetic
+    seconds = time.process_time() - begin  # of the processor; other processes do not count
+    assert model.A.shape == (1999, 1999)
+    assert shares[1:].sum(axis=1) == pytest.approx(100, abs=1e-2)
+    assert seconds < 2.0
 
 
 def test_preloads_do_not_hide_the_lowest_modes() -> None:
@@ -159,6 +170,10 @@ def test_preloads_do_not_hide_the_lowest_modes() -> None:
     assert len(full) > 500
     assert (np.abs(values) < 1e-3).sum() > 100
     assert found.omega[found.free :] == pytest.approx(expected, rel=1e-6)
+    assert found.free == 36  # each unit turns with its carrier still, and all turn as one
+    turning = found.shapes[:, : found.free]
+    assert np.linalg.matrix_rank(turning, tol=1e-8) == 36
+    assert np.abs(full @ turning).max() < 1e-7 * np.abs(full).max() * np.abs(turning).max()
 
 
 def test_text_and_table(paper: gl.System) -> None:

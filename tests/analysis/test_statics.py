@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import pytest
@@ -77,6 +78,7 @@ def test_px_train(i: float) -> None:
     flow = gl.power_flow(system, speeds={"x.sun": w}, torques={"load.tau": -T})
     out = w * (1 + k / i) / (1 + k)
     assert flow["body.flange_a"].speed == pytest.approx(out, rel=EXACT)
+    assert flow.willis("x.sun", "x.ring", "x.carrier") == pytest.approx((-k, -k), rel=EXACT)
     assert flow["x.sun"].power == pytest.approx(T * w / (1 + k), rel=EXACT)
     assert flow["x.ring"].power == pytest.approx(T * w / (1 + k) * k / i, rel=EXACT)
     assert flow["drive.flange"].torque == pytest.approx(-T * (1 + k / i) / (1 + k), rel=EXACT)
@@ -109,6 +111,9 @@ def test_wolfrom_set() -> None:
     assert gl.mobility(system) == 1
     assert gl.speed_ratio(system, "first.sun", "second.ring") == pytest.approx(ratio, rel=EXACT)
     flow = gl.power_flow(system, speeds={"first.sun": 300.0}, torques={"load.tau": -900.0})
+    assert flow.willis("first.sun", "first.ring", "first.carrier") == pytest.approx((-z_r1 / z_s,) * 2, rel=EXACT)
+    second = -z_p1 * z_r2 / (z_s * z_p2)
+    assert flow.willis("second.sun", "second.ring", "second.carrier") == pytest.approx((second, second), rel=EXACT)
     assert flow["load.flange"].speed == pytest.approx(300.0 / ratio, rel=EXACT)
     assert flow["drive.flange"].torque == pytest.approx(-900.0 / ratio, rel=EXACT)
     assert flow["ground.flange"].torque == pytest.approx(900.0 / ratio - 900.0, rel=EXACT)
@@ -208,10 +213,108 @@ def test_elastic_train_turns_as_the_rigid_one_does(paper: gl.System) -> None:
 
 
 def test_table_and_text(xp: gl.System) -> None:
-    flow = gl.power_flow(xp, speeds={"body.w": 10.0}, torques={"load.tau": -5.0}, parameters={"i": 1.7})
+    flow = xp.power_flow(speeds={"body.w": 10.0}, torques={"load.tau": -5.0}, parameters={"i": 1.7})
     assert flow.to_dataframe().loc["load.flange", "power"] == pytest.approx(50.0)
-    assert "circulating: " in str(flow)
-    assert "mobility 1" in str(flow)
+    lines = str(flow).splitlines()
+    assert lines[0] == "Steady power flow of SingleLoop: mobility 1 (1 degree of freedom)"
+    assert lines[2].split("  ")[0] == "flange"
+    assert [line.split()[0] for line in lines[3:10]] == [
+        "drive.flange", "load.flange", "x.sun", "x.carrier", "x.ring", "p.flange_a", "p.flange_b",
+    ]  # fmt: skip
+    assert lines[4].split()[1:] == ["10", "95.493", "5", "50"]
+    assert "input power        50 W from drive" in lines
+    assert "efficiency         1" in lines
+    assert any(line.startswith("circulating power  24.2857 W, 48.57 %") for line in lines)
+    assert lines[-1].strip() == "24.2857 W through p, x"
+
+
+class LossyLoop(gl.Component):
+    """An X unit without losses and a lossy P unit that leads its sun back to the carrier."""
+
+    i = gl.Structural(1.7)
+    eta_1, eta_2 = gl.Structural(0.96), gl.Structural(0.94)
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load, self.body = gp.Torque(), gp.Torque(), gp.Inertia(J=3.0)
+        self.x = gp.IdealPlanetary(ratio=4.2)
+        self.p = LossyGear(ratio=self.i, loss_table=((0.0, self.eta_1, self.eta_2, 0.0, 0.0),))
+        return [
+            gl.connect(self.drive.flange, self.x.ring),
+            gl.connect(self.x.sun, self.p.flange_a),
+            gl.connect(self.x.carrier, self.body.flange_a),
+            gl.connect(self.p.flange_b, self.body.flange_b, self.load.flange),
+        ]
+
+
+@pytest.mark.parametrize("i", [1.7, -1.6])
+def test_efficiency_of_a_loop_with_a_lossy_gear(i: float) -> None:
+    """With circulating power (i > 0) the carrier drives the P unit, without (i < 0) the sun does: eta_2, eta_1 count.
+
+    Torque of the carrier's shaft: T = (1 + k) t - f i t with t the sun's torque on the X unit and f the loss factor.
+    """
+    k, T, w = 4.2, 70.0, 12.0
+    flow = gl.compile(LossyLoop(i=i)).power_flow(speeds={"body.w": w}, torques={"load.tau": -T})
+    factor = 1 / 0.94 if i > 0 else 0.96  # of the torque at flange_b over that without losses
+    sun = T / (1 + k - factor * i)
+    assert flow["x.sun"].torque == pytest.approx(sun, rel=EXACT)
+    assert flow["p.flange_b"].torque == pytest.approx(factor * i * sun, rel=EXACT)
+    assert flow["drive.flange"].power == pytest.approx(-k * sun * w * (1 + k - i) / k, rel=EXACT)
+    assert flow.efficiency == pytest.approx((1 + k - factor * i) / (1 + k - i), rel=EXACT)
+    assert flow.losses == {"p": pytest.approx(abs(factor - 1) * abs(i) * sun * w, rel=1e-11)}
+    assert flow.input_power == pytest.approx(flow.output_power + flow.losses["p"], rel=EXACT)
+    assert flow.imbalance < EXACT
+    assert flow.willis("x.sun", "x.ring", "x.carrier") == pytest.approx((-k, -k), rel=EXACT)
+
+
+class Row(gl.Component):
+    """Rigid gears and bodies in a row; in every fifth place a planetary set between shafts that a gear joins, too."""
+
+    n = gl.Structural(50)
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load = gp.Torque(), gp.Torque()
+        self.gear = [gp.IdealGear(ratio=(-1.25, 0.8, 2.5, -0.4)[i % 4]) for i in range(self.n)]
+        self.body = [gp.Inertia(J=1.0) for _ in range(self.n + 1)]
+        self.loop = [gp.IdealPlanetary(ratio=2.0) for _ in range(0, self.n, 5)]
+        self.back = [gp.IdealGear(ratio=1.5) for _ in self.loop]
+        links = [gl.connect(self.drive.flange, self.body[0].flange_a), gl.connect(self.body[-1].flange_b, self.load.flange)]
+        for i, gear in enumerate(self.gear):
+            links.append(gl.connect(gear.flange_b, self.body[i + 1].flange_a))
+            if i % 5:
+                links.append(gl.connect(self.body[i].flange_b, gear.flange_a))
+                continue
+            unit, back = self.loop[i // 5], self.back[i // 5]
+            links += [gl.connect(self.body[i].flange_b, unit.ring), gl.connect(unit.sun, back.flange_a)]
+            links.append(gl.connect(unit.carrier, back.flange_b, gear.flange_a))
+        return links
+
+
+def test_long_row_of_gears_and_loops() -> None:
+    """w_ring = w_carrier (1 + k - i) / k = 0.75 w_carrier in each loop; the rest is a product of ratios."""
+    n = 400
+    system = gl.compile(Row(n=n))
+    ratio = 0.75 ** (n // 5) * (-1.25 * 0.8 * 2.5 * -0.4) ** (n // 4)
+    assert gl.mobility(system) == 1
+    assert gl.speed_ratio(system, "body[0].w", f"body[{n}].w") == pytest.approx(ratio, rel=1e-11)
+    flow = system.power_flow(speeds={f"body[{n}].w": 2.0}, torques={"load.tau": -30.0})
+    assert flow["drive.flange"].torque == pytest.approx(-30.0 / ratio, rel=1e-11)
+    assert flow.imbalance < EXACT
+    assert len(flow.circulating) == n // 5
+    assert flow.circulating_power == pytest.approx(n // 5 * 60.0 * 1.5 / (3.0 - 1.5), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_effort_grows_with_size_not_with_its_square() -> None:
+    seconds = []
+    for n in (250, 1000):
+        system = gl.compile(Row(n=n))
+        arguments = {"speeds": {"body[0].w": 2.0}, "torques": {"load.tau": -1.0}}
+        system.power_flow(**arguments)
+        begin = time.process_time()
+        system.power_flow(**arguments)
+        seconds.append(time.process_time() - begin)
+    assert seconds[1] < 8 * seconds[0]
+    assert seconds[1] < 2.0
 
 
 @pytest.mark.parametrize(
@@ -231,6 +334,22 @@ def test_table_and_text(xp: gl.System) -> None:
 def test_errors(xp: gl.System, arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(gl.GearlibError, match=message):
         gl.power_flow(xp, **arguments)
+
+
+def test_speed_under_a_load_that_depends_on_speed_is_found() -> None:
+    """8 = 2 (w / 10)^2 at w = 20: from the guess, since at rest the load has no slope."""
+
+    class Fan(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.rotor = gp.Torque(tau=8.0), gp.Inertia(J=0.5, guess={"w": 10.0})
+            self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-2.0, w_nominal=10.0)
+            return [gl.connect(self.torque.flange, self.rotor.flange_a), gl.connect(self.rotor.flange_b, self.load.flange)]
+
+    system = gl.compile(Fan())
+    assert system.power_flow()["load.flange"].speed == pytest.approx(20.0, rel=EXACT)
+    assert system.power_flow(torques={"torque.tau": 4.5})["load.flange"].speed == pytest.approx(15.0, rel=EXACT)
+    with pytest.raises(gl.GearlibError, match=r"has the given rotor\.w, torque\.tau: the equations of .*rotor"):
+        system.power_flow(speeds={"rotor.w": 20.0}, torques={"torque.tau": 5.0})
 
 
 def test_ratios_that_do_not_exist() -> None:

@@ -43,8 +43,10 @@ def check(seed: int, numbers: int, methods: Sequence[str]) -> None:
 
 @pytest.mark.parametrize("seed", [3, 11])
 def test_a_few_trains(seed: int) -> None:
-    for numbers in range(4):
+    for numbers in range(20):
         check(seed, numbers, ("rk8", "ida"))
+    for numbers in range(20, 30):
+        check(seed, numbers, ("rk8", "rk5", "auto"))
 
 
 @pytest.mark.parametrize("seed", [11])

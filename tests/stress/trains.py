@@ -15,7 +15,8 @@ c = gl.connect
 
 
 class RandomTrain(gl.Component):
-    """Bodies joined one after another by shafts, meshes, gears and planetary sets; elastic loops; a fan; a torque that swings.
+    """Bodies joined one after another by shafts, meshes, gears and planetary sets; elastic loops; second gears and sets beside
+    others, which are redundant; a fan; a torque that swings.
 
     ``work`` is the energy that came in less what dampers and fans took; ``stored`` is what bodies, shafts and meshes hold.
     """
@@ -83,7 +84,10 @@ FLANGES = {
 
 @cache
 def blueprint(seed: int) -> tuple[int, tuple[tuple[str, tuple[int, ...]], ...]]:
-    """Number of bodies, and joints with the bodies at their ends; a tree, so that no rigid loop can lock, and elastic loops."""
+    """Number of bodies, and joints with the bodies at their ends.
+
+    A tree, so that no rigid loop can lock, elastic loops, and twins of rigid joints, whose constraints follow from the others.
+    """
     rng = random.Random(seed)
     bodies, joints = 1, []
     for _ in range(rng.randint(1, 6)):
@@ -100,6 +104,9 @@ def blueprint(seed: int) -> tuple[int, tuple[tuple[str, tuple[int, ...]], ...]]:
     for _ in range(rng.randint(0, 2) if bodies > 2 else 0):
         one, other = rng.sample(range(bodies), 2)
         joints.append((rng.choice(["shaft", "mesh"]), (one, other)))
+    rigid = [joint for joint in joints if joint[0] in ("gear", "planetary")]
+    if rigid and rng.random() < 0.4:
+        joints.append(rng.choice(rigid))
     return bodies, tuple(joints)
 
 
@@ -118,7 +125,8 @@ def random_parameters(seed: int, numbers: int) -> dict[str, float]:
             values |= {f"{name}.r_a": float(rng.uniform(0.02, 0.5)), f"{name}.r_b": float(rng.uniform(0.02, 0.5))}
         else:
             sign = rng.choice([-1.0, 1.0]) if kind == "gear" else 1.0
-            values[f"{name}.ratio"] = float(sign * rng.uniform(0.3, 5.0))
+            first = joints.index(joints[k])  # of twins, which have one ratio
+            values[f"{name}.ratio"] = values.get(f"{kind}_{first}.ratio", float(sign * rng.uniform(0.3, 5.0)))
         if kind in ("shaft", "mesh") and rng.random() < 0.15:
             values[f"{name}.{rng.choice(['c', 'd'])}"] = 0.0
     return values

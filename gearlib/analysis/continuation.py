@@ -1,0 +1,221 @@
+"""Pseudo-arclength continuation: follow the solutions of ``r(z, w) = 0`` over w, round folds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+
+Floats = NDArray[np.float64]
+# (z, w) -> residual, derivative by z, derivative by w
+Equations = Callable[[Floats, float], tuple[Floats, Floats, Floats]]
+CONVERGED = 1e-9
+GROWTH = 0.2  # share that a growth of z by its own size has in the length of the way
+LEAST = 0.05  # of the largest size so far: a smaller z is measured as if it were so large
+STRAIGHT = 0.9  # cosine of the angle between tangents at the ends of a step
+OFF = 0.3  # largest distance of a point from where it was expected, over the step
+SHORTEST = 1e-6  # of the largest step
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Points of a branch in their order.
+
+    Attributes
+    ----------
+    z : array (points, unknowns)
+    w : array (points,)
+    folds : tuple of int
+        Numbers of the points at which w turns back.
+    complete : bool
+        Whether the branch left the interval; False where it ran out of points.
+    """
+
+    z: Floats
+    w: Floats
+    folds: tuple[int, ...]
+    complete: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Spot:
+    """A solution, the matrix [dr/dz, dr/dw] there, and the unit tangent of the branch; w is measured from start to end, 0 to 1."""
+
+    y: Floats
+    gradient: Floats
+    tangent: Floats
+    iterations: int
+    largest: float  # size of z so far
+
+
+def follow(
+    equations: Equations, z: Floats, start: float, end: float, step: float, points: int, skipped: int = 0
+) -> Path:  # fmt: skip
+    """Follow a branch from a solution ``z`` at ``start`` until ``w`` leaves the interval or ``points`` are found.
+
+    Steps grow and shrink with Newton's iterations and with the bend of the branch. Folds are located, and are points themselves.
+    The last point lies at ``end`` exactly (or at ``start``, where the branch comes back).
+
+    Parameters
+    ----------
+    equations : callable
+    z : array (unknowns,)
+    start, end : float
+    step : float
+        Largest step; the whole interval counts 1, a growth of z by its own size 0.2.
+    points : int
+        Largest number of points.
+    skipped : int
+        So many of the first unknowns do not count in the size of z.
+
+    Raises
+    ------
+    SolverError
+        Where even a tiny step does not converge.
+
+    Examples
+    --------
+    Round the unit circle from (-0.6, -0.8), w being the second coordinate:
+
+    >>> def circle(z, w):
+    ...     return np.array([z[0] ** 2 + w**2 - 1]), np.array([[2 * z[0]]]), np.array([2 * w])
+    >>> path = follow(circle, np.array([-0.6]), -0.8, 2.0, 0.02, 2000)
+    >>> [round(float(path.w[i]), 9) for i in path.folds], round(float(path.z[-1, 0]), 9), float(path.w[-1])
+    ([1.0], 0.6, -0.8)
+    """
+    walk = _Walk(equations, start, end, skipped)
+    spot = walk.begin(z)
+    spots, length = [spot], step / 4
+    folds: list[int] = []
+    while len(spots) < points:
+        new = walk.corrected(spot, length)
+        if new is None or (length > 1e-3 * step and walk.strayed(spot, new, length)):
+            length /= 2
+            if length < SHORTEST * step:
+                raise SolverError(
+                    f"the branch cannot be followed beyond {walk.place(spot.y):g} rad/s, after {len(spots)} points: steps of "
+                    f"{length:.1g} of the interval do not converge; take more samples, or fewer harmonics"
+                )
+            continue
+        if not 0.0 <= new.y[-1] <= 1.0:
+            last = walk.at_border(spot, new, 1.0 if new.y[-1] > 1.0 else 0.0)
+            return _path(walk, [*spots, last] if last is not None else spots, folds, True)
+        if new.tangent[-1] * spot.tangent[-1] < 0:
+            fold = walk.fold(spot, new, length)
+            if fold is not None:
+                folds.append(len(spots))
+                spots.append(fold)
+        spot = new
+        spots.append(spot)
+        length = min(length * (1.5 if new.iterations <= 3 else 1.0 if new.iterations <= 5 else 0.6), step)
+    return _path(walk, spots, folds, False)
+
+
+def _path(walk: _Walk, spots: list[_Spot], folds: list[int], complete: bool) -> Path:
+    z, w = np.array([s.y[:-1] for s in spots]), np.array([walk.place(s.y) for s in spots])
+    return Path(z, w, tuple(folds), complete)
+
+
+@dataclass(frozen=True, eq=False)
+class _Walk:
+    equations: Equations
+    start: float
+    end: float
+    skipped: int
+
+    def place(self, y: Floats) -> float:
+        return self.start * (1.0 - float(y[-1])) + self.end * float(y[-1])
+
+    def extended(self, y: Floats) -> tuple[Floats, Floats]:
+        r, by_z, by_w = self.equations(y[:-1], self.place(y))
+        return r, np.column_stack([by_z, (self.end - self.start) * by_w])
+
+    def size(self, y: Floats, largest: float = 0.0) -> float:
+        return max(float(np.linalg.norm(y[self.skipped : -1])), LEAST * largest, 1e-300)
+
+    def inner(self, a: Floats, b: Floats, spot: _Spot) -> float:
+        """Product in which the way is measured, about a spot."""
+        return float((GROWTH / self.size(spot.y, spot.largest)) ** 2 * (a[:-1] @ b[:-1]) + a[-1] * b[-1])
+
+    def strayed(self, spot: _Spot, new: _Spot, length: float) -> bool:
+        """Whether the branch bends so much that the new spot may lie on another one."""
+        off = np.asarray(new.y - spot.y - length * spot.tangent, np.float64)
+        turned = self.inner(new.tangent, spot.tangent, spot) / np.sqrt(self.inner(new.tangent, new.tangent, spot))
+        return bool(turned < STRAIGHT or self.inner(off, off, spot) > (OFF * length) ** 2)
+
+    def begin(self, z: Floats) -> _Spot:
+        y = np.append(z, 0.0)
+        _, gradient = self.extended(y)
+        forward = np.append(np.zeros(len(z)), 1.0)
+        size = self.size(y)
+        return _Spot(y, gradient, self.tangent(gradient, _Spot(y, gradient, forward, 0, size)), 0, size)
+
+    def tangent(self, gradient: Floats, before: _Spot) -> Floats:
+        """The direction of the branch that goes on as before, of length 1."""
+        right = np.zeros(len(before.y))
+        right[-1] = 1.0
+        try:
+            direction = np.linalg.solve(np.vstack([gradient, self.normal(before)]), right)
+        except np.linalg.LinAlgError:
+            return before.tangent
+        result: Floats = direction / np.sqrt(self.inner(direction, direction, before))
+        return result
+
+    def normal(self, spot: _Spot) -> Floats:
+        """Row whose product with a change is the way along the spot's tangent."""
+        size = GROWTH / self.size(spot.y, spot.largest)
+        return np.append(size**2 * spot.tangent[:-1], spot.tangent[-1])
+
+    def corrected(self, spot: _Spot, length: float) -> _Spot | None:
+        """Newton's method on the plane across the tangent, a length ahead."""
+        return self.newton(spot.y + length * spot.tangent, self.normal(spot), spot)
+
+    def newton(self, guess: Floats, normal: Floats, before: _Spot) -> _Spot | None:
+        y = guess.copy()
+        for iteration in range(1, 13):
+            try:
+                r, gradient = self.extended(y)
+                change = np.linalg.solve(np.vstack([gradient, normal]), np.append(r, normal @ (y - guess)))
+            except np.linalg.LinAlgError:
+                return None
+            y = y - change
+            if not np.isfinite(y).all() or self.place(y) <= 0.0 < self.start:
+                return None
+            if np.linalg.norm(change) <= CONVERGED * (1.0 + np.linalg.norm(y)):
+                largest = max(before.largest, self.size(y))
+                return _Spot(y, gradient, self.tangent(gradient, before), iteration, largest)
+        return None
+
+    def at_border(self, spot: _Spot, beyond: _Spot, border: float) -> _Spot | None:
+        """Where the branch leaves the interval."""
+        share = (border - spot.y[-1]) / (beyond.y[-1] - spot.y[-1])
+        guess = spot.y + share * (beyond.y - spot.y)
+        guess[-1] = border
+        found = self.newton(guess, np.append(np.zeros(len(guess) - 1), 1.0), spot)
+        if found is not None:
+            found.y[-1] = border
+        return found
+
+    def fold(self, spot: _Spot, beyond: _Spot, length: float) -> _Spot | None:
+        """Where w turns back between two spots: the w of the tangent vanishes (regula falsi, Illinois)."""
+        low, high = 0.0, length
+        f_low, f_high = float(spot.tangent[-1]), float(beyond.tangent[-1])
+        found = None
+        for _ in range(12):
+            middle = (low * f_high - high * f_low) / (f_high - f_low)
+            tried = self.corrected(spot, middle)
+            if tried is None:
+                return found
+            found, value = tried, float(tried.tangent[-1])
+            if abs(value) < 1e-6 * abs(float(spot.tangent[-1]) - float(beyond.tangent[-1])):
+                return found
+            if value * f_high < 0:
+                low, f_low = high, f_high
+            else:
+                f_low /= 2
+            high, f_high = middle, value
+        return found

@@ -1,0 +1,232 @@
+"""Sparse linear equations that may be too many, too few, or repeat each other: which of them count, and their solution.
+
+Gaussian elimination with Markowitz' choice of pivots finds as many independent rows and columns as there are. What it cannot decide
+with pivots of good size is left to a QR decomposition with column exchanges of the small full matrix that remains. The square matrix of
+the chosen rows and columns is then factorised by SuperLU.
+
+References
+----------
+H. M. Markowitz, "The elimination form of the inverse and its application to linear programming", Management Science 3 (1957)
+255-269, doi 10.1287/mnsc.3.3.255
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+RANK = 1e-11  # of a row whose entries were scaled to 1: what is left below this says nothing new
+SAFE = 1e-3  # smallest pivot of the elimination; what is below waits for the full matrix
+EXCHANGE = 0.1  # smallest pivot as a fraction of the largest entry of its row
+CANCELLED = 1e-14  # of the operands of a subtraction: what is left below this is rounding
+DENSE = 400  # entries that an elimination step may add at most; where no better pivot is left the full matrix is better
+FLOOR = 1e-4  # of the largest unknown: terms below are not asked to cancel to their own size
+LOOKS = 3  # random directions: an unknown that moves in none of them is determined
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """Equations ``matrix @ x = rhs``, scaled by row and column, and the independent ones among them.
+
+    Attributes
+    ----------
+    matrix : sparse matrix
+    row, column : arrays
+        Factors that bring the largest entries of rows and columns near 1.
+    rows, columns : integer arrays
+        Independent rows, and columns that these determine; both have the length of the rank.
+    """
+
+    matrix: Any
+    row: Floats
+    column: Floats
+    rows: Integers
+    columns: Integers
+
+    @cached_property
+    def _scaled(self) -> Any:
+        import scipy.sparse as sparse
+
+        return (sparse.diags(self.row) @ self.matrix @ sparse.diags(self.column)).tocsr()
+
+    @cached_property
+    def _square(self) -> Any:
+        from scipy.sparse.linalg import splu
+
+        return splu(self._scaled[self.rows][:, self.columns].tocsc())
+
+    @property
+    def rank(self) -> int:
+        return len(self.rows)
+
+    @cached_property
+    def open(self) -> Integers:
+        """Columns that may be chosen: the others follow from them."""
+        return np.setdiff1d(np.arange(self.matrix.shape[1]), self.columns)
+
+    def solve(self, rhs: Floats) -> Floats:
+        """A solution of the independent rows, in which the open unknowns are 0."""
+        x = np.zeros(self.matrix.shape[1])
+        if self.rank:
+            x[self.columns] = self._square.solve((rhs * self.row)[self.rows]) * self.column[self.columns]
+        return x
+
+    def contradiction(self, residual: Floats, x: Floats) -> Floats:
+        """Size of each row's residual ``matrix @ x - rhs`` over that of its terms; 0 up to rounding where the row holds."""
+        size = np.abs(x / self.column).max(initial=np.finfo(float).tiny)
+        terms = self.row * (abs(self.matrix) @ np.abs(x)) + FLOOR * size
+        with np.errstate(over="ignore"):
+            ratio: Floats = np.abs(residual) * self.row / terms
+        return ratio
+
+    def directions(self, how_many: int) -> Floats:
+        """Random motions that the equations leave free, in scaled unknowns, shape (unknowns, how_many)."""
+        found = np.zeros((self.matrix.shape[1], how_many))
+        found[self.open] = np.random.default_rng(len(self.open)).uniform(0.5, 1.5, (len(self.open), how_many))
+        if self.rank and len(self.open):
+            found[self.columns] = -self._square.solve(np.ascontiguousarray(self._scaled[self.rows] @ found))
+        return found
+
+    @cached_property
+    def undetermined(self) -> Floats:
+        """How far each unknown (scaled) moves in random free motions: 0 up to rounding where the equations determine it."""
+        size: Floats = np.abs(self.directions(LOOKS)).max(axis=1, initial=0.0)
+        return size
+
+    def combined(self, row: int) -> Floats:
+        """Weights of all rows that together cancel a dependent one (its own is 1)."""
+        weights = np.zeros(self.matrix.shape[0])
+        if self.rank:
+            right = self._scaled[[row]][:, self.columns].toarray().ravel()
+            weights[self.rows] = -self._square.solve(right, "T")
+        weights[row] = 1.0
+        return weights
+
+
+def factorise(matrix: Any) -> Factors:
+    """Scale a sparse matrix, and find independent rows and columns.
+
+    Examples
+    --------
+    >>> import numpy as np, scipy.sparse as sparse
+    >>> found = factorise(sparse.csr_matrix([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1e6]]))
+    >>> found.rank, np.round(found.solve(np.array([4.0, 8.0, 3e6])), 12).tolist()
+    (2, [4.0, 0.0, 3.0])
+    """
+    import scipy.sparse as sparse
+
+    matrix = sparse.csr_matrix(matrix)
+    row, column = _scales(matrix)
+    scaled = (sparse.diags(row) @ matrix @ sparse.diags(column)).tocsr()
+    rows, columns = independent(scaled)
+    return Factors(matrix, row, column, rows, columns)
+
+
+def _scales(matrix: Any) -> tuple[Floats, Floats]:
+    """Factors that bring the largest entry of every row and column near 1."""
+    entries = matrix.tocoo()
+    size, i, j = np.abs(entries.data), entries.row, entries.col
+    row, column = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
+    for _ in range(8):
+        for factors, place in ((row, i), (column, j)):
+            largest = np.zeros(len(factors))
+            np.maximum.at(largest, place, size * row[i] * column[j])
+            factors /= np.sqrt(np.where(largest > 0, largest, 1.0))
+    return row, column
+
+
+def independent(scaled: Any) -> tuple[Integers, Integers]:
+    """Rows and columns of a largest square part that is not singular, of a matrix with entries up to about 1."""
+    lines = _lines(scaled)
+    users: list[set[int]] = [set() for _ in range(scaled.shape[1])]
+    for i, line in enumerate(lines):
+        for j in line:
+            users[j].add(i)
+    chosen: list[tuple[int, int]] = []
+    waiting = [(len(line), i) for i, line in enumerate(lines) if line]
+    heapq.heapify(waiting)
+    done: set[int] = set()
+    while waiting:
+        length, i = heapq.heappop(waiting)
+        line = lines[i]
+        if i in done or length != len(line):
+            continue  # changed since: it is in the queue once more
+        pivot = _pivot(line, users)
+        if pivot is None or (length - 1) * (len(users[pivot]) - 1) > DENSE:
+            continue
+        j = pivot
+        done.add(i)
+        chosen.append((i, j))
+        for k in line:
+            users[k].discard(i)
+        for other in list(users[j]):
+            _subtract(other, lines[other], line, j, users)
+            heapq.heappush(waiting, (len(lines[other]), other))
+    core = [i for i, line in enumerate(lines) if line and i not in done]
+    chosen += _core(core, lines)
+    rows, columns = np.array(chosen, np.int64).reshape(-1, 2).T
+    return rows, columns
+
+
+def _lines(scaled: Any) -> list[dict[int, float]]:
+    """The rows as dictionaries from column to entry."""
+    starts, columns, values = scaled.indptr.tolist(), scaled.indices.tolist(), scaled.data.tolist()
+    return [
+        {j: v for j, v in zip(columns[start:end], values[start:end], strict=True) if v != 0.0}
+        for start, end in zip(starts[:-1], starts[1:], strict=True)
+    ]
+
+
+def _pivot(line: dict[int, float], users: list[set[int]]) -> int | None:
+    """The column to eliminate with a row: of those with large entries, the one that stands in fewest rows."""
+    largest = max(map(abs, line.values()), default=0.0)
+    if largest < SAFE:
+        return None
+    least = EXCHANGE * largest
+    return min((j for j, v in line.items() if abs(v) >= least), key=lambda j: len(users[j]))
+
+
+def _subtract(number: int, line: dict[int, float], pivot_line: dict[int, float], j: int, users: list[set[int]]) -> None:
+    """Take a multiple of the pivot's row from another one, so that column j vanishes from it."""
+    factor = line.pop(j) / pivot_line[j]
+    users[j].discard(number)
+    for k, v in pivot_line.items():
+        if k == j:
+            continue
+        old = line.get(k, 0.0)
+        new = old - factor * v
+        if abs(new) > CANCELLED * max(abs(old), abs(factor * v)):
+            line[k] = new
+            users[k].add(number)
+        elif k in line:
+            del line[k]
+            users[k].discard(number)
+
+
+def _core(rows: list[int], lines: list[dict[int, float]]) -> list[tuple[int, int]]:
+    """Independent rows and columns of what the elimination left."""
+    from scipy.linalg import qr
+
+    columns = sorted({j for i in rows for j in lines[i]})
+    if not columns:
+        return []
+    place = {j: k for k, j in enumerate(columns)}
+    full = np.zeros((len(rows), len(columns)))
+    for i, number in enumerate(rows):
+        for j, v in lines[number].items():
+            full[i, place[j]] = v
+    triangle, order = qr(full, mode="r", pivoting=True)
+    pivots = np.abs(np.diag(triangle))
+    rank = int((pivots > RANK * max(1.0, float(pivots.max(initial=0.0)))).sum())
+    if not rank:
+        return []
+    kept = order[:rank]
+    _, row_order = qr(full[:, kept].T, mode="r", pivoting=True)
+    return [(rows[i], columns[j]) for i, j in zip(row_order[:rank].tolist(), kept.tolist(), strict=True)]

@@ -1,0 +1,154 @@
+"""Harmonic balance of a periodically forced train: periodic motions followed over frequency, round folds and onto unstable branches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gearlib.analysis.balance import Balance
+from gearlib.analysis.continuation import Path, follow
+from gearlib.analysis.first_motion import Forced
+from gearlib.analysis.harmonic_response import HarmonicBalance
+from gearlib.analysis.periods import fourier
+from gearlib.analysis.response import _unit
+from gearlib.codegen.builder import build
+from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.errors import ArgumentError
+from gearlib.flatten.templates import parse_column
+from gearlib.solve.scene import Scene
+
+if TYPE_CHECKING:
+    from gearlib.system import System
+
+Input = float | Callable[[float, float], float]
+
+
+def harmonic_balance(
+    system: System, start: float, end: float, *, frequency: str | None = None, harmonics: int = 1, samples: int | None = None,
+    outputs: Sequence[str] | None = None, inputs: Mapping[str, Input] | None = None,
+    parameters: Mapping[str, float] | None = None, guess: Mapping[str, float] | None = None, step: float = 0.02,
+    points: int = 2000,
+) -> HarmonicBalance:  # fmt: skip
+    """Follow the periodic response of a forced system over its forcing frequency.
+
+    States are taken as Fourier series, ``x = c_0 + sum(c_k cos(k w t) + s_k sin(k w t))``, means included. The model's rates are
+    evaluated over a period and transformed back (alternating frequency and time); where a relation switches, the period is cut, so
+    that backlash costs no accuracy. The branch is followed by pseudo-arclength continuation. Stability is told by the
+    Floquet multipliers of the motion found.
+
+    Parameters
+    ----------
+    system : System
+        Without memory in its discrete variables (no sticking clutch). A free-turning train keeps the mean speed that it starts with.
+    start, end : float
+        Frequencies at which to start and to end, rad/s; the branch goes round folds in between. Start where the
+        response is small or linear.
+    frequency : str, optional
+        A parameter that is the forcing's angular frequency, where the forcing is written in the model; all functions of time must
+        repeat with it.
+    harmonics : int
+        Number of harmonics.
+    samples : int, optional
+        Moments of a period at which the system is evaluated (at least 64, and 8 for each harmonic; 256 where something switches).
+    outputs : sequence of str, optional
+        Variables; by default the system's outputs, or its states.
+    inputs : mapping, optional
+        Of unbound inputs: a number, or a function of phase (rad, ``w t``) and frequency (rad/s), 2 pi periodic in the phase.
+    parameters : mapping, optional
+        Values by path.
+    guess : mapping, optional
+        Start values by path: where to look for the means at ``start``, and the mean speed of a free-turning train.
+    step : float
+        Largest step of the continuation, over the length of the interval.
+    points : int
+        Largest number of points.
+
+    Returns
+    -------
+    HarmonicBalance
+
+    Raises
+    ------
+    ArgumentError
+        What is forced does not repeat with the frequency, or nothing is forced; a system with memory.
+    SolverError
+        No periodic motion was found at ``start`` (or there is none, because a free-turning train speeds up), or a step became too
+        small.
+
+    References
+    ----------
+    T. M. Cameron, J. H. Griffin, Journal of Applied Mechanics 56 (1989) 149-154, https://doi.org/10.1115/1.3176036.
+    M. Krack, J. Gross, "Harmonic Balance for Nonlinear Vibration Problems", Springer 2019,
+    https://doi.org/10.1007/978-3-030-14023-6.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp, numpy as np
+    >>> class Rotor(gl.Component):
+    ...     def assemble(self):
+    ...         self.torque, self.body, self.ground = gp.Torque(), gp.Inertia(J=1.0), gp.Fixed()
+    ...         self.shaft = gp.SpringDamper(c=1.0, d=0.2)
+    ...         return [gl.connect(self.torque.flange, self.body.flange_a),
+    ...                 gl.connect(self.body.flange_b, self.shaft.flange_a),
+    ...                 gl.connect(self.shaft.flange_b, self.ground.flange)]
+    >>> drive = {"torque.tau": lambda phase, w: np.cos(phase)}
+    >>> response = gl.harmonic_balance(gl.compile(Rotor()), 0.5, 1.5, inputs=drive, outputs=["body.phi"])
+    >>> w = response.omega
+    >>> bool(np.allclose(response.amplitude("body.phi"), 1 / np.abs(1 - w**2 + 0.2j * w), rtol=1e-9))
+    True
+    """
+    _check_numbers(start, end, harmonics, step, points)
+    task = Forced(system, frequency, dict(parameters or {}), dict(inputs or {}), harmonics)
+    names = list(outputs if outputs is not None else (system.outputs if system.outputs is not None else system.states))
+    scene = task.scene(names)
+    switching = scene.relations is not None
+    count = samples if samples is not None else max(256 if switching else 64, 8 * harmonics)
+    if isinstance(count, bool) or not isinstance(count, int) or count < 2 * harmonics + 2:
+        raise ArgumentError(f"samples is {samples!r}; {harmonics} harmonics need a whole number from {2 * harmonics + 2} on")
+    first = task.first(scene, float(start), count, guess)
+    path = follow(first.balance.equations, first.z, float(start), float(end), float(step), points, len(scene.states))
+    return _result(task, scene, first.balance, path, names)
+
+
+def _check_numbers(start: float, end: float, harmonics: int, step: float, points: int) -> None:
+    numbers = (start, end, step)
+    if any(isinstance(n, bool) or not isinstance(n, (int, float, np.number)) or not np.isfinite(n) for n in numbers):
+        raise ArgumentError(f"start, end and step are {start!r}, {end!r} and {step!r}; expected finite numbers")
+    if not (start > 0 and end > 0 and start != end):
+        raise ArgumentError(f"start and end are {start!r} and {end!r}; expected two different positive frequencies, rad/s")
+    if isinstance(harmonics, bool) or not isinstance(harmonics, int) or harmonics < 1:
+        raise ArgumentError(f"harmonics is {harmonics!r}; expected a whole number, 1 or more")
+    if not 0 < step <= 1 or isinstance(points, bool) or not isinstance(points, int) or points < 2:
+        raise ArgumentError(f"step is {step!r} and points is {points!r}; expected 0 < step <= 1 and a whole number from 2 on")
+
+
+def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: list[str]) -> HarmonicBalance:
+    """Outputs and stability along a path."""
+    system = task.system
+    model, structure = scene.model, scene.structure
+    variables = [(model.variable(base), order) for base, order in map(parse_column, names)]
+    targets = [(int(model.representative[v]), order) for v, order in variables]
+    signs = np.array([float(model.sign[v]) for v, _ in variables])
+    program = build(structure, [*targets, *((v, k + 1) for v, k in scene.states)], scene.states, dynamic=True)
+    rows = [program.slots.get(t, 0) for t in targets]
+    prepared = None
+    coefficients, multipliers = [], []
+    count = balance.samples
+    phase = 2 * np.pi * np.arange(count) / count
+    basis = fourier(phase, balance.harmonics)
+    back = basis.T * 2 / count
+    back[0] /= 2
+    for z, omega in zip(path.z, path.w, strict=True):
+        driven = balance.driven(float(omega))
+        x = (basis @ balance.coefficients(z)).T
+        if prepared is None or task.frequency is not None:
+            prepared = prepare(program, structure, driven.numbers.parameters)
+        slots = evaluate(prepared, phase / omega, x, driven.inputs(phase, float(omega)), driven.modes(phase, x))
+        coefficients.append(back @ (signs[:, None] * slots[rows]).T)
+        multipliers.append(balance.multipliers(z, float(omega)))
+    units = tuple(_unit(system, name) for name in names)
+    return HarmonicBalance(
+        path.w, np.array(coefficients), np.array(multipliers), path.folds, tuple(names), units, path.complete
+    )

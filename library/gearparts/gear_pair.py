@@ -1,0 +1,223 @@
+"""Geometry of a cylindrical involute gear pair, and what follows from it: contact ratio, mesh stiffness, loss factor.
+
+References
+----------
+ISO 21771:2007, "Gears - Cylindrical involute gears and gear pairs - Concepts and geometry".
+
+ISO 6336-1:2006, "Calculation of load capacity of spur and helical gears - Part 1", clause 9 (tooth stiffness, method B).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+from gearlib.errors import BoundError
+from gearparts.involute import involute, involute_angle
+from gearparts.mesh_phase import stretches
+
+# ISO 6336-1, equation (86): the flexibility of a pair of teeth, in mm um / N
+FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188, 0.00529, 0.00182)
+CORRECTION = 0.8  # C_M, measured over theoretical stiffness of solid gears
+N_PER_MM_UM = 1e9  # N/(mm um) in N/m2
+LIGHT = 1e5  # N/m; below this load per face width the contact is softer
+
+
+@dataclass(frozen=True)
+class GearPair:
+    """A pinion (1) that meshes with a wheel (2), both involute and cylindrical.
+
+    Parameters
+    ----------
+    z_1, z_2 : int
+        Numbers of teeth, positive.
+    m_n : float
+        Normal module, m.
+    width : float
+        Common face width, m.
+    x_1, x_2 : float
+        Profile shift over the normal module; on a ring, positive moves its teeth towards the outside (ISO 21771).
+    alpha_n, beta : float
+        Normal pressure angle and helix angle, rad.
+    internal : bool
+        Whether the wheel is a ring around the pinion.
+    h_aP, h_fP : float
+        Addendum and dedendum of the basic rack over the normal module.
+    blank : float
+        ISO 6336-1's gear blank factor C_R; 1 for solid discs.
+    line_load : float
+        Tangential load with its application factor over the face width, N/m; it matters below 1e5 N/m.
+
+    Raises
+    ------
+    BoundError
+        A pair that cannot exist.
+
+    Examples
+    --------
+    >>> pair = GearPair(19, 104, m_n=4e-3, width=0.05, x_1=0.5, x_2=0.15)
+    >>> round(1e3 * pair.centre_distance, 4), round(pair.contact_ratio, 4)
+    (248.5068, 1.5363)
+    """
+
+    z_1: int
+    z_2: int
+    m_n: float
+    width: float
+    x_1: float = 0.0
+    x_2: float = 0.0
+    alpha_n: float = math.pi / 9
+    beta: float = 0.0
+    internal: bool = False
+    h_aP: float = 1.0
+    h_fP: float = 1.25
+    blank: float = 1.0
+    line_load: float = math.inf
+
+    def __post_init__(self) -> None:
+        for name in ("z_1", "z_2", "m_n", "width", "alpha_n", "h_aP", "h_fP", "blank", "line_load"):
+            if not getattr(self, name) > 0:
+                raise BoundError(f"GearPair.{name} is {getattr(self, name)!r}; expected a positive number")
+        if self.internal and self.z_2 <= self.z_1:
+            raise BoundError(f"GearPair: a ring of {self.z_2} teeth around a pinion of {self.z_1}; expected z_2 > z_1")
+        if not abs(self.beta) < math.pi / 2:
+            raise BoundError(f"GearPair.beta is {self.beta!r} rad; expected an angle between -pi/2 and pi/2")
+        if not self.tips_reach:
+            raise BoundError(
+                f"GearPair: {self.z_1} and {self.z_2} teeth with profile shifts {self.x_1:g} and {self.x_2:g} do not reach each "
+                "other's base circles along the line of action; check the profile shifts, the addendum and internal="
+            )
+
+    @property
+    def sense(self) -> int:
+        """1 for an outer wheel, -1 for a ring; ISO 21771 gives a ring a negative number of teeth."""
+        return -1 if self.internal else 1
+
+    @property
+    def ratio(self) -> float:
+        """Teeth of the wheel over teeth of the pinion."""
+        return self.z_2 / self.z_1
+
+    @property
+    def alpha_t(self) -> float:
+        """Transverse pressure angle, rad."""
+        return math.atan(math.tan(self.alpha_n) / math.cos(self.beta))
+
+    @property
+    def beta_b(self) -> float:
+        """Helix angle at the base circle, rad."""
+        return math.asin(math.sin(self.beta) * math.cos(self.alpha_n))
+
+    @cached_property
+    def alpha_wt(self) -> float:
+        """Working pressure angle in the transverse section, without backlash, rad."""
+        shift = 2 * math.tan(self.alpha_n) * (self.x_1 + self.x_2) / (self.z_1 + self.sense * self.z_2)
+        target = involute(self.alpha_t) + shift
+        if not target >= 0:
+            raise BoundError(f"GearPair: no pressure angle fits the profile shifts {self.x_1:g} and {self.x_2:g}")
+        return involute_angle(target)
+
+    @property
+    def centre_distance(self) -> float:
+        """Working centre distance, m."""
+        axis = self.m_n / math.cos(self.beta) * abs(self.z_1 + self.sense * self.z_2) / 2
+        return axis * math.cos(self.alpha_t) / math.cos(self.alpha_wt)
+
+    @property
+    def base_radii(self) -> tuple[float, float]:
+        """Of pinion and wheel, m."""
+        half = self.m_n / math.cos(self.beta) * math.cos(self.alpha_t) / 2
+        return self.z_1 * half, self.z_2 * half
+
+    @property
+    def tip_radii(self) -> tuple[float, float]:
+        """Of pinion and wheel, m; without tip shortening."""
+        half = self.m_n / math.cos(self.beta) / 2
+        reach = self.sense * (self.x_2 + self.h_aP)
+        return self.z_1 * half + self.m_n * (self.x_1 + self.h_aP), self.z_2 * half + self.m_n * reach
+
+    @property
+    def base_pitch(self) -> float:
+        """Transverse base pitch, m."""
+        return math.pi * self.m_n / math.cos(self.beta) * math.cos(self.alpha_t)
+
+    @property
+    def tips_reach(self) -> bool:
+        """Whether both tip circles lie outside the base circles and the path of contact has a length."""
+        outside = all(a > b for a, b in zip(self.tip_radii, self.base_radii, strict=True))
+        return outside and self.approach + self.recess > 0
+
+    @property
+    def recess(self) -> float:
+        """Part of the contact ratio after the pitch point where the pinion drives (ISO 21771: epsilon_1)."""
+        return self._beyond_pitch_point(0)
+
+    @property
+    def approach(self) -> float:
+        """Part of the contact ratio before the pitch point where the pinion drives (epsilon_2)."""
+        return self.sense * self._beyond_pitch_point(1)
+
+    def _beyond_pitch_point(self, gear: int) -> float:
+        tip, base = self.tip_radii[gear], self.base_radii[gear]
+        return (math.sqrt(tip**2 - base**2) - base * math.tan(self.alpha_wt)) / self.base_pitch
+
+    @property
+    def contact_ratio(self) -> float:
+        """Transverse contact ratio, epsilon_alpha."""
+        return self.approach + self.recess
+
+    @property
+    def overlap_ratio(self) -> float:
+        """Overlap ratio of a helical pair, epsilon_beta."""
+        return self.width * math.sin(abs(self.beta)) / (math.pi * self.m_n)
+
+    @property
+    def loss_factor(self) -> float:
+        """Mean power lost by sliding, over power and friction coefficient, where the pairs in contact share the load equally.
+
+        ``pi (1/z_1 + 1/z_2) / cos(beta_b)`` with ``-1/z_2`` for a ring, times twice the mean distance of the pairs from the pitch
+        point in base pitches; that is ``1 - eps + eps_1**2 + eps_2**2`` where approach and recess are at most 1 (Niemann, Winter:
+        Maschinenelemente, vol. 2).
+        """
+
+        def area(place: float) -> float:
+            return (place - self.approach) * abs(place - self.approach) / 2
+
+        distance = sum(
+            (area(s.end + pair) - area(s.start + pair)) / s.pairs
+            for s in stretches("GearPair", max(self.contact_ratio, 1.0))
+            for pair in range(s.pairs)
+        )
+        return 2 * math.pi * (1 / self.z_1 + self.sense / self.z_2) / math.cos(self.beta_b) * distance
+
+    def efficiency(self, mu: float) -> float:
+        """Of the mesh alone, with a mean friction coefficient ``mu``."""
+        return 1 - mu * self.loss_factor
+
+    @property
+    def virtual_teeth(self) -> tuple[float, float]:
+        """Of the spur gears that replace helical ones in the normal section; infinite for a ring, as ISO 6336-1 has it."""
+        per_tooth = 1 / (math.cos(self.beta_b) ** 2 * math.cos(self.beta))
+        return self.z_1 * per_tooth, math.inf if self.internal else self.z_2 * per_tooth
+
+    @property
+    def single_stiffness(self) -> float:
+        """Largest stiffness of one pair of teeth over the face width, c', N/m2 (ISO 6336-1, method B; steel).
+
+        ``c' = 0.8 C_R C_B cos(beta) / q'``, with q' a polynomial of the virtual numbers of teeth and the profile shifts (for
+        ``x_1 >= x_2`` and ``-0.5 <= x_1 + x_2 <= 2``), ``C_B = (1 + 0.5 (1.2 - h_fP)) (1 - 0.02 (20 - alpha_n in degrees))``;
+        in proportion to a load below 100 N/mm.
+        """
+        z_1, z_2 = self.virtual_teeth
+        x_1, x_2 = self.x_1, self.x_2
+        terms = (1, 1 / z_1, 1 / z_2, x_1, x_1 / z_1, x_2, x_2 / z_2, x_1**2, x_2**2)
+        q = sum(c * t for c, t in zip(FLEXIBILITY, terms, strict=True))
+        rack = (1 + 0.5 * (1.2 - self.h_fP)) * (1 - 0.02 * (20 - math.degrees(self.alpha_n)))
+        stiffness = N_PER_MM_UM * CORRECTION * self.blank * rack * math.cos(self.beta) / q
+        return stiffness * min(self.line_load / LIGHT, 1.0)
+
+    @property
+    def mesh_stiffness(self) -> float:
+        """Mean mesh stiffness over the face width, c_gamma_alpha = c' (0.75 eps_alpha + 0.25), N/m2 (ISO 6336-1)."""
+        return self.single_stiffness * (0.75 * self.contact_ratio + 0.25)

@@ -1,0 +1,33 @@
+"""The involute function and its inverse."""
+
+from __future__ import annotations
+
+import math
+
+
+def involute(alpha: float) -> float:
+    """``tan(alpha) - alpha``, the polar angle of an involute at the pressure angle ``alpha`` (rad).
+
+    Examples
+    --------
+    >>> round(involute(math.radians(20)), 8)
+    0.01490438
+    """
+    return math.tan(alpha) - alpha
+
+
+def involute_angle(value: float) -> float:
+    """The pressure angle (rad) whose involute function is ``value``.
+
+    Examples
+    --------
+    >>> round(math.degrees(involute_angle(involute(0.4))), 12) == round(math.degrees(0.4), 12)
+    True
+    """
+    alpha = min(math.cbrt(3 * value), 1.5)  # tan(a) - a > a**3 / 3: Newton's method comes from above, and stays there
+    for _ in range(60):
+        step = (involute(alpha) - value) / math.tan(alpha) ** 2 if alpha else 0.0
+        alpha -= step
+        if abs(step) < 1e-15:
+            break
+    return alpha

@@ -1,0 +1,110 @@
+"""Patterns over the mesh phase: sums of cosines, periodic tables, and the stretches with a constant number of tooth pairs.
+
+The mesh phase grows by two pi with every tooth; a pattern has the period two pi.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor, pi
+from typing import Any
+
+import gearlib as gl
+from gearlib.errors import BindingError
+from gearparts.tables import Rows, check_rows, piecewise_without_events
+
+
+def wrapped(phase: Any, centre: float = 0.0) -> Any:
+    """The phase, less whole periods, within pi of ``centre``."""
+    return centre + gl.atan2(gl.sin(phase - centre), gl.cos(phase - centre))
+
+
+def periodic(owner: str, rows: Rows, phase: Any) -> tuple[Any, Any]:
+    """A table over the mesh phase as a smooth periodic function, and its derivative with respect to the phase.
+
+    Between its rows the function is a cubic spline with the period two pi; it has continuous second derivatives, so that no event
+    is made of it.
+
+    Parameters
+    ----------
+    owner : str
+        Whose table it is, for messages.
+    rows : tuple of (float, float)
+        Phases (rad), increasing, less than two pi from first to last, and values. Three rows or more.
+    phase : expression
+        Mesh phase, rad.
+
+    Raises
+    ------
+    BindingError
+        Fewer than three rows, or more than one period.
+
+    Examples
+    --------
+    >>> import sympy
+    >>> x = sympy.Symbol("x", real=True)
+    >>> value, slope = periodic("Mesh.table", ((0.0, 1.0), (2.0, 3.0), (4.0, 2.0)), x)
+    >>> [round(float(value.args[0].subs(x, at)), 9) for at in (0.0, 2.0, 4.0, 4.0 - 2 * pi)]
+    [1.0, 3.0, 2.0, 2.0]
+    """
+    from scipy.interpolate import CubicSpline
+
+    rows = check_rows(owner, rows, 2)
+    if len(rows) < 3 or not rows[-1][0] - rows[0][0] < 2 * pi:
+        raise BindingError(
+            f"{owner} has {len(rows)} rows from {rows[0][0]:g} to {rows[-1][0]:g} rad; expected three or more within less than "
+            "one period of two pi, which repeats by itself"
+        )
+    knots = [row[0] for row in rows]
+    closed = [*knots, knots[0] + 2 * pi]
+    coefficients = CubicSpline(closed, [row[1] for row in (*rows, rows[0])], bc_type="periodic").c.T
+    centre = closed[0] + pi
+    x = wrapped(phase, centre)
+    values, slopes = [], []
+    for left, right, (a, b, c, d) in zip(closed, closed[1:], coefficients.tolist(), strict=False):
+        t = x - left
+        until = x < right if right < closed[-1] else True
+        values.append((((a * t + b) * t + c) * t + d, until))
+        slopes.append(((3 * a * t + 2 * b) * t + c, until))
+    return piecewise_without_events(*values), piecewise_without_events(*slopes)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of the mesh period with a constant number of tooth pairs: from ``start`` to ``end``, in periods."""
+
+    start: float
+    end: float
+    pairs: int
+
+    def within(self, phase: Any) -> Any:
+        """The condition that the phase lies in this stretch."""
+        half = pi * (self.end - self.start)
+        return gl.cos(phase - pi * (self.start + self.end)) > float(gl.cos(half))
+
+    def places(self, phase: Any) -> list[Any]:
+        """Where each pair is, in base pitches from the beginning of its contact; continues beyond both ends of the stretch."""
+        passed = wrapped(phase, pi * (self.start + self.end)) / (2 * gl.pi)
+        return [passed + pair for pair in range(self.pairs)]
+
+
+def stretches(owner: str, contact_ratio: float) -> list[Stretch]:
+    """The mesh period from the moment at which a new pair comes into contact; at least two stretches.
+
+    Raises
+    ------
+    BindingError
+        A contact ratio below 1.
+
+    Examples
+    --------
+    >>> [(s.start, s.end, s.pairs) for s in stretches("Mesh", 1.75)]
+    [(0.0, 0.75, 2), (0.75, 1.0, 1)]
+    """
+    if not contact_ratio >= 1:
+        raise BindingError(f"{owner}.contact_ratio is {contact_ratio!r}; expected a number from 1 on")
+    fewer = floor(contact_ratio)
+    share = contact_ratio - fewer
+    if share == 0:
+        return [Stretch(0.0, 0.5, fewer), Stretch(0.5, 1.0, fewer)]
+    return [Stretch(0.0, share, fewer + 1), Stretch(share, 1.0, fewer)]

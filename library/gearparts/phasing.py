@@ -1,0 +1,161 @@
+"""How the meshes of a planetary set follow each other: phases from the numbers of teeth, and whether it can be assembled.
+
+References
+----------
+R. G. Parker, J. Lin, "Mesh phasing relationships in planetary and epicyclic gears", Journal of Mechanical Design 126 (2004),
+365-370. https://doi.org/10.1115/1.1667892
+
+R. G. Parker, "A physical explanation for the effectiveness of planet phasing to suppress planetary gear vibration", Journal of
+Sound and Vibration 236 (2000), 561-573. https://doi.org/10.1006/jsvi.1999.2859
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gearlib.errors import BindingError
+
+ROUNDING = 1e-9  # of a tooth
+
+
+@dataclass(frozen=True)
+class PlanetPhasing:
+    """Mesh phases of a planetary set, in mesh periods, from 0 to 1.
+
+    Attributes
+    ----------
+    sun : tuple of float
+        By how much the sun's mesh with each planet lags behind its mesh with the first one (Parker and Lin's gamma_sn).
+    ring : tuple of float
+        The same for the ring's meshes (gamma_rn).
+    ring_to_sun : float
+        By how much a planet's mesh with the ring lags behind its mesh with the sun (gamma_rs), both counted from contact at
+        the pitch point.
+    teeth : tuple of int
+        Of sun and ring.
+    """
+
+    sun: tuple[float, ...]
+    ring: tuple[float, ...]
+    ring_to_sun: float
+    teeth: tuple[int, int]
+
+    def excites(self, harmonic: int = 1) -> str:
+        """Which modes a harmonic of the mesh frequency can excite where the planets are equally spaced and alike.
+
+        Returns
+        -------
+        str
+            ``"rotational"`` where ``harmonic * Z_s`` is a multiple of the number of planets: the meshes' forces add up to torques.
+            ``"translational"`` where it is one more or one less: they add up to forces on the bearings. ``"planet"`` otherwise.
+        """
+        planets = len(self.sun)
+        rest = harmonic * self.teeth[0] % planets
+        if rest == 0:
+            return "rotational"
+        return "translational" if rest in (1, planets - 1) else "planet"
+
+
+def planet_phasing(
+    Z_s: int, Z_p: int, Z_r: int, planets: int, *, positions: Sequence[float] | None = None, clockwise: bool = True,
+    ring_to_sun: float | None = None,
+) -> PlanetPhasing:  # fmt: skip
+    """Mesh phases of a planetary set from its numbers of teeth.
+
+    With planets at the angles ``psi_n`` (counted counter-clockwise from the first) that turn clockwise on the carrier,
+    ``gamma_sn = Z_s psi_n / (2 pi)`` and ``gamma_rn = -Z_r psi_n / (2 pi)``, less whole periods; the signs change where they turn
+    counter-clockwise. A planet touches sun and ring with opposite flanks of its teeth at points half a turn apart. Where tooth and
+    space are equally wide at the pitch circle, half a turn is ``Z_p / 2`` teeth and the other flank half a tooth away, so
+    ``gamma_rs = (Z_p - 1) / 2`` less whole periods: 0 for odd ``Z_p``, 1/2 for even.
+
+    Parameters
+    ----------
+    Z_s, Z_p, Z_r : int
+        Teeth of sun, planet, ring.
+    planets : int
+        Number of planets.
+    positions : sequence of float, optional
+        Angles of the planets on the carrier, rad; equally spaced without.
+    clockwise : bool
+        Sense in which the planets turn on the carrier.
+    ring_to_sun : float, optional
+        gamma_rs of teeth that are not as wide as their spaces.
+
+    Returns
+    -------
+    PlanetPhasing
+
+    Raises
+    ------
+    BindingError
+        The set cannot be assembled.
+
+    Examples
+    --------
+    >>> phasing = planet_phasing(30, 20, 70, 4)
+    >>> phasing.sun, phasing.ring, phasing.ring_to_sun, phasing.excites()
+    ((0.0, 0.5, 0.0, 0.5), (0.0, 0.5, 0.0, 0.5), 0.5, 'planet')
+    """
+    check_assembly("planet_phasing", Z_s, Z_p, Z_r, planets, positions)
+    turns = [n / planets for n in range(planets)] if positions is None else [p / (2 * math.pi) for p in positions]
+    sense = 1 if clockwise else -1
+    return PlanetPhasing(
+        tuple(_fraction(sense * Z_s * turn) for turn in turns),
+        tuple(_fraction(-sense * Z_r * turn) for turn in turns),
+        _fraction((Z_p - 1) / 2 if ring_to_sun is None else ring_to_sun),
+        (Z_s, Z_r),
+    )
+
+
+def _fraction(periods: float) -> float:
+    rest = periods % 1.0
+    return 0.0 if min(rest, 1.0 - rest) < ROUNDING else rest
+
+
+def check_assembly(
+    owner: str, Z_s: int, Z_p: int, Z_r: int, planets: int, positions: Sequence[float] | None = None
+) -> None:  # fmt: skip
+    """Whether planets fit between sun and ring: each at a multiple of ``2 pi / (Z_s + Z_r)`` from the first.
+
+    Equally spaced planets do where ``(Z_s + Z_r) / planets`` is a whole number.
+
+    Raises
+    ------
+    BindingError
+        They do not, or the numbers of teeth are no such set; ``owner`` says whose they are.
+
+    Examples
+    --------
+    >>> check_assembly("unit", 19, 31, 81, 5)
+    >>> check_assembly("unit", 19, 31, 81, 3)
+    Traceback (most recent call last):
+        ...
+    gearlib.errors.BindingError: unit: 3 equally spaced planets cannot be assembled with Z_s = 19 and Z_r = 81 ...
+    """
+    teeth = {"Z_s": Z_s, "Z_p": Z_p, "Z_r": Z_r, "planets": planets}
+    for name, number in teeth.items():
+        if not (isinstance(number, int) and number > 0):
+            raise BindingError(f"{owner}: {name} is {number!r}; expected a whole number above 0")
+    if not Z_s + Z_p < Z_r:
+        raise BindingError(
+            f"{owner}: Z_s = {Z_s}, Z_p = {Z_p}, Z_r = {Z_r}; a planet between sun and ring needs Z_r near Z_s + 2 Z_p"
+        )
+    if positions is not None:
+        if len(positions) != planets:
+            raise BindingError(f"{owner}: {len(positions)} positions for {planets} planets")
+        steps = [(p - positions[0]) / (2 * math.pi) * (Z_s + Z_r) for p in positions]
+        for n, step in enumerate(steps):
+            if abs(step - round(step)) > 1e-6:
+                near = positions[0] + 2 * math.pi * round(step) / (Z_s + Z_r)
+                raise BindingError(
+                    f"{owner}: planet {n} at {positions[n]:.6g} rad does not fit between Z_s = {Z_s} and Z_r = {Z_r} teeth; the "
+                    f"nearest position is {near:.6g} rad"
+                )
+    elif (Z_s + Z_r) % planets:
+        valid = [n for n in range(1, 13) if (Z_s + Z_r) % n == 0]
+        raise BindingError(
+            f"{owner}: {planets} equally spaced planets cannot be assembled with Z_s = {Z_s} and Z_r = {Z_r} "
+            f"(their sum {Z_s + Z_r} must be a multiple of the number of planets; valid numbers: {', '.join(map(str, valid))})"
+        )

@@ -1,0 +1,125 @@
+"""Geometry of gear pairs and their stiffness, against examples worked by hand and other formulas."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import gearparts as gp
+from gearlib.errors import ArgumentError, BoundError
+
+DIN = gp.GearPair(19, 104, m_n=4e-3, width=0.04864, x_1=0.5, x_2=0.15)  # a DIN 3990 example: z = 19 and 104, module 4 mm
+
+
+def test_geometry_of_an_example_with_profile_shift() -> None:
+    assert math.degrees(DIN.alpha_wt) == pytest.approx(21.531902292465457, rel=1e-14)
+    assert 1e3 * DIN.centre_distance == pytest.approx(248.506843355171, rel=1e-13)
+    assert [2e3 * r for r in DIN.base_radii] == pytest.approx([71.41663917972905, 390.9121302469379], rel=1e-14)
+    assert [2e3 * r for r in DIN.tip_radii] == pytest.approx([88.0, 425.2], rel=1e-14)
+    assert DIN.contact_ratio == pytest.approx(1.5363235945832296, rel=1e-13)
+    assert DIN.contact_ratio == DIN.approach + DIN.recess
+
+
+def test_contact_ratio_of_two_racks_is_the_limit_of_many_teeth() -> None:
+    alpha = math.pi / 9  # each addendum of one module gives 1 / sin(alpha) along the line of action
+    limit = 2 / (math.sin(alpha) * math.pi * math.cos(alpha))
+    for internal in (False, True):
+        large = gp.GearPair(10**6, 3 * 10**6, m_n=1e-3, width=0.01, internal=internal)
+        assert large.contact_ratio == pytest.approx(limit, rel=1e-5)
+
+
+def test_an_internal_pair_by_its_triangles() -> None:
+    # 20 and 60 teeth, module 4: base radii 40 cos 20, 120 cos 20; tips 44 and 116; centres 80 apart
+    pair, cos, sin = gp.GearPair(20, 60, m_n=4e-3, width=0.05, internal=True), math.cos(math.pi / 9), math.sin(math.pi / 9)
+    path = math.sqrt(44**2 - (40 * cos) ** 2) - math.sqrt(116**2 - (120 * cos) ** 2) + 80 * sin
+    assert pair.contact_ratio == pytest.approx(path / (4 * math.pi * cos), rel=1e-13)
+    assert pair.centre_distance == pytest.approx(0.08, rel=1e-14)
+
+
+def test_iso_6336_stiffness_worked_by_hand() -> None:
+    # z = 20 and 40, no profile shift: q' = 0.04723 + 0.0077755 + 0.00644775 = 0.06145325 mm um / N; C_B = 0.975
+    pair = gp.GearPair(20, 40, m_n=3e-3, width=0.02)
+    assert pair.single_stiffness == pytest.approx(1e9 * 0.8 * 0.975 / 0.06145325, rel=1e-12)  # 12.693 N/(mm um)
+    assert pair.mesh_stiffness == pytest.approx(pair.single_stiffness * (0.75 * pair.contact_ratio + 0.25), rel=1e-15)
+    # z = 19 and 104 with x = 0.5 and 0.15, term by term
+    terms = [
+        0.04723, 0.15551 / 19, 0.25791 / 104, -0.00635 * 0.5, -0.11654 * 0.5 / 19, -0.00193 * 0.15, -0.24188 * 0.15 / 104,
+        0.00529 * 0.25, 0.00182 * 0.0225,
+    ]  # fmt: skip
+    assert DIN.single_stiffness == pytest.approx(1e9 * 0.8 * 0.975 / sum(terms), rel=1e-12)
+    assert 13.5e9 < DIN.single_stiffness < 15.5e9  # the standard's mean value for such pairs is 14 N/(mm um)
+    assert 19e9 < DIN.mesh_stiffness < 21.5e9  # ... and 20 for c_gamma
+
+
+def test_iso_6336_stiffness_of_helical_and_internal_and_lightly_loaded_pairs() -> None:
+    beta = math.radians(15)
+    helical = gp.GearPair(20, 40, m_n=3e-3, width=0.02, beta=beta)
+    virtual = 20 / ((1 - (math.sin(beta) * math.cos(math.pi / 9)) ** 2) * math.cos(beta))
+    assert helical.virtual_teeth[0] == pytest.approx(virtual, rel=1e-14)
+    q = 0.04723 + 0.15551 / virtual + 0.25791 / (2 * virtual)
+    assert helical.single_stiffness == pytest.approx(1e9 * 0.78 * math.cos(beta) / q, rel=1e-12)
+    ring = gp.GearPair(20, 60, m_n=3e-3, width=0.02, internal=True)
+    assert ring.single_stiffness == pytest.approx(1e9 * 0.78 / (0.04723 + 0.15551 / 20), rel=1e-12)
+    light = gp.GearPair(20, 40, m_n=3e-3, width=0.02, line_load=4e4)
+    assert light.single_stiffness == pytest.approx(0.4e9 * 0.78 / 0.06145325, rel=1e-12)
+
+
+def test_loss_factor_is_the_formula_of_the_textbook() -> None:
+    for pair, sign in (
+        (gp.GearPair(20, 40, m_n=3e-3, width=0.02), 1),
+        (gp.GearPair(29, 60, 3e-3, 0.02, internal=True, h_aP=0.8), -1),
+    ):
+        assert max(pair.approach, pair.recess) < 1
+        bracket = 1 - pair.contact_ratio + pair.approach**2 + pair.recess**2
+        assert pair.loss_factor == pytest.approx(math.pi * (1 / pair.z_1 + sign / pair.z_2) * bracket, rel=1e-12)
+
+
+def test_cai_s_stiffness_over_the_phase() -> None:
+    pair = gp.GearPair(20, 40, m_n=3e-3, width=0.02)
+    pattern = gp.cai_stiffness(pair, 4000)
+    largest, eps = pair.single_stiffness * pair.width, pair.contact_ratio
+    assert pattern.mean == pytest.approx(0.85 * eps * largest, rel=1e-3)  # the mean of 0.55 + 1.8 u - 1.8 u**2 is 0.85
+    assert pattern.mean == pytest.approx(pair.mesh_stiffness * pair.width, rel=0.06)  # ISO's mean
+    values = dict(pattern.table)
+    phase = pattern.table[1000][0]  # two pairs in contact
+    u = phase / (2 * math.pi) / eps
+    two = sum(0.55 + 1.8 * x - 1.8 * x**2 for x in (u, u + 1 / eps))
+    assert values[phase] * pattern.mean == pytest.approx(two * largest, rel=1e-12)
+    assert np.mean(list(values.values())) == pytest.approx(1.0, rel=1e-12)
+    scaled = gp.cai_stiffness(pair, 64, mean=5e8)
+    assert scaled.mean == 5e8
+
+
+def test_cai_s_stiffness_of_helical_teeth_rises_and_falls_smoothly() -> None:
+    pair = gp.GearPair(20, 60, m_n=4e-3, width=0.05, beta=math.radians(20))
+    total = pair.contact_ratio + pair.overlap_ratio
+    middle = gp.cai_pair_stiffness(pair, total / 2)
+    assert middle == pair.single_stiffness * pair.width
+    end = math.exp((0.322 * 15 + 0.23 * 0.05 / 0.009 - 23.26) * (total / 2 / (1.125 * pair.contact_ratio)) ** 3)
+    assert gp.cai_pair_stiffness(pair, 0.0) == pytest.approx(middle * end, rel=1e-9)
+    assert gp.cai_pair_stiffness(pair, -0.01) == gp.cai_pair_stiffness(pair, total + 0.01) == 0.0
+    helical = np.ptp([v for _, v in gp.cai_stiffness(pair).table])
+    spur = np.ptp([v for _, v in gp.cai_stiffness(gp.GearPair(20, 60, m_n=4e-3, width=0.05)).table])
+    assert helical < 0.5 * spur
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"z_1": 0, "z_2": 40}, r"GearPair\.z_1 is 0; expected a positive number"),
+        ({"z_1": 40, "z_2": 30, "internal": True}, r"a ring of 30 teeth around a pinion of 40"),
+        ({"z_1": 20, "z_2": 30, "beta": 2.0}, r"GearPair\.beta is 2\.0 rad"),
+        ({"z_1": 20, "z_2": 30, "x_1": -3.0}, r"do not reach each other|no pressure angle fits"),
+        ({"z_1": 20, "z_2": 30, "m_n": math.nan}, r"GearPair\.m_n is nan"),
+    ],
+)
+def test_impossible_pairs_are_refused(given: dict[str, float], message: str) -> None:
+    with pytest.raises(BoundError, match=message):
+        gp.GearPair(**{"m_n": 3e-3, "width": 0.02, **given})  # type: ignore[arg-type]
+
+
+def test_too_few_samples_are_refused() -> None:
+    with pytest.raises(ArgumentError, match="samples=4"):
+        gp.cai_stiffness(DIN, 4)

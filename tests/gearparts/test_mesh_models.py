@@ -1,0 +1,216 @@
+"""Detailed meshes: tables over the mesh phase, sliding friction, meshes on a carrier, static deflection."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError
+from tests.gearparts.related import RelatedProbe
+
+R_A, R_B, Z_A, C = 0.05, 0.1, 20, 1e7
+STIFF = ((0.3, 0.8), (1.5, 1.1), (2.9, 1.3), (4.0, 1.0), (5.6, 0.8))
+ERROR = ((0.0, 0.0), (1.0, 4e-6), (3.0, -2e-6), (5.0, -3e-6))
+
+
+class Pair(gl.Component):
+    """Two bodies joined by a mesh, on axes that a third body carries where the mesh has a support."""
+
+    external = gl.Structural(True)
+    options = gl.Structural((), "of the mesh, as pairs")
+
+    def assemble(self) -> Any:
+        kind = gp.DetailedExternalMesh if self.external else gp.DetailedInternalMesh
+        given = {"r_a": R_A, "r_b": R_B, "z_a": float(Z_A), "c": C, "d": 0.0, **dict(self.options)}
+        self.a, self.b = gp.Inertia(J=0.002, start={"w": 10.0}), gp.Inertia(J=0.01)
+        self.mesh = kind(start={"q": 0.0}, **given)
+        links = [gl.connect(self.a.flange_b, self.mesh.flange_a), gl.connect(self.mesh.flange_b, self.b.flange_a)]
+        if given.get("use_support"):
+            self.carrier = gp.Inertia(J=0.03)
+            links.append(gl.connect(self.mesh.support, self.carrier.flange_a))
+        return links
+
+
+def pair(external: bool = True, **options: Any) -> Pair:
+    return Pair(external=external, options=tuple(options.items()))
+
+
+@pytest.mark.parametrize("external", [True, False])
+def test_tables_over_the_mesh_phase_are_periodic_splines(external: bool) -> None:
+    sense, t = (1 if external else -1), np.linspace(0.0, 0.05, 51)
+
+    def spline(rows: Any) -> Any:
+        return CubicSpline(
+            [*(r[0] for r in rows), rows[0][0] + 2 * math.pi], [*(r[1] for r in rows), rows[0][1]], bc_type="periodic"
+        )
+
+    stiffness, error = spline(STIFF), spline(ERROR)
+    slope = error.derivative()
+
+    def rate(_: float, x: np.ndarray) -> list[float]:
+        phase, f = Z_A * x[1] + 0.4, C * stiffness(Z_A * x[1] + 0.9) * x[0]
+        v = R_A * x[2] + sense * R_B * x[3] + slope(phase) * Z_A * x[2]
+        return [v, x[2], -R_A * f / 0.002, -sense * R_B * f / 0.01]
+
+    expected = solve_ivp(rate, (0, 0.05), [0, 0, 10.0, 0], "DOP853", t, rtol=1e-10, atol=1e-13, max_step=2e-4).y
+    model = pair(external, stiffness="table", stiffness_table=STIFF, error_table=ERROR, phase0=0.4, c_phase=0.5)
+    system = gl.compile(model, outputs=["mesh.q", "a.w", "b.w", "mesh.e"])
+    result = system.simulate(0.05, times=t, method="rk", rtol=1e-9)
+    for name, k in (("mesh.q", 0), ("a.w", 2), ("b.w", 3)):
+        assert result[name] == pytest.approx(expected[k], abs=1e-6 * np.abs(expected[k]).max())
+    assert result["mesh.e"] == pytest.approx(error(0.4 + Z_A * expected[1]), abs=1e-11)
+
+
+@pytest.mark.parametrize("rows", [((0.0, 1.0), (1.0, 2.0)), ((0.0, 1.0), (3.0, 2.0), (6.3, 1.0))])
+def test_a_wrong_table_over_the_phase_is_named(rows: Any) -> None:
+    with pytest.raises(
+        BindingError, match=r"DetailedExternalMesh\.stiffness_table .* three or more within less than one period"
+    ):
+        gl.compile(pair(stiffness="table", stiffness_table=rows))
+
+
+PATTERNS: list[dict[str, Any]] = [
+    {"stiffness": "sinusoidal", "c_amplitude": 0.3, "c_phase": 0.7},
+    {"stiffness": "fourier", "stiffness_terms": ((1.0, 0.2, 0.3), (2.0, 0.1, -0.5))},
+    {"stiffness": "rectangular", "contact_ratio": 1.625},
+    {"stiffness": "rectangular", "contact_ratio": 2.0},
+]
+
+
+@pytest.mark.parametrize("options", PATTERNS)
+def test_the_mean_stiffness_is_c(options: dict[str, Any]) -> None:
+    p = RelatedProbe(pair(**options))
+    phases = 2 * np.pi * (np.arange(800) + 0.5) / 800
+    values = [p.values({"mesh.turned": x})("mesh.c_now") for x in phases] if "mesh.turned" in p.states else [C]
+    assert np.mean(values) == pytest.approx(C, rel=1e-12)
+    assert np.ptp(values) > 0.1 * C or options.get("contact_ratio") == 2.0
+
+
+class Pressed(gl.Component):
+    """A torque presses a gear against one that is held."""
+
+    b = gl.Parameter("m", "gap", default=0.0)
+    tau = gl.Parameter("N.m", "torque", default=50.0)
+
+    def assemble(self) -> Any:
+        self.torque, self.a, self.ground = gp.Torque(tau=self.tau), gp.Inertia(J=1e-3), gp.Fixed()
+        self.mesh = gp.DetailedExternalMesh(r_a=R_A, r_b=R_B, c=C, d=2e4, b=self.b, backlash=True, start={"q": 0.0})
+        return [
+            gl.connect(self.torque.flange, self.a.flange_a),
+            gl.connect(self.a.flange_b, self.mesh.flange_a),
+            gl.connect(self.mesh.flange_b, self.ground.flange),
+        ]
+
+
+@pytest.mark.parametrize(
+    ("b", "tau", "expected"),
+    [
+        (0.0, 50.0, 1000 / C),
+        (2e-4, 50.0, 1e-4 + 1000 / C),
+        (2e-4, -50.0, -1e-4 - 1000 / C),
+        (-2e-4, 50.0, 1000 / (2 * C)),  # both flanks in contact: twice as stiff
+        (-5e-5, 50.0, 1000 / C - 2.5e-5),  # the coast flank has lifted
+    ],
+)
+def test_static_deflection_with_gap_and_with_preload(pressed: gl.System, b: float, tau: float, expected: float) -> None:
+    result = pressed.simulate(0.2, samples=3, parameters={"b": b, "tau": tau}, rtol=1e-10)
+    assert result["mesh.q"][-1] == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.fixture(scope="module")
+def pressed() -> gl.System:
+    return gl.compile(Pressed(), outputs=["mesh.q"])
+
+
+FRICTION = {"friction": True, "mu": 0.06, "alpha": 0.4, "approach": 0.9, "contact_ratio": 1.6, "phase0": 0.3}
+
+
+def friction_by_hand(external: bool, phase: float, f: float, w_a: float, w_b: float, v_smooth: float) -> tuple[float, float]:
+    """Torques on both gears, one pair of teeth after the other."""
+    pitch, sense = 2 * math.pi * R_A / Z_A, 1 if external else -1
+    come = phase / (2 * math.pi) % 1.0
+    places = [come + k for k in range(2) if come + k < 1.6]
+    on_a = on_b = 0.0
+    for place in places:
+        x_a = R_A * math.tan(0.4) + sense * pitch * (place - 0.9)
+        x_b = R_B * math.tan(0.4) - pitch * (place - 0.9)
+        force = 0.06 * abs(f) / len(places) * math.tanh((x_a * w_a + sense * x_b * w_b) / v_smooth)
+        on_a, on_b = on_a + force * x_a, on_b + sense * force * x_b
+    return on_a, on_b
+
+
+@pytest.mark.parametrize("external", [True, False])
+def test_friction_of_each_pair_and_energy(external: bool) -> None:
+    p, rng = RelatedProbe(pair(external, **FRICTION, v_smooth=0.3, use_support=True, d=40.0)), np.random.default_rng(1)
+    for _ in range(40):
+        states = {s: rng.normal() * (1e-6 if s.endswith(".q") else 3.0) for s in p.states}
+        value = p.values(states)
+        w_a, w_b = states["a.w"] - states["carrier.w"], states["b.w"] - states["carrier.w"]
+        torques = friction_by_hand(external, 0.3 + states["mesh.turned"], value("mesh.f"), w_a, w_b, 0.3)
+        assert value("mesh.tau_friction_a") == pytest.approx(torques[0], rel=1e-9)
+        assert value("mesh.tau_friction_b") == pytest.approx(torques[1], rel=1e-9)
+        rubbing = torques[0] * w_a + torques[1] * w_b
+        assert rubbing >= 0
+        assert value("mesh.loss_power") == pytest.approx(rubbing + 40.0 * value("mesh.v") ** 2, rel=1e-9)
+        kinetic = sum(J * states[f"{n}.w"] * value(f"der({n}.w)") for n, J in (("a", 0.002), ("b", 0.01), ("carrier", 0.03)))
+        stored = C * states["mesh.q"] * value("mesh.v")
+        assert kinetic + stored + value("mesh.loss_power") == pytest.approx(0.0, abs=1e-9 * (abs(kinetic) + abs(stored)))
+
+
+def test_friction_changes_its_sign_at_the_pitch_point() -> None:
+    p = RelatedProbe(pair(**{**FRICTION, "contact_ratio": 1.0, "approach": 0.5, "phase0": 0.0}, v_smooth=1e-6))
+    rolling = {"a.w": 30.0, "b.w": -15.0, "mesh.q": 1e-5}
+    torque = [p.values({**rolling, "mesh.turned": 2 * np.pi * x})("mesh.tau_friction_a") for x in (0.01, 0.49, 0.51, 0.99)]
+    force = 0.06 * C * 1e-5
+    arms = [R_A * (math.tan(0.4) + 2 * math.pi / Z_A * (x - 0.5)) for x in (0.01, 0.49, 0.51, 0.99)]
+    assert torque == pytest.approx([-force * arms[0], -force * arms[1], force * arms[2], force * arms[3]], rel=1e-9)
+
+
+@pytest.mark.parametrize("external", [True, False])
+def test_mean_loss_is_that_of_the_loss_factor(external: bool) -> None:
+    geometry = gp.GearPair(20, 40, m_n=5e-3, width=0.03, x_1=0.3, internal=not external)
+    shares = {"contact_ratio": geometry.contact_ratio, "approach": geometry.approach, "alpha": geometry.alpha_wt}
+    if not external:  # the ring is gear a; with it as the driver, approach and recess change places
+        shares["approach"] = geometry.recess
+    r_a, r_b = geometry.base_radii if external else geometry.base_radii[::-1]
+    z_a = 20 if external else 40
+    options = {**FRICTION, **shares, "r_a": r_a, "r_b": r_b, "z_a": float(z_a), "phase0": 0.0}
+    p = RelatedProbe(pair(external, **options, v_smooth=1e-9))
+    w_a, w_b = 30.0, (-1 if external else 1) * 30.0 * r_a / r_b
+    corners = sorted({0.0, 1.0, geometry.contact_ratio % 1, shares["approach"] % 1})  # the loss is linear between
+    loss = 0.0
+    for left, right in zip(corners, corners[1:], strict=False):
+        value = p.values({"a.w": w_a, "b.w": w_b, "mesh.q": 1e-5, "mesh.turned": np.pi * (left + right)})
+        loss += (right - left) * value("mesh.loss_power")
+    power = C * 1e-5 * r_a * w_a
+    assert loss / power == pytest.approx(0.06 * geometry.loss_factor, rel=1e-9)
+    assert geometry.efficiency(0.06) == 1 - 0.06 * geometry.loss_factor
+
+
+def test_a_pair_with_friction_slows_down_as_by_hand() -> None:
+    t = np.linspace(0.0, 0.06, 31)
+
+    def rate(_: float, x: np.ndarray) -> list[float]:
+        v = R_A * x[2] + R_B * x[3]
+        f = C * x[0] + 1000.0 * v
+        on_a, on_b = friction_by_hand(True, 0.3 + Z_A * x[1], f, x[2], x[3], 0.5)
+        return [v, x[2], (-R_A * f - on_a) / 0.002, (-R_B * f - on_b) / 0.01]
+
+    expected = solve_ivp(rate, (0, 0.06), [0, 0, 10.0, 0], "DOP853", t, rtol=1e-8, atol=1e-12, max_step=5e-5).y
+    system = gl.compile(pair(**FRICTION, v_smooth=0.5, d=1000.0), outputs=["a.w", "b.w"])
+    result = system.simulate(0.06, times=t, method="rk", rtol=1e-8)
+    assert result["a.w"] == pytest.approx(expected[2], abs=1e-5)
+    assert result["b.w"] == pytest.approx(expected[3], abs=1e-5)
+
+
+def test_a_mesh_on_a_carrier_moves_as_a_planet_s() -> None:
+    value = RelatedProbe(pair(use_support=True)).values({"a.w": 3.0, "b.w": 2.0, "carrier.w": 0.7, "mesh.q": 1e-5})
+    assert value("mesh.v") == pytest.approx(R_A * 2.3 + R_B * 1.3, rel=1e-14)
+    assert 0.03 * value("der(carrier.w)") == pytest.approx((R_A + R_B) * C * 1e-5, rel=1e-13)

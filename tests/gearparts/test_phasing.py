@@ -1,0 +1,76 @@
+"""Planet phasing against teeth that are laid out one by one."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import pytest
+
+import gearparts as gp
+from gearlib.errors import BindingError
+
+
+def fraction(x: float) -> float:
+    return (x + 1e-9) % 1.0 - 1e-9
+
+
+@pytest.mark.parametrize(("Z_s", "Z_p", "planets"), [(19, 31, 5), (30, 20, 4), (28, 22, 3), (18, 21, 6)])
+def test_phases_from_teeth_laid_out_one_by_one(Z_s: int, Z_p: int, planets: int) -> None:
+    """In the carrier's frame: which turn of the sun brings a contact to each pitch point."""
+    Z_r = Z_s + 2 * Z_p
+    if (Z_s + Z_r) % planets:
+        with pytest.raises(BindingError):
+            gp.planet_phasing(Z_s, Z_p, Z_r, planets)
+        return
+    phasing = gp.planet_phasing(Z_s, Z_p, Z_r, planets)
+    for n in range(planets):
+        psi = 2 * math.pi * n / planets
+        # Sun flanks lie at multiples of 2 pi / Z_s. The planet turns clockwise, so the sun turns counter-clockwise by u, the ring
+        # clockwise by u Z_s / Z_r: the first flank arrives at psi after these parts of a tooth.
+        assert phasing.sun[n] == pytest.approx(fraction(Z_s * psi / (2 * math.pi)), abs=1e-9)
+        ring_flank = min((2 * math.pi * k / Z_r - psi) % (2 * math.pi) for k in range(Z_r))  # ahead of psi, moving towards it
+        assert fraction(phasing.ring[n]) == pytest.approx(fraction(ring_flank * Z_r / (2 * math.pi)), abs=1e-6)
+    # The planet's flanks: leading ones at 2 pi k / Z_p touch the sun, trailing ones, half a pitch on, the ring, half a turn away.
+    gap = min((math.pi - (2 * math.pi * k / Z_p + math.pi / Z_p)) % (2 * math.pi) for k in range(Z_p))
+    assert fraction(phasing.ring_to_sun) == pytest.approx(fraction(gap * Z_p / (2 * math.pi)), abs=1e-6)
+
+
+@pytest.mark.parametrize("Z_s", [18, 19, 20, 21, 22])
+def test_excited_modes_are_those_whose_forces_add_up(Z_s: int) -> None:
+    planets, Z_r = 5, 100 - Z_s
+    phasing = gp.planet_phasing(Z_s, (Z_r - Z_s) // 2, Z_r, planets)
+    for harmonic in (1, 2, 3):
+        forces = [cmath.exp(-2j * math.pi * harmonic * g) for g in phasing.sun]
+        turned = [cmath.exp(2j * math.pi * n / planets) for n in range(planets)]
+        torque = abs(sum(forces))
+        sideways = max(
+            abs(sum(f * t for f, t in zip(forces, turned, strict=True))),
+            abs(sum(f / t for f, t in zip(forces, turned, strict=True))),
+        )
+        found = "rotational" if torque > 1e-6 else "translational" if sideways > 1e-6 else "planet"
+        assert phasing.excites(harmonic) == found
+
+
+def test_the_sense_and_the_positions() -> None:
+    one, other = gp.planet_phasing(19, 31, 81, 5), gp.planet_phasing(19, 31, 81, 5, clockwise=False)
+    assert [fraction(a + b) for a, b in zip(one.sun, other.sun, strict=True)] == pytest.approx([0.0] * 5, abs=1e-9)
+    at = [0.0, 2 * math.pi * 33 / 100, 2 * math.pi * 67 / 100]
+    uneven = gp.planet_phasing(19, 31, 81, 3, positions=at)
+    assert uneven.sun == pytest.approx((0.0, 0.27, 0.73), abs=1e-12)
+    assert gp.planet_phasing(19, 31, 81, 5, ring_to_sun=0.25).ring_to_sun == 0.25
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ((19, 31, 81, 3, None), r"unit: 3 equally spaced planets .* sum 100 must .* valid numbers: 1, 2, 4, 5, 10"),
+        ((19, 31, 81, 2, [0.0, 1.0]), r"planet 1 at 1 rad does not fit .* nearest position is 1\.00531 rad"),
+        ((19, 31, 81, 3, [0.0]), r"1 positions for 3 planets"),
+        ((19, 81, 31, 5, None), r"needs Z_r near Z_s \+ 2 Z_p"),
+        ((19.5, 31, 81, 5, None), r"unit: Z_s is 19\.5; expected a whole number"),
+    ],
+)
+def test_what_cannot_be_assembled_is_named(given: tuple[object, ...], message: str) -> None:
+    with pytest.raises(BindingError, match=message):
+        gp.check_assembly("unit", *given)  # type: ignore[arg-type]
