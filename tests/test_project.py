@@ -132,3 +132,7 @@ def test_wheel_holds_both_packages_and_nothing_else(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"gearlib", "gearparts"}
     modules = {str(path.relative_to(ROOT)).removeprefix("library/") for path in SOURCES}
     assert modules | {"gearlib/py.typed", "gearparts/py.typed"} <= names
+
+
+def test_pictures_of_the_documentation_are_small() -> None:
+    assert sum(path.stat().st_size for path in (ROOT / "docs" / "images").iterdir()) < 300_000

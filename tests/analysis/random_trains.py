@@ -37,7 +37,9 @@ def draw(rng: np.random.Generator) -> Drawn:
         edges.append((0, float(rng.uniform(0.5, 2)), n - 1, *numbers()))
     ground = []
     if rng.random() < 0.5:
-        ground.append((int(rng.integers(n)), float(rng.choice([0.0, 1.0])) * 10 ** rng.uniform(1, 4), damped * 10 ** rng.uniform(-1, 1)))
+        ground.append(
+            (int(rng.integers(n)), float(rng.choice([0.0, 1.0])) * 10 ** rng.uniform(1, 4), damped * 10 ** rng.uniform(-1, 1))
+        )
     kind = str(rng.choice(["w", "tau", "phi_rel"]))
     sensor = kind, int(rng.integers(n if kind == "w" else len(edges)))
     gain = float(rng.choice([-1, 1, 1]) * 10 ** rng.uniform(-3, 2) * (1e3 if kind == "phi_rel" else 1))

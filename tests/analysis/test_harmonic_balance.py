@@ -228,7 +228,7 @@ def test_multipliers_are_those_of_time_integration(pair: gl.System, pair_respons
     start = {n: float(pair_response.waveform(n, k, 1)[1][0]) for n in ("pinion.w", "wheel.w", "mesh.q")}
     expected = multipliers_of_a_run(pair, start, [1e-3, 1e-3, 1e-8], float(pair_response.omega[k]))
     assert expected[-1] == pytest.approx(1.0, abs=1e-6)  # the free turning
-    assert np.sort_complex(pair_response.multipliers[k]) == pytest.approx(expected[:-1], abs=2e-4)
+    assert np.sort_complex(pair_response.multipliers[k]) == pytest.approx(expected[:-1], abs=1e-3)
 
 
 class Rubbing(gl.Component):
@@ -252,10 +252,10 @@ def test_forces_that_jump() -> None:
     U, V = np.sin(np.pi / w) / (w * (1 + np.cos(np.pi / w))), 1 / (1 - w**2)
     largest = np.sqrt(V**2 - (F * U) ** 2)
     _, x = response.waveform("x", -1, 4096)
-    assert x.max() == pytest.approx(largest, rel=2e-5)
+    assert x.max() == pytest.approx(largest, rel=1e-3)  # what the missing harmonics leave: it falls as 1 / harmonics
     start = {n: float(response.waveform(n, len(response) - 1, 1)[1][0]) for n in ("x", "v")}
     expected = multipliers_of_a_run(system, start, [1e-5, 1e-5], w)
-    assert np.sort_complex(response.multipliers[-1]) == pytest.approx(expected, abs=2e-3)
+    assert np.sort_complex(response.multipliers[-1]) == pytest.approx(expected, abs=4e-4)
     assert abs(expected).max() < 0.9
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tests.benchmarks.references import SCENES
+from tests.pictures import save
 
 if TYPE_CHECKING:
     from tests.benchmarks.work_precision import Curve
@@ -128,7 +129,7 @@ def draw(name: str, curves: list[Curve], path: Path) -> None:
     axes.invert_xaxis()
     axes.grid(alpha=0.3)
     axes.legend(fontsize=6, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.savefig(path, dpi=80)
+    save(figure, path)
     plt.close(figure)
 
 

@@ -230,6 +230,8 @@ def plot(path: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
+    from tests.pictures import save
+
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
     for (kind, sizes), marker in zip(SIZES.items(), "os^", strict=True):
         rows = [measure(kind, n) for n in sizes]
@@ -247,7 +249,7 @@ def plot(path: Path) -> None:
     axes.set_ylabel("processor time to translate, s")
     axes.grid(which="major", alpha=0.3)
     axes.legend(fontsize="small")
-    figure.savefig(path, dpi=90)
+    save(figure, path)
     plt.close(figure)
 
 

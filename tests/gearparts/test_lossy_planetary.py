@@ -112,7 +112,7 @@ def test_losses_of_both_meshes_are_combined_over_all_speeds() -> None:
 
 def test_without_losses_it_is_the_ideal_set() -> None:
     given = {"tau_sun": 7.0, "tau_carrier": -3.0, "tau_ring": 2.0}
-    lossy = gl.simulate(Bench(held="none", **given), 1.0, samples=5)
+    lossy = gl.simulate(Bench(**given), 1.0, samples=5)
     ideal = gl.simulate(Bench(kind=gp.IdealPlanetary, **given), 1.0, samples=5)
     for name in [f"{s}_body.w" for s in SHAFTS]:
         assert lossy[name] == pytest.approx(ideal[name], rel=1e-12, abs=1e-12)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
+from tests.pictures import save
 from tests.stress.test_long_runs import energy_drift
 from tests.stress.test_stiffness import STIFFNESSES, distance_from_rigid, run
 
@@ -31,7 +32,7 @@ def ladder() -> None:
     right.legend(fontsize=7)
     for axes in (left, right):
         axes.grid(alpha=0.3)
-    figure.savefig(IMAGES / "stability_stiffness.png", dpi=80)
+    save(figure, IMAGES / "stability_stiffness.png")
     plt.close(figure)
 
 
@@ -48,7 +49,7 @@ def energy() -> None:
     axes.set(xlabel="rtol", ylabel="drift of the energy over 1000 periods")
     axes.grid(alpha=0.3)
     axes.legend()
-    figure.savefig(IMAGES / "stability_energy.png", dpi=80)
+    save(figure, IMAGES / "stability_energy.png")
     plt.close(figure)
 
 

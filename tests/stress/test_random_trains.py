@@ -63,8 +63,8 @@ def reordered(seed: int, order: int, numbers: Sequence[int]) -> None:
 
 
 @pytest.mark.stress
-@settings(max_examples=2000)
-@given(st.integers(0, 59), st.integers(0, 10**6))
+@settings(max_examples=4000)
+@given(st.integers(0, 79), st.integers(0, 10**6))
 def test_thousands_of_trains(seed: int, numbers: int) -> None:
     check(seed, numbers, ("rk8", "rk5", "auto"))
 
