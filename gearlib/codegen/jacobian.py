@@ -103,13 +103,14 @@ def jacobian_body(program: Program, layout: Layout, pattern: Pattern) -> tuple[B
         else:
             _implicit(pieces[-1], step, pattern)
     body.include_all(pieces)
+    slots = program.output_slots.tolist()
+    place = {s: {j: int(pattern.first[s]) + k for k, j in enumerate(pattern.rows[s])} for s in slots}
     out = [
-        (pattern.first[slot] + pattern.rows[slot].index(j), q)
+        place[slots[pattern.indices[q]]][j]
         for j in range(len(program.states))
         for q in range(pattern.indptr[j], pattern.indptr[j + 1])
-        for slot in [int(program.output_slots[pattern.indices[q]])]
     ]
-    source = body.array([o[0] for o in out])
+    source = body.array(out)
     count = body.array([len(out)])
     body.lines += [f"a, h = {source}, {count}", "for k in range(index[h]):", "    values[k] = data[d + index[a + k]]"]
     return body, at + pattern.size
