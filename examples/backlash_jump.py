@@ -113,7 +113,7 @@ for (n, branch), color in zip(branches.items(), ("C7", "C0")):
 for (name, amplitude), marker in zip(sweeps.items(), ("^", "v")):
     ax.plot(frequencies / NATURAL, amplitude * 1e6, marker, color="C3" if marker == "^" else "C2", ms=5, mfc="none", label=name)
 ax.axhline(static * 1e6, color="k", lw=0.8, ls="--")
-ax.annotate("static deflection: flanks part above", (1.24, static * 1e6), va="bottom", ha="right", fontsize=8)
+ax.annotate("static deflection: flanks part above", (0.51, static * 1e6), va="bottom", fontsize=8)
 ax.set_xlabel("mesh frequency over natural frequency in contact")
 ax.set_ylabel("amplitude of the deflection, first harmonic, µm")
 ax.set_title("A gear pair with backlash: softening and jump")

@@ -11,6 +11,7 @@ GearlibError
 │   └── SingularError        equations that a numerical value makes singular
 ├── StartError             start values that contradict each other, or that cannot be found
 ├── NameLookupError        no variable, parameter, input or output of that name
+│   └── AttributeNameError   no connector, variable or part of that name, where it was written as an attribute
 ├── ArgumentError          a bad argument of simulate, linearize, ...
 └── SolverError            the integration failed; says when and where
 """
@@ -21,8 +22,8 @@ import difflib
 from collections.abc import Iterable
 
 __all__ = [
-    "ArgumentError", "BalanceError", "BindingError", "BoundError", "ConnectionError", "DeclarationError", "GearlibError",
-    "LoopError", "ModelError", "NameLookupError", "SingularError", "SolverError", "StartError",
+    "ArgumentError", "AttributeNameError", "BalanceError", "BindingError", "BoundError", "ConnectionError", "DeclarationError",
+    "GearlibError", "LoopError", "ModelError", "NameLookupError", "SingularError", "SolverError", "StartError",
 ]  # fmt: skip
 
 
@@ -71,6 +72,10 @@ class NameLookupError(GearlibError, KeyError):
 
     def __str__(self) -> str:
         return str(self.args[0]) if self.args else ""
+
+
+class AttributeNameError(NameLookupError, AttributeError):
+    """A component or connector has nothing of that name."""
 
 
 class ArgumentError(GearlibError, ValueError):

@@ -19,8 +19,10 @@ from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
 from gearlib.solve.arguments import absolute_tolerance, check_options, output_times
+from gearlib.solve.charts import Charts, integrate_through
 from gearlib.solve.initialize import Start, start_values, steady_state
-from gearlib.solve.methods import Run, integrate
+from gearlib.solve.methods import Run
+from gearlib.solve.part import Part
 from gearlib.solve.result import Result
 from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
 from gearlib.solve.table import Table, values
@@ -120,12 +122,13 @@ class System:
             computed: list[Node] = []
         else:
             discretes = [model.discretes.names.index(n) for n in outputs if n in model.discretes.names]
-            nodes = [self._node(n, "output") for n in outputs if n not in model.discretes.names]
+            nodes = self._nodes([n for n in outputs if n not in model.discretes.names])
             targets = [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))]
             states = needed_states(structure, targets)
             computed = [n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states]
         self._scene = Scene(structure, states, tuple(discretes), tuple(computed))
         self._scenes: dict[tuple[Node, ...], Scene] = {states: self._scene}
+        self._charts: Charts = {}
         self._numbers: dict[tuple[Node, ...], tuple[bytes, Numbers]] = {}
         self.states = tuple(node_name(model, s) for s in states)
 
@@ -141,6 +144,11 @@ class System:
         if not (solved or node[0] in self._structure.dependence.given or self._model.sign[variable] == 0):
             raise NameLookupError(f"{name} does not occur in the model's equations, so it cannot be an {what}; {base} can")
         return node
+
+    def _nodes(self, outputs: Iterable[str]) -> list[Node]:
+        """What has to be computed for some outputs: all but those that are always zero, as the torque of a free flange is."""
+        named = [(n, self._node(n, "output")) for n in outputs]
+        return [node for n, node in named if self._model.sign[self._model.variable(self._model.column(n)[0])] != 0]
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -228,9 +236,9 @@ class System:
         run = Run(scene, numbers, begin, tuple(signals), grid, rtol, absolute)
         if progress:
             print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {method}")
-        outcome = integrate(run, method)
+        parts = integrate_through(run, method, self._charts)
         if progress:
-            print(f"{self.name}: done with {outcome.stats['method']} in {outcome.stats['seconds']:.3g} s")
+            print(f"{self.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s")
 
         def again(states: tuple[Node, ...]) -> Result:
             wider = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted, self._scene.outputs))
@@ -239,10 +247,7 @@ class System:
             )
 
         outputs = self.outputs if self.outputs is not None else self.states
-        return Result(
-            scene, grid, outcome.states, outcome.relations, parameters, signals, begin.guess, outcome.stats, outcome.events,
-            outputs, again,
-        )  # fmt: skip
+        return Result([(Part.of(run, o), o.stats, o.events) for run, o in parts], outputs, again)
 
     def linearize(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, *, at: Any = None,
@@ -257,7 +262,9 @@ class System:
         outputs : sequence of str, optional
             Variables; by default the system's outputs, or its states.
         at : None, "steady", mapping, or (Result, time)
-            The start values, a steady state, values of states by path, or a moment of a run.
+            The start values, a steady state (absolute angles may grow), values of states by path, or a moment of a run, with its
+            inputs and parameters. Unbound inputs are 0 in the first three; ``simulate(start="steady", inputs=...)`` gives a run
+            that begins in the steady state under others.
         parameters : mapping, optional
             Values by path.
         sparse : bool
@@ -267,7 +274,12 @@ class System:
         -------
         control.StateSpace
             With the states that the outputs need. States are named by path, inputs and outputs too, but with "_" for "."
-            (``linear["load_w", "torque_tau"]``), since python-control takes no dots there.
+            (``linear["load_w", "torque_tau"]``), since python-control refuses dots in names of signals.
+
+        Raises
+        ------
+        NameLookupError, ArgumentError, StartError
+            No such input or output, two with one name, or no steady state.
         """
         from gearlib.analysis.linearize import linearize, operating_point, state_space
 
@@ -275,10 +287,10 @@ class System:
             raise ArgumentError("inputs and outputs are lists of names, such as ['torque.tau']")
         chosen_inputs = list(self.inputs if inputs is None else inputs)
         chosen = list(outputs if outputs is not None else (self.outputs if self.outputs is not None else self.states))
-        states = needed_states(self._structure, [self._node(n, "output") for n in chosen])
+        states = needed_states(self._structure, self._nodes(chosen))
         scene, numbers, point = operating_point(self, states, at, parameters)
         model = linearize(scene, numbers, chosen_inputs, chosen, point)
-        return model if sparse else state_space(model)
+        return model if sparse else state_space(model, self.name)
 
     def power_flow(
         self, speeds: Mapping[str, float] | None = None, torques: Mapping[str, float] | None = None, *,

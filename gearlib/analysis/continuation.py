@@ -159,7 +159,7 @@ class _Walk:
         right = np.zeros(len(before.y))
         right[-1] = 1.0
         try:
-            direction = np.linalg.solve(np.vstack([gradient, self.normal(before)]), right)
+            direction = np.asarray(np.linalg.solve(np.vstack([gradient, self.normal(before)]), right), np.float64)
         except np.linalg.LinAlgError:
             return before.tangent
         result: Floats = direction / np.sqrt(self.inner(direction, direction, before))

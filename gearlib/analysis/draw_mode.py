@@ -41,15 +41,28 @@ def _largest(items: list[Any], size: Any) -> tuple[list[Any], int]:
     return [items[i] for i in kept], len(items) - len(kept)
 
 
+def aligned(motions: list[tuple[str, str, complex]]) -> list[tuple[str, str, complex]]:
+    """Amplitudes over the largest of their kind, turned so that they are as real as possible, and the largest positive.
+
+    >>> [round(m[2].real, 9) for m in aligned([("a", "rad", 1j), ("b", "rad", -2j), ("c", "m", 3j)])]
+    [-0.5, 1.0, -1.0]
+    """
+    units = [u for u in ("rad", "m") if any(m[1] == u for m in motions)]
+    if not units:
+        return []
+    phase = np.sqrt(complex(sum(m[2] ** 2 for m in motions if m[1] == units[0]))) or 1.0
+    phase *= np.sign(np.real(max((m[2] / phase for m in motions if m[1] == units[0]), key=abs))) or 1.0
+    largest = {u: max(abs(m[2]) for m in motions if m[1] == u) or 1.0 for u in units}
+    return [(name, unit, complex(value / phase * abs(phase) / largest[unit])) for name, unit, value in motions]
+
+
 def _motion_bars(ax: Any, motions: list[tuple[str, str, complex]], left_out: int) -> None:
     units = [u for u in ("rad", "m") if any(m[1] == u for m in motions)]
     place = np.arange(len(motions))[::-1]
-    # As real as possible, and the largest positive.
-    phase = np.sqrt(complex(sum(m[2] ** 2 for m in motions if m[1] == units[0]))) or 1.0
-    phase *= np.sign(np.real(max((m[2] / phase for m in motions), key=abs, default=1.0))) or 1.0
+    scaled = aligned(motions)
     for unit in units:
         largest = max(abs(m[2]) for m in motions if m[1] == unit)
-        values = [m[2] / phase * abs(phase) / largest if m[1] == unit else np.nan for m in motions]
+        values = [m[2] if m[1] == unit else np.nan for m in scaled]
         label = f"{NAMES[unit]} (largest {largest / max(abs(m[2]) for m in motions if m[1] == units[0]):.3g} {unit})"
         ax.barh(place, np.real(values), color=MOTION if unit == units[0] else "#66a61e", height=0.7, label=label)
         if np.nanmax(np.abs(np.imag(values))) > 0.02:

@@ -48,7 +48,7 @@ def multipliers(
     for (start, _, _), panels in zip(found.pieces, last, strict=True):
         i = jumped.get(start)
         if cuts is not None and i is not None:
-            whole = whole + np.outer(cuts.jump[i], cuts.gradient[i] @ whole) / (cuts.slope[i] * driven.omega)
+            whole = whole + np.outer(cuts.jump[i], cuts.gradient[i] @ whole) / cuts.rate[i]
         whole = _product(steps[at : at + panels]) @ whole
         at += panels
     return np.linalg.eigvals(whole).astype(complex)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import Prepared, evaluate, prepare
+from gearlib.codegen.program import Program
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.solve.scene import Scene, needed_states, node_name
+from gearlib.solve.table import values
 from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
+    from gearlib.solve.result import Result
     from gearlib.system import System
 
 Floats = NDArray[np.float64]
@@ -38,12 +41,16 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class Point:
-    """An operating point: time, and a value of every state of the structure that is known there."""
+    """An operating point: time, and a value of every state of the structure that is known there.
+
+    ``modes`` gives the relations and discrete variables of a program where a run knows them; otherwise they are as at a start.
+    """
 
     t: float
     states: dict[tuple[int, int], float]
     inputs: Floats
     guess: Floats
+    modes: Callable[[Program], Floats] | None = None
 
 
 def operating_point(
@@ -52,22 +59,33 @@ def operating_point(
     """A scene with some states, the parameters' numbers, and the point that ``at`` stands for (see `System.linearize`)."""
     from gearlib.solve.result import Result
 
+    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+        return _moment(system, states, at[0], at[1], parameters)
     numbers = system._parameters(parameters)
     scene = system._scenes.setdefault(states, Scene(system._structure, states))
-    t, signals = 0.0, [0.0] * len(system.inputs)
-    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
-        result, t = at
-        if isinstance(t, bool) or not isinstance(t, (int, float, np.number)) or not result.time[0] <= t <= result.time[-1]:
-            raise ArgumentError(f"at names the time {t!r}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
-        t = float(t)
-        known = {s: float(np.interp(t, result.time, result._history(s))) for s in states}
-        begin = system._start(scene, numbers, t, None, signals)
-    else:
-        if not (at is None or at == "steady" or isinstance(at, Mapping)):
-            raise ArgumentError(f"at is {at!r}; expected start values by path, 'steady', or (result, time)")
-        begin = system._start(scene, numbers, t, at, signals)
-        known = dict(zip(states, begin.states.tolist(), strict=True))
-    return scene, numbers, Point(t, known, np.array(signals, float), begin.guess)
+    signals = [0.0] * len(system.inputs)
+    if not (at is None or at == "steady" or isinstance(at, Mapping)):
+        raise ArgumentError(f"at is {at!r}; expected start values by path, 'steady', or (result, time)")
+    begin = system._start(scene, numbers, 0.0, at, signals)
+    known = dict(zip(states, begin.states.tolist(), strict=True))
+    return scene, numbers, Point(0.0, known, np.array(signals, float), begin.guess)
+
+
+def _moment(
+    system: System, states: tuple[Node, ...], result: Result, t: Any, parameters: Mapping[str, float] | None
+) -> tuple[Scene, Floats, Point]:
+    """A moment of a run, with the run's inputs and, unless others are given, its parameters."""
+    if result._scene.structure is not system._structure:
+        raise ArgumentError(f"at names a run of another system than {system.name}; simulate this one")
+    if isinstance(t, bool) or not isinstance(t, (int, float, np.number)) or not result.time[0] <= t <= result.time[-1]:
+        raise ArgumentError(f"at names the time {t!r}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
+    t = float(t)
+    numbers = result._parameters if parameters is None else system._parameters(parameters)
+    scene = system._scenes.setdefault(states, Scene(system._structure, states))
+    known = {s: float(np.interp(t, result.time, result._history(s))) for s in states}
+    part = result._part_at(t)
+    inputs = values(result._signals, np.array([t]))[:, 0]
+    return scene, numbers, Point(t, known, inputs, part.guess, lambda program: part.modes_at(program, t))
 
 
 def input_names(model: FlatModel) -> list[str]:
@@ -98,9 +116,10 @@ def linearize(
         variable = model.variable(base, "output")
         targets.append((int(model.representative[variable]), order))
         signs.append(int(model.sign[variable]))
-    states = needed_states(structure, targets)
+    needed = [t for t, sign in zip(targets, signs, strict=True) if sign]  # the others are always zero
+    states = needed_states(structure, needed)
     scene = Scene(structure, states)
-    program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
+    program = build(structure, [*needed, *((v, k + 1) for v, k in states)], states, dynamic=True)
     prepared = prepare(program, structure, parameters)
     slots, flags = slots_at(scene, parameters, prepared, point)
     seeds: list[int] = list(range(len(states)))
@@ -121,6 +140,8 @@ def linearize(
             position.append(("added", len(added)))
             added.append(slot)
     d = sensitivity(prepared, point.t, slots, flags, seeds, added)
+    if not d.shape[0]:  # nothing has to be computed: all outputs are always zero
+        d = np.zeros((1, len(seeds) + len(added)))
     n = len(states)
     columns = [{"seed": i, "added": len(seeds) + i, "none": -1}[kind] for kind, i in position]
     rates = d[[program.slots[v, k + 1] for v, k in states]] if n else d[:0]
@@ -145,7 +166,12 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
     x = np.array([point.states.get(s, 0.0) for s in scene.states])
     u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
     now = np.array([point.t])
-    flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None])
+    if point.modes is not None:
+        flags = point.modes(program)[:, None]
+    elif not scene.n_modes:  # saves the scene's own program, which a linear train does not need here
+        flags = np.zeros((0, 1))
+    else:
+        flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None])
     guess = scene.guess(program, point.guess)
     return evaluate(prepared, now, x[:, None], u[:, None], flags, guess)[:, 0], flags[:, 0]
 
@@ -181,14 +207,32 @@ def label(name: str) -> str:
     return name.replace(".", "_")
 
 
-def state_space(model: LinearModel) -> Any:
-    """The same as a ``control.StateSpace``; inputs and outputs have their paths with "_" for ".", states their paths."""
+def state_space(model: LinearModel, name: str | None = None) -> Any:
+    """The same as a ``control.StateSpace``; inputs and outputs have their paths with "_" for ".", states their paths.
+
+    Raises
+    ------
+    ArgumentError
+        Two signals that would have one name, or a model without inputs in a shape that python-control does not take.
+    """
     import control
 
     def array(m: Any) -> Floats:
         return m.toarray() if hasattr(m, "toarray") else np.asarray(m)
 
+    for what, names in (("input", model.inputs), ("output", model.outputs)):
+        first: dict[str, str] = {}
+        for path in names:
+            if label(path) in first:
+                other = first[label(path)]
+                alike = f"the {what}s {other} and {path} both become '{label(path)}' in python-control; sparse=True keeps paths"
+                raise ArgumentError(f"the {what} {path} is named twice" if other == path else alike)
+            first[label(path)] = path
+    if not model.inputs and 1 in (len(model.states), len(model.outputs)):
+        raise ArgumentError(
+            "python-control takes no model without inputs here; name an input (bound ones may be), or use sparse=True"
+        )
     return control.ss(
-        array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states),
+        array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states), name=name,
         inputs=[label(n) for n in model.inputs], outputs=[label(n) for n in model.outputs], remove_useless_states=False,
     )  # fmt: skip

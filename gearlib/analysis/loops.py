@@ -46,7 +46,7 @@ class Loop:
         if not len(self.A):
             return np.empty((0, 0), complex), np.empty(0, complex), np.empty(0, complex)
         balanced, (scale, permutation) = matrix_balance(self.A, separate=True)
-        b, c = self.b[permutation] / scale[permutation], self.c[permutation] * scale[permutation]
+        b, c = self.b[permutation] / scale, self.c[permutation] * scale  # scale is in the new order
         triangle, basis = schur(balanced, output="complex")
         return triangle, basis.conj().T @ b, c @ basis
 

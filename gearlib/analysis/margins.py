@@ -150,7 +150,7 @@ def _roots(omega: Floats, values: Floats, f: object) -> list[float]:
 
     places = np.flatnonzero((values[1:] * values[:-1] < 0) & np.isfinite(values[1:]) & np.isfinite(values[:-1]))
     found = [float(brentq(f, omega[i], omega[i + 1], xtol=1e-300, rtol=8.9e-16)) for i in places]
-    return found + [float(w) for w in omega[values == 0.0]]
+    return sorted(found + [float(w) for w in omega[values == 0.0]])
 
 
 def _nearest(loop: Loop, omega: Floats, curve: Complexes) -> tuple[float, float]:

@@ -218,6 +218,24 @@ class Modes:
         self._check(mode)
         return draw_mode(self, mode, axes)
 
+    def animate(self, mode: int, *, frames: int = 48, degrees: float = 40.0) -> Any:
+        """Animate a mode over one period: every body swings about its place. Returns a matplotlib ``FuncAnimation``.
+
+        Keep it in a variable, and show it or save it: ``animation.save("mode.gif", writer="pillow")``.
+
+        Parameters
+        ----------
+        mode : int
+        frames : int
+            Pictures of a period.
+        degrees : float
+            Swing of the body that turns most.
+        """
+        from gearlib.analysis.animate_mode import animate_mode
+
+        self._check(mode)
+        return animate_mode(self, mode, frames, degrees)
+
 
 def modes(system: System, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None) -> Modes:
     """Natural frequencies, damping ratios and mode shapes, with the energy of each component.

@@ -54,6 +54,7 @@ class OrderSpectrum:
         axes.semilogy(self.orders, np.maximum(self.amplitudes, 1e-12 * self.amplitudes.max(initial=1e-300)), lw=1)
         axes.set_xlabel(f"order of {self.reference}, events per revolution")
         axes.set_ylabel(f"amplitude of {self.name}{', ' if self.unit else ''}{self.unit}")
+        axes.set_title(f"Order spectrum of {self.name}")
         axes.grid(alpha=0.3)
         return axes
 
@@ -94,6 +95,7 @@ class OrderWaterfall:
         axes.figure.colorbar(image, ax=axes, label=f"amplitude of {self.name}, dB over {top:.3g} {self.unit}")
         axes.set_xlabel(f"order of {self.reference}, events per revolution")
         axes.set_ylabel(label)
+        axes.set_title(f"Order spectra of {self.name}")
         return axes
 
 

@@ -176,13 +176,16 @@ class Cuts:
     gradient : array (jumps, states)
         Derivative of what crosses zero by the states.
     slope : array (jumps,)
-        Its derivative by the phase along the motion.
+        Its derivative by the phase along the Fourier series.
+    rate : array (jumps,)
+        Its derivative by time as the rates before the cut have it; the series, which is smooth, does not know these.
     """
 
     phase: Floats
     jump: Floats
     gradient: Floats
     slope: Floats
+    rate: Floats
 
 
 def jumps(driven: Driven, coefficients: Floats, found: Moments, scale: Floats) -> Cuts | None:
@@ -216,5 +219,7 @@ def jumps(driven: Driven, coefficients: Floats, found: Moments, scale: Floats) -
     ahead = [(fourier(phase + s, harmonics) @ coefficients).T for s in (h, -h)]
     along = crossing(np.concatenate([phase + h, phase - h]), np.concatenate(ahead, axis=1))
     slope = (along[0] - along[1]) / (2 * h)
-    kept = rows[np.abs(slope) > 0]
-    return Cuts(phase[kept], jump[some][kept], gradient[kept], slope[kept])
+    fixed = crossing(np.concatenate([phase + h, phase - h]), np.tile(here, (1, 2)))
+    rate = (gradient * before[:, some].T).sum(axis=1) + (fixed[0] - fixed[1]) / (2 * h) * driven.omega
+    kept = rows[(slope != 0) & (rate != 0)]
+    return Cuts(phase[kept], jump[some][kept], gradient[kept], slope[kept], rate[kept])

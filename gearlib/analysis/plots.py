@@ -89,6 +89,7 @@ def nyquist_plot(
     axes[0].set_xlim(centre - 1.15 * bound, centre + 1.15 * bound)
     axes[0].set_ylim(-1.15 * bound, 1.15 * bound)
     axes[0].set_aspect("equal")
+    axes[0].locator_params(axis="x", nbins=5)
     axes[0].set_title("whole curve")
     _nyquist_margins(axes[1], chosen, m)
     axes[1].set_title("around −1")

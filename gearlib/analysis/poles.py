@@ -81,9 +81,9 @@ class Poles:
 
     @property
     def damping(self) -> Floats:
-        """Damping ratio of each: 1 for real poles in the left half-plane, NaN at 0."""
+        """Damping ratio of each: 1 for real poles in the left half-plane, 0 on the imaginary axis, NaN at 0."""
         size = np.abs(self.values)
-        ratio: Floats = np.divide(-self.values.real, size, out=np.full(len(size), np.nan), where=size > 0)
+        ratio: Floats = np.divide(0.0 - self.values.real, size, out=np.full(len(size), np.nan), where=size > 0)
         return ratio
 
 

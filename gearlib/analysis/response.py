@@ -93,6 +93,9 @@ class FrequencyResponse:
         )
         axes[0].legend(fontsize=8)
         axes[1].set_ylabel("phase, deg")
+        low, high = axes[1].get_ylim()
+        if 90 < high - low < 1000:
+            axes[1].set_yticks(np.arange(90 * np.ceil(low / 90), high, 90 if high - low < 500 else 180))
         axes[1].set_xlabel("frequency, Hz")
         for ax in axes:
             ax.grid(alpha=0.3, which="both")
@@ -172,7 +175,7 @@ def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complex
     if not n:
         return np.repeat(D.astype(complex)[:, :, None], len(omega), axis=2)
     balanced, (scale, permutation) = matrix_balance(A, separate=True)
-    b, c = B[permutation] / scale[permutation][:, None], C[:, permutation] * scale[permutation]
+    b, c = B[permutation] / scale[:, None], C[:, permutation] * scale  # scale is in the new order
     result = np.empty((len(C), B.shape[1], len(omega)), complex)
     for k, w in enumerate(omega):
         try:

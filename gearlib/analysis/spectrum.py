@@ -68,7 +68,7 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None) -> Spectrum:
 def _unscaled(vectors: Any, scale: Floats, permutation: Any) -> Any:
     """Vectors of the balanced matrix in the states' own order and units."""
     result = np.empty_like(vectors)
-    result[permutation] = vectors * scale[permutation][:, None]
+    result[permutation] = vectors * scale[:, None]  # scale is in the new order
     return result
 
 
@@ -161,7 +161,7 @@ def _free_motions(A: Any, speeds: Any, chained: bool) -> Complexes:
         looks *= 4
     # Without the preloads that are mixed in, if what no speed depends on can be left out.
     alone = free * (np.asarray(abs(speeds).sum(axis=0)).ravel() > 0)[:, None]
-    left = found.row[:n, None] * np.abs((A @ alone))
+    left = found.row[:n, None] * np.abs(A @ alone)
     return alone if left.max(initial=0.0) <= 1e-9 * np.abs(alone / scale[:, None]).max(initial=0.0) else free
 
 

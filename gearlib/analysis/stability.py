@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gearlib.analysis.gain_range import gains_in_words, stable_gains
 from gearlib.analysis.loops import Loop, as_loop, is_system
 from gearlib.analysis.margins import Margins, margins
 from gearlib.analysis.nyquist import NyquistCount, nyquist_count
@@ -38,25 +39,38 @@ class LoopReport:
         """Of the closed loop, by Nyquist's criterion; ``closed_poles.verdict`` is that of its eigenvalues."""
         return self.nyquist.verdict
 
+    @cached_property
+    def stable_gains(self) -> tuple[tuple[float, float], ...]:
+        """Factors of the gain, from and to, with no closed-loop pole in the right half-plane (see `stable_gains`)."""
+        return stable_gains(self.loop, self.margins.phase_crossings)
+
     def __str__(self) -> str:
+        lines = [f"Loop {self.loop.input} -> {self.loop.output}, negative feedback: {MEANING[self.verdict]}"]
+        first, rest = str(self.nyquist).split(". ", 1)
+        lines += [f"  Nyquist          {first}.", f"                   {rest}"]
+        same = "the same" if self.closed_poles.verdict == self.verdict else f"the closed loop is {self.closed_poles.verdict}"
+        found = motions(self.closed_poles)
+        lines.append(f"  eigenvalues      {same}{': ' if found else ''}{'; '.join(found)}")
+        return "\n".join([*lines, *self._margins_in_words()])
+
+    def _margins_in_words(self) -> list[str]:
         m = self.margins
-        lines = [f"Loop {self.loop.input} -> {self.loop.output}, negative feedback", f"  {self.nyquist}"]
-        lines.append(f"  By its eigenvalues the closed loop is {self.closed_poles.verdict}.")
         if m.real:
-            lines.append("  The curve lies on the real axis (nothing is damped): it has no isolated phase crossings.")
-        elif not m.phase_crossings:
-            lines.append("  gain margin      infinite: the curve does not cross the negative real axis")
+            return ["  margins          none: the curve lies on the real axis, since nothing is damped"]
+        lines = [f"  gain             {gains_in_words(self.stable_gains)}"]
         lines += [
             f"  gain margin      {c.gain_margin:.6g} ({c.gain_margin_db:+.3f} dB) at {_rad(c.omega)}" for c in m.phase_crossings
         ]
+        if not m.phase_crossings:
+            lines.append("  gain margin      infinite: the curve does not cross the negative real axis")
         if not m.gain_crossings:
             lines.append("  phase margin     infinite: |L| is nowhere 1")
         lines += [
             f"  phase margin     {g.phase_margin:.4f} deg, delay margin {g.delay_margin:.4g} s, at {_rad(g.omega)}"
             for g in m.gain_crossings
         ]
-        lines.append(f"  modulus margin   {m.modulus_margin:.6g}, the smallest distance from -1, at {_rad(m.modulus_omega)}")
-        return "\n".join(lines)
+        nearest = f"{m.modulus_margin:.6g}, the smallest distance from -1, at {_rad(m.modulus_omega)}"
+        return [*lines, f"  modulus margin   {nearest}"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,33 +104,61 @@ class StabilityReport:
         return self.poles.verdict
 
     def __str__(self) -> str:
-        lines = [f"{self.name}: {MEANING[self.verdict]}", *pole_table(self.poles)]
-        zeros = self.poles.at_zero
-        if zeros:
-            chain = ", in chains, so that angles grow with time" if len(self.poles.chains) > 1 else ""
-            lines.append(f"  {zeros} {'pole' if zeros == 1 else 'poles'} at 0 (free turning, or a constant preload){chain}")
+        lines = [
+            f"{self.name}: {MEANING[self.verdict]}",
+            *(f"  {text}" for text in motions(self.poles)),
+            "",
+            *pole_table(self.poles),
+        ]
         if self.loop is not None:
             lines += ["", str(self.loop)]
         return "\n".join(lines)
 
 
-def pole_table(found: Poles, most: int = 40) -> list[str]:
-    """One line for each pole or pair of poles."""
-    lines = ["       real, 1/s     imag, rad/s   frequency, Hz    damping   time constant, s"]
+def motions(found: Poles) -> list[str]:
+    """What the poles mean, in words: free turning, growth, vibration without damping, and the slowest and least damped of the rest."""
+    values, words = found.values, []
+    if found.at_zero:
+        poles_at = "1 pole" if found.at_zero == 1 else f"{found.at_zero} poles"
+        chain = ", in chains: with a speed that stays, an angle grows" if len(found.chains) > 1 else ""
+        words.append(f"{poles_at} at 0: the train turns freely, or a loop of meshes keeps a preload{chain}")
+    for value in values[(values.real > 0) & (values.imag >= 0)][:4]:
+        what = f"a vibration at {abs(value.imag) / (2 * np.pi):.6g} Hz" if value.imag else "a motion without vibration"
+        words.append(f"{what} grows e-fold in {1 / value.real:.4g} s")
+    rings = found.on_axis[found.on_axis > 0] / (2 * np.pi)
+    if len(rings):
+        named = ", ".join(f"{f:.6g}" for f in rings[:4]) + (f" and {len(rings) - 4} more" if len(rings) > 4 else "")
+        words.append(f"rings undamped at {named} Hz" + (", growing with time" if found.chained else ""))
+    dying = values[values.real < 0]
+    if len(dying):
+        words.append(
+            f"the {'rest' if words else 'slowest motion'} falls to 1/e in {-1 / dying.real.max():.4g} s{' or less' if words else ''}"
+        )
+        vibrating = dying[dying.imag > 0]
+        if len(vibrating):
+            least = vibrating[np.argmin(-vibrating.real / np.abs(vibrating))]
+            ratio = -least.real / abs(least)
+            words.append(f"the least damped vibration has {abs(least) / (2 * np.pi):.6g} Hz and the damping ratio {ratio:.4g}")
+    return words
+
+
+def pole_table(found: Poles, most: int = 24) -> list[str]:
+    """One line for each pole or pair of poles; a frequency where it vibrates, a time in which it falls or grows e-fold."""
+    lines = ["       real, 1/s     imag, rad/s   frequency, Hz    damping   e-fold time, s"]
     shown = [(v, z) for v, z in zip(found.values, found.damping, strict=True) if v.imag >= 0]
     for value, ratio in shown[:most]:
-        pair = "+-" if value.imag > 0 else "  "
-        lines.append(
-            f"{value.real:16.6g}  {pair}{value.imag:12.6g}  {abs(value) / (2 * np.pi):14.6g}  {ratio:9.4f}  "
-            f"{-1 / value.real if value.real else np.inf:17.4g}"
-        )
+        pair, hertz, damping = "  ", "-", "-"
+        if value.imag > 0:
+            pair, hertz, damping = "+-", f"{abs(value) / (2 * np.pi):.6g}", f"{ratio:.4f}"
+        time = f"{abs(1 / value.real):.4g}{' (grows)' if value.real > 0 else ''}" if value.real else "-"
+        lines.append(f"{value.real:16.6g}  {pair}{value.imag:12.6g}  {hertz:>14}  {damping:>9}  {time:>15}")
     if len(shown) > most:
         lines.append(f"  ... and {len(shown) - most} more")
     return lines
 
 
 def _rad(omega: float) -> str:
-    return f"{omega:.6g} rad/s ({omega / (2 * np.pi):.6g} Hz)"
+    return f"{omega:.6g} rad/s ({omega / (2 * np.pi):.6g} Hz)" if np.isfinite(omega) else "infinite frequency"
 
 
 def stability(

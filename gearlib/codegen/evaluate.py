@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.factors import Factored
-from gearlib.codegen.program import Batch, Linear, Newton, Program
+from gearlib.codegen.program import ROUNDING, Batch, Linear, Newton, Program
 from gearlib.codegen.scalars import constants
 from gearlib.errors import SingularError, SolverError
 from gearlib.structure.analysis import Structure
@@ -191,15 +191,36 @@ def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relation
             try:
                 change = np.linalg.solve(matrix, residual)
             except np.linalg.LinAlgError:
-                change = np.linalg.lstsq(matrix, residual, rcond=None)[0]
+                change = _singular_step(step, matrix, residual, z, t[i])
             z = z - change
             if step.linear or np.abs(change).max() <= 1e-14 * np.abs(z).max() + 1e-300:
                 break
-            if iteration > 8 and np.abs(change).max() <= 1e-11 * np.abs(z).max():
+            if iteration > 8 and np.abs(change).max() <= 1e-11 * np.abs(z).max() + ROUNDING:
                 break
         else:
-            raise SolverError(f"a nonlinear block did not converge at t = {t[i]:g}; give better guesses for its variables")
+            raise SolverError(
+                f"the nonlinear equations {_labels(step)} were not solved at t = {t[i]:g} s; they have no solution there, or need "
+                "better guesses: guess={...} of their variables"
+            )
         slots[step.unknowns, i] = z
+
+
+def _singular_step(step: Newton, matrix: Floats, residual: Floats, z: Floats, t: float) -> Floats:
+    """The least change where the matrix is singular; away from here where that leaves a residual (x**2 = 4 at x = 0)."""
+    finite = bool(np.isfinite(matrix).all() and np.isfinite(residual).all())
+    change: Floats = np.zeros(len(z))
+    if finite:
+        change = np.linalg.lstsq(matrix, residual, rcond=None)[0]
+    if not finite or np.abs(residual - matrix @ change).max() > 1e-9 * np.abs(residual).max():
+        if step.linear or not finite:
+            raise SolverError(f"the equations {_labels(step)} have no solution at t = {t:g} s: they depend on each other there")
+        change -= 1e-3 * np.maximum(np.abs(z), 1.0)
+    return change
+
+
+def _labels(step: Newton) -> str:
+    labels = list(dict.fromkeys(batch.kernel.template.label for batch in step.residuals))
+    return "; ".join(labels[:4]) + (f" and {len(labels) - 4} more" if len(labels) > 4 else "")
 
 
 def assemble(batches: Sequence[Batch], t: Floats, slots: Floats, parameters: Floats, relations: Floats, size: int) -> Floats:

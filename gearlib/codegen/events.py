@@ -40,7 +40,8 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
 
     With the values before the event held, relations and discrete variables are evaluated until none changes; then the values before
     are set to these, and all is repeated until that changes nothing either. A relation whose root was located takes the side that it
-    crossed to, until a state is given a new value: then it is evaluated like the others.
+    crossed to; it is evaluated like the others once a state has been given a new value, or once the values before have been set, if it
+    compares with one of them.
     """
     body = looped(relations.program, layout)
     numbers = root_numbers(relations)
@@ -57,6 +58,9 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
     for batch in relations.reinits:
         loop(body, batch, "y = {value}\nif x[{target}] != y:\n    x[{target}] = y\n    result = 2")
     reinits = body.lines
+    forget = (
+        ["if result == 2:", f"    for k in range({len(numbers)}):", "        fired[k] = 0"] if reinits and len(numbers) else []
+    )
     body.lines = [
         *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", "result = 0", "moved = 1",
         f"for outer in range({MOST_ITERATIONS}):",
@@ -74,7 +78,7 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
         "        if data[r + nr + nd + k] != data[r + nr + k]:",
         "            moved = 1",
         *(f"    {line}" for line in reinits),
-        *(["    if result == 2:", f"        for k in range({len(numbers)}):", "            fired[k] = 0"] if reinits and len(numbers) else []),
+        *(f"    {line}" for line in forget),
         "    for k in range(nd):",
         "        data[r + nr + nd + k] = data[r + nr + k]",
         "    if moved == 0:",
@@ -106,9 +110,16 @@ def _relation_loops(body: Body, batch: Batch, numbers: Integers) -> None:
 def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compare: str, strict: bool) -> None:
     lines = ["y = {value}", f"f = 1.0 if y {compare} 0.0 else 0.0"]
     if not timed:
-        lines += ["if fired[{extra}] != 0:", f"    f = 1.0 if fired[{{extra}}] {'>' if strict else '<'} 0 else 0.0"]
+        first = " and outer == 0" if compares_with_before(part) else ""
+        lines += [f"if fired[{{extra}}] != 0{first}:", f"    f = 1.0 if fired[{{extra}}] {'>' if strict else '<'} 0 else 0.0"]
     lines += ["if data[r + {target}] != f:", "    data[r + {target}] = f", "    changed = 1"]
     loop(body, part, "\n".join(lines), extra=roots)
+
+
+def compares_with_before(batch: Batch) -> bool:
+    """Whether a discrete variable's value before the event is part of what a relation compares."""
+    template, n = batch.kernel.template, len(batch.kernel.template.relations)
+    return any(template.held[i - n].startswith("pre(") for i in batch.kernel.relations if i >= n)
 
 
 def relation_of(batch: Batch) -> tuple[bool, bool]:

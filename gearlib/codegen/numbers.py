@@ -17,9 +17,12 @@ def start_guess(model: FlatModel, parameters: Floats) -> Floats:
     return values
 
 
-def numbers_of(model: FlatModel, parameters: Floats, t: float) -> Numbers:
-    """Partial derivatives of all equations at the start values."""
-    values = start_guess(model, parameters)
+def numbers_of(model: FlatModel, parameters: Floats, t: float, known: Floats | None = None) -> Numbers:
+    """Partial derivatives of all equations at the start values, or at known ones.
+
+    ``known[k]`` holds the k-th derivatives of all variables; higher ones count as zero, as all do at the start.
+    """
+    values = start_guess(model, parameters)[None, :] if known is None else known
 
     def apply(kernel: Kernel, group: EquationGroup) -> Floats:
         template = kernel.template
@@ -29,7 +32,8 @@ def numbers_of(model: FlatModel, parameters: Floats, t: float) -> Numbers:
         for c in kernel.columns:
             name, order = columns[c]
             j = where[name]
-            arguments.append(np.where(order == 0, values[group.variables[:, j]], 0.0) * group.signs[:, j])
+            value = values[order, group.variables[:, j]] if order < len(values) else np.zeros(len(group))
+            arguments.append(value * group.signs[:, j])
         constants = [parameters[group.parameters[:, p]] for p in kernel.parameters]
         flags = [np.zeros(len(group)) for _ in kernel.relations]
         with np.errstate(all="ignore"):

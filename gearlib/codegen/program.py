@@ -20,6 +20,9 @@ from gearlib.structure.incidence import Node
 Integers = NDArray[np.int64]
 
 
+ROUNDING = 1e-12  # change of an unknown that may be all rounding: of unknowns near zero no relative accuracy can be asked
+
+
 @dataclass(frozen=True)
 class Batch:
     """One kernel for many instances: ``slot[targets] = signs * kernel(slot[arguments] * argument_signs, ...)``."""

@@ -103,4 +103,6 @@ def run_index(batch: Batch, slots_at: int, coefficients_at: int) -> Integers:
     lengths = np.diff([*starts, len(batch)])
     n_q = len(coefficient_batches(batch))
     places = coefficients_at + starts[:, None] + len(batch) * np.arange(n_q)[None, :]
-    return np.concatenate([[len(starts)], np.column_stack([lengths, slots_at + columns[starts], places]).ravel()]).astype(np.int64)
+    return np.concatenate([[len(starts)], np.column_stack([lengths, slots_at + columns[starts], places]).ravel()]).astype(
+        np.int64
+    )

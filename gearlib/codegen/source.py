@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from gearlib.codegen.kernels import Kernel
 from gearlib.codegen.layout import Layout
 from gearlib.codegen.names import identifiers
-from gearlib.codegen.program import Batch, Linear, Newton, Program
+from gearlib.codegen.program import ROUNDING, Batch, Linear, Newton, Program
 from gearlib.codegen.runs import coefficient_batches, has_runs, run_index, run_lines, starts_of_runs
 from gearlib.codegen.text import expression
 
 Integers = NDArray[np.int64]
-SMALLER = 9.2  # logarithm of the share of its first determinant to which that of a nonlinear block may fall
+SMALLER = 1.5  # logarithm of how far the determinant of a nonlinear block may fall in one set of states
 LONGEST = 260  # assignments up to which a program is written out
 MOST_LOOPS = 40  # up to which they follow each other in the source
 MOST_SIGNS = 4  # patterns of signs up to which a kernel has a loop for each
@@ -298,8 +298,8 @@ def _linear(body: Body, step: Linear, place: int, rows: Integers) -> None:
 
 
 def _newton(body: Body, step: Newton, memory: int) -> None:
-    """Newton's iteration. ``memory`` keeps the logarithm of the first determinant: where it has fallen to a ten-thousandth, the
-    unknowns are hardly determined by the states any more and another branch is near, so the evaluation is refused.
+    """Newton's iteration. ``memory`` keeps the logarithm of the first determinant: where it has fallen to a fifth, the states
+    may soon not determine the unknowns any more, so the evaluation is refused, and `gearlib.solve.charts` looks for others.
     """
     n = len(step.unknowns)
     unknowns = body.array(step.unknowns)
@@ -321,12 +321,12 @@ def _newton(body: Body, step: Newton, memory: int) -> None:
         "    for k in range(q):",
         "        data[v + index[z + k]] -= data[w + k]",
         "        e, f = max(e, abs(data[w + k])), max(f, abs(data[v + index[z + k]]))",
-        "    if e <= 1e-14 * f + 1e-300:",
+        f"    if e <= 1e-14 * f + 1e-300 or (iteration > 7 and e <= {ROUNDING}):",
         "        break",
     ]
     if not step.linear:
         body.lines += [
-            "if not e <= 1e-10 * f + 1e-300:",
+            f"if not e <= 1e-10 * f + {ROUNDING}:",
             "    return 1",
             "h, s = index[h + 2], data[w + q + q * q + q]",
             "if data[h] == 0.0:",

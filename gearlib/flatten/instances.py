@@ -1,6 +1,7 @@
 """Walk a tree of components: dotted names, numbers of variables and parameters, equations by template, connections.
 
-All instances of a class with the same structural choices share one analysis (`ClassRecord`); an instance only adds numbers.
+All instances of a class with the same structural choices share one analysis (`gearlib.flatten.records`); an instance only adds
+numbers.
 """
 
 from __future__ import annotations
@@ -8,29 +9,15 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
-from weakref import WeakKeyDictionary
 
-from gearlib.errors import BindingError, ConnectionError, DeclarationError, ModelError, nearest
+from gearlib.errors import BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.bindings import BoundInput, bind_input, canonical, is_expression, number
-from gearlib.flatten.discrete import Update, split_equations
 from gearlib.flatten.model import Instance
-from gearlib.flatten.templates import Template, template_of
-from gearlib.language.component import Component, Declared, _inside, declared_by, equations_of
-from gearlib.language.declarations import NO_VALUE, Discrete, Input
-
-
-@dataclass(frozen=True)
-class ClassRecord:
-    """What one class with one set of structural choices declares and states."""
-
-    declared: Declared
-    variable_index: dict[str, int]
-    parameter_index: dict[str, int]
-    templates: tuple[Template, ...]
-    local: bool  # the equations hold the component's own variables and parameters only
-    updates: tuple[Update, ...]
-    discretes: dict[str, Discrete]
+from gearlib.flatten.records import ClassRecord, class_record, descend
+from gearlib.flatten.templates import Template
+from gearlib.language.component import Component, _inside
+from gearlib.language.declarations import NO_VALUE, Input
 
 
 @dataclass
@@ -63,78 +50,6 @@ class Tree:
 
 
 DEEPEST = 40  # levels of components within components
-
-_records: WeakKeyDictionary[type[Component], dict[Any, ClassRecord]] = WeakKeyDictionary()
-
-
-def class_record(component: Component) -> ClassRecord:
-    """The analysis of a component's class, from the cache where the class was met before."""
-    key = tuple(component._structural.items())
-    known = _records.setdefault(type(component), {})
-    try:
-        if key in known:
-            return known[key]
-    except TypeError:
-        raise DeclarationError(
-            f"{type(component).__name__}: values of structural choices must be hashable, got {key}"
-        ) from None
-    declared = declared_by(component)
-    name = type(component).__name__
-    lookup = _Lookup(component, declared)
-    split = split_equations(name, equations_of(component), declared.discretes, lookup.is_parameter, declared.variables)
-
-    def is_held(symbol: str) -> bool:
-        return symbol == "initial()" or symbol.removeprefix("pre(").removesuffix(")") in split.discretes
-
-    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", lookup.is_parameter, is_held) for e in split.continuous)
-    everything = (*templates, *(u.template for u in split.updates))
-    for t in everything:
-        for local in t.locals:
-            if lookup.find(local) is None:
-                raise DeclarationError(f"{t.label}: '{local}' is not declared; {nearest(local, declared.variables)}")
-    own = all(local in declared.variables for t in everything for local in t.locals)
-    own = own and all(p in declared.parameters for t in everything for p in t.parameters)
-    record = ClassRecord(
-        declared,
-        {n: i for i, n in enumerate(declared.variables)},
-        {n: i for i, n in enumerate(declared.parameters)},
-        templates,
-        own and not split.updates and not any(t.held for t in templates),
-        split.updates,
-        split.discretes,
-    )
-    known[key] = record
-    return record
-
-
-@dataclass(frozen=True)
-class _Lookup:
-    """Resolves names as seen from a component: its own, or those of its parts."""
-
-    component: Component
-    declared: Declared
-
-    def find(self, name: str) -> str | None:
-        """What the name is: "variable", "parameter" or None."""
-        if name in self.declared.variables:
-            return "variable"
-        if name in self.declared.parameters:
-            return "parameter"
-        part, local = _descend(self.component, name)
-        if part is None or part is self.component:
-            return None
-        return _Lookup(part, declared_by(part)).find(local)
-
-    def is_parameter(self, name: str) -> bool:
-        return self.find(name) == "parameter"
-
-
-def _descend(component: Component, name: str) -> tuple[Component | None, str]:
-    node = component
-    while "." in name and name.split(".", 1)[0] in node._parts:
-        head, name = name.split(".", 1)
-        node = node._parts[head]
-    return node, name
 
 
 def walk(root: Component) -> Tree:
@@ -264,6 +179,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
             _set_start(tree, prefix, name, own_variable(instance, record, name), variable.guess, None, False, variable.unit)
     for given, fixed in ((component._guess, False), (component._start, True)):
         for name, value in given.items():
+            name = name if isinstance(name, str) else repr(name)
             local = name.removesuffix(")").removeprefix("der(") if name.startswith("der(") else name
             if name in record.discretes:
                 continue
@@ -363,7 +279,7 @@ def value_is_number(value: Any) -> bool:
 
 def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
     """Number and kind of what ``name`` stands for, as seen from ``scope``."""
-    part, local = _descend(scope, name)
+    part, local = descend(scope, name)
     if part is not None and id(part) in tree.numbers:
         number_ = tree.numbers[id(part)]
         record, instance = tree.records[number_], tree.instances[number_]

@@ -250,6 +250,12 @@ def checked(expression: Any, label: str) -> Any:
             raise DeclarationError(
                 f"{label} holds {node}, which has no value where no condition is true; end it with (value, True)"
             )
+        for _, condition in node.args:
+            if isinstance(condition, sympy.Symbol):
+                raise DeclarationError(
+                    f"{label} holds {node}, where {condition} is no condition; compare it, as in {condition} > 0 "
+                    "(a discrete variable: gl.holds(...))"
+                )
     foreign = {s: sympy.Symbol(s.name, real=True) for s in expression.free_symbols if not s.is_real}
     return expression.xreplace(foreign) if foreign else expression
 

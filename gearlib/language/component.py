@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import sympy
 
-from gearlib.errors import BindingError, ConnectionError, DeclarationError, ModelError, nearest
+from gearlib.errors import AttributeNameError, BindingError, ConnectionError, DeclarationError, ModelError, nearest
 from gearlib.language.declarations import (
     NO_VALUE,
     Connector,
@@ -170,7 +170,9 @@ class Component:
             ("nominal", nominal, "typical sizes", "0.01"), ("state", state, "preferences", "'prefer'"),
         ):  # fmt: skip
             if given is not None and not isinstance(given, Mapping):
-                raise BindingError(f"{kind}: {what} is {given!r}; expected {kind_of} by name, such as {what}={{'w': {example}}}")
+                raise BindingError(
+                    f"{kind}: {what} is {given!r}; expected {kind_of} by name, such as {what}={{'w': {example}}}"
+                )
         put = object.__setattr__
         put(self, "_parent", None)
         put(self, "_name", "")
@@ -209,7 +211,7 @@ class Component:
                 raise BindingError(f"{where} is {value!r}; valid choices: {', '.join(map(repr, declared.choices))}")
             return value
         expected = type(declared.default)
-        if expected is int and isinstance(value, sympy.Integer):
+        if expected is int and isinstance(value, (sympy.Integer, np.integer)):
             value = int(value)
         if expected is tuple and isinstance(value, (list, np.ndarray)):  # a table, kept as what can be a key
             value = _as_tuple(value)
@@ -234,6 +236,8 @@ class Component:
                 if not isinstance(part, Component):
                     raise ModelError(f"{type(self).__name__}.{name}[{i}] is {part!r}; a family of parts holds components only")
                 self._adopt(f"{name}[{i}]", part)
+        elif isinstance(value, dict) and any(isinstance(v, Component) for v in value.values()):
+            raise ModelError(f"{type(self).__name__}.{name} is a dict of components; a family of parts is a list of them")
         object.__setattr__(self, name, value)
 
     def _adopt(self, name: str, part: Component) -> None:
@@ -261,7 +265,8 @@ class Component:
                 if name in self.__dict__:
                     return self.__dict__[name]
             valid = [*self._declarations, *self._parts]
-            raise AttributeError(f"{type(self).__name__} has no '{name}'; {nearest(name, valid)}")
+            where = f"{self._path()}: {type(self).__name__}" if self._path() else type(self).__name__
+            raise AttributeNameError(f"{where} has no '{name}'; {nearest(name, valid)}")
         if name in PRIVATE:
             raise ModelError(f"{type(self).__name__}.__init__() must call super().__init__() before anything else")
         raise AttributeError(name)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, overload
 
-from gearlib.errors import DeclarationError
+from gearlib.errors import AttributeNameError, DeclarationError
 from gearlib.language.expressions import der
 
 if TYPE_CHECKING:
@@ -34,6 +34,14 @@ class Declaration:
         return self if instance is None else instance._symbol(self.name)
 
 
+def _check_text(declared: Parameter | Variable) -> None:
+    for what, value, example in (("unit", declared.unit, "'kg.m2'"), ("description", declared.description, "'load inertia'")):
+        if not isinstance(value, str):
+            raise DeclarationError(
+                f"{type(declared).__name__}: {what} is {value!r}; expected text, such as {example} (a value is given by name: default=...)"
+            )
+
+
 @dataclass(frozen=True, eq=False)
 class Parameter(Declaration):
     """A number that is constant during a run and may change between runs without any new translation.
@@ -55,6 +63,9 @@ class Parameter(Declaration):
     default: Any = NO_VALUE
     min: float = -float("inf")
     max: float = float("inf")
+
+    def __post_init__(self) -> None:
+        _check_text(self)
 
     def __get__(self, instance: Any, owner: type) -> Any:
         return self if instance is None else instance._parameter(self.name)
@@ -86,6 +97,7 @@ class Variable(Declaration):
     start: float | None = None
 
     def __post_init__(self) -> None:
+        _check_text(self)
         if self.state not in get_args(StatePreference):
             raise DeclarationError(
                 f"Variable(state={self.state!r}): valid choices: {', '.join(map(repr, get_args(StatePreference)))}"
@@ -171,7 +183,7 @@ class Port:
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in self.connector.variables:
-            raise AttributeError(
+            raise AttributeNameError(
                 f"{type(self.connector).__name__} '{self.connector.name}' has no variable '{name}'; "
                 f"it has {', '.join(self.connector.variables)}"
             )

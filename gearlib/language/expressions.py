@@ -104,6 +104,8 @@ def value_of(expression: Any) -> Any:
 
 def pre(variable: Any) -> Any:
     """The value of a discrete variable before the event that is being handled."""
+    if not isinstance(variable, sympy.Symbol):
+        raise DeclarationError(f"pre({variable!r}): expected a discrete variable, such as self.mode")
     return sympy.Symbol(f"pre({variable.name})", real=True)
 
 

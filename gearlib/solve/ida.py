@@ -17,10 +17,15 @@ A. C. Hindmarsh et al., SUNDIALS: Suite of nonlinear and differential/algebraic 
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
 from numpy.typing import ArrayLike
 
-from gearlib.solve.ida_request import Outcome, Request, failure, request
+from gearlib.solve.ida_request import Outcome, Request, failure, refused, request
 from gearlib.solve.problem import Problem, Solution
+from gearlib.solve.rungekutta import PATIENCE
 from gearlib.solve.sundials import UnavailableError, load
 
 __all__ = ["integrate"]
@@ -35,6 +40,7 @@ def integrate(
     native: bool = True,
     max_steps: int = 100_000_000,
     linear_solver: str | None = None,
+    may_leave: bool = False,
 ) -> Solution:
     """Integrate a problem from ``times[0]`` and sample it at ``times``.
 
@@ -56,6 +62,9 @@ def integrate(
         Steps after which to give up.
     linear_solver
         ``"dense"``, ``"band"`` or ``"sparse"``; the cheapest for the pattern of df/dx unless given.
+    may_leave
+        Stop with the status ``"left"`` where the right-hand side cannot be evaluated further on (native road only). The solution
+        then holds the samples up to ``t_last``, and ``stats["data"]`` the model's data there.
 
     Returns
     -------
@@ -91,12 +100,14 @@ def integrate(
     True
     """
     asked = request(problem, times, rtol, atol, max_steps, linear_solver)
+    if may_leave:
+        asked = replace(asked, patience=PATIENCE)
     road, outcome = _native(asked) if native else ("scikit-sundae: asked for", None)
     if outcome is None:
         from gearlib.solve import ida_fallback
 
         outcome = ida_fallback.run(asked)
-    if outcome.status < 0:
+    if outcome.status < 0 and not (may_leave and outcome.x_failed is not None and refused(asked, outcome)):
         raise failure(asked, outcome)
     return _solution(asked, outcome, road)
 
@@ -115,7 +126,7 @@ def _native(asked: Request) -> tuple[str, Outcome | None]:
 
 
 def _solution(asked: Request, outcome: Outcome, road: str) -> Solution:
-    stats = {
+    stats: dict[str, Any] = {
         "steps": outcome.steps,
         "attempts": outcome.attempts,
         "rejected": None if outcome.steps is None else outcome.attempts - outcome.steps,
@@ -127,13 +138,17 @@ def _solution(asked: Request, outcome: Outcome, road: str) -> Solution:
         "linear_solver": asked.matrix.describe(),
         "road": road,
     }
+    left = outcome.status < 0
+    samples = int(np.searchsorted(asked.times, outcome.t, side="right")) if left else len(asked.times)
+    if left:
+        stats["data"] = asked.data
     return Solution(
-        t=asked.times,
-        x=outcome.x,
-        modes=outcome.modes,
-        status="done",
-        t_last=float(asked.times[-1]),
-        x_last=outcome.x[-1].copy(),
+        t=asked.times[:samples],
+        x=outcome.x[:samples],
+        modes=outcome.modes[:samples],
+        status="left" if left else "done",
+        t_last=outcome.t if left else float(asked.times[-1]),
+        x_last=outcome.x[-1].copy() if outcome.x_failed is None else outcome.x_failed,
         event_times=outcome.event_times,
         event_roots=outcome.event_roots,
         stats=stats,

@@ -49,7 +49,7 @@ _addresses = [
 _integers = [
     "n", "nnz", "n_diagonal", "n_pattern", "n_roots", "n_algebraic", "n_times", "n_time_events", "n_modes", "first_mode",
     "event_capacity", "started", "sample", "next_event", "events", "burst", "burst_limit", "max_steps", "flag",
-    "n_rhs", "n_jac", "steps", "attempts", "restarts", "refused", "bad_state",
+    "n_rhs", "n_jac", "steps", "attempts", "restarts", "refused", "patience", "bad_state",
 ]  # fmt: skip
 _reals = ["t", "t_end", "window", "burst_start", "ic_span", "attempt_time", "bad_time", "rtol", "first_reach"]
 
@@ -95,7 +95,7 @@ def refuse(s: Any, t: float, values: Any, n: int) -> Any:
         if not np.isfinite(values[i]):
             s.bad_state = i
             break
-    return 1
+    return -1 if s.refused == s.patience else 1
 
 
 @_inner

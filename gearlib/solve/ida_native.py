@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.solve import ida_compiled
-from gearlib.solve.ida_request import BURST, START_FAILED, Outcome, Request
+from gearlib.solve.ida_request import BURST, Outcome, Request
 from gearlib.solve.problem import Floats
 from gearlib.solve.sundials import Solver, Sundials
 
@@ -104,7 +104,7 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         "n": n, "nnz": len(matrix.position), "n_diagonal": len(matrix.diagonal), "n_roots": n_roots,
         "n_algebraic": n - int(np.count_nonzero(differential)), "n_times": samples,
         "n_time_events": len(asked.time_events), "n_modes": n_modes, "first_mode": asked.modes.start,
-        "max_steps": asked.max_steps, "burst_limit": BURST, "t": asked.times[0], "t_end": asked.times[-1],
+        "max_steps": asked.max_steps, "patience": asked.patience, "burst_limit": BURST, "t": asked.times[0], "t_end": asked.times[-1],
         "window": asked.window, "burst_start": asked.times[0], "ic_span": asked.start_span, "rtol": asked.rtol,
     }  # fmt: skip
     for name, number in numbers.items():
@@ -156,5 +156,5 @@ def _outcome(solver: Solver, state: _Run, asked: Request, status: int) -> Outcom
         worst_state=int(order[worst]) if order is not None and worst >= 0 else worst,
         bad_time=float(s["bad_time"]) if s["refused"] > 0 else None,
         bad_state=int(s["bad_state"]),
-        x_failed=(y if order is None else y[np.argsort(order)]) if status == START_FAILED else None,
+        x_failed=None if status >= 0 else (y.copy() if order is None else y[np.argsort(order)]),
     )

@@ -46,6 +46,7 @@ class Request:
     time_events: Floats  # those after the start
     data: Floats  # a copy: events change it
     modes: slice
+    patience: int = -1  # refused evaluations after which to give up; negative: never
 
     def rhs_at(self, t: float, x: Floats) -> Floats:
         """f(t, x), for messages."""
@@ -91,7 +92,7 @@ class Outcome:
     worst_state: int = -1  # with the largest error estimate
     bad_time: float | None = None  # where the right-hand side was last refused or not finite
     bad_state: int = -1
-    x_failed: Floats | None = None  # the start that could not be made consistent
+    x_failed: Floats | None = None  # where it ended (the start that could not be made consistent), if it failed
 
 
 def request(
@@ -128,15 +129,19 @@ def request(
     )
 
 
+def refused(asked: Request, outcome: Outcome) -> bool:
+    """Whether a run ended where the right-hand side does not exist just ahead, whatever IDA gave up over."""
+    near = outcome.bad_time is not None and outcome.bad_time >= outcome.t - 1e-6 * float(asked.times[-1] - asked.times[0])
+    return outcome.status in (RHS_FAILED, -8, -9, -12) or (outcome.status in (-3, -4, STALLED) and near)
+
+
 def failure(asked: Request, outcome: Outcome) -> GearlibError:
     """The exception that tells why a run ended with a negative status."""
     when = f"at t={outcome.t:.9g}"
     status = outcome.status
     if status in (START_FAILED, -13, -14):
         return _no_start(asked, outcome, when)
-    # What stops a run is often a right-hand side that does not exist just ahead, whatever IDA gave up over.
-    near = outcome.bad_time is not None and outcome.bad_time >= outcome.t - 1e-6 * float(asked.times[-1] - asked.times[0])
-    if status in (RHS_FAILED, -8, -9, -12) or (status in (-3, -4, STALLED) and near):
+    if refused(asked, outcome):
         return SolverError(_not_evaluated(outcome))
     if status == CHATTER:
         involved = np.unique(outcome.event_roots[outcome.event_times >= outcome.t - asked.window])

@@ -47,13 +47,25 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Left:
+    """Where a run ended because its states do not determine the motion further on."""
+
+    t: float
+    x: Floats
+    slots: Floats  # of the scene's program, there
+    modes: Floats
+    failure: SolverError  # to be raised where no other states do
+
+
+@dataclass(frozen=True)
 class Outcome:
-    """States and relation values at the times, events and statistics."""
+    """States and relation values at the times (up to where the run ended), events and statistics."""
 
     states: Floats
     relations: Floats
     events: list[Any]
     stats: dict[str, Any]
+    left: Left | None = None
 
 
 def integrate(run: Run, method: str) -> Outcome:
@@ -151,14 +163,15 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
         if method == "ida":
             from gearlib.solve import ida
 
-            solution = ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol, max_steps=most)
+            solution = ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol, max_steps=most, may_leave=constrained)
         else:
             from gearlib.solve import rungekutta
 
             order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
             solution = rungekutta.integrate(
-                problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over, max_steps=most
-            )
+                problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over, max_steps=most,
+                may_leave=constrained,
+            )  # fmt: skip
     except SolverError as problem_:
         raise keep.failure() or _explained(problem_, scene) from None
     failure = keep.failure()
@@ -200,7 +213,7 @@ def _continue(run: Run, first: Solution, why: str) -> Outcome:
     stats["why"] = f"{why}; explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s and handed over to IDA"
     stats["steps"] = int(first.stats.get("steps", 0)) + int(rest.stats.get("steps", 0))
     stats["rhs"] = int(first.stats.get("rhs", 0)) + int(rest.stats.get("rhs", 0))
-    return Outcome(states, modes, [*_events(run, first), *rest.events], stats)
+    return Outcome(states, modes, [*_events(run, first), *rest.events], stats, rest.left)
 
 
 def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
@@ -214,7 +227,14 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
         **{k: v for k, v in solution.stats.items() if k != "data"},
     }
     stats["method"] = method if method == "ida" else f"rk{solution.stats.get('order', '')}"
-    return Outcome(solution.x, solution.modes, _events(run, solution), stats)
+    left = None
+    if solution.status == "left":
+        data, native = solution.stats["data"], run.scene.native_with_jacobian if method == "ida" else run.scene.native
+        slots = data[native.rhs.layout.slots :][: run.scene.program.n_slots]
+        modes = data[native.shared.relations :][: native.shared.n_relations]
+        failure = SolverError(f"the right-hand side cannot be evaluated beyond t = {solution.t_last:.9g} s")
+        left = Left(solution.t_last, solution.x_last, slots.copy(), modes.copy(), _explained(failure, run.scene))
+    return Outcome(solution.x, solution.modes, _events(run, solution), stats, left)
 
 
 def _events(run: Run, solution: Solution) -> list[Any]:

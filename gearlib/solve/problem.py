@@ -71,7 +71,7 @@ class Solution:
     t: Floats  # (samples,)
     x: Floats  # (samples, states)
     modes: Floats  # (samples, modes)
-    status: str  # "done" | "stiff" (explicit run that met stiffness and stopped at t_last)
+    status: str  # "done" | "stiff" (explicit run that met stiffness) | "left" (refused further on): stopped at t_last
     t_last: float
     x_last: Floats
     event_times: Floats  # (events,)

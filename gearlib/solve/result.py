@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.evaluate import evaluate, prepare
-from gearlib.codegen.modes import relations_of
-from gearlib.codegen.program import Program
 from gearlib.errors import ArgumentError, NameLookupError
-from gearlib.solve.scene import Scene, settle_once
-from gearlib.solve.table import values
+from gearlib.solve.part import Part
 from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
     import pandas
 
 Floats = NDArray[np.float64]
+ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "seconds")  # over the parts of a run
 
 
 class Result:
@@ -31,22 +28,26 @@ class Result:
     """
 
     def __init__(
-        self, scene: Scene, time: Floats, states: Floats, relations: Floats, parameters: Floats, signals: Sequence[Any],
-        guess: Floats, stats: Mapping[str, Any], events: Sequence[Any], outputs: Sequence[str],
+        self, parts: Sequence[tuple[Part, Mapping[str, Any], Sequence[Any]]], outputs: Sequence[str],
         again: Callable[[tuple[Node, ...]], Result],
     ) -> None:  # fmt: skip
-        self.time = time
+        (first, stats, _), *later = parts
+        self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
         self.stats = dict(stats)
-        self.events = list(events)
-        self._scene, self._states, self._relations = scene, states, relations
-        self._parameters, self._signals, self._guess = parameters, signals, guess
+        for _, more, _ in later:
+            self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
+        if later:
+            self.stats["charts"] = len(parts)
+        self.events = [event for *_, events in parts for event in events]
+        self._parts = [part for part, *_ in parts]
+        self._scene, self._parameters, self._signals = first.scene, first.parameters, first.signals
         self._outputs, self._again = tuple(outputs), again
         self._known: dict[Node, Floats] = {}
         self._extended: Result | None = None
 
     def __getitem__(self, name: str) -> Floats:
         if name in self._scene.model.discretes.names:
-            return self._discrete(name)
+            return self._joined(part.discrete(name) for part in self._parts)
         node, sign = self._node(name)
         if sign == 0:
             return np.zeros_like(self.time)
@@ -64,16 +65,17 @@ class Result:
     @property
     def states(self) -> Floats:
         """Histories of the integrated states, shape (samples, states)."""
-        return self._states
+        if len(self._parts) == 1:
+            return self._parts[0].states
+        return np.column_stack([self._history(node) for node in self._scene.states])
 
-    def _discrete(self, name: str) -> Floats:
-        scene, model = self._scene, self._scene.model
-        number = model.discretes.names.index(name)
-        used = scene.relations
-        place = model.n_relations + number
-        if used is None or not any(place in b.targets for b in used.discretes):
-            raise NameLookupError(f"the discrete variable {name} was not needed in this run; name it in outputs=[...]")
-        return self._relations[:, place].copy()
+    def _part_at(self, t: float) -> Part:
+        return next(part for part in reversed(self._parts) if part.time[0] <= t)
+
+    def _joined(self, histories: Iterable[Floats]) -> Floats:
+        """One history of the parts'; each later part begins at the end of the one before."""
+        first, *later = histories
+        return np.concatenate([first, *(history[1:] for history in later)]) if later else first
 
     def _node(self, name: str) -> tuple[Node, int]:
         model = self._scene.model
@@ -88,59 +90,16 @@ class Result:
         return node, int(model.sign[variable])
 
     def _history(self, node: Node) -> Floats:
-        scene = self._scene
-        if node in self._known:
-            return self._known[node]
-        if node in scene.place_of:
-            found = self._states[:, scene.place_of[node]].copy()
-        else:
-            missing = scene.missing(node)
-            if missing:
+        if node not in self._known:
+            missing = self._scene.missing(node)
+            if not missing:
+                self._known[node] = self._joined(part.history(node) for part in self._parts)
+            else:
                 if self._extended is None or any(s not in self._extended._scene.place_of for s in missing):
                     more = () if self._extended is None else self._extended._scene.states
-                    self._extended = self._again(tuple(sorted({*scene.states, *more, *missing})))
-                found = self._extended._history(node)
-            else:
-                found = self._compute(node)
-        self._known[node] = found
-        return found
-
-    def _compute(self, node: Node) -> Floats:
-        scene = self._scene
-        program = scene.computing(node)
-        prepared = prepare(program, scene.structure, self._parameters)
-        inputs = values(self._signals, self.time)
-        inputs = np.vstack([inputs, np.zeros((len(program.inputs) - len(inputs), len(self.time)))])
-        modes = self._modes_for(program, inputs)
-        slots = evaluate(prepared, self.time, self._states.T, inputs, modes, scene.guess(program, self._guess))
-        for other, slot in program.slots.items():
-            self._known.setdefault(other, slots[slot])
+                    self._extended = self._again(tuple(sorted({*self._scene.states, *more, *missing})))
+                self._known[node] = self._extended._history(node)
         return self._known[node]
-
-    def _modes_for(self, program: Program, inputs: Floats) -> Floats:
-        """The modes at all samples; relations that the run had no need of are evaluated here."""
-        scene, model = self._scene, self._scene.model
-        modes = self._relations.T
-        if not scene.n_modes:
-            return modes
-        found = relations_of(scene.structure, program)
-        tracked = np.empty(0, np.int64) if scene.relations is None else scene.relations.used
-        held = {int(m) for b in found.discretes for m in b.targets}
-        known = set() if scene.relations is None else {int(m) for b in scene.relations.discretes for m in b.targets}
-        if held - known:
-            names = ", ".join(model.discretes.names[m - model.n_relations] for m in sorted(held - known))
-            raise NameLookupError(f"the discrete variables {names} were not needed in this run; name them in outputs=[...]")
-        new = np.setdiff1d(found.used, tracked)
-        if not len(new):
-            return modes
-        prepared = prepare(found.program, scene.structure, self._parameters)
-        for _ in range(100):
-            passed = settle_once(found, prepared, self.time, self._states.T, inputs, modes)
-            if (passed[new] == modes[new]).all():
-                break
-            modes = modes.copy()
-            modes[new] = passed[new]
-        return modes
 
     def to_dataframe(self, names: Sequence[str] | None = None) -> pandas.DataFrame:
         """The outputs (or the variables named) as a pandas DataFrame over time."""
@@ -180,4 +139,4 @@ class Result:
 
     def __repr__(self) -> str:
         method = self.stats.get("method", "?")
-        return f"<Result: {len(self.time)} samples, {self.time[0]:g} .. {self.time[-1]:g} s, {self._states.shape[1]} states, {method}>"
+        return f"<Result: {len(self.time)} samples, {self.time[0]:g} .. {self.time[-1]:g} s, {len(self._scene.states)} states, {method}>"

@@ -17,19 +17,22 @@ from numba import types
 from gearlib.solve.native_call import call_native, inner
 from gearlib.solve.rk_events import crossing, slopes
 from gearlib.solve.rk_stages import error5, error8, interpolate, interpolation_weights
-from gearlib.solve.rk_steps import dense_stages, first_step, stiffness, take_step
+from gearlib.solve.rk_steps import caution, dense_stages, first_step, is_damped, is_stiff, note, take_step
 
 __all__ = ["advance"]
 
 # what ``advance`` returns
 DONE, MORE, STIFF, RHS_FAILED, UNDERFLOW, CHATTERING, UPDATE_FAILED = 0, 1, 2, -1, -2, -3, -4
 # elements of clock and of count
-T, H, LOG_ERROR, H_HELD, SPAN, H_MAX = range(6)
-SAMPLE, STOP, STEPS, REJECTED, RHS, EVENTS, STIFF_STEPS, CALM_STEPS, STARTED, RETRY = range(10)
+T, H, LOG_ERROR, H_HELD, SPAN, H_MAX, LAST, MEAN = *range(7), 9
+CLOCK_SIZE = 12  # LAST and MEAN are of three elements: see ``note``
+SAMPLE, STOP, STEPS, REJECTED, RHS, EVENTS, STIFF_STEPS, CALM_STEPS, STARTED, RETRY, PATIENCE = range(11)
 
 CHATTER_EVENTS = 1000  # that many events within CHATTER_SPAN of the time span are a chattering model, not a rattling gear
 CHATTER_SPAN = 1e-10
-STIFF_LEFT = 500  # a stiff run that needs fewer steps than this to its end is finished all the same
+# A stiff run that needs fewer steps than this to its end is finished all the same. Fast vibrations, though they have died away,
+# keep an implicit method at low orders, so that it pays later than where fast motions are decays.
+STIFF_LEFT, VIBRATING_LEFT = 500, 20_000
 ROUNDING = 8.9e-16
 TINY = 1e-250
 
@@ -40,6 +43,7 @@ def _restart(order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y:
     code: int = call_native(native[0], clock[T], x.ctypes.data, k.ctypes.data, native[3], native[4])
     count[RHS] += 1
     clock[LOG_ERROR] = math.log(1e-4)
+    clock[MEAN:] = 0.0
     if side.size > 0 and code == 0:
         call_native(native[1], clock[T], x.ctypes.data, g.ctypes.data, native[3], native[4])
         slopes(native, clock[T], max(clock[H], 1e-6 * clock[H_MAX]), x, k[0], g[0], y, g[2])
@@ -140,12 +144,12 @@ def _handle(
 
 
 @inner()
-def _is_stiff(looks_stiff: bool, far_from_end: bool, count: Any) -> bool:
-    """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row."""
+def _is_stiff(looks_stiff: bool, left: float, clock: Any, count: Any) -> bool:
+    """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row, and with many still ``left``."""
     if looks_stiff:
         count[STIFF_STEPS] += 1
         count[CALM_STEPS] = 0
-        return far_from_end and count[STIFF_STEPS] >= 15
+        return bool(count[STIFF_STEPS] >= 15 and left > (STIFF_LEFT if is_damped(clock[MEAN:]) else VIBRATING_LEFT))
     count[CALM_STEPS] += 1
     if count[CALM_STEPS] >= 6:
         count[STIFF_STEPS] = 0
@@ -154,22 +158,25 @@ def _is_stiff(looks_stiff: bool, far_from_end: bool, count: Any) -> bool:
 
 @inner()
 def _attempt(
-    order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, y: Any, atol: Any, rtol: float, count: Any
-) -> tuple[float, float]:
-    """Try a step; its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops; and caution."""
+    order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, y: Any, atol: Any, rtol: float, clock: Any,
+    count: Any,
+) -> float:  # fmt: skip
+    """Try a step; its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops the run."""
     count[STEPS] += 1
     count[RHS] += 6 if order == 5 else 12
     code = take_step(order, native, t, h, x, x_new, k, y)
     if code < 0:
-        return -1.0, 1.0
-    error, caution = math.inf, 1.0
+        return -1.0
+    if code > 0:
+        count[PATIENCE] -= 1
+    error, last = math.inf, clock[LAST:MEAN]
     if code == 0:
-        error, caution = error5(x, x_new, h, k, y, atol, rtol) if order == 5 else error8(x, x_new, h, k, y, atol, rtol)
-    return error if error < math.inf else math.inf, caution
+        error = error5(x, x_new, h, k, y, atol, rtol, last) if order == 5 else error8(x, x_new, h, k, y, atol, rtol, last)
+    return error if error < math.inf else math.inf
 
 
 @inner()
-def _adapt(order: int, h: float, error: float, caution: float, clock: Any, count: Any) -> bool:
+def _adapt(order: int, h: float, error: float, clock: Any, count: Any) -> bool:
     """Choose the next step size; whether the step is accepted.
 
     PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before. These constants leave hardly a
@@ -181,7 +188,8 @@ def _adapt(order: int, h: float, error: float, caution: float, clock: Any, count
         clock[H] = h * (max(0.2, 0.9 * error ** (-1.0 / order)) if error < math.inf else 0.25)
         return False
     alpha, beta = (0.14, 0.08) if order == 5 else (0.0875, 0.05)
-    log_error = math.log(max(error * caution, 1e-10))
+    note(clock[MEAN:], clock[LAST:MEAN])
+    log_error = math.log(max(error * caution(order, clock[LAST:MEAN]), 1e-10))
     growth = min(10.0, max(0.2, 0.9 * math.exp(beta * clock[LOG_ERROR] - alpha * log_error)))
     if count[RETRY] == 1:
         growth = min(growth, 1.0)
@@ -226,13 +234,14 @@ def _advance(
         last_of_span = t + 1.0001 * h >= stop
         if last_of_span:
             h = stop - t
-        error, caution = _attempt(order, native, t, h, x, x_new, k, y, atol, rtol, count)
+        error = _attempt(order, native, t, h, x, x_new, k, y, atol, rtol, clock, count)
         if error < 0.0:
             return RHS_FAILED
-        if not _adapt(order, h, error, caution, clock, count):
+        if count[PATIENCE] == 0:
+            return UNDERFLOW
+        if not _adapt(order, h, error, clock, count):
             continue
-        far_from_end = stops[stops.size - 1] - t > STIFF_LEFT * h
-        if detect and _is_stiff(stiffness(order, h, x_new, k, y, atol, rtol), far_from_end, count):
+        if detect and _is_stiff(is_stiff(order, clock[MEAN:]), (stops[stops.size - 1] - t) / h, clock, count):
             return STIFF
         found, taken, theta, extra = 0, h, 1.0, 0
         if side.size > 0:

@@ -134,25 +134,13 @@ def stage8(s: int, x: Any, h: float, k: Any, y: Any) -> None:
             y[i] = x[i] + h * _sum(A8, 15, k, i)
 
 
-@inner()
-def _caution(h: float, slopes: float, moves: float, product: float, limit: float) -> float:
-    """What the next step size takes the error estimate times where a vibration comes near the limit of stability; 1 to 12.
-
-    A fast vibration that the solution hardly contains grows there until the estimate sees it: with Tsitouras' method to some
-    400 times the tolerance. A sharper estimate costs no steps, since stability limits them all the same, and keeps it smaller.
-
-    ``slopes`` and ``moves`` are the squares of the difference of the last two stages, which belong to the same time, in
-    right-hand side and argument, ``product`` is their scalar product: the quotient is h |lambda|, as in `rk_steps.stiffness`.
-    """
-    share = h * h * slopes / moves / (limit * limit) if moves > 0.0 else 0.0
-    if not share > 1.0 or (product < 0.0 and product * product > 0.5 * slopes * moves):  # damped: no vibration
-        return 1.0
-    return min(12.0, share * share)
-
-
 @inner(fastmath=_FAST)
-def error5(x: Any, x_new: Any, h: float, k: Any, y: Any, atol: Any, rtol: float) -> tuple[float, float]:
-    """Root mean square of the error estimate over its tolerance, and caution; ``y`` is the argument of the last stage but one."""
+def error5(x: Any, x_new: Any, h: float, k: Any, y: Any, atol: Any, rtol: float, last: Any) -> float:
+    """Root mean square of the error estimate over its tolerance.
+
+    ``y`` is the argument of the last stage but one, which belongs to the same time as the last one. ``last`` gets how these two
+    differ, over the tolerance: the squares of h times the right-hand side and of the argument, and their scalar product.
+    """
     total = slopes = moves = product = 0.0
     for i in range(x.size):
         weight = 1.0 / (atol[i] + rtol * _larger(x[i], x_new[i]))
@@ -161,12 +149,13 @@ def error5(x: Any, x_new: Any, h: float, k: Any, y: Any, atol: Any, rtol: float)
         slopes += slope * slope
         moves += move * move
         product += slope * move
-    return h * math.sqrt(total / x.size), _caution(h, slopes, moves, product, 0.45)
+    last[0], last[1], last[2] = h * h * slopes, moves, h * product
+    return h * math.sqrt(total / x.size)
 
 
 @inner(fastmath=_FAST)
-def error8(x: Any, x_new: Any, h: float, k: Any, y: Any, atol: Any, rtol: float) -> tuple[float, float]:
-    """Hairer's blend of the root mean squares of two estimates, of order 3 and 5, over their tolerance, and caution."""
+def error8(x: Any, x_new: Any, h: float, k: Any, y: Any, atol: Any, rtol: float, last: Any) -> float:
+    """Hairer's blend of the root mean squares of two estimates, of order 3 and 5, over their tolerance; ``last`` as above."""
     total3 = total5 = slopes = moves = product = 0.0
     for i in range(x.size):
         weight = 1.0 / (atol[i] + rtol * _larger(x[i], x_new[i]))
@@ -176,10 +165,10 @@ def error8(x: Any, x_new: Any, h: float, k: Any, y: Any, atol: Any, rtol: float)
         slopes += slope * slope
         moves += move * move
         product += slope * move
+    last[0], last[1], last[2] = h * h * slopes, moves, h * product
     if total5 == 0.0:
-        return 0.0, 1.0
-    error = h * total5 / math.sqrt((total5 + 0.01 * total3) * x.size)
-    return error, _caution(h, slopes, moves, product, 3.0)
+        return 0.0
+    return h * total5 / math.sqrt((total5 + 0.01 * total3) * x.size)
 
 
 @inner()

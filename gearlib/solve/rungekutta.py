@@ -15,6 +15,7 @@ from gearlib.solve.problem import Floats, Problem, Solution
 
 __all__ = ["integrate"]
 
+PATIENCE = 12  # refused evaluations that are borne before a run is said to have left what its states describe
 _STEPS_PER_CALL = 20_000  # Python looks after interrupts in between
 _EVENTS_AT_FIRST = 256
 _ROWS = {5: 7, 8: 16}
@@ -31,6 +32,7 @@ def integrate(
     detect_stiffness: bool = False,
     max_steps: int = 10_000_000,
     first_step: float | None = None,
+    may_leave: bool = False,
 ) -> Solution:
     """Integrate an explicit problem from ``times[0]`` to ``times[-1]`` with a Runge-Kutta method.
 
@@ -54,11 +56,14 @@ def integrate(
         Accepted and rejected steps after which to give up.
     first_step
         First step to try (s); estimated if not given.
+    may_leave
+        Stop with the status ``"left"`` where the right-hand side cannot be evaluated further on.
 
     Returns
     -------
     Solution
-        With a status of ``"stiff"`` it holds the samples up to ``t_last``, and ``stats["data"]`` the model's data there.
+        With a status of ``"stiff"`` or ``"left"`` it holds the samples up to ``t_last``, and ``stats["data"]`` the model's data
+        there.
 
     Raises
     ------
@@ -100,8 +105,10 @@ def integrate(
     x = np.array(problem.x0, dtype=np.float64)
     out_x, out_modes = np.empty((times.size, n)), np.empty((times.size, max(last_mode - first_mode, 0)))
     span = float(times[-1] - times[0])
-    clock = np.array([times[0], first_step or 0.0, 0.0, 0.0, span, 0.1 * span])
-    count = np.zeros(10, dtype=np.int64)
+    clock = np.zeros(rk_loop.CLOCK_SIZE)
+    clock[: rk_loop.LAST] = times[0], first_step or 0.0, 0.0, 0.0, span, 0.1 * span
+    count = np.zeros(11, dtype=np.int64)
+    count[rk_loop.PATIENCE] = PATIENCE if may_leave else -1
     addresses = tuple(0 if f is None else f.address for f in (problem.rhs, problem.roots, problem.update))
     fixed = (
         (*addresses, data.ctypes.data, index.ctypes.data), clock, count, x, np.empty(n), np.empty(n),
@@ -119,17 +126,18 @@ def integrate(
         if log_t.size < count[rk_loop.EVENTS] + n_roots + 2:
             log_t, log_root = np.resize(log_t, 2 * log_t.size), np.resize(log_root, 2 * log_t.size)
     events = int(count[rk_loop.EVENTS])
-    if code < 0:
+    left = may_leave and code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED)
+    if code < 0 and not left:
         raise SolverError(_complaint(problem, code, _where(clock, count), log_root[max(0, events - 100) : events]))
-    samples, stiff = int(count[rk_loop.SAMPLE]), code == rk_loop.STIFF
+    samples, status = int(count[rk_loop.SAMPLE]), "left" if left else ("stiff" if code == rk_loop.STIFF else "done")
     stats: dict[str, Any] = {
         "method": _METHODS[order], "order": order, "steps": int(count[rk_loop.STEPS] - count[rk_loop.REJECTED]),
         "rejected": int(count[rk_loop.REJECTED]), "rhs": int(count[rk_loop.RHS]), "events": events,
     }  # fmt: skip
-    if stiff:
+    if status != "done":
         stats["data"] = data
     return Solution(
-        t=times[:samples], x=out_x[:samples], modes=out_modes[:samples], status="stiff" if stiff else "done",
+        t=times[:samples], x=out_x[:samples], modes=out_modes[:samples], status=status,
         t_last=float(clock[rk_loop.T]), x_last=x, event_times=log_t[:events].copy(), event_roots=log_root[:events].copy(),
         stats=stats,
     )  # fmt: skip

@@ -6,7 +6,7 @@ counted, and one torque that nothing determines any more is set to zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
     given = frozenset(model.inputs.tolist())
     result = pantelides(len(rows.place), lambda e, k: [n for n in rows.columns(e, k) if n[0] not in given])
     _refuse_differentiated_inputs(model, rows, result, given)
-    varying = frozenset(e for e, (g, _) in enumerate(rows.place) if result.counts[e] and not model.groups[g].template.linear)
+    varying = _varying(model, rows, result)
     choice = choose_states(result, _entries(model, rows, result, numbers), _badness(model, result), varying)
     if choice.singular:
         owners = sorted({model.owner(*rows.place[e]) for e in choice.singular})
@@ -70,6 +70,33 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
             f"the constraints of {', '.join(owners)} depend on each other at these values (a combination of ratios makes a pivot "
             "zero); change a ratio, or make one of the connections elastic"
         )
+    _refuse_reinits_of_no_state(model, choice)
+    dependence, angles = _dependence(model, rows, choice)
+    return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed, complete)
+
+
+def choose_again(structure: Structure, numbers: Numbers) -> Structure | None:
+    """The same equations with states that fit other values (numbers of ``structure.model``); None where no others do."""
+    model, result = structure.model, structure.differentiation
+    rows = Rows(model)
+    entries, varying = _entries(model, rows, result, numbers), _varying(model, rows, result)
+    by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
+    for badness in (by_declaration, {}):
+        choice = choose_states(result, entries, badness, varying)
+        if not choice.singular and set(choice.states) != set(structure.states):
+            dependence, angles = _dependence(model, rows, choice)
+            return replace(structure, choice=choice, dependence=dependence, angles=angles)
+    return None
+
+
+def _varying(model: FlatModel, rows: Rows, result: Differentiation) -> frozenset[int]:
+    """Constraints whose coefficients change during a run."""
+    return frozenset(e for e, (g, _) in enumerate(rows.place) if result.counts[e] and not model.groups[g].template.linear)
+
+
+def _dependence(model: FlatModel, rows: Rows, choice: StateChoice) -> tuple[Dependence, frozenset[Node]]:
+    """What depends on what, and the states that are integrals nobody depends on."""
+    given = frozenset(model.inputs.tolist())
     dependence = Dependence(choice, rows.columns, given, frozenset(choice.states), decisive_nodes(model, rows))
     plain_rates = _rate_equations(model, rows)
 
@@ -77,8 +104,7 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
         """A potential, or a variable that a declared speed is the derivative of."""
         return state[1] == 0 and (bool(model.potential[state[0]]) or state[0] in plain_rates)
 
-    angles = sinks(dependence, choice.states, position)
-    return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed, complete)
+    return dependence, sinks(dependence, choice.states, position)
 
 
 def confirm(structure: Structure, numbers: Numbers) -> None:
@@ -199,4 +225,22 @@ def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[floa
         for k in range(order):
             preference = int(model.preference[v])
             bad[v, k] = (3.0 - preference if k == 0 else max(2.0, 3.0 - preference), float(v not in wanted))
+    for v in _reinitialised(model):
+        if (v, 0) in bad:
+            bad[v, 0] = (-1.0, 0.0)
     return bad
+
+
+def _reinitialised(model: FlatModel) -> list[int]:
+    """Variables that an event gives new values."""
+    return [int(model.representative[v]) for update in model.discretes.updates if update.reinit for v in update.targets]
+
+
+def _refuse_reinits_of_no_state(model: FlatModel, choice: StateChoice) -> None:
+    for v in _reinitialised(model):
+        if (v, 0) not in choice.states:
+            states = ", ".join("der(" * k + model.name(w) + ")" * k for w, k in choice.states)
+            raise ModelError(
+                f"reinit({model.name(v)}): {model.name(v)} is no state, so that it cannot be given a value; the states are "
+                f"{states or 'none'}. A variable is one where its derivative is written, as gl.der({model.name(v)})"
+            )

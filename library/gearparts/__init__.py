@@ -9,15 +9,24 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gearparts.adaptors import AngleToTorqueAdaptor as AngleToTorqueAdaptor
+    from gearparts.adaptors import TorqueToAngleAdaptor as TorqueToAngleAdaptor
     from gearparts.backlash import ElastoBacklash as ElastoBacklash
     from gearparts.backlash import ElastoBacklash2 as ElastoBacklash2
+    from gearparts.bearings import palmgren_friction as palmgren_friction
     from gearparts.bond_graph import BondGraphPart as BondGraphPart
     from gearparts.bond_graph import from_bond_graph as from_bond_graph
+    from gearparts.couplings import CubicSpringDamper as CubicSpringDamper
+    from gearparts.couplings import ElasticCoupling as ElasticCoupling
+    from gearparts.couplings import UniversalJoint as UniversalJoint
     from gearparts.friction import BearingFriction as BearingFriction
     from gearparts.friction import Brake as Brake
     from gearparts.friction import Clutch as Clutch
     from gearparts.friction import OneWayClutch as OneWayClutch
     from gearparts.gear_pair import GearPair as GearPair
+    from gearparts.gear_sets import DoublePinionPlanetary as DoublePinionPlanetary
+    from gearparts.gear_sets import Ravigneaux as Ravigneaux
+    from gearparts.gear_sets import Simpson as Simpson
     from gearparts.gears import IdealGear as IdealGear
     from gearparts.gears import IdealGearR2T as IdealGearR2T
     from gearparts.gears import IdealPlanetary as IdealPlanetary
@@ -69,6 +78,8 @@ if TYPE_CHECKING:
     from gearparts.shafts import Spring as Spring
     from gearparts.shafts import SpringDamper as SpringDamper
     from gearparts.shafts import TorsionalShaft as TorsionalShaft
+    from gearparts.single_loop import PXTrain as PXTrain
+    from gearparts.single_loop import XXTrain as XXTrain
     from gearparts.sources import ConstantTorque as ConstantTorque
     from gearparts.sources import EddyCurrentTorque as EddyCurrentTorque
     from gearparts.sources import InverseSpeedDependentTorque as InverseSpeedDependentTorque
@@ -97,6 +108,7 @@ if TYPE_CHECKING:
     from gearparts.translational import TranslationalSpringDamper as TranslationalSpringDamper
 
 _HOME = {
+    **dict.fromkeys(["AngleToTorqueAdaptor", "TorqueToAngleAdaptor"], "gearparts.adaptors"),
     **dict.fromkeys(["ElastoBacklash", "ElastoBacklash2"], "gearparts.backlash"),
     **dict.fromkeys(["BondGraphPart", "from_bond_graph"], "gearparts.bond_graph"),
     **dict.fromkeys(["BearingFriction", "Brake", "Clutch", "OneWayClutch"], "gearparts.friction"),
@@ -148,6 +160,10 @@ _HOME = {
     ),
     **dict.fromkeys(["PlanetPhasing", "check_assembly", "planet_phasing"], "gearparts.phasing"),
     **dict.fromkeys(["LossyPlanetary"], "gearparts.lossy_planetary"),
+    **dict.fromkeys(["PXTrain", "XXTrain"], "gearparts.single_loop"),
+    **dict.fromkeys(["DoublePinionPlanetary", "Ravigneaux", "Simpson"], "gearparts.gear_sets"),
+    **dict.fromkeys(["CubicSpringDamper", "ElasticCoupling", "UniversalJoint"], "gearparts.couplings"),
+    **dict.fromkeys(["palmgren_friction"], "gearparts.bearings"),
 }  # fmt: skip
 
 __all__ = sorted(_HOME)

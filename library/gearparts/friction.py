@@ -12,7 +12,7 @@ from typing import Any
 
 import gearlib as gl
 from gearparts.interfaces import Compliant, Dissipative, Flange, TwoFlanges
-from gearparts.tables import at_zero, check_rows, interpolated, piecewise_without_events
+from gearparts.tables import SMOOTHNESS, at_zero, check_rows, interpolated, piecewise_without_events
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # of a one-way clutch's break-away torque, relative
@@ -86,7 +86,9 @@ def sign_while(flag: Any, speed: Any, was: Any) -> Any:
     ``was`` is the sign before: what was at rest has to exceed `AT_REST`, what moves does so until its speed crosses zero.
     """
     return gl.Piecewise(
-        (1, flag * speed > AT_REST * (1 - was * (was + 1) / 2)), (-1, flag * speed < -AT_REST * (1 - was * (was - 1) / 2)), (0, True)
+        (1, flag * speed > AT_REST * (1 - was * (was + 1) / 2)),
+        (-1, flag * speed < -AT_REST * (1 - was * (was - 1) / 2)),
+        (0, True),
     )
 
 
@@ -121,13 +123,14 @@ class BearingFriction(FrictionOnHousing):
     """
 
     tau_pos = gl.Structural(((0.0, 1.0),), "rows of speed (rad/s) and sliding torque (N.m)")
+    smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
 
     def equations(self) -> list[gl.Eq | gl.When]:
         rows = check_rows("BearingFriction.tau_pos", self.tau_pos, 2)
         return [
             *self.housing_equations(),
-            gl.Eq(self.tau0, at_zero(rows)),
-            *self.friction_equations(self.tau, lambda speed: interpolated(rows, speed), False),
+            gl.Eq(self.tau0, at_zero(rows, 1, self.smoothness)),
+            *self.friction_equations(self.tau, lambda speed: interpolated(rows, speed, 1, self.smoothness), False),
         ]
 
 
@@ -135,6 +138,7 @@ class Pressed(gl.Component):
     """Declares what brakes and clutches share: friction that is proportional to a normal force."""
 
     mu_pos = gl.Structural(((0.0, 0.5),), "rows of speed (rad/s) and sliding friction coefficient")
+    smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
     cgeo = gl.Parameter("m", "geometry constant: torque per normal force and friction coefficient", default=1.0, min=0)
     fn_max = gl.Parameter("N", "largest normal force", min=0)
     f_normalized = gl.Input("1", "normal force over the largest one")
@@ -142,12 +146,12 @@ class Pressed(gl.Component):
     def level(self, speed: Any) -> Any:
         """The sliding torque at a positive speed."""
         rows = check_rows(f"{type(self).__name__}.mu_pos", self.mu_pos, 2)
-        return interpolated(rows, speed) * self.cgeo * self.fn_max * self.f_normalized
+        return interpolated(rows, speed, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
 
     def level_at_rest(self) -> Any:
         """The sliding torque at zero speed."""
         rows = check_rows(f"{type(self).__name__}.mu_pos", self.mu_pos, 2)
-        return at_zero(rows) * self.cgeo * self.fn_max * self.f_normalized
+        return at_zero(rows, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
 
 
 class Brake(FrictionOnHousing, Pressed):

@@ -10,6 +10,9 @@ from typing import Any
 
 import gearlib as gl
 
+SMALL = 1e-4  # rad or m: typical size of a deflection, to which absolute tolerances refer
+SLOW = 1e-2  # rad/s or m/s: of its speed, in a vibration at 100 rad/s
+
 
 class Flange(gl.Connector):
     """A shaft end: angle ``phi`` (rad) and torque ``tau`` (N.m, flow)."""
@@ -73,8 +76,8 @@ class Compliant(TwoFlanges):
     The relative angle is preferred as a state: it stays small however far the shafts turn.
     """
 
-    phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="prefer", nominal=1e-4)
-    w_rel = gl.Variable("rad/s", "relative speed", nominal=1e-2)  # the deflection's, vibrating at 100 rad/s
+    phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="prefer", nominal=SMALL)
+    w_rel = gl.Variable("rad/s", "relative speed", nominal=SLOW)
     tau = gl.Variable("N.m", "torque between the flanges; pulls them together when positive")
 
     def compliant_equations(self) -> list[gl.Eq]:

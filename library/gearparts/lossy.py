@@ -8,7 +8,7 @@ import gearlib as gl
 from gearparts.backlash import ElastoBacklash
 from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, sign_while
 from gearparts.interfaces import Dissipative, Flange, TwoFlanges
-from gearparts.tables import Rows, at_zero, check_rows, interpolated, piecewise_without_events
+from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -37,6 +37,7 @@ class LossyGear(TwoFlanges, Dissipative):
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     loss_table = gl.Structural(IDEAL, "rows of speed (rad/s), eta1, eta2, B1 (N.m), B2 (N.m)")
+    smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
     support = Flange("housing", when="use_support")
     ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
     phi_a = gl.Variable("rad", "angle of flange_a relative to the housing")
@@ -82,8 +83,10 @@ class LossyGear(TwoFlanges, Dissipative):
     def _losses(self, rows: Rows) -> list[gl.Eq | gl.When]:
         torque = self.flange_a.tau
         ahead = gl.Or(gl.holds(self.start_forward), gl.equals(gl.pre(self.mode), FORWARD))
-        at_rest = [at_zero(rows, column) for column in (1, 2, 3, 4)]
-        there = [[interpolated(rows, sense * self.w_a, column) for column in (1, 2, 3, 4)] for sense in (1, -1)]
+        at_rest = [at_zero(rows, column, self.smoothness) for column in (1, 2, 3, 4)]
+        there = [
+            [interpolated(rows, sense * self.w_a, column, self.smoothness) for column in (1, 2, 3, 4)] for sense in (1, -1)
+        ]
         separable = any(row[1] != 1 or row[2] != 1 for row in rows)
         still, side_forward, side_backward = (_on_side_a(row, separable) for row in (at_rest, *there))
         drives = (1 - self.locked) * self.tau_eta >= 0

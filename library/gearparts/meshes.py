@@ -2,6 +2,11 @@
 
 The deflection ``q`` is counted from unloaded contact and is positive where the teeth are pressed together by a positive turn of
 ``flange_a``. It is a state, and the shafts' angles enter by their rates alone, so that no absolute angle becomes one.
+
+References
+----------
+H. N. Özgüven, D. R. Houser, "Mathematical models used in gear dynamics - a review", Journal of Sound and Vibration 121 (1988),
+383-411. https://doi.org/10.1016/S0022-460X(88)80365-1
 """
 
 from __future__ import annotations

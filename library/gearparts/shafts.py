@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import gearlib as gl
-from gearparts.interfaces import Compliant, Dissipative, Flange, HeatPort, TwoFlanges
+from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, HeatPort, TwoFlanges
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -26,7 +26,7 @@ class Inertia(TwoFlanges):
 
     J = gl.Parameter("kg.m2", "moment of inertia", min=0)
     phi = gl.Variable("rad", "angle")
-    w = gl.Variable("rad/s", "angular velocity")
+    w = gl.Variable("rad/s", "angular velocity", nominal=SLOW)
     a = gl.Derivative("w", "rad/s2", "angular acceleration")
 
     def equations(self) -> list[gl.Eq]:

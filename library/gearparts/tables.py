@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
+
+import sympy
 
 import gearlib as gl
 from gearlib.errors import BindingError
 
 Rows = tuple[tuple[float, ...], ...]
+SMOOTHNESS = ("linear", "constant", "akima")  # Modelica's LinearSegments, ConstantSegments and ContinuousDerivative
 
 
-def interpolated(rows: Rows, x: Any, column: int = 1) -> Any:
-    """A column of a table as a piecewise linear function of the first one; no events are made at its corners.
+def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear") -> Any:
+    """A column of a table as a function of the first one; no events are made but at jumps.
 
-    Beyond both ends the outermost two rows are extrapolated, as in Modelica. One row is a constant.
+    Beyond both ends the outermost two rows are extrapolated, or the slope at the end, as in Modelica. One row is a constant.
 
     Parameters
     ----------
@@ -24,6 +28,13 @@ def interpolated(rows: Rows, x: Any, column: int = 1) -> Any:
         In the unit of the first column.
     column : int
         Which column, from 1.
+    smoothness : {"linear", "constant", "akima"}
+        Straight lines, steps that hold each row's value up to the next row, or Akima's cubics with a continuous derivative.
+
+    References
+    ----------
+    H. Akima, "A new method of interpolation and smooth curve fitting based on local procedures", Journal of the ACM 17 (1970),
+    589-602. https://doi.org/10.1145/321607.321609
 
     Examples
     --------
@@ -37,12 +48,38 @@ def interpolated(rows: Rows, x: Any, column: int = 1) -> Any:
     """
     if len(rows) == 1:
         return rows[0][column]
+    if smoothness == "constant":
+        steps = [(left[column], x < right[0]) for left, right in pairwise(rows)]
+        return gl.Piecewise(*steps, (rows[-1][column], True))
+    slopes = _akima_slopes(rows, column) if smoothness == "akima" and len(rows) > 2 else None
     lines = []
-    for left, right in zip(rows, rows[1:], strict=False):
-        slope = (right[column] - left[column]) / (right[0] - left[0])
-        lines.append((left[column] + slope * (x - left[0]), x < right[0]))
-    lines[-1] = (lines[-1][0], True)
+    for i, (left, right) in enumerate(pairwise(rows)):
+        width, rise, s = right[0] - left[0], (right[column] - left[column]) / (right[0] - left[0]), x - left[0]
+        if slopes is None:
+            law = left[column] + rise * s
+        else:
+            second, third = 3 * rise - 2 * slopes[i] - slopes[i + 1], slopes[i] + slopes[i + 1] - 2 * rise
+            law = left[column] + s * (slopes[i] + s * (second / width + s * third / width**2))
+        lines.append((law, x < right[0]))
+    if slopes is None:
+        lines[-1] = (lines[-1][0], True)
+    else:
+        first, last = rows[0], rows[-1]
+        lines = [(first[column] + slopes[0] * (x - first[0]), x < first[0]), *lines]
+        lines.append((last[column] + slopes[-1] * (x - last[0]), True))
     return piecewise_without_events(*lines)
+
+
+def _akima_slopes(rows: Rows, column: int) -> list[float]:
+    """Slope of Akima's curve at each row: of the secants to both sides, the one that changes less counts for more."""
+    m = [(right[column] - left[column]) / (right[0] - left[0]) for left, right in pairwise(rows)]
+    m = [3 * m[0] - 2 * m[1], 2 * m[0] - m[1], *m, 2 * m[-1] - m[-2], 3 * m[-1] - 2 * m[-2]]
+    slopes = []
+    for i in range(len(rows)):
+        before, after = abs(m[i + 1] - m[i]), abs(m[i + 3] - m[i + 2])
+        even = before + after == 0
+        slopes.append((m[i + 1] + m[i + 2]) / 2 if even else (after * m[i + 1] + before * m[i + 2]) / (before + after))
+    return slopes
 
 
 def piecewise_without_events(*branches: Any) -> Any:
@@ -51,7 +88,7 @@ def piecewise_without_events(*branches: Any) -> Any:
     return gl.no_event(law) if isinstance(law, gl.Piecewise) else law
 
 
-def at_zero(rows: Rows, column: int = 1) -> float:
+def at_zero(rows: Rows, column: int = 1, smoothness: str = "linear") -> float:
     """The value of `interpolated` at zero.
 
     Examples
@@ -59,11 +96,13 @@ def at_zero(rows: Rows, column: int = 1) -> float:
     >>> at_zero(((0.0, 0.5), (1.0, 0.75)))
     0.5
     """
-    if len(rows) == 1:
-        return rows[0][column]
-    i = max(k for k in range(len(rows) - 1) if k == 0 or rows[k][0] <= 0)
-    left, right = rows[i], rows[i + 1]
-    return left[column] - left[0] * (right[column] - left[column]) / (right[0] - left[0])
+    for row in rows:
+        if row[0] == 0:
+            return row[column]
+    x = sympy.Symbol("x", real=True)
+    law = interpolated(rows, x, column, smoothness)
+    law = law.args[0] if getattr(law, "func", None) == gl.no_event(x).func else law  # what no_event was told
+    return float(sympy.sympify(law).subs(x, 0))
 
 
 def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:
@@ -85,6 +124,6 @@ def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:
         raise BindingError(f"{owner} is {rows!r}; expected rows of {columns} numbers") from None
     if not table or any(len(row) != columns for row in table):
         raise BindingError(f"{owner} is {rows!r}; expected one or more rows of {columns} numbers")
-    if any(not row[0] < following[0] for row, following in zip(table, table[1:], strict=False)):
+    if any(not row[0] < following[0] for row, following in pairwise(table)):
         raise BindingError(f"{owner} is {rows!r}; the first column must increase")
     return table

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 
 class FixedAxisUnit(TwoFlanges):
-    """Two outer gears on fixed axes with an elastic mesh, one degree of freedom (the P unit)."""
+    """Two outer gears on fixed axes with an elastic mesh, one degree of freedom (the P unit).
+
+    Rigid, ``R_1 w_1 = -R_2 w_2``; the deflection ``q`` of the mesh has the rate ``R_1 w_1 + R_2 w_2 + e_rate``.
+    """
 
     R_1 = gl.Parameter("m", "pitch radius of gear 1, on flange_a", min=0)
     R_2 = gl.Parameter("m", "pitch radius of gear 2, on flange_b", min=0)
@@ -91,6 +94,14 @@ class XPSymbols(gl.Component):
         """All of them by name, to be handed to a part that has the same."""
         return {n: getattr(self, n) for n, d in vars(XPSymbols).items() if isinstance(d, (gl.Parameter, gl.Structural))}
 
+    def planetary(self, e_rate: Any, planet_meshes: str = "lumped") -> PlanetaryUnit:
+        """The X unit."""
+        return PlanetaryUnit(
+            planets=self.planets, planet_meshes=planet_meshes, R_s=self.R_s, R_p=self.R_p, R_r=self.R_r, R_h=self.R_h,
+            I_s=self.I_s, I_r=self.I_r, I_h=self.I_h, I_spin=self.I_17, I_orbit=self.I_22, I_at_ring=self.I_11,
+            I_at_sun=self.I_35, K_ring=self.K_g, C_ring=self.C_g, K_sun=self.K_g, C_sun=self.C_g, C_v=self.C_v, e_rate=e_rate,
+        )  # fmt: skip
+
 
 class XPTrain(XPSymbols):
     """The XP single-loop train: an X unit whose sun drives a P unit that joins the X unit's carrier at the output.
@@ -104,12 +115,7 @@ class XPTrain(XPSymbols):
     e_rate = gl.Input("m/s", "rate of the transmission error, with the paper's signs (Sf8 = Sf32 = Sf72)", default=0.0)
 
     def assemble(self) -> list[Connection]:
-        self.x_unit = PlanetaryUnit(
-            planets=self.planets, R_s=self.R_s, R_p=self.R_p, R_r=self.R_r, R_h=self.R_h,
-            I_s=self.I_s, I_r=self.I_r, I_h=self.I_h, I_spin=self.I_17, I_orbit=self.I_22, I_at_ring=self.I_11,
-            I_at_sun=self.I_35, K_ring=self.K_g, C_ring=self.C_g, K_sun=self.K_g, C_sun=self.C_g, C_v=self.C_v,
-            e_rate=self.e_rate,
-        )  # fmt: skip
+        self.x_unit = self.planetary(self.e_rate)
         self.step_18 = IdealGear(ratio=1 / self.m_18)
         self.shaft_at_sun = Inertia(J=self.I_62)
         self.step_19 = IdealGear(ratio=1 / self.m_19)

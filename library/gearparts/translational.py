@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gearlib as gl
-from gearparts.interfaces import Dissipative, TranslationalFlange
+from gearparts.interfaces import SLOW, Dissipative, TranslationalFlange
 from gearparts.sources import SMALLEST
 
 
@@ -30,7 +30,7 @@ class Mass(TwoTranslationalFlanges):
     m = gl.Parameter("kg", "mass", min=0)
     L = gl.Parameter("m", "length from flange_a to flange_b", default=0.0)
     s = gl.Variable("m", "position of the middle")
-    v = gl.Variable("m/s", "velocity")
+    v = gl.Variable("m/s", "velocity", nominal=SLOW)
     a = gl.Derivative("v", "m/s2", "acceleration")
 
     def equations(self) -> list[gl.Eq]:
@@ -46,7 +46,7 @@ class TranslationalCompliant(TwoTranslationalFlanges):
     """Declares what springs and dampers share: the force between the flanges, and the relative position and velocity."""
 
     s_rel = gl.Variable("m", "flange_b.s - flange_a.s", state="prefer", nominal=1e-4)
-    v_rel = gl.Variable("m/s", "relative velocity", nominal=1e-2)
+    v_rel = gl.Variable("m/s", "relative velocity", nominal=SLOW)
     f = gl.Variable("N", "force between the flanges; pulls them together when positive")
 
     def compliant_equations(self) -> list[gl.Eq]:

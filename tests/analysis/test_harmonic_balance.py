@@ -156,6 +156,21 @@ def test_stability_changes_at_the_folds(oscillator: gl.System) -> None:
     assert np.prod(response.multipliers, axis=1) == pytest.approx(np.exp(-4 * np.pi * ZETA / response.omega), rel=2e-5)
 
 
+def test_runs_jump_where_the_branch_turns_back(oscillator: gl.System) -> None:
+    """Runs that start on the branch of small and of large motions, within and beyond the fold where it ends."""
+    response = gl.harmonic_balance(oscillator, 1.5, 0.3, frequency="w", harmonics=8)
+    large, small = response.folds
+    for fold, beyond, jumps_to in ((small, 1.001, 0.75), (large, 0.999, 0.16)):
+        amplitude = response.amplitude("q")[fold]
+        start = {n: float(response.waveform(n, fold, 1)[1][0]) * (1.0 if n == "v" else 0.9999) for n in ("q", "v")}
+        w = float(response.omega[fold])
+        for frequency, expected, share in ((w * beyond, jumps_to, 0.1), (w * (2 - beyond), amplitude, 0.15)):
+            period = 2 * np.pi / frequency
+            times = np.append(0.0, (400 + np.arange(64) / 64) * period)
+            run = oscillator.simulate(times[-1], times=times, start=start, parameters={"w": frequency}, rtol=1e-8)
+            assert abs(np.fft.rfft(run["q"][1:])[1]) / 32 == pytest.approx(expected, rel=share)
+
+
 def test_duffing_is_its_closed_form() -> None:
     """``(1 + 3/4 alpha A**2 - w**2)**2 + (2 zeta w)**2 = (F / A)**2`` (Nayfeh and Mook, "Nonlinear Oscillations", 4.1)."""
     system, F = gl.compile(Duffing()), 0.2

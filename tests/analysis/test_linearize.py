@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearparts import zhou_cui_2022 as zc
+from tests.analysis.random_trains import Train, draw, matrices, sensor_name
 
 
 def test_matrices_equal_a_derivation_by_hand(chain: Callable[..., gl.System]) -> None:
@@ -62,6 +63,17 @@ def test_paper_equals_its_printed_equations_at_random_parameters() -> None:
         assert mine == pytest.approx(theirs, rel=1e-8)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_random_trains_have_the_transfer_functions_of_matrices_by_hand(seed: int) -> None:
+    drawn = draw(np.random.default_rng(1000 + seed))
+    A, b, c = matrices(drawn)
+    model = gl.compile(Train(drawn=drawn)).linearize(["torque.tau"], [sensor_name(drawn)])
+    assert model.A.shape == A.shape
+    for s in (0.3 + 2j, 3j + 20, 100 + 300j, 5000j + 2000):
+        mine = model.C @ np.linalg.solve(s * np.eye(len(A)) - model.A, model.B)
+        assert complex(mine[0, 0]) == pytest.approx(complex(c @ np.linalg.solve(s * np.eye(len(A)) - A, b)), rel=1e-10)
+
+
 class Fan(gl.Component):
     """A motor against a load that grows with the square of speed."""
 
@@ -85,6 +97,101 @@ def test_moment_of_a_run_is_used() -> None:
     model = system.linearize(["torque.tau"], at=(run, 0.2))
     w = float(run["rotor.w"][20])
     assert float(np.array(model.A)[0, 0]) == pytest.approx(-2 * 2 * w / 100 / 0.5, rel=1e-10)
+
+
+def test_absolute_angles_may_grow_in_the_steady_state() -> None:
+    model = gl.compile(Fan()).linearize(["torque.tau"], ["rotor.phi", "rotor.w"], at="steady")
+    assert list(model.state_labels) == ["rotor.phi", "rotor.w"]
+    assert np.array(model.A) == pytest.approx(np.array([[0.0, 1.0], [0.0, -1.6]]), rel=1e-10)
+
+
+class GapDrive(gl.Component):
+    """A motor, a gear with a gap and a fan: in contact under load."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.motor, self.gear = gp.Torque(), gp.Inertia(J=0.1), gp.IdealGear(ratio=2.0)
+        self.mesh = gp.ElastoBacklash(c=1e4, d=3.0, b=0.01)
+        self.rotor = gp.Inertia(J=0.5, guess={"w": 10.0})
+        self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-4.0, w_nominal=10.0)
+        return [
+            gl.connect(self.torque.flange, self.motor.flange_a),
+            gl.connect(self.motor.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.mesh.flange_a),
+            gl.connect(self.mesh.flange_b, self.rotor.flange_a),
+            gl.connect(self.rotor.flange_b, self.load.flange),
+        ]
+
+
+def by_hand(c: float, d: float, slope: float, J: float = 0.5) -> Any:
+    """Of GapDrive in contact: states motor.w, mesh.phi_rel, rotor.w; slope is that of the load's torque."""
+    return np.array([[-d / 4 / 0.1, c / 2 / 0.1, d / 2 / 0.1], [-0.5, 0, 1], [d / 2 / J, -c / J, (slope - d) / J]])
+
+
+@pytest.fixture(scope="module")
+def gap_drive() -> gl.System:
+    return gl.compile(GapDrive(), outputs=["rotor.w"])
+
+
+@pytest.mark.parametrize("tau", [8.0, 2.0])
+def test_run_from_the_steady_state_under_an_unbound_input(gap_drive: gl.System, tau: float) -> None:
+    """2 tau = 4 (w / 10)^2; the search starts inside the gap, where no torque has a slope."""
+    w = 10 * np.sqrt(tau / 2)
+    run = gap_drive.simulate(t_end=0.1, samples=3, start="steady", inputs={"torque.tau": tau}, rtol=1e-9)
+    assert run["rotor.w"] == pytest.approx(np.full(3, w), rel=1e-9)
+    for t in (0.0, 0.07):
+        A = gap_drive.linearize(["torque.tau"], at=(run, t)).A
+        assert np.array(A) == pytest.approx(by_hand(1e4, 3.0, -8 * w / 100), rel=1e-8)
+
+
+def test_moment_of_a_run_has_its_inputs_and_parameters(gap_drive: gl.System) -> None:
+    """In the gap the mesh has neither stiffness nor damping; later it has. The rotor is that of the run unless another is given."""
+    run = gap_drive.simulate(
+        t_end=2.0, samples=2001, inputs={"torque.tau": 8.0}, parameters={"rotor.J": 0.8}, start={"rotor.w": 0.0}
+    )
+    before, after = (np.array(gap_drive.linearize(["torque.tau"], at=(run, t)).A) for t in (0.001, 2.0))
+    w = run["rotor.w"]
+    assert before == pytest.approx(by_hand(0.0, 0.0, -8 * w[1] / 100, 0.8), abs=1e-9)
+    assert after == pytest.approx(by_hand(1e4, 3.0, -8 * w[-1] / 100, 0.8), rel=1e-9)
+    other = np.array(gap_drive.linearize(["torque.tau"], at=(run, 2.0), parameters={}).A)
+    assert other == pytest.approx(by_hand(1e4, 3.0, -8 * w[-1] / 100), rel=1e-9)
+    with pytest.raises(gl.GearlibError, match="a run of another system than Fan"):
+        gl.compile(Fan()).linearize(["torque.tau"], at=(run, 0.0))
+
+
+def test_only_the_states_that_the_outputs_need(chain: Callable[..., gl.System]) -> None:
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.left, self.right = Fan(), Fan()
+            return []
+
+    system = gl.compile(Two())
+    assert system.linearize([], ["left.rotor.w"], sparse=True).states == ("left.rotor.w",)
+    model = system.linearize(["left.torque.tau", "right.torque.tau"], ["left.rotor.w"])
+    assert np.array(model.B).tolist() == [[2.0, 0.0]]  # the other train's torque does nothing
+    assert len(chain(n=4).linearize(["torque.tau"], ["shaft[0].tau"]).state_labels) == 7  # no angles
+
+
+def test_names_that_python_control_cannot_tell_apart() -> None:
+    class Clash(gl.Component):
+        a_w = gl.Variable("rad/s")
+
+        def assemble(self) -> list[Any]:
+            self.a = gp.Inertia(J=1.0)
+            return []
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.a_w, 2 * self.a.w)]
+
+    system = gl.compile(Clash())
+    with pytest.raises(
+        gl.GearlibError, match=r"outputs a\.w and a_w both become 'a_w' in python-control; sparse=True keeps paths"
+    ):
+        system.linearize([], ["a.w", "a_w"])
+    assert system.linearize([], ["a.w", "a_w"], sparse=True).outputs == ("a.w", "a_w")
+    with pytest.raises(gl.GearlibError, match=r"the output a\.w is named twice"):
+        system.linearize([], ["a.w", "a.w"])
+    with pytest.raises(gl.GearlibError, match="takes no model without inputs here"):
+        system.linearize([], ["a.w"])
 
 
 def test_sparse_and_full_matrices_agree(chain: Callable[..., gl.System]) -> None:

@@ -12,6 +12,7 @@ from scipy.linalg import eig, eigh, eigh_tridiagonal
 
 import gearlib as gl
 import gearparts as gp
+from tests.analysis.random_trains import Train, draw, matrices
 
 
 def chain_matrices(n: int, J: float, c: float, d: float, d_load: float = 0.0) -> tuple[Any, Any, Any]:
@@ -63,6 +64,36 @@ def test_heavily_damped_chain(chain: Callable[..., gl.System]) -> None:
         assert [found.kinetic[row, found.components.index(f"body[{i}]")] for i in range(3)] == pytest.approx(
             100 * kinetic / kinetic.sum(), rel=1e-9
         )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_trains_have_the_damping_and_energies_of_matrices_by_hand(seed: int) -> None:
+    """Eigenvalues, and 1/2 J |w|^2 and 1/2 c |twist|^2 of every body and shaft along the eigenvectors, in percent."""
+    drawn = draw(np.random.default_rng(500 + seed))
+    A, _, _ = matrices(drawn)
+    values, vectors = eig(A)
+    n = len(drawn.J)
+    found = gl.modes(gl.compile(Train(drawn=drawn)))
+    ringing = [k for k in np.argsort(np.abs(values)) if values[k].imag > 1e-6 * np.abs(values).max()]
+    assert found.eigenvalues[found.free :] == pytest.approx(values[ringing], rel=1e-9, abs=1e-9 * np.abs(values).max())
+    ratios = -values[ringing].real / np.abs(values[ringing])
+    assert found.damping[found.free :] == pytest.approx(ratios, rel=1e-7, abs=1e-11)
+    bodies = [found.components.index(f"body[{i}]") for i in range(n)]
+    for row, k in enumerate(ringing, found.free):
+        w = vectors[-n:, k]
+        kinetic = np.array(drawn.J) * np.abs(w) ** 2
+        assert found.kinetic[row, bodies] == pytest.approx(100 * kinetic / kinetic.sum(), abs=1e-6)
+        twists = [w[right] - w[left] / ratio for left, ratio, right, _, _ in drawn.edges] + [
+            -w[body] for body, *_ in drawn.ground
+        ]
+        stiffness = [e[3] for e in drawn.edges] + [g[1] for g in drawn.ground]
+        names = [f"shaft[{i}]" for i in range(len(drawn.edges))] + [f"support[{i}]" for i in range(len(drawn.ground))]
+        potential = np.array(stiffness) * np.abs(np.array(twists)) ** 2
+        for name, share in zip(names, 100 * potential / potential.sum(), strict=True):
+            mine = found.potential[row, found.components.index(name)] if name in found.components else 0.0
+            assert mine == pytest.approx(share, abs=2e-5)
+        assert found.kinetic[row].sum() == pytest.approx(100, abs=1e-4)
+        assert found.potential[row].sum() == pytest.approx(100, abs=1e-4)
 
 
 def test_component_with_inside_bodies_and_springs_is_split() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import gearlib as gl
+import gearparts as gp
 
 
 @pytest.fixture(autouse=True)
@@ -71,3 +72,48 @@ def test_own_axes_are_used(chain: Callable[..., gl.System]) -> None:
     top, _ = gl.frequency_response(system, [1.0, 2.0], ["torque.tau"], ["body[0].w", "body[2].w"]).plot()
     assert "rad/s per N.m" in texts(top)
     assert "body[2].w" in texts(top)
+
+
+def spoke_angles(animation: Any, frame: int) -> list[float]:
+    """Degrees by which each body has turned in a picture."""
+    animation._func(frame)
+    marks = [line for line in animation._fig.axes[0].lines if line.get_linewidth() == 2.5]
+    ends = [(np.diff(line.get_xdata())[0], np.diff(line.get_ydata())[0]) for line in marks]
+    return [float(np.degrees(np.arctan2(-x, y))) for x, y in ends]
+
+
+def test_animation_of_a_mode(paper: gl.System, tmp_path: Any) -> None:
+    from PIL import Image
+
+    modes = gl.modes(paper)
+    animation = modes.animate(1, frames=8, degrees=40.0)
+    animation.save(tmp_path / "mode.gif", writer="pillow", fps=10)
+    with Image.open(tmp_path / "mode.gif") as image:
+        assert image.n_frames == 8
+    start, half = spoke_angles(animation, 0), spoke_angles(animation, 4)
+    assert max(start) == pytest.approx(40.0)
+    assert half == pytest.approx([-a for a in start])
+    motions = {name: value for name, _, value in modes.motions(1)}
+    names = [name for name in motions if abs(motions[name]) > 1e-6 * max(map(abs, motions.values()))]
+    assert len(start) == len(names)
+    largest = max(names, key=lambda n: abs(motions[n]))
+    ratio = start[names.index("train.x_unit.ring_gear")] / start[names.index(largest)]
+    assert ratio == pytest.approx((motions["train.x_unit.ring_gear"] / motions[largest]).real, abs=1e-2)
+    assert "Mode 1: 929.69 Hz" in texts(animation._fig.axes[0])
+
+
+def test_bodies_that_slide_are_animated(tmp_path: Any) -> None:
+    class Slider(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.ground, self.spring, self.mass = gp.TranslationalFixed(), gp.TranslationalSpring(c=100.0), gp.Mass(m=1.0)
+            return [gl.connect(self.ground.flange, self.spring.flange_a), gl.connect(self.spring.flange_b, self.mass.flange_a)]
+
+    animation = gl.modes(gl.compile(Slider())).animate(0, frames=4)
+    animation.save(tmp_path / "mode.gif", writer="pillow", fps=10)
+    square = animation._fig.axes[0].patches[0]
+    animation._func(0)
+    right = square.get_x()
+    animation._func(2)
+    assert right - square.get_x() == pytest.approx(1.4)
+    with pytest.raises(gl.GearlibError, match="frames is 1"):
+        gl.modes(gl.compile(Slider())).animate(0, frames=1)

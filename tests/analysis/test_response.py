@@ -59,6 +59,33 @@ def test_response_to_transmission_error_is_that_of_a_run(paper: gl.System) -> No
         assert amplitude(times[1:], run[name][1:], w) / (-1j * E) == pytest.approx(complex(response[name][0]), rel=1e-7)
 
 
+def test_response_about_a_steady_state_is_that_of_small_swings_in_a_long_run() -> None:
+    """A motor, a nonlinear load and a gap that stays closed; the error is of second order in the swing."""
+
+    class Swung(gl.Component):
+        w = gl.Parameter("rad/s", default=150.0)
+        swing = gl.Parameter("N.m", default=0.0)
+
+        def assemble(self) -> list[Any]:
+            self.torque, self.motor = gp.Torque(tau=8 + self.swing * gl.cos(self.w * gl.time)), gp.Inertia(J=0.1)
+            self.mesh, self.rotor = gp.ElastoBacklash(c=1e4, d=3.0, b=0.01), gp.Inertia(J=0.5, guess={"w": 10.0})
+            self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-4.0, w_nominal=10.0)
+            return [
+                gl.connect(self.torque.flange, self.motor.flange_a),
+                gl.connect(self.motor.flange_b, self.mesh.flange_a),
+                gl.connect(self.mesh.flange_b, self.rotor.flange_a),
+                gl.connect(self.rotor.flange_b, self.load.flange),
+            ]
+
+    w, swing = 150.0, 0.05
+    system = gl.compile(Swung(), outputs=["motor.w", "rotor.w", "mesh.phi_rel"])
+    response = gl.frequency_response(system, [w], ["torque.tau"], at="steady")
+    times = np.concatenate([[0.0], np.linspace(11.8, 12.0, 401)])
+    run = system.simulate(12.0, times=times, rtol=1e-10, start="steady", parameters={"w": w, "swing": swing})
+    for name in response.outputs:
+        assert amplitude(times[1:], run[name][1:], w) / swing == pytest.approx(complex(response[name][0]), rel=1e-4)
+
+
 def test_phases_of_meshes_are_taken() -> None:
     """One gear between two equal meshes with opposite errors does not turn; with equal ones it does."""
 

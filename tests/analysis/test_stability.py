@@ -116,6 +116,68 @@ def test_count_says_it_in_words() -> None:
     assert "the closed loop is unstable" in text
 
 
+def test_report_is_readable(paper: gl.System, chain: Callable[..., gl.System]) -> None:
+    """Stable, free turning, undamped, drifting and unstable, each in its own words."""
+    assert str(gl.stability(paper)).splitlines() == [
+        "ZhouCui2022: asymptotically stable: every motion dies away",
+        "  the slowest motion falls to 1/e in 0.03112 s",
+        "  the least damped vibration has 929.687 Hz and the damping ratio 0.0357",
+        "",
+        "       real, 1/s     imag, rad/s   frequency, Hz    damping   e-fold time, s",
+        "        -32.1307               0               -          -          0.03112",
+        "        -393.955               0               -          -         0.002538",
+        "        -565.793  +-     3439.03         554.697     0.1623         0.001767",
+        "        -208.543  +-     5837.67         929.687     0.0357         0.004795",
+        "        -658.344  +-     7691.04         1228.54     0.0853         0.001519",
+    ]
+    turning = str(gl.stability(chain(n=3), parameters={"d": 1.0})).splitlines()
+    assert turning[1] == "  1 pole at 0: the train turns freely, or a loop of meshes keeps a preload"
+    assert turning[2] == "  the rest falls to 1/e in 2.5 s or less"
+    assert "rings undamped at 1.49057, 2.54905 Hz" in str(gl.stability(chain(n=3), parameters={"d": 0.0}))
+    angle = chain(n=3).linearize(["torque.tau"], ["body[2].phi"], parameters={"d": 1.0})
+    assert "in chains: with a speed that stays, an angle grows" in str(gl.stability(angle))
+    loop = (
+        str(gl.stability(chain(n=3), ("torque.tau", "body[2].w"), parameters={"d": 1.0}, gain=50)).split("\n\n")[2].splitlines()
+    )
+    assert loop[0] == "Loop torque.tau -> body[2].w, negative feedback: unstable: a motion grows exponentially"
+    assert loop[1] == "  Nyquist          Over all frequencies the curve encircles -1 twice clockwise (N = 2)."
+    assert loop[3].startswith(
+        "  eigenvalues      the same: a vibration at 1.71426 Hz grows e-fold in 0.1951 s; the rest falls to"
+    )
+    assert loop[4] == "  gain             stable for less than 0.0412029 (-27.701 dB) times the present gain"
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "expected"),
+    [
+        ([1], [1, 2, 1, 0], [(0, 2)]),  # k / (s (s + 1)^2)
+        ([1], [1, 1], [(0, np.inf)]),
+        ([2], [1, -1], [(0.5, np.inf)]),  # k 2 / (s - 1)
+        ([4, 4], [1, 2, -3, 0], [(1.5, np.inf)]),  # Routh: 2 (4 k - 3) > 4 k
+        ([-1], [1, 0, 0], []),
+        # k (s + 1)^2 / s^3: s^3 + k s^2 + 2 k s + k needs 2 k^2 > k
+        ([1, 2, 1], [1, 0, 0, 0], [(0.5, np.inf)]),
+    ],
+)
+def test_ranges_of_stable_gains(numerator: list[float], denominator: list[float], expected: list[tuple[float, float]]) -> None:
+    report = gl.stability(control.tf(numerator, denominator), (0, 0)).loop
+    assert report is not None
+    assert len(report.stable_gains) == len(expected)
+    for found, wanted in zip(report.stable_gains, expected, strict=True):
+        assert found == pytest.approx(wanted, rel=1e-9)
+
+
+def test_conditionally_stable_loop_has_an_interval_of_gains() -> None:
+    """k (s + 1)^2 / (s^3 (1 + s/50)^2), against the roots of its characteristic polynomial over k."""
+    numerator, denominator = np.array([1.0, 2, 1]), np.polymul([1, 0, 0, 0], np.polymul([0.02, 1], [0.02, 1]))
+    report = gl.stability(control.tf(numerator, denominator), (0, 0)).loop
+    assert report is not None
+    ((low, high),) = report.stable_gains
+    for k, stable in ((0.999 * low, False), (1.001 * low, True), (0.999 * high, True), (1.001 * high, False)):
+        assert (np.roots(np.polyadd(denominator, k * numerator)).real.max() < 0) == stable
+    assert "times the present gain" in str(report)
+
+
 def _eigenvalue_verdict(A: Any, loop_poles_only: float = 1e-9) -> str:
     values = np.linalg.eigvals(A)
     return "unstable" if values.real.max() > loop_poles_only * max(1.0, np.abs(values).max()) else "bounded"
@@ -124,11 +186,11 @@ def _eigenvalue_verdict(A: Any, loop_poles_only: float = 1e-9) -> str:
 @pytest.mark.parametrize("grounded", [False, True])
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 6])
 def test_verdict_is_that_of_the_eigenvalues_on_random_trains(chain: Callable[..., gl.System], n: int, grounded: bool) -> None:
-    """A hundred trains each: random numbers, sensors and gains; free ones turn, and some have no damping."""
+    """Twenty trains each: random numbers, sensors and gains; free ones turn, and some have no damping."""
     system = chain(n=n, grounded=grounded)
     rng = np.random.default_rng(100 * n + grounded)
     seen = set()
-    for trial in range(100):
+    for trial in range(20):  # a thousand trains of many kinds are in test_random_verdicts.py
         values = {"J": 10 ** rng.uniform(-2, 1), "c": 10 ** rng.uniform(1, 5), "d": 10 ** rng.uniform(-2, 1) * (trial % 4 > 0)}
         sensor = rng.choice(
             [f"body[{rng.integers(n)}].w", f"shaft[{rng.integers(n - 1)}].phi_rel", f"shaft[{rng.integers(n - 1)}].tau"]
@@ -162,6 +224,35 @@ def test_verdict_is_that_of_the_eigenvalues_on_random_matrices() -> None:
         assert found.nyquist.closed_right == (closed.real > 1e-9).sum()
         count[found.verdict] += 1
     assert min(count.values()) > 50
+
+
+def permuted_and_scaled(rng: np.random.Generator) -> Any:
+    """A sparse matrix over eight decades, whose balancing needs a permutation and scales, too."""
+    n = int(rng.integers(3, 8))
+    pattern = rng.random((n, n)) < 0.35
+    return rng.normal(size=(n, n)) * pattern * 10 ** rng.uniform(-4, 4, (n, n))
+
+
+def test_responses_and_shapes_survive_balancing() -> None:
+    from gearlib.analysis.spectrum import dense_spectrum
+
+    rng = np.random.default_rng(2)
+    rings = 0
+    for _ in range(200):
+        A = permuted_and_scaled(rng)
+        n = len(A)
+        b, c, s = rng.normal(size=n), rng.normal(size=n), 3j * (np.abs(A).max() + 1)
+        model = control.ss(A, b[:, None], c[None], 0)
+        resolvent = np.linalg.inv(s * np.eye(n) - A)
+        expected, terms = c @ resolvent @ b, np.abs(c) @ np.abs(resolvent) @ np.abs(b)
+        assert abs(complex(as_loop(model).response(s)) - expected) < 1e-9 * terms
+        assert abs(gl.frequency_response(model, [s.imag]).values[0, 0, 0] - expected) < 1e-9 * terms
+        found = dense_spectrum(A, np.eye(n), None)
+        for value, shape in zip(found.values, found.vectors.T, strict=True):
+            rings += 1
+            terms = np.abs(A) @ np.abs(shape) + abs(value) * np.abs(shape)
+            assert (np.abs(A @ shape - value * shape) <= 1e-7 * terms.max()).all()
+    assert rings > 50
 
 
 def test_stiff_train_keeps_its_margins(paper: gl.System) -> None:

@@ -1,4 +1,4 @@
-"""Describing functions of backlash, and harmonic balance: against Fourier integrals, a closed form, and time integration."""
+"""Describing functions of backlash: against Fourier integrals and python-control."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import pytest
 from scipy.integrate import quad
 
 import gearlib as gl
-
-C, GAP, ZETA, F_M, F_A = 1.0, 2.0, 0.05, 0.3, 0.1  # mass 1, so that the natural frequency in contact is 1
 
 
 @pytest.mark.parametrize(("amplitude", "mean"), [(0.2, 1.5), (0.5, 1.2), (1.5, 0.3), (3.0, -0.4), (0.3, 0.1), (0.4, -2.0)])
@@ -47,3 +45,20 @@ def test_preloaded_backlash_in_python_control() -> None:
     F0, _ = gl.backlash_describing_function(0.8, spring.mean(0.8), c=100.0, b=1.0)
     assert pytest.approx(20.0, rel=1e-12) == F0
     assert [spring(x) for x in (0.05, -0.2, -0.7, -1.4)] == pytest.approx([5.0, -20.0, -20.0, -40.0])
+
+
+def test_a_mesh_against_the_rest_of_the_train(paper: gl.System) -> None:
+    """The loop in which a describing function stands for one mesh's springs: closed with K_g it has the train's poles again."""
+    K_g, linear = paper.parameters["K_g"], paper.linearize(["tau_in"], ["q_ring"])
+    i = linear.state_labels.index("q_ring")
+    without, force = np.array(linear.A), -linear.A[:, [i]] / K_g
+    without[:, i] = 0.0
+    loop = control.ss(without, force, np.eye(len(without))[[i]], 0, inputs=["force"], outputs=["q_ring"])
+    report = gl.stability(loop, ("force", "q_ring"), gain=K_g)
+    poles = np.sort_complex(np.linalg.eigvals(linear.A))
+    assert np.sort_complex(np.asarray(report.loop.closed_poles.values)) == pytest.approx(poles, rel=1e-6)
+    omega = np.linspace(5800.0, 5900.0, 2001)
+    L = np.array([K_g * np.linalg.solve(1j * w * np.eye(len(without)) - without, force)[i, 0] for w in omega])
+    unit = int(np.flatnonzero(np.diff(np.sign(np.abs(L) - 1)))[0])
+    assert report.loop.margins.phase_margin == pytest.approx(180 + np.degrees(np.angle(L[unit])), abs=0.01)
+    assert np.isinf(report.loop.margins.gain_margin)

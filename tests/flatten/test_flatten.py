@@ -12,7 +12,7 @@ import gearparts as gp
 from gearlib.errors import BindingError, BoundError, ConnectionError, NameLookupError
 from gearlib.flatten.connections import Sum, connection_sets, split_sum
 from gearlib.flatten.flatten import flatten
-from gearlib.flatten.instances import class_record
+from gearlib.flatten.records import class_record
 from gearlib.flatten.model import FlatModel
 
 c = gl.connect
@@ -117,7 +117,7 @@ def part(**given: Any) -> gl.Component:
         (-1.0, BoundError, r"m\.J is -1; expected at least 0"),
         (gl.time, BindingError, r"m\.J: depends on 'time'.*only parameters of the enclosing component"),
         (lambda s: s.other.w, BindingError, r"m\.J: depends on 'other\.w', which is a variable; only parameters"),
-        (lambda s: s.nothing, BindingError, r"m\.J: its function raised AttributeError: Model has no 'nothing'"),
+        (lambda s: s.nothing, BindingError, r"m\.J: its function raised AttributeNameError: Model has no 'nothing'"),
         (lambda s: s.q - 3, BoundError, r"m\.J is -2; expected at least 0"),
         (lambda s: 1 / (s.q - 1), BoundError, r"m\.J is inf; expected a finite number"),
         (lambda s: gl.sqrt(-s.q), BoundError, r"m\.J is nan; expected a finite number"),

@@ -1,4 +1,4 @@
-"""Example models of Modelica.Mechanics.Rotational 4.1.0 (and EddyCurrentBrake as of 4.0.0), with Modelica's instance names."""
+"""Example models of Modelica.Mechanics.Rotational 4.1.0, with Modelica's instance names."""
 
 from __future__ import annotations
 
@@ -93,11 +93,12 @@ class ElasticBearing(gl.Component):
 
 
 class EddyCurrentBrake(gl.Component):
-    """An eddy current brake stops a wheel and heats its own disc."""
+    """An eddy current brake whose excitation rises from 0.1 s to 0.2 s stops a wheel and heats its own disc."""
 
     def assemble(self) -> Any:
+        ramp = gl.Piecewise((0, gl.time < 0.1), ((gl.time - 0.1) / 0.1, gl.time < 0.2), (1, True))
         self.eddyCurrentTorque = gp.EddyCurrentTorque(
-            tau_nominal=100.0, w_nominal=10.0, T_ref=293.15, alpha20=ALPHA20_COPPER, use_heat_port=True
+            tau_nominal=100.0, w_nominal=10.0, T_ref=293.15, alpha20=ALPHA20_COPPER, excitation=ramp, use_heat_port=True
         )
         self.inertia = gp.Inertia(J=1.0, start={"phi": 0.0, "w": 20.0})
         self.heatCapacitor = gp.HeatCapacitor(C=1.0, start={"T": 293.15})

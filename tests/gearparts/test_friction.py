@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy
+from scipy.interpolate import Akima1DInterpolator
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
 from gearparts.friction import BearingFriction, Brake, Clutch
 from gearparts.friction import OneWayClutch as OneWayClutchPart
-from gearparts.tables import check_rows
+from gearparts.tables import at_zero, check_rows, interpolated
+from tests.gearparts import heat_losses_by_hand
 from tests.gearparts import msl_hybrid_examples as msl
 from tests.gearparts.friction_by_hand import Bodies, Element
 from tests.gearparts.test_msl_examples import agree, reference
@@ -74,9 +77,15 @@ def test_coupled_clutches(method: str) -> None:
         np.ones(4), lambda t: np.array([10 * math.sin(10 * math.pi * t), 0, 0, 0]),
         [clutch(4, i, level, 1.1) for i, level in enumerate(levels)],
     )  # fmt: skip
-    phi, w, _ = by_hand.integrate(np.array([10.0, 0, 0, 0]), times, [0.4, 0.9, 1.25])
+    phi, w, modes = by_hand.integrate(np.array([10.0, 0, 0, 0]), times, [0.4, 0.9, 1.25])
     expected = {f"J{i + 1}.w": w[i] for i in range(4)} | {f"J{i + 1}.phi": phi[i] for i in range(4)}
-    agree(run(msl.CoupledClutches(), [*expected], times, method), expected, 1e-7)
+    expected |= {f"clutch{i + 1}.w_rel": w[i + 1] - w[i] for i in range(3)}
+    expected |= {f"clutch{i + 1}.phi_rel": phi[i + 1] - phi[i] for i in range(3)}
+    free = [[level(t + 1e-9) <= 0 for t in times] for level in levels]
+    signals = {f"clutch{i + 1}.mode": np.where(free[i], 2, modes[i]) for i in range(3)}
+    result = run(msl.CoupledClutches(), [*expected, *signals], times, method)
+    agree(result, expected, 1e-7)
+    modes_agree(result, signals)
 
 
 def one_way_by_hand(load: float, f: float, offset: float, force: Any, times: np.ndarray, stops: list[float]) -> Any:
@@ -96,10 +105,12 @@ def one_way_by_hand(load: float, f: float, offset: float, force: Any, times: np.
 def test_one_way_clutch(method: str) -> None:
     times = np.linspace(0.0, 2.0, 201)
     on = lambda t: 1.0 if 0.3 <= t < 0.95 or t >= 1.6 else 0.0  # noqa: E731
-    phi, w, _ = one_way_by_hand(0.0, 3.0, 0.0, on, times, [0.3, 0.95, 1.6])
+    phi, w, modes = one_way_by_hand(0.0, 3.0, 0.0, on, times, [0.3, 0.95, 1.6])
     expected = {"inertiaIn.w": w[0], "inertiaOut.w": w[1], "inertiaIn.phi": phi[0], "inertiaOut.phi": phi[1]}
+    expected |= {"oneWayClutch.w_rel": w[1] - w[0], "oneWayClutch.phi_rel": phi[1] - phi[0]}
     result = run(msl.OneWayClutch(), [*expected, "oneWayClutch.stuck", "oneWayClutch.loss_power"], times, method)
     agree(result, expected, 1e-6)
+    modes_agree(result, {"oneWayClutch.stuck": 1 - modes[0]})
     assert (result["inertiaOut.w"] - result["inertiaIn.w"]).min() > -1e-8
     assert result["oneWayClutch.loss_power"].min() >= 0
 
@@ -109,6 +120,7 @@ def test_one_way_clutch_disengaged(method: str) -> None:
     times = np.linspace(0.0, 2.0, 201)
     phi, w, _ = one_way_by_hand(-0.3, 2.0, 0.3, lambda t: 0.0, times, [])
     expected = {"inertiaIn.w": w[0], "inertiaOut.w": w[1], "inertiaIn.phi": phi[0], "inertiaOut.phi": phi[1]}
+    expected |= {"oneWayClutch.w_rel": w[1] - w[0], "oneWayClutch.phi_rel": phi[1] - phi[0]}
     agree(run(msl.OneWayClutchDisengaged(), [*expected], times, method), expected, 1e-6)
 
 
@@ -224,9 +236,23 @@ def test_heat_losses_conserves_energy(heat_losses: Any) -> None:
 
 
 @pytest.mark.slow
-def test_heat_losses_is_the_same_with_ida(heat_losses: Any) -> None:
-    result = run(msl.HeatLosses(), HEAT, heat_losses.time, "ida")
-    agree(result, {name: heat_losses[name] for name in HEAT}, 1e-6)
+@pytest.mark.parametrize("method", METHODS)
+def test_heat_losses_agrees_with_modes_by_hand(method: str) -> None:
+    times = np.linspace(0.0, 1.0, 501)
+    y, modes = heat_losses_by_hand.integrate(times)
+    phi, w = y[:6], y[6:12]
+    expected = {f"inertia{i + 1}.phi": phi[i] for i in range(6)} | {f"inertia{i + 1}.w": w[i] for i in range(6)}
+    pairs = {"springDamper": (0, 1), "elastoBacklash": (1, 2), "oneWayClutch": (4, 5)}
+    expected |= {f"{part}.phi_rel": phi[b] - phi[a] for part, (a, b) in pairs.items()}
+    expected |= {f"{part}.w_rel": w[b] - w[a] for part, (a, b) in pairs.items()}
+    expected |= {"clutch.phi_rel": phi[4] - phi[3] / 2, "clutch.w_rel": w[4] - w[3] / 2, "damper.w_rel": w[0]}
+    signals = {"bearingFriction.mode": 0, "lossyGear.mode": 1, "clutch.mode": 2, "oneWayClutch.stuck": 3, "brake.mode": 4}
+    result = run(msl.HeatLosses(), [*expected, *signals], times, method)
+    agree(result, expected, 1e-7)
+    for name, row in signals.items():
+        lasting = np.append(False, modes[row, 1:] == modes[row, :-1])
+        mode = 1 - modes[row] if name.endswith("stuck") else modes[row]
+        assert (result[name] == mode)[lasting].all(), name
 
 
 class Warm(gl.Component):
@@ -274,3 +300,39 @@ def test_a_brake_drags_its_housing_along() -> None:
 def test_a_table_that_is_none_is_named(rows: Any) -> None:
     with pytest.raises(BindingError, match="tau_pos"):
         check_rows("BearingFriction.tau_pos", rows, 2)
+
+
+TABLE = ((0.0, 0.5), (1.0, 0.3), (2.5, 0.35), (4.0, 0.35), (5.0, 0.8))
+
+
+@pytest.mark.parametrize("smoothness", ["linear", "constant", "akima"])
+def test_tables_are_interpolated_as_asked(smoothness: str) -> None:
+    x = sympy.Symbol("x", real=True)
+    law = interpolated(TABLE, x, 1, smoothness)
+    law = law if smoothness == "constant" else law.args[0]
+    at = np.linspace(-1.0, 6.0, 141)
+    left, right = np.array(TABLE).T
+    ends = [0, -1]
+    if smoothness == "constant":
+        expected = right[np.clip(np.searchsorted(left, at, side="right") - 1, 0, 4)]
+        assert not law.has(gl.no_event(x).func), "jumps are events"
+    else:
+        inner = Akima1DInterpolator(left, right)
+        slope = inner.derivative()(left[ends]) if smoothness == "akima" else (np.diff(right) / np.diff(left))[ends]
+        curve = inner(at) if smoothness == "akima" else np.interp(at, left, right)
+        expected = np.select([at < 0, at > 5], [0.5 + slope[0] * at, 0.8 + slope[1] * (at - 5)], curve)
+    assert [float(law.subs(x, t)) for t in at] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_table_may_be_a_list_or_an_array() -> None:
+    rows = [[0.0, 0.75], [10.0, 0.5]]
+    for table in (rows, np.array(rows), tuple(map(tuple, rows))):
+        clutch = gp.Clutch(fn_max=1.0, f_normalized=1.0, mu_pos=table)
+        assert clutch.mu_pos == ((0.0, 0.75), (10.0, 0.5))
+
+
+def test_at_zero_is_interpolated_from_rows_to_both_sides() -> None:
+    assert at_zero(((-1.0, 2.0), (3.0, 6.0))) == pytest.approx(3.0)
+    assert at_zero(((1.0, 2.0), (3.0, 6.0))) == pytest.approx(0.0)
+    rows = ((-2.0, 1.0), (-1.0, 2.0), (1.0, -1.0), (3.0, 6.0))
+    assert at_zero(rows, 1, "akima") == pytest.approx(float(Akima1DInterpolator(*np.array(rows).T)(0.0)))

@@ -133,15 +133,72 @@ def test_inputs_of_a_run_are_those_of_the_constraint() -> None:
         released(0.3).simulate(1.0, samples=3, parameters={"L": 2.0})
 
 
-@pytest.mark.parametrize(("angle", "speed", "t_end"), [(1.5, 0.0, 2.0), (1.7, 0.0, 2.0), (3.0, 0.1, 2.0)])
-@pytest.mark.parametrize("method", ["ida", "rk"])
-def test_swings_through_the_singular_point_are_right_or_refused(method: str, angle: float, speed: float, t_end: float) -> None:
-    times = np.linspace(0, t_end, 51)
+@pytest.mark.parametrize(("angle", "speed"), [(1.5, 0.0), (1.7, 0.0), (3.0, 0.1), (0.3, 9.0)])
+@pytest.mark.parametrize("method", ["ida", "rk", "auto"])
+def test_swings_change_their_states_on_the_way(method: str, angle: float, speed: float) -> None:
+    times = np.linspace(0, 4.0, 41)
     tight = {"rtol": 1e-12, "atol": 1e-12, "method": "DOP853", "t_eval": times}
-    exact = solve_ivp(lambda t, z: [z[1], -9.81 * np.sin(z[0])], (0, t_end), [angle, speed], **tight).y[0]
-    try:
-        result = released(angle, speed).simulate(t_end, times=times, method=method, rtol=1e-9)
-    except SolverError:
-        return
-    assert np.abs(result["x"] - np.sin(exact)).max() < 1e-6
-    assert np.abs(result["y"] + np.cos(exact)).max() < 1e-6
+    exact = solve_ivp(lambda t, z: [z[1], -9.81 * np.sin(z[0])], (0, 4.0), [angle, speed], **tight)
+    result = released(angle, speed).simulate(4.0, times=times, method=method, rtol=1e-9)
+    assert result.stats["charts"] >= 4
+    assert result.time == pytest.approx(times, rel=0)
+    assert np.abs(result["x"] - np.sin(exact.y[0])).max() < 2e-6
+    assert np.abs(result["y"] + np.cos(exact.y[0])).max() < 2e-6
+    assert np.abs(result["der(x)"] - np.cos(exact.y[0]) * exact.y[1]).max() < 1e-5
+    assert np.abs(result["x"] ** 2 + result["y"] ** 2 - 1).max() < 1e-13
+    assert result.states.shape == (41, 2)
+
+
+class Slider(gl.Component):
+    """A mass that is led along y = x**3 / 3 - x; x is a state everywhere, y between the turning points only."""
+
+    x = gl.Variable("m", "along")
+    y = gl.Variable("m", "across", state="prefer")
+    u = gl.Variable("m/s", "speed along")
+    v = gl.Variable("m/s", "speed across", state="prefer")
+    F = gl.Variable("N/kg", "force of the guide")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.x), self.u),
+            gl.Eq(gl.der(self.y), self.v),
+            gl.Eq(gl.der(self.u), -self.F * (self.x**2 - 1) + 1.0),
+            gl.Eq(gl.der(self.v), self.F),
+            gl.Eq(self.y, self.x**3 / 3 - self.x),
+        ]
+
+
+def test_preferred_states_give_way_where_they_must() -> None:
+    system = gl.compile(Slider(start={"x": -2.0, "u": 0.5}))
+    assert set(system.states) == {"y", "v"}
+
+    def along(t: float, z: Any) -> list[float]:
+        slope, bend = z[0] ** 2 - 1, 2 * z[0]
+        return [z[1], (1.0 - slope * bend * z[1] ** 2) / (1 + slope**2)]
+
+    times = np.linspace(0, 3.0, 31)
+    exact = solve_ivp(along, (0, 3.0), [-2.0, 0.5], rtol=1e-12, atol=1e-12, method="DOP853", t_eval=times).y
+    assert exact[0].max() > 1.5  # through both turning points
+    for method in ("rk", "ida"):
+        result = system.simulate(3.0, times=times, method=method, rtol=1e-9)
+        assert np.abs(result["x"] - exact[0]).max() < 1e-6
+        assert np.abs(result["u"] - exact[1]).max() < 1e-6
+
+
+class Wedge(gl.Component):
+    """x is the root of y until y = 0 leaves none."""
+
+    x = gl.Variable("m", "root", guess=1.0)
+    y = gl.Variable("m", "falls", start=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.y), -self.x - 0.5), gl.Eq(self.x**2, self.y)]
+
+
+@pytest.mark.parametrize("method", ["ida", "rk"])
+def test_where_no_states_lead_further_the_run_is_refused(method: str) -> None:
+    system = gl.compile(Wedge())
+    root = solve_ivp(lambda t, x: (-x - 0.5) / (2 * x), (0, 0.8), [1.0], rtol=1e-12, atol=1e-12).y[0, -1]
+    assert system.simulate(0.8, samples=3, method=method, rtol=1e-9)["x"][-1] == pytest.approx(root, rel=1e-7)
+    with pytest.raises(SolverError, match=r"beyond t = 0\.9.*constraints of Wedge"):  # y = 0 at 2 + ln(1/3)
+        system.simulate(1.5, samples=3, method=method)

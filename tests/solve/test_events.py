@@ -136,3 +136,127 @@ def test_chattering_is_reported_with_the_component():
 
     with pytest.raises(gl.GearlibError, match=r"events chatter at t = 0.5 s .* of Chatter"):
         gl.simulate(Chatter(), t_end=1.0, method="rk")
+
+
+class Saw(gl.Component):
+    """x grows with the rate 1 and falls back to 0 at 1."""
+
+    x = gl.Variable("1", "tooth", start=0.0)
+    teeth = gl.Discrete("teeth that are complete")
+
+    def equations(self):
+        fall = gl.When(self.x > 1, gl.reinit(self.x, 0.0), gl.Eq(self.teeth, gl.pre(self.teeth) + 1))
+        return [gl.Eq(gl.der(self.x), 1.0), fall]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_state_falls_back_each_time(method):
+    """Its new value takes it back across the threshold that it has just crossed."""
+    result = gl.simulate(Saw(), t_end=5.5, samples=23, method=method, rtol=1e-9)
+    clear = np.abs(result.time - np.round(result.time)) > 1e-9
+    assert result["x"][clear] == pytest.approx(np.mod(result.time, 1.0)[clear], abs=1e-9)
+    assert result["teeth"][clear].tolist() == np.floor(result.time)[clear].tolist()
+    assert [t for t, _ in result.events] == pytest.approx([1, 2, 3, 4, 5], abs=1e-9)
+
+
+class Relays(gl.Component):
+    """Two oscillators in phase cross zero at the same instants; each flips a relay, and a third counts where both are on."""
+
+    x = gl.Variable("1", "x", start=1.0)
+    v = gl.Variable("1/s", "x'", start=0.0)
+    y = gl.Variable("1", "y", start=2.0)
+    u = gl.Variable("1/s", "y'", start=0.0)
+    on = gl.Discrete("x is negative")
+    off = gl.Discrete("y is negative")
+    both = gl.Discrete("how often both became negative")
+
+    def equations(self):
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), -self.x),
+            gl.Eq(gl.der(self.y), self.u),
+            gl.Eq(gl.der(self.u), -self.y),
+            gl.Eq(self.on, self.x < 0),
+            gl.Eq(self.off, self.y < 0),
+            gl.When(gl.And(gl.holds(self.on), gl.holds(self.off)), gl.Eq(self.both, gl.pre(self.both) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_events_at_one_instant_are_handled_together(method):
+    result = gl.simulate(Relays(), t_end=20.0, samples=201, method=method, rtol=1e-9, outputs=["x", "y", "on", "off", "both"])
+    assert result["both"][-1] == 3, "at pi/2, 5 pi/2 and 9 pi/2"
+    assert (result["on"] == (np.cos(result.time) < 0)).all()
+    assert (result["on"] == result["off"]).all()
+
+
+class Latch(gl.Component):
+    """What is known at the start, what was before, and a relation that makes no event."""
+
+    x = gl.Variable("1", "x", start=0.0)
+    first = gl.Discrete("whether the run has just begun")
+    seen = gl.Discrete("the largest whole number that x has passed")
+    above = gl.Variable("1", "1 where x > 0.5, without an event")
+
+    def equations(self):
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.Eq(self.first, gl.Or(gl.initial(), gl.holds(gl.pre(self.first)))),
+            gl.Eq(self.seen, gl.Piecewise((gl.pre(self.seen) + 1, self.x > gl.pre(self.seen) + 1), (gl.pre(self.seen), True))),
+            gl.Eq(self.above, gl.no_event(gl.Piecewise((1, self.x > 0.5), (0, True)))),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_initial_pre_and_no_event(method):
+    times = np.array([0.0, 0.25, 0.75, 1.25, 1.75, 2.25, 3.5])
+    outputs = ["x", "first", "seen", "above"]
+    result = gl.simulate(Latch(), t_end=3.5, times=times, method=method, rtol=1e-9, outputs=outputs)
+    assert (result["first"] == 1).all()
+    assert result["seen"].tolist() == [0, 0, 0, 1, 1, 2, 3]
+    assert result["above"].tolist() == [0, 0, 1, 1, 1, 1, 1]
+    assert len(result.events) == 3, "none where x passes 0.5"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_time_events_are_met_exactly(method):
+    result = gl.simulate(Stops(), t_end=2.0, samples=3, method=method, outputs=["y"])
+    assert [t for t, _ in result.events] == [0.3, 0.7], "to the last bit"
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+def test_what_has_no_relations_pays_nothing_for_events(method):
+    system = gl.compile(Flight(), outputs=["h"])
+    assert "roots" not in system.source
+    assert "update" not in system.source
+    assert "modes" not in system.source
+    result = system.simulate(t_end=1.0, samples=3, method=method)
+    assert result.stats["events"] == 0
+    assert result.events == []
+
+
+class Flight(gl.Component):
+    """A ball that never lands."""
+
+    h = gl.Variable("m", "height", start=1.0)
+    v = gl.Variable("m/s", "speed", start=0.0)
+
+    def equations(self):
+        return [gl.Eq(gl.der(self.h), self.v), gl.Eq(gl.der(self.v), -9.81)]
+
+
+def test_chattering_in_a_part_is_reported_with_its_path_and_time():
+    class Chatter(gl.Component):
+        x = gl.Variable("1", "x", start=0.5)
+
+        def equations(self):
+            return [gl.Eq(gl.der(self.x), gl.Piecewise((1, self.x < 0), (-1, True)))]
+
+    class Model(gl.Component):
+        def assemble(self):
+            self.calm, self.loose = Flight(), Chatter()
+            return []
+
+    for method in ("rk", "ida"):
+        with pytest.raises(gl.GearlibError, match=r"events chatter at t ?= ?0\.5.* of loose"):
+            gl.simulate(Model(), t_end=1.0, method=method)

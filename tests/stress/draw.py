@@ -1,58 +1,134 @@
-"""Draws the pictures of docs/stability.md: `python -m tests.stress.draw`."""
+"""Measures what docs/stability.md tells, draws its pictures and fills its tables: `python -m tests.stress.draw`."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 
+from tests.benchmarks.references import SCENES
 from tests.pictures import save
-from tests.stress.test_long_runs import energy_drift
-from tests.stress.test_stiffness import STIFFNESSES, distance_from_rigid, run
+from tests.stress.test_error_band import STEPPED, TOLERANCES, ratio
+from tests.stress.test_long_runs import energy_drift, first_and_last, growth, largest_change
+from tests.stress.test_stiffness import STIFFNESSES, distance_from_rigid, run, slopes
 
-IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+BEGIN, END = "<!-- measured {}: begin -->\n", "<!-- measured {}: end -->"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def fill(name: str, text: str) -> None:
+    """Put measured text between its marks on the page."""
+    page = DOCS / "stability.md"
+    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN.format(name))
+    _, end, after = rest.partition(END.format(name))
+    if not (begin and end):
+        raise ValueError(f"{page.name} has no marks for {name!r}")
+    page.write_text(before + begin + text + "\n" + end + after, encoding="utf-8")
+    print(f"{name}\n{text}\n", flush=True)
+
+
+def finish(figure: Any, name: str) -> None:
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+    save(figure, DOCS / "images" / f"stability_{name}.png")
+    plt.close(figure)
 
 
 def ladder() -> None:
     """How the elastic pair nears the rigid one, and what it costs."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
-    climbed = [k for k in STIFFNESSES if k >= 1e4]
-    left.loglog(climbed, [distance_from_rigid(k) for k in climbed], "o-")
+    climbed = tuple(k for k in STIFFNESSES if k >= 1e4)
+    distances = [distance_from_rigid(k) for k in climbed]
+    left.loglog(climbed, distances, "o-")
     left.loglog(climbed, [1e4 / k for k in climbed], "k:", label="first order")
     left.set(xlabel="mesh stiffness, N/m", ylabel="distance from the rigid train, rad/s")
     left.legend()
-    for ratio in (0.3, 1.0, 100.0):
-        counts = [run(k, ratio, "ida", 1e-6).stats["steps"] for k in STIFFNESSES]
-        right.loglog(STIFFNESSES, counts, ".-", label=f"ida, {ratio:g} of critical")
+    for damped in (0.3, 1.0, 100.0):
+        counts = [run(k, damped, "ida", 1e-6).stats["steps"] for k in STIFFNESSES]
+        right.loglog(STIFFNESSES, counts, ".-", label=f"ida, {damped:g} of critical")
     results = [run(k, 1.0, "auto", 1e-6) for k in STIFFNESSES]
     right.loglog(STIFFNESSES, [r.stats["steps"] for r in results], "k+--", label="auto, 1 of critical")
-    for k, result in zip(STIFFNESSES, results, strict=True):
-        print(f"{k:.0e}", result.stats["method"], result.stats["steps"], result.stats["why"])
     right.set(xlabel="mesh stiffness, N/m", ylabel="steps for 0.5 s at rtol 1e-6", ylim=(50, 1e5))
     right.legend(fontsize=7)
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-    save(figure, IMAGES / "stability_stiffness.png")
-    plt.close(figure)
+    finish(figure, "stiffness")
+
+    away = dict(zip(climbed, distances, strict=True))
+    order = dict(zip(climbed[1:], slopes(climbed, distances), strict=True))
+    rows = []
+    for k, result in zip(STIFFNESSES, results, strict=True):
+        ida = run(k, 1.0, "ida", 1e-6).stats["steps"]
+        cells = [f"{k:.0e}", f"{away[k]:.1e}" if k in away else "", f"{order[k]:.2f}" if k in order and k <= 1e10 else ""]
+        rows.append([*cells, str(ida), f"{result.stats['steps']}, {result.stats['method']}"])
+    head = ["mesh stiffness, N/m", "distance, rad/s", "order", "steps of `ida`", "steps of `auto`, method at the end"]
+    fill("stiffness", table(head, rows))
+
+
+def long_runs() -> None:
+    """Changes between the first settled second and the last one, and memory."""
+    rows = []
+    for method, revolutions, rtol in (("exact", 1e6, 1e-10), ("rk8", 100, 1e-10), ("ida", 1000, 1e-6)):
+        change = largest_change(*first_and_last(method, revolutions, rtol))
+        rows.append([f"`{method}`", f"{revolutions:g}", f"{rtol:.0e}" if method != "exact" else "", f"{change:.1e}"])
+    fill("revolutions", table(["method", "revolutions", "rtol", "largest relative change"], rows))
+    rows = []
+    for method, periods in (("exact", 300_000), ("rk8", 300_000), ("ida", 10_000)):
+        rows.append([f"`{method}`", f"{periods:.0e}", f"{growth(method, periods)[0]:.2f} MB"])
+    fill("memory", table(["method", "periods", "held by Python at most, three outputs kept"], rows))
 
 
 def energy() -> None:
     """Energy drift of an undamped train over the tolerance."""
     figure, axes = plt.subplots(figsize=(5, 3.2), layout="constrained")
     tolerances = [10.0**-k for k in range(3, 12)]
+    rows = []
     for method in ("rk5", "rk8", "ida"):
         drifts = [energy_drift(method, 1000, rtol) for rtol in tolerances]
-        print(method, [f"{d:.1e}" for d in drifts])
         axes.loglog(tolerances, drifts, "o-", ms=3, label=method)
+        kept = [(d, rtol) for d, rtol in zip(drifts, tolerances, strict=True) if rtol < 2e-5]  # above, all is lost
+        shares = [d / 1000 / rtol for d, rtol in kept]
+        fine = 1e-8 if method == "ida" else 1e-9
+        long = energy_drift(method, 100_000, fine) / 1e5 / fine
+        rows.append([f"`{method}`", f"{min(shares):.1g} to {max(shares):.1g}", f"{long:.1g} (rtol {fine:.0e})"])
     exact = energy_drift("exact", 1000, 1e-9)
     axes.axhline(exact, color="k", ls=":", label="exact")
     axes.set(xlabel="rtol", ylabel="drift of the energy over 1000 periods")
-    axes.grid(alpha=0.3)
     axes.legend()
-    save(figure, IMAGES / "stability_energy.png")
-    plt.close(figure)
+    finish(figure, "energy")
+    rows.append(["`exact`", f"{exact:.1e} in all", f"{energy_drift('exact', 100_000, 1e-9):.1e} in all"])
+    fill("energy", table(["method", "drift per period / rtol, 1000 periods", "100 000 periods"], rows))
+
+
+def band() -> None:
+    """Error over tolerance of every scene and method."""
+    figure, panels = plt.subplots(1, 3, figsize=(9.5, 3.2), layout="constrained", sharey=True)
+    rows = {name: [name] for name in SCENES}
+    for axes, method in zip(panels, STEPPED, strict=True):
+        for name in SCENES:
+            found = [ratio(name, method, rtol) for rtol in TOLERANCES]
+            axes.loglog(TOLERANCES, found, ".-", lw=1, label=name)
+            rows[name].append(f"{min(found):.2g} to {max(found):.2g}")
+        axes.axhspan(0.01, 100.0, color="0.92", zorder=0)
+        axes.set(xlabel="rtol", title=method)
+    panels[0].set(ylabel="error / rtol")
+    panels[-1].legend(fontsize=6)
+    finish(figure, "error")
+    for name, scene in SCENES.items():
+        worst = max(ratio(name, "exact", rtol) * rtol for rtol in TOLERANCES) if scene.linear else None
+        rows[name].append("not linear" if worst is None else f"{worst:.0e}")
+    head = ["scene", *(f"`{m}`: error / rtol" for m in STEPPED), "`exact`: largest error at any rtol"]
+    fill("error", table(head, rows.values()))
 
 
 if __name__ == "__main__":
     ladder()
+    long_runs()
     energy()
+    band()

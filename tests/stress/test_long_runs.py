@@ -89,8 +89,8 @@ def test_energy_of_an_undamped_train() -> None:
 @pytest.mark.stress
 @pytest.mark.parametrize(("method", "rtol"), [("rk5", 1e-7), ("rk8", 1e-9), ("rk8", 1e-11), ("ida", 1e-6), ("ida", 1e-8)])
 def test_energy_over_1e5_periods(method: str, rtol: float) -> None:
-    """The drift is in proportion to time, and per period less than the tolerance (IDA: three times)."""
-    assert energy_drift(method, 100_000, rtol) < (3.0 if method == "ida" else 1.0) * 100_000 * rtol
+    """The drift is in proportion to time, and per period less than the tolerance (IDA: five times)."""
+    assert energy_drift(method, 100_000, rtol) < (5.0 if method == "ida" else 1.0) * 100_000 * rtol
 
 
 @pytest.mark.stress

@@ -1,0 +1,102 @@
+"""`Part`: a stretch of a run in which the same states were integrated, and what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.modes import relations_of
+from gearlib.codegen.program import Program
+from gearlib.errors import NameLookupError
+from gearlib.solve.methods import Outcome, Run
+from gearlib.solve.scene import Scene, settle_once
+from gearlib.solve.table import values
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """States and modes at the samples; other variables are computed from them when they are asked for."""
+
+    scene: Scene
+    time: Floats
+    states: Floats  # (samples, states)
+    modes: Floats  # (samples, modes)
+    parameters: Floats
+    signals: Sequence[Any]
+    guess: Floats
+    known: dict[Node, Floats] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, run: Run, outcome: Outcome) -> Part:
+        """What a run brought back."""
+        time = run.times[: len(outcome.states)]
+        return cls(run.scene, time, outcome.states, outcome.relations, run.numbers.parameters, run.signals, run.start.guess)
+
+    def history(self, node: Node) -> Floats:
+        """A variable that depends on the integrated states."""
+        if node not in self.known:
+            place = self.scene.place_of.get(node)
+            if place is not None:
+                self.known[node] = self.states[:, place].copy()
+            else:
+                self._compute(node)
+        return self.known[node]
+
+    def discrete(self, name: str) -> Floats:
+        """A discrete variable."""
+        scene, model = self.scene, self.scene.model
+        used, place = scene.relations, model.n_relations + model.discretes.names.index(name)
+        if used is None or not any(place in b.targets for b in used.discretes):
+            raise NameLookupError(f"the discrete variable {name} was not needed in this run; name it in outputs=[...]")
+        return self.modes[:, place].copy()
+
+    def modes_at(self, program: Program, t: float) -> Floats:
+        """The modes of a program at the last sample before a time."""
+        return self._modes_for(program, self._inputs(program))[:, int(np.searchsorted(self.time, t, side="right")) - 1]
+
+    def _inputs(self, program: Program) -> Floats:
+        given = values(self.signals, self.time)
+        return np.vstack([given, np.zeros((len(program.inputs) - len(given), len(self.time)))])
+
+    def _compute(self, node: Node) -> None:
+        scene = self.scene
+        program = scene.computing(node)
+        prepared = prepare(program, scene.structure, self.parameters)
+        inputs = self._inputs(program)
+        modes = self._modes_for(program, inputs)
+        slots = evaluate(prepared, self.time, self.states.T, inputs, modes, scene.guess(program, self.guess))
+        for other, slot in program.slots.items():
+            self.known.setdefault(other, slots[slot])
+
+    def _modes_for(self, program: Program, inputs: Floats) -> Floats:
+        """The modes at all samples; relations that the run had no need of are evaluated here."""
+        scene, model = self.scene, self.scene.model
+        modes = self.modes.T
+        if not scene.n_modes:
+            return modes
+        found = relations_of(scene.structure, program)
+        tracked = np.empty(0, np.int64) if scene.relations is None else scene.relations.used
+        held = {int(m) for b in found.discretes for m in b.targets}
+        known = set() if scene.relations is None else {int(m) for b in scene.relations.discretes for m in b.targets}
+        if held - known:
+            names = ", ".join(model.discretes.names[m - model.n_relations] for m in sorted(held - known))
+            raise NameLookupError(f"the discrete variables {names} were not needed in this run; name them in outputs=[...]")
+        new = np.setdiff1d(found.used, tracked)
+        if not len(new):
+            return modes
+        prepared = prepare(found.program, scene.structure, self.parameters)
+        for _ in range(100):
+            passed = settle_once(found, prepared, self.time, self.states.T, inputs, modes)
+            if (passed[new] == modes[new]).all():
+                break
+            modes = modes.copy()
+            modes[new] = passed[new]
+        return modes

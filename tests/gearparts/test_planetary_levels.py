@@ -1,0 +1,171 @@
+"""The planetary unit's levels of detail give the same answer where they should, and follow the numbers of teeth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError
+
+R_S, R_P, N = 0.03, 0.045, 4
+R_R, R_H = R_S + 2 * R_P, R_S + R_P
+DATA = {"R_s": R_S, "R_p": R_P, "I_s": 0.002, "I_r": 0.15, "I_h": 0.05, "I_spin": 0.006, "I_orbit": 0.01, "planets": N}
+MESHES = {"K_ring": 2e8, "K_sun": 1.5e8, "C_ring": 4e3, "C_sun": 3e3}
+TORQUE = {"sun": 11.0, "carrier": -20.0, "ring": 4.0}
+LEVELS: dict[str, dict[str, Any]] = {
+    "ideal": {"level": "ideal"},
+    "lossy": {"level": "lossy"},
+    "separate": {"planet_meshes": "separate", **MESHES},
+    "detailed": {"planet_meshes": "separate", **MESHES, "Z_s": 20, "Z_p": 30, "Z_r": 80, "sun_details": (("c_phase", 0.1),)},
+    "planar": {"level": "planar", **MESHES},
+}
+
+
+class Driven(gl.Component):
+    """A unit with a torque on every shaft, and a small body that tells its speed."""
+
+    given = gl.Structural((), "of the unit, as pairs")
+    tau_sun = gl.Parameter("N.m", "torque", default=TORQUE["sun"])
+    tau_carrier = gl.Parameter("N.m", "torque", default=TORQUE["carrier"])
+    tau_ring = gl.Parameter("N.m", "torque", default=TORQUE["ring"])
+
+    def assemble(self) -> Any:
+        self.unit = gp.PlanetaryUnit(**{**DATA, **dict(self.given)})
+        links = []
+        for shaft in ("sun", "carrier", "ring"):
+            torque, body = gp.Torque(tau=getattr(self, f"tau_{shaft}")), gp.Inertia(J=1e-3)
+            setattr(self, f"{shaft}_torque", torque)
+            setattr(self, f"{shaft}_body", body)
+            links += [gl.connect(torque.flange, body.flange_a), gl.connect(body.flange_b, getattr(self.unit, shaft))]
+        return links
+
+
+def driven(**given: Any) -> Driven:
+    return Driven(given=tuple(given.items()))
+
+
+def rigid_accelerations() -> dict[str, float]:
+    """Of the rigid set, by Lagrange's equations in the speeds of sun and carrier."""
+    rows = {"sun": [1.0, 0.0], "carrier": [0.0, 1.0], "ring": [-R_S / R_R, 2 * R_H / R_R], "planet": [-R_S / R_P, R_H / R_P]}
+    inertia = {"sun": 0.002 + 1e-3, "carrier": 0.05 + N * 0.01 + 1e-3, "ring": 0.15 + 1e-3, "planet": N * 0.006}
+    mass = sum(J * np.outer(rows[b], rows[b]) for b, J in inertia.items())
+    force = sum(tau * np.array(rows[s]) for s, tau in TORQUE.items())
+    found = np.linalg.solve(mass, force)
+    return {s: float(np.dot(rows[s], found)) for s in TORQUE}
+
+
+@pytest.mark.parametrize("level", ["ideal", "lossy"])
+def test_rigid_levels_accelerate_as_lagrange_s_equations(level: str) -> None:
+    system = gl.compile(driven(**LEVELS[level]), outputs=[f"{s}_body.w" for s in TORQUE])
+    result = system.simulate(1.0, samples=2)
+    for shaft, a in rigid_accelerations().items():
+        assert result[f"{shaft}_body.w"][-1] == pytest.approx(a, rel=1e-9)
+
+
+@pytest.mark.parametrize("level", ["separate", "planar"])
+def test_elastic_levels_accelerate_as_the_rigid_one_in_the_mean(level: str) -> None:
+    """Without dissipation through bearings the mean over many swings is the rigid motion; meshes have damped the others."""
+    given = {**LEVELS[level], "C_ring": 2e4, "C_sun": 2e4}
+    system = gl.compile(driven(**given), outputs=[f"{s}_body.w" for s in TORQUE])
+    result = system.simulate(1.0, times=np.array([0.0, 0.8, 1.0]), method="exact")
+    for shaft, a in rigid_accelerations().items():
+        w = result[f"{shaft}_body.w"]
+        assert (w[2] - w[1]) / 0.2 == pytest.approx(a, rel=1e-6)
+
+
+def eigenvalues(probe: Callable[..., Any], **given: Any) -> Any:
+    found = np.linalg.eigvals(probe(gp.PlanetaryUnit(**{**DATA, **given})).A)
+    return found[np.abs(found) > 1.0]
+
+
+def nearest(found: Any, expected: Any) -> float:
+    """Largest relative distance of an expected eigenvalue from the found ones."""
+    return float(max(np.abs(found - e).min() / abs(e) for e in expected))
+
+
+def test_the_planar_unit_tends_to_the_torsional_one_on_stiff_bearings(probe: Callable[..., Any]) -> None:
+    torsional = eigenvalues(probe, **LEVELS["separate"])
+    errors = []
+    for stiffness in (1e12, 1e13):
+        bearings = dict.fromkeys(("k_s", "k_r", "k_h", "k_p"), stiffness)
+        errors.append(nearest(eigenvalues(probe, **LEVELS["planar"], **bearings), torsional))
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.05)  # first order in the bearings' flexibility
+
+
+def test_detailed_meshes_of_constant_stiffness_are_the_plain_ones(probe: Callable[..., Any]) -> None:
+    plain, detailed = (eigenvalues(probe, **LEVELS[n]) for n in ("separate", "detailed"))
+    assert len(plain) == len(detailed)
+    assert nearest(detailed, plain) < 1e-9
+
+
+def ripple(Z_s: int, Z_p: int, in_phase: bool) -> tuple[float, Any]:
+    """Fluctuation of the sun's speed under a transmission error of its meshes, and their phases at the start."""
+    error = (("error_terms", ((1.0, 1e-6, 0.0),)),)
+    given = {**LEVELS["detailed"], "Z_s": Z_s, "Z_p": Z_p, "Z_r": Z_s + 2 * Z_p, "sun_details": error, "ring_details": ()}
+    names = [f"unit.{side}_meshes[{n}].phase" for side in ("sun", "ring") for n in range(N)]
+    outputs = ["sun_body.w", *names]
+    system = gl.compile(driven(**given), outputs=outputs)
+    still = dict.fromkeys(("tau_sun", "tau_carrier", "tau_ring"), 0.0)
+    if in_phase:
+        still |= {f"unit.sun_meshes[{n}].phase0": 0.0 for n in range(N)}
+    start = {"sun_body.w": 30.0, "carrier_body.w": 30.0 * R_S / (2 * R_H), "ring_body.w": 0.0}
+    start |= {f"unit.planet[{n}].spin.w": -(R_S * 30.0 - R_H * start["carrier_body.w"]) / R_P for n in range(N)}
+    result = system.simulate(0.02, samples=101, parameters=still, start=start, method="rk", rtol=1e-9)
+    return float(np.ptp(result["sun_body.w"])), [result[n] / (2 * np.pi) for n in names]
+
+
+def test_phases_from_teeth_cancel_or_add_up_on_the_sun() -> None:
+    sequential, phases = ripple(21, 31, in_phase=False)  # 21 / 4 leaves a rest: the errors cancel in the torque
+    together, _ = ripple(21, 31, in_phase=True)
+    assert together > 1e-4
+    assert sequential < 1e-7 * together
+    phasing = gp.planet_phasing(21, 31, 83, N)
+    assert phasing.excites() == "translational"
+    sun, ring = phases[:N], phases[N:]
+    assert sun[0][-1] > sun[0][0]
+    assert ring[0][-1] < ring[0][0]  # the sun drives: seen from the carrier, the ring turns backward
+    for n in range(N):
+        assert sun[0] - sun[n] == pytest.approx(np.full(101, sun[0][0] - sun[n][0]), abs=1e-12)
+        assert (sun[0][0] - sun[n][0]) % 1.0 == pytest.approx(phasing.sun[n], abs=1e-9)
+        assert (ring[n][0] - ring[0][0]) % 1.0 == pytest.approx(phasing.ring[n], abs=1e-9)
+    assert (ring[0][0] - sun[0][0]) % 1.0 == pytest.approx(phasing.ring_to_sun, abs=1e-9)
+
+
+def test_the_lossy_unit_has_the_losses_of_both_meshes() -> None:
+    unit = gp.PlanetaryUnit(**DATA, level="lossy", sun_efficiency=((0, 0.96, 0.95),), ring_efficiency=((0, 0.98, 0.9),))
+    assert unit.set.gear.loss_table[0] == pytest.approx((0.0, 0.96 * 0.98, 0.95 * 0.9, 0.0, 0.0))
+
+
+@pytest.mark.slow
+def test_the_lossy_unit_has_the_efficiency_of_its_set() -> None:
+    """Sun to carrier with the ring held by its brake torque: (1 + ratio eta) / (1 + ratio) of the power arrives."""
+    table, eta, ratio = ((0.0, 0.96, 0.96),), 0.96**2, R_R / R_S
+    system = gl.compile(
+        driven(level="lossy", sun_efficiency=table, ring_efficiency=table),
+        outputs=["unit.set.sun.tau", "unit.set.carrier.tau", "unit.set.ring.tau"],
+    )
+    result = system.simulate(1e-9, samples=2, start={"sun_body.w": 50.0, "carrier_body.w": 50.0 / (1 + ratio)})
+    sun, carrier = result["unit.set.sun.tau"][-1], result["unit.set.carrier.tau"][-1]
+    assert -carrier / (1 + ratio) / sun == pytest.approx((1 + ratio * eta) / (1 + ratio), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"Z_s": 19, "Z_p": 31, "Z_r": 81, "planets": 3}, r"PlanetaryUnit: 3 equally spaced planets cannot be assembled"),
+        (
+            {"planet_meshes": "separate", "sun_details": (("friction", True),)},
+            r"PlanetaryUnit: Z_s is 0; expected a whole number",
+        ),
+        ({"level": "rigid"}, r"'level' is 'rigid'; valid choices: 'ideal', 'lossy', 'elastic', 'planar'"),
+    ],
+)
+def test_what_does_not_fit_is_named(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(BindingError, match=message):
+        gl.compile(driven(**given))
