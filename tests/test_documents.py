@@ -11,7 +11,15 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "docs/quickstart.md", "docs/xp_train.md", "docs/phases.md", "docs/statics.md", "docs/gear_physics.md"]
+PAGES = [
+    "README.md",
+    "docs/quickstart.md",
+    "docs/xp_train.md",
+    "docs/phases.md",
+    "docs/statics.md",
+    "docs/linear_analysis.md",
+    "docs/gear_physics.md",
+]
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 

@@ -180,7 +180,7 @@ def _kernel(matrix: Floats) -> Floats:
     matrix = matrix[row > 0] / row[row > 0, None]
     if not len(matrix):
         return np.eye(matrix.shape[1])
-    _, s, vt = np.linalg.svd(matrix, full_matrices=True)
+    _, s, vt = np.linalg.svd(matrix, full_matrices=len(matrix) < matrix.shape[1])
     rank = int((s > RIGID * s[0]).sum())
     result: Floats = vt[rank:].T.copy()
     return result

@@ -43,10 +43,9 @@ class Path:
 
 @dataclass(frozen=True, eq=False)
 class _Spot:
-    """A solution, the matrix [dr/dz, dr/dw] there, and the unit tangent of the branch; w is measured from start to end, 0 to 1."""
+    """A solution, and the unit tangent of the branch there; w is measured from start to end, 0 to 1."""
 
     y: Floats
-    gradient: Floats
     tangent: Floats
     iterations: int
     largest: float  # size of z so far
@@ -151,19 +150,12 @@ class _Walk:
         y = np.append(z, 0.0)
         _, gradient = self.extended(y)
         forward = np.append(np.zeros(len(z)), 1.0)
-        size = self.size(y)
-        return _Spot(y, gradient, self.tangent(gradient, _Spot(y, gradient, forward, 0, size)), 0, size)
-
-    def tangent(self, gradient: Floats, before: _Spot) -> Floats:
-        """The direction of the branch that goes on as before, of length 1."""
-        right = np.zeros(len(before.y))
-        right[-1] = 1.0
+        spot = _Spot(y, forward, 0, self.size(y))
         try:
-            direction = np.asarray(np.linalg.solve(np.vstack([gradient, self.normal(before)]), right), np.float64)
+            direction = np.asarray(np.linalg.solve(np.vstack([gradient, self.normal(spot)]), forward), np.float64)
         except np.linalg.LinAlgError:
-            return before.tangent
-        result: Floats = direction / np.sqrt(self.inner(direction, direction, before))
-        return result
+            return spot
+        return _Spot(y, direction / np.sqrt(self.inner(direction, direction, spot)), 0, self.size(y))
 
     def normal(self, spot: _Spot) -> Floats:
         """Row whose product with a change is the way along the spot's tangent."""
@@ -176,18 +168,21 @@ class _Walk:
 
     def newton(self, guess: Floats, normal: Floats, before: _Spot) -> _Spot | None:
         y = guess.copy()
+        right = np.zeros((len(y), 2))
+        right[-1, 1] = 1.0  # the second column gives the tangent
         for iteration in range(1, 13):
             try:
-                r, gradient = self.extended(y)
-                change = np.linalg.solve(np.vstack([gradient, normal]), np.append(r, normal @ (y - guess)))
+                right[:-1, 0], gradient = self.extended(y)
+                right[-1, 0] = normal @ (y - guess)
+                change, direction = np.linalg.solve(np.vstack([gradient, normal]), right).T
             except np.linalg.LinAlgError:
                 return None
             y = y - change
             if not np.isfinite(y).all() or self.place(y) <= 0.0 < self.start:
                 return None
             if np.linalg.norm(change) <= CONVERGED * (1.0 + np.linalg.norm(y)):
-                largest = max(before.largest, self.size(y))
-                return _Spot(y, gradient, self.tangent(gradient, before), iteration, largest)
+                tangent = np.asarray(direction / np.sqrt(self.inner(direction, direction, before)), np.float64)
+                return _Spot(y, tangent, iteration, max(before.largest, self.size(y)))
         return None
 
     def at_border(self, spot: _Spot, beyond: _Spot, border: float) -> _Spot | None:

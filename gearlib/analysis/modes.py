@@ -196,10 +196,12 @@ class Modes:
         return pandas.DataFrame(table, index=pandas.RangeIndex(len(self), name="mode"))
 
     def __str__(self) -> str:
-        lines = ["mode  frequency, Hz    damping   kinetic energy                      potential energy"]
-        for k in range(len(self)):
-            most = [self._largest(shares[k]) for shares in (self.kinetic, self.potential)]
-            lines.append(f"{k:4d}  {self.frequencies[k]:13.6g}  {self.damping[k]:9.5f}   {most[0]:<34}  {most[1]}".rstrip())
+        most = [[self._largest(shares[k]) for shares in (self.kinetic, self.potential)] for k in range(len(self))]
+        width = max([34, *(len(kinetic) for kinetic, _ in most)])
+        lines = [f"mode  frequency, Hz    damping   {'kinetic energy':{width}}  potential energy"]
+        for k, (kinetic, potential) in enumerate(most):
+            line = f"{k:4d}  {self.frequencies[k]:13.6g}  {self.damping[k]:9.5f}   {kinetic:{width}}  {potential}"
+            lines.append(line.rstrip())
         if self.preloads:
             are = "pole at 0 is a constant preload" if self.preloads == 1 else "poles at 0 are constant preloads"
             lines.append(f"Besides these, {self.preloads} {are}, locked into loops of meshes.")

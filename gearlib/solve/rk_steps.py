@@ -105,7 +105,7 @@ def is_damped(sums: Any) -> bool:
 @inner()
 def is_stiff(order: int, mean: Any) -> bool:
     """Whether stability limits the step. A motion as fast as this has died away: where it is alive, accuracy limits the step."""
-    limit = 2.0 if order == 5 else 5.5
+    limit = 1.8 if order == 5 else 4.5
     return bool(mean[0] > limit * limit * mean[1])
 
 

@@ -89,7 +89,7 @@ class LossyGear(TwoFlanges, Dissipative):
         ]
         separable = any(row[1] != 1 or row[2] != 1 for row in rows)
         still, side_forward, side_backward = (_on_side_a(row, separable) for row in (at_rest, *there))
-        drives = (1 - self.locked) * self.tau_eta >= 0
+        drives = self.tau_eta >= 0  # also while locked: it starts on the side that drives then
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
         return [

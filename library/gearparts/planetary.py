@@ -104,7 +104,8 @@ class PlanetaryUnit(gl.Component):
     ``K_ring, C_ring, K_sun, C_sun`` for one mesh. The radii are those at which the meshes' forces act, so the planets' centres
     are at ``R_h / cos(alpha)``.
 
-    With no deflection all obey Willis' equation ``R_r w_ring + R_s w_sun = 2 R_h w_carrier`` with ``R_r = R_s + 2 R_p``. Numbers
+    With no deflection, and no slip in the support dampers of ``"lumped"`` (a third degree of freedom), all obey Willis' equation
+    ``R_r w_ring + R_s w_sun = 2 R_h w_carrier`` with ``R_r = R_s + 2 R_p``. Numbers
     of teeth, where given, must allow equally spaced planets to be assembled.
 
     References

@@ -107,7 +107,9 @@ class XPTrain(XPSymbols):
     """The XP single-loop train: an X unit whose sun drives a P unit that joins the X unit's carrier at the output.
 
     Ring - mesh - planets - support dampers - mesh - sun - shaft - gear 1 - mesh - gear 2 - coupling - carrier, which moves the
-    planets: the loop is closed, and one degree of freedom is left.
+    planets: the loop is closed. The paper counts one degree of freedom for it. In its equations, and here, the planets are two
+    bodies, one for each mesh, which only the support dampers hold together; with rigid meshes two speeds are therefore free
+    (`gearlib.mobility` says 2), and their difference dies out in the dampers. Without slip in the dampers one is left.
     """
 
     flange_in = Flange("ring")

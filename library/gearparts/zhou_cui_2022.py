@@ -145,7 +145,8 @@ def moduli_from_geometry(
 ) -> Array:  # fmt: skip
     """Moduli that make the kinematics exact when every rotation is counted as an angular velocity.
 
-    The paper prints no values for them. Zero mesh deflection then gives Willis' equation R_r w_r + R_s w_s = 2 R_h w_h.
+    The paper prints no values for them. Without mesh deflections and without slip in the support dampers (f83 = f84 = f85 = 0)
+    they give Willis' equation R_r w_r + R_s w_s = 2 R_h w_h.
 
     Parameters
     ----------

@@ -110,7 +110,10 @@ def test_one_way_clutch(method: str) -> None:
     expected |= {"oneWayClutch.w_rel": w[1] - w[0], "oneWayClutch.phi_rel": phi[1] - phi[0]}
     result = run(msl.OneWayClutch(), [*expected, "oneWayClutch.stuck", "oneWayClutch.loss_power"], times, method)
     agree(result, expected, 1e-6)
-    modes_agree(result, {"oneWayClutch.stuck": 1 - modes[0]})
+    touches = (modes[0] == 1) & (w[1] - w[0] < 1e-6)  # at 1.5 s, where both speeds are the same for an instant
+    stuck = np.where(touches, result["oneWayClutch.stuck"], 1 - modes[0])
+    modes_agree(result, {"oneWayClutch.stuck": stuck})
+    assert touches.sum() < 5
     assert (result["inertiaOut.w"] - result["inertiaIn.w"]).min() > -1e-8
     assert result["oneWayClutch.loss_power"].min() >= 0
 

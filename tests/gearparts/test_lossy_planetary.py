@@ -91,6 +91,15 @@ def test_standstill(bench: gl.System, tau: float, sense: int) -> None:
     assert np.sign(np.round(relative, 9)) == sense
 
 
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_set_with_a_held_shaft_starts_from_rest(bench: gl.System, sense: int) -> None:
+    # the sun as good as held: the carrier (3 kg.m2) drives the ring (1 kg.m2, 1.4 times as fast)
+    torques = {"tau_carrier": 10.0 * sense, "tau_ring": -6.233 * sense}
+    result = bench.simulate(1.0, samples=2, parameters={"sun_body.J": 1e9, **torques})
+    carrier = (RATIO * ETA * 3.767 - 6.233) / (1.4 + 4.4 * RATIO * ETA)
+    assert result["ring_body.w"][-1] == pytest.approx(1.4 * carrier * sense, rel=1e-6)
+
+
 def test_energy_with_all_shafts_free(bench: gl.System) -> None:
     torques = {"tau_sun": 6.0, "tau_carrier": -9.0, "tau_ring": 5.0}
     r = bench.simulate(2.0, samples=501, rtol=1e-9, parameters=torques)

@@ -303,7 +303,8 @@ def test_stiffness_is_detected(order: int) -> None:
     assert solution.stats["steps"] < 2000
     assert solution.t.size == solution.x.shape[0] == np.searchsorted(times, solution.t_last, side="right")
     x = solution.x_last[0]
-    assert solution.t_last == pytest.approx(1000.0 * (math.log(x / 2.0) - (x * x - 4.0) / 2.0), rel=0.02)
+    # the slow branch is reached from rest after some time constants of 1/3000 s, which its formula leaves out
+    assert solution.t_last == pytest.approx(1000.0 * (math.log(x / 2.0) - (x * x - 4.0) / 2.0), rel=0.02, abs=5e-4)
     assert solution.stats["data"].shape == (4,)
 
 
