@@ -24,7 +24,7 @@ import gearlib as gl
 import gearparts as gp
 from gearparts.mesh_models import DetailedExternalMesh, mesh_damping
 
-FIGURES = Path(__file__).parent / "figures"
+FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)
 J_A, R_A, J_B, R_B, C, ZETA = 0.001, 0.05, 0.016, 0.1, 2e8, 0.05
 NATURAL = np.sqrt(C * (R_A**2 / J_A + R_B**2 / J_B))  # rad/s, of the mesh in contact

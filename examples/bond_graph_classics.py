@@ -21,7 +21,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.bondgraph import GY, TF, BondGraph, C, I, One, R, RunTime, Se, Sf, Zero, draw, state_equations, time
 
-FIGURES = Path(__file__).parent / "figures"
+FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)
 
 # %%

@@ -23,7 +23,7 @@ from gearlib.bondgraph.paper import PREFERENCE, single_loop_train
 from gearlib.bondgraph.structure_diagram import single_loop, unit_diagram
 from gearparts import zhou_cui_2022
 
-FIGURES = Path(__file__).parent / "figures"
+FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)
 
 # %%

@@ -25,7 +25,7 @@ import gearlib as gl
 import gearparts as gp
 from gearparts.trains import XPSymbols
 
-FIGURES = Path(__file__).parent / "figures"
+FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)
 PRINTED = 7.05  # dB, gain margin in Fig. 7(b)
 
