@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import tomllib
+import warnings
 from pathlib import Path
 
 _root = Path(__file__).resolve().parents[1]
 os.environ.setdefault("GEARLIB_CACHE", str(_root / ".cache" / "gearlib"))
+
+warnings.filterwarnings("ignore", "Unknown section Explanation")  # of sympy's functions, which gearlib hands on
 
 project = "gearlib"
 author = "gearlib developers"

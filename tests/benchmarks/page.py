@@ -68,17 +68,19 @@ def verdicts(measured: dict[str, list[Curve]]) -> list[str]:
     from tests.benchmarks.work_precision import TARGETS, best
 
     lines = [
-        "| scene | error | floor, ms | best method, ms | over floor | `auto`, ms | over best | acausal over auto | others over auto |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| scene | error | floor, ms | best method, ms | over floor | `auto`, ms | over best | acausal over auto | heyoka over auto | others over auto |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for name, curves in measured.items():
         auto = next(c for c in curves if c.solver == "gearlib auto")
         for target in TARGETS:
             floor, ours = best(curves, "floor", target), best(curves, "gearlib", target, inner=True)
             picked, whole = auto.time_to(target, inner=True), auto.time_to(target)
-            ratios = (best(curves, kind, target) / whole for kind in ("acausal", "other"))
+            series = [c for c in curves if c.solver == "heyoka"]
+            rivals = [best(curves, "acausal", target), best(series, "other", target)]
+            rivals.append(best([c for c in curves if c not in series], "other", target))
             cells = [name, f"{target:.0e}", number(floor, 1e3), number(ours, 1e3), number(ours / floor), number(picked, 1e3),
-                     number(picked / ours), *(number(r) for r in ratios)]  # fmt: skip
+                     number(picked / ours), *(number(r / whole) for r in rivals)]  # fmt: skip
             lines.append("| " + " | ".join(cells) + " |")
     return [*lines, ""]
 
