@@ -12,6 +12,8 @@ BIN := $(VENV)/bin
 PYTEST := $(BIN)/python -m pytest
 ARGS ?=
 export MPLBACKEND ?= Agg
+# For small matrices threads cost more than they bring.
+export OPENBLAS_NUM_THREADS ?= 1
 
 help:
 	@echo "make run     simulate the XP train (examples/xp_train.py)"

@@ -147,7 +147,7 @@ print("\nloop of one mesh, N(A) G(s); meets: crossings of the negative real axis
 print("stiffness                 poles of G, largest real part   meets   gain margin, dB   phase margin, deg   N  closed loop")
 for q in static:
     G = mesh_loop(q)
-    curve = gl.frequency_response(G, np.geomspace(1e-2, 1e7, 100_001))[q]
+    curve = gl.frequency_response(G, np.geomspace(1e-2, 1e7, 20_001))[q]
     crossings = int(((np.diff(np.sign(curve.imag)) != 0) & (curve.real[1:] < 0)).sum())
     for share in (1.0, shares[least]):
         report = gl.stability(G, ("force", q), gain=share * K_g)

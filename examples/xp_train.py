@@ -134,6 +134,7 @@ loop = K * linear["w_out", "tau_in"]
 print(f"\nopen loop, k = {K:g} N.m.s/rad   gain margin, dB   phase margin, deg   least distance to -1")
 for name, transfer in {"k w_in / tau_in": K * linear["w_in", "tau_in"], "k w_out / tau_in": loop}.items():
     gm, pm, distance, *_ = control.stability_margins(transfer)
+    distance = min(distance, 1.0)  # python-control looks at finite frequencies; at infinite ones L is 0
     print(f"{name:29} {20 * np.log10(gm):15.2f} {pm:19.2f} {distance:22.3f}")
 
 # %%

@@ -136,3 +136,26 @@ def test_slips_are_refused_by_name() -> None:
 
 def test_a_number_of_numpy_may_count_planets() -> None:
     assert gp.PlanetaryUnit(planets=np.int64(4)).planets == 4
+
+
+class FlangeAsVariable(gl.Component):
+    flange = gp.Flange("shaft")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(2.0 * self.flange, 1)]
+
+
+class FlangeInEquation(gl.Component):
+    flange = gp.Flange("shaft")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange, 1)]
+
+
+def test_a_connector_is_no_variable() -> None:
+    with pytest.raises(
+        DeclarationError, match=r"a connector is no variable; name one that it has, such as self\.flange_a\.phi"
+    ):
+        gl.compile(FlangeAsVariable())
+    with pytest.raises(DeclarationError, match=r"<Flange FlangeInEquation\.flange> == 1 is no equation: both sides must be"):
+        gl.compile(FlangeInEquation())

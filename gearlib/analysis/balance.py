@@ -72,13 +72,14 @@ class Balance:
         cuts = jumps(driven, c, found, self._step(c))
         basis = fourier(found.phase, self.harmonics)
         back = self._back(found.phase, found.weights, basis)
-        f, slopes = driven.linear_rates(found.phase, (basis @ c).T, found.modes)
+        f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.modes)
         mean = back @ (f / self.scale[:, None]).T
         derivative = turn(self.harmonics)
         rest = derivative @ z.reshape(mean.shape) - mean / omega
+        rest[0] += driven.growth / self.scale
         by_z = np.kron(derivative, np.eye(len(self.scale))) - self._blocks(basis, back, slopes, cuts) / omega
         by_w = mean / omega**2 - self._explicit(found, c, omega) / omega
-        self._check(mean, omega)
+        self._check(rest[0], mean, omega)
         return self._held(z, rest, by_z, by_w)
 
     def _step(self, c: Floats) -> Floats:
@@ -110,20 +111,23 @@ class Balance:
             return np.zeros((len(c), len(self.scale)))
         h = 1e-6 * omega
         basis = fourier(found.phase, self.harmonics)
-        x = (basis @ c).T
+        x = self.driven(omega).states(found.phase, c)
         ahead, behind = (self.driven(omega + s).rates(found.phase, x, found.modes) for s in (h, -h))
         slope = (ahead - behind) / (2 * h * self.scale[:, None])
         result: Floats = self._back(found.phase, found.weights, basis) @ slope.T
         return result
 
-    def _check(self, mean: Floats, omega: float) -> None:
+    def _check(self, first: Floats, mean: Floats, omega: float) -> None:
         """Mean rates that no state can balance must vanish by themselves."""
         if not self.rigid.sums.shape[1]:
             return
-        rest = self.rigid.sums @ (self.rigid.sums.T @ mean[0])
+        rest = -omega * self.rigid.sums @ (self.rigid.sums.T @ first)
         worst = int(np.argmax(np.abs(rest)))
         if abs(rest[worst]) > UNBALANCED * max(float(np.abs(mean).max()), 1e-300):
-            name = self.driven(omega).scene.state_names[worst]
+            driven = self.driven(omega)
+            if driven.growth.any():
+                raise _other_speed(driven)
+            name = driven.scene.state_names[worst]
             raise SolverError(
                 f"there is no periodic motion at {omega:g} rad/s: {name} changes by {rest[worst] * self.scale[worst]:.3g} per second on "
                 "average, and nothing in the train can hold it back. Balance the mean torques, add a load that grows with speed, or "
@@ -143,13 +147,14 @@ class Balance:
         return rest.ravel(), by_z, by_w.ravel()
 
     def multipliers(self, z: Floats, omega: float) -> NDArray[np.complex128]:
-        """Floquet multipliers of the motion; those of rigid motions (1) are left out."""
+        """Floquet multipliers of the motion; those of rigid motions and of the phase (1) are left out."""
         driven, c = self.driven(omega), self.coefficients(z)
         found = moments(driven, c, self.samples)
         cuts = jumps(driven, c, found, self._step(c))
         all_ = multipliers(driven, c, found, cuts, self.samples)
         order = np.argsort(np.abs(all_ - 1.0))
-        result: NDArray[np.complex128] = all_[np.sort(order[self.rigid.motions.shape[1] :])]
+        free = self.rigid.motions.shape[1] + bool(driven.growth.any())  # turning and speeding up go together
+        result: NDArray[np.complex128] = all_[np.sort(order[free:])]
         return result
 
 
@@ -170,8 +175,12 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
     if not len(slopes):
         return Rigid(np.empty((n, 0)), np.empty((n, 0)), means)
     motions, sums = _kernel(slopes.reshape(-1, n)), _kernel(np.swapaxes(slopes, 1, 2).reshape(-1, n))
-    number = min(motions.shape[1], sums.shape[1])
-    return Rigid(motions[:, :number], sums[:, :number], means)
+    turning = np.eye(n)[:, driven.growth != 0]  # where in its period a mesh starts is a matter of choice
+    number = min(motions.shape[1] + turning.shape[1], sums.shape[1])
+    if number < turning.shape[1]:
+        raise _other_speed(driven)
+    held = np.hstack([turning, motions])[:, :number]
+    return Rigid(held, sums[:, :number], means)
 
 
 def _kernel(matrix: Floats) -> Floats:
@@ -184,3 +193,11 @@ def _kernel(matrix: Floats) -> Floats:
     rank = int((s > RIGID * s[0]).sum())
     result: Floats = vt[rank:].T.copy()
     return result
+
+
+def _other_speed(driven: Driven) -> SolverError:
+    names = ", ".join(s for s, g in zip(driven.scene.state_names, driven.growth.tolist(), strict=True) if g)
+    return SolverError(
+        f"the train turns with {names} at a speed that its torques determine, which is not the one that {driven.omega:g} rad/s asks for; "
+        "make the torques that drive and load it constant, and let them balance"
+    )

@@ -69,7 +69,7 @@ def follow(
     points : int
         Largest number of points.
     skipped : int
-        So many of the first unknowns do not count in the size of z.
+        So many of the first unknowns do not count in lengths.
 
     Raises
     ------
@@ -138,7 +138,8 @@ class _Walk:
 
     def inner(self, a: Floats, b: Floats, spot: _Spot) -> float:
         """Product in which the way is measured, about a spot."""
-        return float((GROWTH / self.size(spot.y, spot.largest)) ** 2 * (a[:-1] @ b[:-1]) + a[-1] * b[-1])
+        k = self.skipped
+        return float((GROWTH / self.size(spot.y, spot.largest)) ** 2 * (a[k:-1] @ b[k:-1]) + a[-1] * b[-1])
 
     def strayed(self, spot: _Spot, new: _Spot, length: float) -> bool:
         """Whether the branch bends so much that the new spot may lie on another one."""
@@ -160,7 +161,9 @@ class _Walk:
     def normal(self, spot: _Spot) -> Floats:
         """Row whose product with a change is the way along the spot's tangent."""
         size = GROWTH / self.size(spot.y, spot.largest)
-        return np.append(size**2 * spot.tangent[:-1], spot.tangent[-1])
+        row = np.append(size**2 * spot.tangent[:-1], spot.tangent[-1])
+        row[: self.skipped] = 0.0
+        return row
 
     def corrected(self, spot: _Spot, length: float) -> _Spot | None:
         """Newton's method on the plane across the tangent, a length ahead."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gearlib.analysis.balance import Balance, rigid_motions
 from gearlib.analysis.periods import Driven, fourier
-from gearlib.errors import ArgumentError, SolverError
+from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.solve.scene import Scene, needed_states
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ class Forced:
     parameters: dict[str, float]
     inputs: dict[str, Any]
     harmonics: int
+    turning: dict[str, float]
 
     def scene(self, outputs: Sequence[str]) -> Scene:
         """The states that the outputs need.
@@ -77,14 +78,25 @@ class Forced:
             ]
             return np.array(rows, float).reshape(len(given), len(phase))
 
+        growth = self.growth(scene)
+
         @lru_cache(maxsize=8)
         def at(omega: float) -> Driven:
-            return Driven(scene, scene.numbers(system._parameters(self.values(omega))), signals, omega)
+            return Driven(scene, scene.numbers(system._parameters(self.values(omega))), signals, omega, growth)
 
         if self.frequency is not None:
             return at
         fixed = scene.numbers(system._parameters(self.parameters))
-        return lambda omega: Driven(scene, fixed, signals, omega)
+        return lambda omega: Driven(scene, fixed, signals, omega, growth)
+
+    def growth(self, scene: Scene) -> Floats:
+        """How far each state gets over one radian of phase."""
+        for name, turns in self.turning.items():
+            if name not in scene.state_names:
+                raise NameLookupError(f"the system has no state '{name}'; {nearest(str(name), scene.state_names)}")
+            if isinstance(turns, bool) or not isinstance(turns, (int, float, np.number)) or not np.isfinite(turns) or not turns:
+                raise ArgumentError(f"turning[{name!r}] is {turns!r}; expected the periods of 2 pi in one period of the motion")
+        return np.array([float(self.turning.get(name, 0.0)) for name in scene.state_names])
 
     def _check_inputs(self) -> None:
         self.system._signals({name: 0.0 if callable(g) else g for name, g in self.inputs.items()})
@@ -107,7 +119,7 @@ class Forced:
         c = np.zeros(size)
         c[0] = means
         z = _newton(balance, balance.unknowns(c), omega)
-        if z is None:
+        if z is None and not self.turning:
             z = _newton(balance, balance.unknowns(self._settled(scene, omega, samples, guess)), omega)
         if z is None:
             raise SolverError(
@@ -155,8 +167,9 @@ def _refuse_memory(scene: Scene) -> None:
 def _check_forcing(driven: Driven, means: Floats) -> None:
     """The rates must change over a period, and repeat after it."""
     phase = 2 * np.pi * np.arange(16) / 16 + 0.1
-    x = np.repeat(means[:, None], 16, axis=1)
+    x = means[:, None] + driven.growth[:, None] * phase
     once = driven.rates(phase, x, driven.modes(phase, x))
+    x = x + 2 * np.pi * driven.growth[:, None]
     again = driven.rates(phase + 2 * np.pi, x, driven.modes(phase + 2 * np.pi, x))
     size = np.abs(once).max(axis=1)
     nominal = driven.scene.nominal
@@ -175,7 +188,10 @@ def _check_forcing(driven: Driven, means: Floats) -> None:
             "(frequency=...), and make all functions of time repeat with it"
         )
     if (np.ptp(once, axis=1) <= 1e-12 * size).all():
-        raise ArgumentError("nothing varies over the period: bind an input to a function of the phase, or give frequency=...")
+        raise ArgumentError(
+            "nothing varies over the period: bind an input to a function of the phase, give frequency=..., or, where the phase of a "
+            "mesh excites the train, turning={'mesh.turned': 1.0}"
+        )
 
 
 def _newton(balance: Balance, z: Floats, omega: float) -> Floats | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.analysis.periods import Cuts, Driven, Moments, fourier
+from gearlib.analysis.periods import Cuts, Driven, Moments
 
 Floats = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def multipliers(
     R. I. Leine, H. Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems", Springer 2004,
     https://doi.org/10.1007/978-3-540-44398-8.
     """
-    harmonics, n = len(coefficients) // 2, coefficients.shape[1]
+    n = coefficients.shape[1]
     begins, widths, modes, last = [], [], [], []
     for begin, end, flags in found.pieces:
         panels = max(1, int(np.ceil((end - begin) / (4 * np.pi / samples))))
@@ -36,7 +36,7 @@ def multipliers(
     starts, length, flags = np.concatenate(begins), np.concatenate(widths), np.concatenate(modes, axis=1)
     offset = length * np.sqrt(3) / 6
     phase = np.concatenate([starts + length / 2 - offset, starts + length / 2 + offset])
-    x = (fourier(phase, harmonics) @ coefficients).T
+    x = driven.states(phase, coefficients)
     _, slopes = driven.linear_rates(phase, x, np.tile(flags, (1, 2)))
     first, second = slopes[: len(starts)], slopes[len(starts) :]
     h = (length / driven.omega)[:, None, None]

@@ -11,12 +11,11 @@ from gearlib.analysis.balance import Balance
 from gearlib.analysis.continuation import Path, follow
 from gearlib.analysis.first_motion import Forced
 from gearlib.analysis.harmonic_response import HarmonicBalance
-from gearlib.analysis.periods import fourier
+from gearlib.analysis.periods import Driven, Floats, fourier
 from gearlib.analysis.response import _unit
 from gearlib.codegen.builder import build
-from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.errors import ArgumentError
-from gearlib.flatten.templates import parse_column
 from gearlib.solve.scene import Scene
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ Input = float | Callable[[float, float], float]
 
 def harmonic_balance(
     system: System, start: float, end: float, *, frequency: str | None = None, harmonics: int = 1, samples: int | None = None,
-    outputs: Sequence[str] | None = None, inputs: Mapping[str, Input] | None = None,
+    outputs: Sequence[str] | None = None, inputs: Mapping[str, Input] | None = None, turning: Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None, guess: Mapping[str, float] | None = None, step: float = 0.02,
     points: int = 2000,
 ) -> HarmonicBalance:  # fmt: skip
@@ -56,6 +55,10 @@ def harmonic_balance(
         Variables; by default the system's outputs, or its states.
     inputs : mapping, optional
         Of unbound inputs: a number, or a function of phase (rad, ``w t``) and frequency (rad/s), 2 pi periodic in the phase.
+    turning : mapping, optional
+        States in rad that grow, by path, and how many times 2 pi each grows in one period: ``{"mesh.turned": 1.0}`` where the phase
+        of a mesh excites the train, ``frequency`` being not needed then. The mean speed follows from the frequency, so that the
+        torques that drive and load the train must be constant and balance.
     parameters : mapping, optional
         Values by path.
     guess : mapping, optional
@@ -100,8 +103,9 @@ def harmonic_balance(
     True
     """
     _check_numbers(start, end, harmonics, step, points)
-    task = Forced(system, frequency, dict(parameters or {}), dict(inputs or {}), harmonics)
-    names = list(outputs if outputs is not None else (system.outputs if system.outputs is not None else system.states))
+    task = Forced(system, frequency, dict(parameters or {}), dict(inputs or {}), harmonics, dict(turning or {}))
+    default = system.outputs if system.outputs is not None else tuple(n for n in system.states if n not in task.turning)
+    names = list(outputs if outputs is not None else default)
     scene = task.scene(names)
     switching = scene.relations is not None
     count = samples if samples is not None else max(256 if switching else 64, 8 * harmonics)
@@ -128,13 +132,14 @@ def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: lis
     """Outputs and stability along a path."""
     system = task.system
     model, structure = scene.model, scene.structure
-    variables = [(model.variable(base), order) for base, order in map(parse_column, names)]
+    variables = [(model.variable(base), order) for base, order in map(model.column, names)]
     targets = [(int(model.representative[v]), order) for v, order in variables]
     signs = np.array([float(model.sign[v]) for v, _ in variables])
     program = build(structure, [*targets, *((v, k + 1) for v, k in scene.states)], scene.states, dynamic=True)
     rows = [program.slots.get(t, 0) for t in targets]
     prepared = None
-    coefficients, multipliers = [], []
+    coefficients: list[Floats] = []
+    multipliers = []
     count = balance.samples
     phase = 2 * np.pi * np.arange(count) / count
     basis = fourier(phase, balance.harmonics)
@@ -142,13 +147,28 @@ def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: lis
     back[0] /= 2
     for z, omega in zip(path.z, path.w, strict=True):
         driven = balance.driven(float(omega))
-        x = (basis @ balance.coefficients(z)).T
+        x = driven.states(phase, balance.coefficients(z))
         if prepared is None or task.frequency is not None:
             prepared = prepare(program, structure, driven.numbers.parameters)
         slots = evaluate(prepared, phase / omega, x, driven.inputs(phase, float(omega)), driven.modes(phase, x))
+        if task.turning and not coefficients:
+            _check_repeating(names, slots[rows], driven, x, prepared, rows)
         coefficients.append(back @ (signs[:, None] * slots[rows]).T)
         multipliers.append(balance.multipliers(z, float(omega)))
     units = tuple(_unit(system, name) for name in names)
     return HarmonicBalance(
         path.w, np.array(coefficients), np.array(multipliers), path.folds, tuple(names), units, path.complete
     )
+
+
+def _check_repeating(
+    names: Sequence[str], once: Floats, driven: Driven, x: Floats, prepared: Prepared, rows: Sequence[int]
+) -> None:
+    """Outputs must not grow with the mesh phase."""
+    phase = 2 * np.pi * (1 + np.arange(x.shape[1]) / x.shape[1])
+    later = x + 2 * np.pi * driven.growth[:, None]
+    slots = evaluate(prepared, phase / driven.omega, later, driven.inputs(phase, driven.omega), driven.modes(phase, later))
+    grown = np.abs(slots[rows] - once).max(axis=1)
+    bad = np.flatnonzero(grown > 1e-6 * np.maximum(np.abs(once).max(axis=1), 1e-300))
+    if len(bad):
+        raise ArgumentError(f"{names[bad[0]]} grows by {grown[bad[0]]:g} in each period; leave it out, or take its rate")

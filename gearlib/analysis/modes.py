@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from gearlib.analysis.energies import Family, energies, families
 from gearlib.analysis.linearize import operating_point, slots_at
-from gearlib.analysis.spectrum import Spectrum, dense_spectrum, sparse_spectrum
+from gearlib.analysis.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import prepare
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
-from gearlib.flatten.templates import parse_column
 from gearlib.language.declarations import Potential
 from gearlib.solve.scene import needed_states, node_name
 from gearlib.structure.analysis import Structure
@@ -63,6 +62,7 @@ class Modes:
     _rows: Any  # (variables, states): amplitude of each representative variable ...
     _orders: Any  # ... in this order of its derivative, -1 where it is not known
     _find_families: Callable[[], list[Family]]
+    _preloaded: bool  # whether the free motions hold preloads, too
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
@@ -96,7 +96,7 @@ class Modes:
         known = np.asarray(self._rows @ self.shapes[:, mode]).ravel()
         with np.errstate(all="ignore"):
             value = known / s ** np.maximum(self._orders, 0)
-        if self.eigenvalues[mode] == 0:  # x = rate / s at a frequency that stands for "slowly"
+        if self.eigenvalues[mode] == 0 and self._preloaded:  # what is no rate is a preload
             value = np.where(self._orders == 0, 0.0, value)
         return np.where(self._orders < 0, 0.0, value)
 
@@ -118,7 +118,7 @@ class Modes:
         amplitude, s = self.amplitudes(mode), self._s(mode)
         result = []
         for name in names:
-            base, order = parse_column(name)
+            base, order = self._model.column(name)
             v = self._model.variable(base)
             rep = int(self._model.representative[v])
             if self._model.sign[v] and self._orders[rep] < 0:
@@ -294,11 +294,12 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
     rows = d[pick]
     angles = any(k == 0 and structure.model.potential[v] for v, k in states)
     spectrum = _spectrum(A, rows, orders, count, angles)
+    free, alone = without_preloads(A, rows[np.flatnonzero(orders == 1)], spectrum.free)
     names = tuple(node_name(structure.model, s) for s in states)
     return Modes(
-        np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([spectrum.free, spectrum.vectors]), names,
+        np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([free, spectrum.vectors]), names,
         spectrum.free.shape[1], spectrum.preloads, spectrum.decays, structure.model, rows, orders,
-        lambda: families(structure, prepared, slots, flags, point.t),
+        lambda: families(structure, prepared, slots, flags, point.t), not alone,
     )  # fmt: skip
 
 

@@ -196,10 +196,8 @@ def _prepared(
 
 
 def _unit(result: Result, name: str) -> str:
-    from gearlib.flatten.templates import parse_column
-
-    base, order = parse_column(name)
     model = result._scene.model
+    base, order = model.column(name)
     declared = model.declaration(model.variable(base))
     return "" if declared is None else declared.unit + "/s" * order
 

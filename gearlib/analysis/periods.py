@@ -48,6 +48,13 @@ class Driven:
     numbers: Numbers
     inputs: Callable[[Floats, float], Floats]  # (phases, frequency) -> (inputs, phases)
     omega: float
+    growth: Floats  # of the states over one radian of phase: mesh phases grow, everything else repeats
+
+    def states(self, phase: Floats, coefficients: Floats) -> Floats:
+        """Values of the states, shape (states, phases)."""
+        repeating = fourier(phase, len(coefficients) // 2) @ coefficients
+        result: Floats = repeating.T + self.growth[:, None] * phase
+        return result
 
     def modes(self, phase: Floats, x: Floats) -> Floats:
         return self.scene.modes(self.numbers, phase / self.omega, x, self.inputs(phase, self.omega))
@@ -113,9 +120,8 @@ class Moments:
 
 def moments(driven: Driven, coefficients: Floats, samples: int) -> Moments:
     """Moments at which the rates along a Fourier series should be known; ``samples`` or somewhat more."""
-    harmonics = len(coefficients) // 2
     grid = 2 * np.pi * np.arange(samples) / samples
-    x = (fourier(grid, harmonics) @ coefficients).T
+    x = driven.states(grid, coefficients)
     flags = driven.modes(grid, x)
     following = np.roll(flags, -1, axis=1)
     switches = np.flatnonzero((flags != following).any(axis=0))
@@ -192,8 +198,7 @@ def jumps(driven: Driven, coefficients: Floats, found: Moments, scale: Floats) -
     """The jumps of the rates at the cuts, if there are any."""
     if not len(found.cuts):
         return None
-    harmonics = len(coefficients) // 2
-    x = (fourier(found.cuts, harmonics) @ coefficients).T
+    x = driven.states(found.cuts, coefficients)
     before, after = driven.rates(found.cuts, x, found.before), driven.rates(found.cuts, x, found.after)
     jump = (after - before).T
     size = np.abs(before).max(axis=1) + np.abs(after).max(axis=1)
@@ -216,7 +221,7 @@ def jumps(driven: Driven, coefficients: Floats, found: Moments, scale: Floats) -
     values = crossing(np.tile(phase, 2 * n), moved).reshape(n, 2, count)
     gradient = ((values[:, 0] - values[:, 1]) / (2 * step[:, None])).T
     h = 1e-5
-    ahead = [(fourier(phase + s, harmonics) @ coefficients).T for s in (h, -h)]
+    ahead = [driven.states(phase + s, coefficients) for s in (h, -h)]
     along = crossing(np.concatenate([phase + h, phase - h]), np.concatenate(ahead, axis=1))
     slope = (along[0] - along[1]) / (2 * h)
     fixed = crossing(np.concatenate([phase + h, phase - h]), np.tile(here, (1, 2)))

@@ -159,10 +159,20 @@ def _free_motions(A: Any, speeds: Any, chained: bool) -> Complexes:
         if free.shape[1] < looks:
             break
         looks *= 4
-    # Without the preloads that are mixed in, if what no speed depends on can be left out.
+    return free
+
+
+def without_preloads(A: Any, speeds: Any, free: Complexes) -> tuple[Complexes, bool]:
+    """Free motions without the preloads that are mixed into them, and whether these could be left out.
+
+    A preload is in states that no speed depends on: without them it must still be a motion at 0.
+    """
     alone = free * (np.asarray(abs(speeds).sum(axis=0)).ravel() > 0)[:, None]
-    left = found.row[:n, None] * np.abs(A @ alone)
-    return alone if left.max(initial=0.0) <= 1e-9 * np.abs(alone / scale[:, None]).max(initial=0.0) else free
+    size = abs(A)
+    largest = np.asarray(size.max(axis=1).toarray() if hasattr(size, "toarray") else size.max(axis=1, initial=0.0)).ravel()
+    terms = size @ np.abs(alone) + 1e-6 * largest[:, None] * np.abs(alone).max(axis=0, initial=0.0)
+    possible = bool((np.abs(A @ alone) <= 1e-6 * terms).all())
+    return (alone if possible else free), possible
 
 
 def _more(A: Any, speeds: Any, count: int, found: Spectrum) -> Spectrum:

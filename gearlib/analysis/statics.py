@@ -11,7 +11,6 @@ from gearlib.analysis.power import FlangePower, PowerFlow
 from gearlib.analysis.steady_motion import CONTRADICTION, VALUE, Given, Motion, kinematics, refuse_contradiction, solve
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
-from gearlib.flatten.templates import parse_column
 from gearlib.language.declarations import Flow, Potential
 
 if TYPE_CHECKING:
@@ -188,7 +187,7 @@ def _mechanical(model: FlatModel) -> list[tuple[int, int, int, str]]:
 
 def _speed(model: FlatModel, name: str) -> tuple[int, int, int]:
     """(representative, order, sign) of a speed named by a variable, a flange or "der(angle)"."""
-    base, order = parse_column(name)
+    base, order = model.column(name)
     variable = model.find(base)
     if variable is None:
         paths = {

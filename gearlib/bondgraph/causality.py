@@ -158,6 +158,8 @@ def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
     D. C. Karnopp, D. L. Margolis, R. C. Rosenberg, "System Dynamics", 5th ed., Wiley, 2012, chapter 5.
     https://doi.org/10.1002/9781118152812
     """
+    if isinstance(prefer, str) or not isinstance(prefer, Iterable):
+        raise ArgumentError(f"{graph.name}: prefer is {prefer!r}; expected numbers of bonds, such as [2, 6]")
     storage, first = graph.of_kind(I, C), tuple(dict.fromkeys(prefer))
     if wrong := [bond for bond in first if bond not in storage]:
         raise ArgumentError(f"{graph.name}: no storage element on bonds {_join(wrong)}; they are on {_join(storage)}")

@@ -83,7 +83,7 @@ def _label(element: Element, graph: BondGraph) -> str:
     if isinstance(element, Junction):
         return element.kind
     if isinstance(element, TF | GY):
-        return f"{element.kind}\n${sp.latex(expression(element.modulus, ''), fold_short_frac=True)}$"
+        return f"{element.kind}\n${sp.latex(expression(element.modulus, 'modulus'), fold_short_frac=True)}$"
     return f"${element.kind}_{{{graph.at(element)[0].number}}}$"
 
 

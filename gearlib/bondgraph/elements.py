@@ -11,7 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import sympy as sp
+
+from gearlib.errors import ArgumentError
 
 __all__ = ["GY", "TF", "C", "Element", "I", "Junction", "MSe", "MSf", "One", "R", "Se", "Sf", "Zero", "energy_symbol", "time"]
 
@@ -37,7 +40,14 @@ def expression(value: Any, default: str) -> Any:
     """The parameter ``value`` of an element as a sympy expression; None stands for a symbol named ``default``."""
     if value is None:
         return symbol(default)
-    return symbol(value) if isinstance(value, str) else sp.sympify(value)
+    if isinstance(value, str):
+        return symbol(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float, sp.Expr, np.number)):
+        raise ArgumentError(f"{default} is {value!r}; expected a number, the name of a parameter, or an expression")
+    found = sp.sympify(value)
+    if found.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
+        raise ArgumentError(f"{default} is {value}; expected a finite real number or expression")
+    return found
 
 
 @dataclass(frozen=True, eq=False)

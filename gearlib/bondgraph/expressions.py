@@ -25,7 +25,7 @@ from gearlib.bondgraph.elements import (
     symbol,
 )
 from gearlib.bondgraph.graph import Bond, BondGraph
-from gearlib.errors import DeclarationError
+from gearlib.errors import ArgumentError, DeclarationError
 
 __all__ = ["Walk", "rate_of"]
 
@@ -107,7 +107,7 @@ class Walk:
 
     def _two_port(self, element: TF | GY, letter: str, bond: Bond) -> Any:
         (other,) = (b for b in self.graph.at(element) if b is not bond)
-        m = expression(element.modulus, "")
+        m = expression(element.modulus, "modulus")
         if isinstance(element, TF):  # f_out = m f_in, e_in = m e_out
             value = self((letter, other.number))
             return value * m if (bond.tail is element) == (letter == "f") else value / m
@@ -133,7 +133,11 @@ def _law(element: Element, variable: Any) -> Any:
     assert isinstance(element, Storage)
     if element.law is not None:
         return sp.sympify(element.law(variable))
-    return variable / expression(element.value, f"{element.kind}_{variable.name[2:]}")
+    name = f"{element.kind}_{variable.name[2:]}"
+    value = expression(element.value, name)
+    if value == 0:
+        raise ArgumentError(f"{name} is 0; leave the element out, or give it a value")
+    return variable / value
 
 
 def _solved(law: Any, variable: Any, given: Any, label: str, need: str) -> Any:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 from gearlib.bondgraph.elements import GY, TF, Element, Junction, R, Se, Sf, Storage
 from gearlib.errors import ArgumentError, ConnectionError
@@ -64,7 +65,8 @@ class BondGraph:
     def __init__(self, *bonds: tuple[int, Element, Element], name: str = "bond graph") -> None:
         self.name = name
         made: dict[int, Bond] = {}
-        for number, tail, head in bonds:
+        for bond in bonds:
+            number, tail, head = _of_bond(name, bond)
             if number in made:
                 raise ConnectionError(f"{name}: bond {number} is there twice")
             if tail is head:
@@ -121,6 +123,17 @@ class BondGraph:
             return f"{element.kind}-junction{where}"
         bonds = self._ends.get(element, ())
         return f"{element.kind} on bond{'s' if len(bonds) > 1 else ''} {_numbers(bonds)}"
+
+
+def _of_bond(name: str, bond: Any) -> tuple[int, Element, Element]:
+    if not isinstance(bond, tuple) or len(bond) != 3 or isinstance(bond[0], bool) or not isinstance(bond[0], int):
+        raise ArgumentError(f"{name}: {bond!r} is no bond; expected (number, tail, head), such as (1, Se(), One('v'))")
+    number, tail, head = bond
+    for end in (tail, head):
+        if not isinstance(end, Element):
+            hint = f"; make one: {end.__name__}(...)" if isinstance(end, type) and issubclass(end, Element) else ""
+            raise ArgumentError(f"{name}: bond {number} ends on {end!r}, which is no element{hint}")
+    return number, tail, head
 
 
 def _numbers(bonds: Iterable[Bond]) -> str:

@@ -13,7 +13,7 @@ import sympy as sp
 from gearlib.bondgraph.elements import time
 from gearlib.bondgraph.equations import StateEquations
 from gearlib.bondgraph.expressions import rate_of
-from gearlib.errors import ArgumentError, BindingError, SingularError, SolverError, nearest
+from gearlib.errors import ArgumentError, BindingError, BoundError, SingularError, SolverError, nearest
 
 __all__ = ["RunTime"]
 
@@ -116,6 +116,8 @@ class RunTime:
             nothing = np.zeros(len(self.inputs))
             M = self._matrix(0.0, np.zeros(count), nothing, nothing, theta)
             inverse = self._solve(M, np.eye(len(M)))[:count]
+            somewhere = np.full(count, 0.3)
+            self._check_finite(self._vector_b(0.0, somewhere, nothing, nothing, theta), somewhere)
             return lambda t, x: inverse @ self._vector_b(t, x, u_of(t), du_of(t), theta)
         return lambda t, x: self._unknowns(t, x, u_of(t), du_of(t), theta)[:count]
 
@@ -162,7 +164,14 @@ class RunTime:
             values = [values[key] for key in names]
         if len(values) != len(names):
             raise BindingError(f"{name}: {len(values)} values for {len(names)} {what}s: {', '.join(names) or 'none'}")
-        return np.asarray(values, dtype=float)
+        try:
+            found = np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            raise BindingError(f"{name}: the {what}s {', '.join(names)} are {values!r}; expected a number each") from None
+        if not np.isfinite(found).all():
+            bad = [f"{key} = {value}" for key, value in zip(names, found, strict=True) if not np.isfinite(value)]
+            raise BoundError(f"{name}: {what} {', '.join(bad)}; expected finite numbers")
+        return found
 
     def _signals(self, inputs: dict[str, Input], rates: dict[str, Input]) -> tuple[Callable[[float], Array], ...]:
         for key in (*inputs, *rates):
@@ -240,10 +249,18 @@ class RunTime:
             names = ", ".join(map(str, self.equations.unknowns))
             raise SingularError(f"{self.equations.graph.name}: these values make the equations for {names} singular") from None
 
+    def _check_finite(self, right: Array, x: Array) -> None:
+        if not np.isfinite(right).all() and np.isfinite(x).all():
+            raise SingularError(
+                f"{self.equations.graph.name}: with these values something is divided by zero (an inertia, a compliance)"
+            )
+
     def _unknowns(self, *arguments: Any) -> Array:
         """The vector y = (x', z)."""
         if self.equations.is_linear_in_unknowns:
-            return self._solve(self._matrix(*arguments), self._vector_b(*arguments))
+            right = self._vector_b(*arguments)
+            self._check_finite(right, arguments[1])
+            return self._solve(self._matrix(*arguments), right)
         return self._newton(arguments)
 
     def _newton(self, arguments: tuple[Any, ...]) -> Array:

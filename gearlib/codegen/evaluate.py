@@ -210,11 +210,11 @@ def _singular_step(step: Newton, matrix: Floats, residual: Floats, z: Floats, t:
     finite = bool(np.isfinite(matrix).all() and np.isfinite(residual).all())
     change: Floats = np.zeros(len(z))
     if finite:
-        change = np.linalg.lstsq(matrix, residual, rcond=None)[0]
+        change = np.asarray(np.linalg.lstsq(matrix, residual, rcond=None)[0], np.float64)
     if not finite or np.abs(residual - matrix @ change).max() > 1e-9 * np.abs(residual).max():
         if step.linear or not finite:
             raise SolverError(f"the equations {_labels(step)} have no solution at t = {t:g} s: they depend on each other there")
-        change -= 1e-3 * np.maximum(np.abs(z), 1.0)
+        change = np.asarray(change - 1e-3 * np.maximum(np.abs(z), 1.0), np.float64)
     return change
 
 

@@ -41,7 +41,7 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
     With the values before the event held, relations and discrete variables are evaluated until none changes; then the values before
     are set to these, and all is repeated until that changes nothing either. A relation whose root was located takes the side that it
     crossed to; it is evaluated like the others once a state has been given a new value, or once the values before have been set, if it
-    compares with one of them.
+    compares with one of them. At the end ``fired`` holds the side of each root that goes with its relation, 2 or -2.
     """
     body = looped(relations.program, layout)
     numbers = root_numbers(relations)
@@ -61,6 +61,10 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
     forget = (
         ["if result == 2:", f"    for k in range({len(numbers)}):", "        fired[k] = 0"] if reinits and len(numbers) else []
     )
+    body.lines = []
+    for batch in relations.batches:
+        _sides(body, batch, numbers)
+    sides = body.lines
     body.lines = [
         *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", "result = 0", "moved = 1",
         f"for outer in range({MOST_ITERATIONS}):",
@@ -86,6 +90,7 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
         "    result = max(result, 1)",
         "if moved != 0:",
         "    return -1",
+        *sides,
         "return result",
     ]  # fmt: skip
     return body
@@ -114,6 +119,16 @@ def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compar
         lines += [f"if fired[{{extra}}] != 0{first}:", f"    f = 1.0 if fired[{{extra}}] {'>' if strict else '<'} 0 else 0.0"]
     lines += ["if data[r + {target}] != f:", "    data[r + {target}] = f", "    changed = 1"]
     loop(body, part, "\n".join(lines), extra=roots)
+
+
+def _sides(body: Body, batch: Batch, numbers: Integers) -> None:
+    """Rounding may give an event function another side than its relation has; the relation tells which one must be left next."""
+    located = np.flatnonzero(np.isin(batch.targets, numbers))
+    if len(located):
+        part = batch.take(located)
+        holds, fails = (2, -2) if relation_of(batch)[0] else (-2, 2)
+        statement = f"fired[{{extra}}] = {holds} if data[r + {{target}}] != 0.0 else {fails}"
+        loop(body, part, statement, extra=np.searchsorted(numbers, part.targets))
 
 
 def compares_with_before(batch: Batch) -> bool:

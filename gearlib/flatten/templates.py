@@ -219,7 +219,12 @@ def template_of(
     """
     try:
         residual = equation.residual
-    except (TypeError, AttributeError, sympy.SympifyError) as problem:
+    except sympy.SympifyError:
+        raise DeclarationError(
+            f"{label}: {equation.left!r} == {equation.right!r} is no equation: both sides must be numbers or expressions of "
+            "variables, such as self.flange_a.phi or self.load.w"
+        ) from None
+    except (TypeError, AttributeError) as problem:
         raise DeclarationError(f"{label}: {equation.left!r} == {equation.right!r} is no equation: {problem}") from None
     return template_of_value(residual, label, is_parameter, is_held)
 

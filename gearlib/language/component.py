@@ -347,6 +347,8 @@ def _explained(where: str) -> Iterator[None]:
             advice = "a condition between variables is not known yet; use gl.Piecewise((value, condition), (other, True)) instead of if"
         elif "expression to float" in text or "loop of ufunc" in text:
             advice = "functions of numbers cannot take variables; use gl.sin, gl.sqrt, ... instead of those of math or numpy"
+        elif "'Port'" in text:
+            advice = "a connector is no variable; name one that it has, such as self.flange_a.phi"
         else:
             raise
         raise DeclarationError(f"{where}: {advice} ({text})") from None

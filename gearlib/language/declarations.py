@@ -174,7 +174,7 @@ class Flow(Variable):
     """The variable of a connector that sums to zero over all connected ones, positive into the component."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Port:
     """A connector of one component: what `connect` joins."""
 
@@ -188,6 +188,10 @@ class Port:
                 f"it has {', '.join(self.connector.variables)}"
             )
         return self.component._symbol(f"{self.connector.name}.{name}")
+
+    def __repr__(self) -> str:
+        path = self.component._path() or type(self.component).__name__
+        return f"<{type(self.connector).__name__} {path}.{self.connector.name}>"
 
 
 @dataclass(frozen=True, eq=False)

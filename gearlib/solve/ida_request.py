@@ -142,7 +142,7 @@ def failure(asked: Request, outcome: Outcome) -> GearlibError:
     if status in (START_FAILED, -13, -14):
         return _no_start(asked, outcome, when)
     if refused(asked, outcome):
-        return SolverError(_not_evaluated(outcome))
+        return SolverError(_not_evaluated(asked, outcome))
     if status == CHATTER:
         involved = np.unique(outcome.event_roots[outcome.event_times >= outcome.t - asked.window])
         names = "; ".join(dict.fromkeys(asked.problem.root_name(int(k)) for k in involved if k >= 0))
@@ -168,11 +168,11 @@ def failure(asked: Request, outcome: Outcome) -> GearlibError:
     return SolverError(texts.get(status, f"IDA failed {when} (its return value: {status})"))
 
 
-def _not_evaluated(outcome: Outcome) -> str:
+def _not_evaluated(asked: Request, outcome: Outcome) -> str:
     bad = outcome.t if outcome.bad_time is None else outcome.bad_time
     until = f"at t={bad:.9g}; integrated until t={outcome.t:.9g}"
     if outcome.bad_state >= 0:
-        return f"the right-hand side of state {outcome.bad_state} is not finite {until}"
+        return f"der({asked.problem.state_name(outcome.bad_state)}) is not finite {until}"
     return f"the right-hand side could not be evaluated {until}"
 
 

@@ -165,8 +165,8 @@ def _condition(relation: Relation) -> Any:
     return relation.g > zero if relation.strict else relation.g >= zero
 
 
-def time_conditions(scene: Scene, numbers: Numbers) -> list[Any]:
-    """The relations of time that a scene uses, with numbers: where they switch, the integrator must stop."""
+def time_conditions(scene: Scene, numbers: Numbers) -> list[tuple[int, Any]]:
+    """The relations of time that a scene uses, by number and with numbers: where they switch, the integrator must stop."""
     relations = scene.relations
     if relations is None:
         return []
@@ -177,5 +177,5 @@ def time_conditions(scene: Scene, numbers: Numbers) -> list[Any]:
             table = {sympy.Symbol("t", real=True): TIME}
             for a, p in enumerate(batch.kernel.parameters):
                 table[sympy.Symbol(f"p{p}", real=True)] = sympy.Float(numbers.parameters[batch.parameters[i, a]], 17)
-            found.append(batch.kernel.expression.xreplace(table) > 0)
+            found.append((int(batch.targets[i]), batch.kernel.expression.xreplace(table) > 0))
     return found

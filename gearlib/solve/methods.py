@@ -238,15 +238,27 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
 
 
 def _events(run: Run, solution: Solution) -> list[Any]:
-    """(time, component, relation) of each event; time events have no component."""
+    """Time, and component with equation, of each event."""
     relations = run.scene.relations
     if relations is None or not len(solution.event_times):
         return []
-    names = run.scene.root_names
+    names, timed = run.scene.root_names, _names_of_time_events(run) if (solution.event_roots < 0).any() else {}
     return [
-        (float(t), names[int(r)] if r >= 0 else "time event")
+        (float(t), names[int(r)] if r >= 0 else timed.get(float(t), "an input"))
         for t, r in zip(solution.event_times, solution.event_roots, strict=True)
     ]
+
+
+def _names_of_time_events(run: Run) -> dict[float, str]:
+    """Component and equation of what switches at a time, all of them where there are several."""
+    from gearlib.solve.switches import times_of_breakpoints
+
+    begin, end = float(run.times[0]), float(run.times[-1])
+    found: dict[float, list[str]] = {}
+    for number, condition in time_conditions(run.scene, run.numbers):
+        for t in times_of_breakpoints(condition, begin, end).tolist():
+            found.setdefault(t, []).append(run.scene.relation_names[number])
+    return {t: "; ".join(dict.fromkeys(names)) for t, names in found.items()}
 
 
 class _Keep:
@@ -311,7 +323,7 @@ def _time_events(run: Run, t0: float, t1: float) -> Floats:
     if conditions:
         from gearlib.solve.switches import times_of_breakpoints
 
-        found += [times_of_breakpoints(c, t0, t1) for c in conditions]
+        found += [times_of_breakpoints(c, t0, t1) for _, c in conditions]
     times = found[0] if len(found) == 1 else np.unique(np.concatenate(found))
     return times[(times > t0) & (times < t1)]
 

@@ -12,8 +12,9 @@ values of relations, work space) and a block of integers ``index`` (which the ge
 
 A return value of 0 is success, a positive one asks for a smaller step, a negative one stops the run. ``update`` is called at the
 start, at each time event and at each located root, with ``fired[k]`` the direction (+1, -1) in which root k crossed zero (0: it
-did not); it returns 0 when nothing changed, 1 when the right-hand side did, 2 when ``x`` did as well, and keeps the values of
-relations and discrete variables in ``data[modes]``.
+did not); it may leave there 2 or -2, the side that each event function has to leave next (otherwise its sign counts). It returns 0
+when nothing changed, 1 when the right-hand side did, 2 when ``x`` did as well, and keeps the values of relations and discrete
+variables in ``data[modes]``.
 """
 
 from __future__ import annotations

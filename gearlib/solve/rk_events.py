@@ -1,8 +1,8 @@
 """Root finding on the steps of a Runge-Kutta method, compiled as part of the loop in ``rk_loop``.
 
-``side[k]`` is the established sign of event function k, 0 where it was exactly zero at the start. A root has flipped where the
-function has another sign; a value of exactly zero has not. A function that leaves zero has flipped, too: a relation such as
-``w > 0`` changes there.
+``side[k]`` is the established sign of event function k, which goes with what its relation holds, or, where the event iteration does
+not say so, its sign at the start, 0 where it was exactly zero. A root has flipped where the function has another sign; a value of
+exactly zero has not. A function that leaves zero has flipped, too: a relation such as ``w > 0`` changes there.
 """
 
 from __future__ import annotations
@@ -136,7 +136,10 @@ def crossing(
         if not flipped(bracket[1], side):
             return 0, h, 1.0, extra
     _copy(g[0], bracket[0])
-    h_event = h * _locate(order, native, t, h, x, k, b, y, 0.0, high, 1e-6, bracket, side)
+    if flipped(g[0], side):  # on the wrong side from the start
+        h_event = 1e-9 * h
+    else:
+        h_event = h * _locate(order, native, t, h, x, k, b, y, 0.0, high, 1e-6, bracket, side)
     if take_step(order, native, t, h_event, x, x_new, k, y) != 0:
         return -1, h_event, 1.0, extra
     extra += dense_stages(order, native, t, h_event, x, k, y) + (6 if order == 5 else 12)

@@ -38,7 +38,9 @@ TINY = 1e-250
 
 
 @inner()
-def _restart(order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any) -> int:
+def _restart(
+    order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y: Any, g: Any, side: Any, fired: Any
+) -> int:  # fmt: skip
     """Begin anew at ``x``: the right-hand side, the sides of the event functions and their slopes."""
     code: int = call_native(native[0], clock[T], x.ctypes.data, k.ctypes.data, native[3], native[4])
     count[RHS] += 1
@@ -47,8 +49,8 @@ def _restart(order: int, native: Any, clock: Any, count: Any, x: Any, k: Any, y:
     if side.size > 0 and code == 0:
         call_native(native[1], clock[T], x.ctypes.data, g.ctypes.data, native[3], native[4])
         slopes(native, clock[T], max(clock[H], 1e-6 * clock[H_MAX]), x, k[0], g[0], y, g[2])
-        for i in range(side.size):
-            side[i] = np.sign(g[0, i])
+        for i in range(side.size):  # what the event iteration says, which rounding cannot make wrong
+            side[i] = fired[i] // 2 if abs(fired[i]) == 2 else np.sign(g[0, i])
     return code
 
 
@@ -58,12 +60,12 @@ def _start(
     rtol: float,
 ) -> int:  # fmt: skip
     count[STARTED] = 1
+    for i in range(fired.size):
+        fired[i] = 0
     if native[2] != 0:
-        for i in range(fired.size):
-            fired[i] = 0
         if call_native(native[2], clock[T], x.ctypes.data, fired.ctypes.data, native[3], native[4]) < 0:
             return UPDATE_FAILED
-    if _restart(order, native, clock, count, x, k, y, g, side) != 0:
+    if _restart(order, native, clock, count, x, k, y, g, side, fired) != 0:
         return RHS_FAILED
     if clock[H] == 0.0:
         clock[H] = first_step(order, native, clock[T], x, k, y, atol, rtol, clock[H_MAX])
@@ -135,7 +137,7 @@ def _handle(
     held = clock[H_HELD]
     clock[H_HELD] = clock[H]
     clock[H] = min(clock[H], held)
-    if _restart(order, native, clock, count, x, k, y, g, side) != 0:
+    if _restart(order, native, clock, count, x, k, y, g, side, fired) != 0:
         return RHS_FAILED
     recent = count[EVENTS] - CHATTER_EVENTS
     if recent >= 0 and t - log_t[recent] < CHATTER_SPAN * clock[SPAN]:
@@ -144,9 +146,10 @@ def _handle(
 
 
 @inner()
-def _is_stiff(looks_stiff: bool, left: float, clock: Any, count: Any) -> bool:
+def _is_stiff(order: int, left: float, clock: Any, count: Any) -> bool:
     """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row, and with many still ``left``."""
-    if looks_stiff:
+    note(clock[MEAN:], clock[LAST:MEAN])
+    if is_stiff(order, clock[MEAN:]):
         count[STIFF_STEPS] += 1
         count[CALM_STEPS] = 0
         return bool(count[STIFF_STEPS] >= 15 and left > (STIFF_LEFT if is_damped(clock[MEAN:]) else VIBRATING_LEFT))
@@ -188,7 +191,6 @@ def _adapt(order: int, h: float, error: float, clock: Any, count: Any) -> bool:
         clock[H] = h * (max(0.2, 0.9 * error ** (-1.0 / order)) if error < math.inf else 0.25)
         return False
     alpha, beta = (0.14, 0.08) if order == 5 else (0.0875, 0.05)
-    note(clock[MEAN:], clock[LAST:MEAN])
     log_error = math.log(max(error * caution(order, clock[LAST:MEAN]), 1e-10))
     growth = min(10.0, max(0.2, 0.9 * math.exp(beta * clock[LOG_ERROR] - alpha * log_error)))
     if count[RETRY] == 1:
@@ -241,7 +243,7 @@ def _advance(
             return UNDERFLOW
         if not _adapt(order, h, error, clock, count):
             continue
-        if detect and _is_stiff(is_stiff(order, clock[MEAN:]), (stops[stops.size - 1] - t) / h, clock, count):
+        if detect and _is_stiff(order, (stops[stops.size - 1] - t) / h, clock, count):
             return STIFF
         found, taken, theta, extra = 0, h, 1.0, 0
         if side.size > 0:

@@ -99,13 +99,13 @@ def note(mean: Any, last: Any) -> None:
 @inner()
 def is_damped(sums: Any) -> bool:
     """Whether the fastest motion is a decay rather than a vibration."""
-    return sums[2] < 0.0 and sums[2] * sums[2] > DAMPED * DAMPED * sums[0] * sums[1]
+    return bool(sums[2] < 0.0 and sums[2] * sums[2] > DAMPED * DAMPED * sums[0] * sums[1])
 
 
 @inner()
 def is_stiff(order: int, mean: Any) -> bool:
     """Whether stability limits the step. A motion as fast as this has died away: where it is alive, accuracy limits the step."""
-    limit = 1.8 if order == 5 else 4.5
+    limit = 1.5 if order == 5 else 4.5
     return bool(mean[0] > limit * limit * mean[1])
 
 

@@ -128,13 +128,16 @@ class Scene:
     def root_names(self) -> tuple[str, ...]:
         """Component and equation of each root function."""
         relations = self.relations
-        if relations is None:
-            return ()
+        return () if relations is None else tuple(self.relation_names[int(n)] for n in relations.used[~relations.on_time])
+
+    @cached_property
+    def relation_names(self) -> dict[int, str]:
+        """Component and equation of each relation that is used."""
         owner: dict[int, str] = {}
-        for batch in relations.batches:
+        for batch in () if self.relations is None else self.relations.batches:
             for i, number in enumerate(batch.targets.tolist()):
                 owner[number] = f"{owner_of(self.structure, int(batch.equations[i]))}: {batch.kernel.template.label}"
-        return tuple(owner[int(number)] for number in relations.used[~relations.on_time])
+        return owner
 
     @cached_property
     def nominal(self) -> Floats:

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import sympy as sp
 
 import gearlib as gl
-from gearlib.bondgraph import GY, TF, C, I, R, Se, Sf, Zero
+from gearlib.bondgraph import GY, TF, BondGraph, C, I, R, Se, Sf, Zero
 from gearlib.bondgraph import time as graph_time
 from gearlib.bondgraph.elements import Element, Junction, Storage, expression
 from gearlib.errors import ArgumentError, DeclarationError, nearest
 from gearparts.interfaces import Flange, TranslationalFlange
 
 if TYPE_CHECKING:
-    from gearlib.bondgraph import Bond, BondGraph
+    from gearlib.bondgraph import Bond
 
 SAMPLE = sp.Dummy("first", real=True), sp.Dummy("second", real=True)
 """What laws are called with to see which parameters they hold."""
@@ -127,6 +127,11 @@ def from_bond_graph(
     >>> float(round(gl.simulate(Drive(), t_end=100.0, samples=2)["load.w"][-1], 6))
     120.0
     """
+    if not isinstance(graph, BondGraph):
+        raise ArgumentError(f"from_bond_graph({graph!r}): expected a BondGraph")
+    for what, given in (("ports", ports), ("translational_ports", translational_ports)):
+        if given is not None and not isinstance(given, Mapping):
+            raise ArgumentError(f"{graph.name}: {what} is {given!r}; expected bonds by name, such as {what}={{'shaft': 7}}")
     turned, pushed = dict(ports or {}), dict(translational_ports or {})
     if both := sorted(turned.keys() & pushed.keys()):
         raise ArgumentError(f"{graph.name}: '{both[0]}' is named as a port of both kinds")

@@ -221,3 +221,23 @@ class GearPair:
     def mesh_stiffness(self) -> float:
         """Mean mesh stiffness over the face width, c_gamma_alpha = c' (0.75 eps_alpha + 0.25), N/m2 (ISO 6336-1)."""
         return self.single_stiffness * (0.75 * self.contact_ratio + 0.25)
+
+    def mesh_values(self) -> dict[str, float]:
+        """Values of the pair for `DetailedExternalMesh` (pinion on flange_a) or `DetailedInternalMesh` (ring on flange_a).
+
+        Examples
+        --------
+        >>> values = GearPair(20, 40, m_n=3e-3, width=0.02).mesh_values()
+        >>> sorted(values)
+        ['alpha', 'approach', 'c', 'contact_ratio', 'r_a', 'r_b', 'z_a']
+        """
+        first, second = (1, 0) if self.internal else (0, 1)  # gear a drives where f > 0
+        return {
+            "r_a": self.base_radii[first],
+            "r_b": self.base_radii[second],
+            "z_a": float((self.z_1, self.z_2)[first]),
+            "c": self.mesh_stiffness * self.width,
+            "alpha": self.alpha_wt,
+            "contact_ratio": self.contact_ratio,
+            "approach": (self.approach, self.recess)[first],
+        }

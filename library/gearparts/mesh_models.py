@@ -8,11 +8,12 @@ only where something varies with it.
 
 from __future__ import annotations
 
+from math import pi
 from typing import Any
 
 import gearlib as gl
 from gearparts.interfaces import Dissipative, Flange, TwoFlanges
-from gearparts.mesh_phase import periodic, stretches
+from gearparts.mesh_phase import checked_period, periodic, stretches, wrapped
 from gearparts.tables import Rows, check_rows
 
 STIFFNESS = ("constant", "sinusoidal", "rectangular", "fourier", "table")
@@ -54,6 +55,9 @@ class DetailedMesh(TwoFlanges, Dissipative):
     f = gl.Variable("N", "force along the line of action; acts against a positive turn of flange_a")
     turned = gl.Variable("rad", "mesh phase beyond phase0", state="prefer", start=0.0)
     phase = gl.Variable("rad", "mesh phase", state="never")
+    phase_in_stiffness = gl.Variable("rad", "table: phase within the period of stiffness_table", state="never")
+    phase_in_error = gl.Variable("rad", "error_table: phase within its period", state="never")
+    newest = gl.Variable("1", "friction: base pitches that the newest pair has come along the line of action", state="never")
     c_now = gl.Variable("N/m", "stiffness")
     e = gl.Variable("m", "static transmission error; adds to the deflection", state="never")
     w_a = gl.Variable("rad/s", "speed of flange_a relative to the support", state="avoid")
@@ -65,20 +69,24 @@ class DetailedMesh(TwoFlanges, Dissipative):
         """Deflection, force and torques; ``turns_against`` is 1 where the gears turn against each other, -1 otherwise."""
         r_b = turns_against * self.r_b
         w_support = gl.der(self.support.phi) if self.use_support else 0
-        error, slope = self._error()
+        error, slope, phase_in_error = self._error()
+        stiffness, phase_in_stiffness = self._stiffness()
         phase_rate = self.z_a * self.w_a
         force, loss = self._force()
-        torque_a, torque_b = self._friction(turns_against)
+        newest, torque_a, torque_b = self._friction(turns_against)
         rubbing = self.tau_friction_a * self.w_a + self.tau_friction_b * self.w_b if self.friction else 0
         return [
             gl.Eq(self.w_a, gl.der(self.flange_a.phi) - w_support),
             gl.Eq(self.w_b, gl.der(self.flange_b.phi) - w_support),
             gl.Eq(gl.der(self.turned), phase_rate),
             gl.Eq(self.phase, self.phase0 + self.turned),
+            gl.Eq(self.phase_in_stiffness, phase_in_stiffness),
+            gl.Eq(self.phase_in_error, phase_in_error),
+            gl.Eq(self.newest, newest),
             gl.Eq(self.e, error),
             gl.Eq(gl.der(self.q), self.v),
             gl.Eq(self.v, self.r_a * self.w_a + r_b * self.w_b + self.e_rate + slope * phase_rate),
-            gl.Eq(self.c_now, self.c * self._stiffness()),
+            gl.Eq(self.c_now, self.c * stiffness),
             gl.Eq(self.f, force),
             gl.Eq(self.tau_friction_a, torque_a),
             gl.Eq(self.tau_friction_b, torque_b),
@@ -92,36 +100,39 @@ class DetailedMesh(TwoFlanges, Dissipative):
     def _owner(self, name: str) -> str:
         return f"{type(self).__name__}.{name}"
 
-    def _error(self) -> tuple[Any, Any]:
-        """The static transmission error and its derivative with respect to the mesh phase."""
+    def _error(self) -> tuple[Any, Any, Any]:
+        """The static transmission error, its derivative with respect to the mesh phase, and the phase in its table."""
         rows = self._terms("error_terms", self.error_terms)
         angles = [order * self.phase + shift for order, _, shift in rows]
         error = sum(row[1] * gl.sin(angle) for row, angle in zip(rows, angles, strict=True))
         slope = sum(row[0] * row[1] * gl.cos(angle) for row, angle in zip(rows, angles, strict=True))
         if not self.error_table:
-            return error, slope
-        more = periodic(self._owner("error_table"), self.error_table, self.phase)
-        return error + more[0], slope + more[1]
+            return error, slope, 0
+        table = checked_period(self._owner("error_table"), self.error_table)
+        more = periodic(table, self.phase_in_error)
+        return error + more[0], slope + more[1], wrapped(self.phase, table[0][0] + pi)
 
     def _terms(self, name: str, rows: Rows) -> Rows:
         return check_rows(self._owner(name), rows, 3) if rows else ()
 
-    def _stiffness(self) -> Any:
-        """The stiffness over its mean."""
+    def _stiffness(self) -> tuple[Any, Any]:
+        """The stiffness over its mean, and the phase in its table."""
         phase = self.phase + self.c_phase
         if self.stiffness == "constant":
-            return 1
+            return 1, 0
         if self.stiffness == "sinusoidal":
-            return 1 + self.c_amplitude * gl.cos(phase)
+            return 1 + self.c_amplitude * gl.cos(phase), 0
         if self.stiffness == "fourier":
             rows = self._terms("stiffness_terms", self.stiffness_terms)
-            return 1 + sum(amplitude * gl.cos(order * phase + shift) for order, amplitude, shift in rows)
+            return 1 + sum(amplitude * gl.cos(order * phase + shift) for order, amplitude, shift in rows), 0
         if self.stiffness == "table":
-            return periodic(self._owner("stiffness_table"), self.stiffness_table, phase)[0]
+            table = checked_period(self._owner("stiffness_table"), self.stiffness_table)
+            return periodic(table, self.phase_in_stiffness)[0], wrapped(phase, table[0][0] + pi)
         first, second = stretches(type(self).__name__, self.contact_ratio)
         if first.pairs == second.pairs:
-            return 1
-        return gl.Piecewise((first.pairs / self.contact_ratio, first.within(phase)), (second.pairs / self.contact_ratio, True))
+            return 1, 0
+        more, fewer = (stretch.pairs / self.contact_ratio for stretch in (first, second))
+        return gl.Piecewise((more, first.within(phase)), (fewer, True)), 0
 
     def _force(self) -> tuple[Any, Any]:
         """Force and loss."""
@@ -136,10 +147,10 @@ class DetailedMesh(TwoFlanges, Dissipative):
         flanks = gl.Piecewise((1, drive), (0, True)) + gl.Piecewise((1, coast), (0, True))
         return force, flanks * damping * self.v
 
-    def _friction(self, turns_against: int) -> tuple[Any, Any]:
-        """Torques of the sliding friction, summed over the pairs in contact."""
+    def _friction(self, turns_against: int) -> tuple[Any, Any, Any]:
+        """Place of the newest pair, and torques of the sliding friction, summed over the pairs in contact."""
         if not self.friction:
-            return 0, 0
+            return 0, 0, 0
         first, second = stretches(type(self).__name__, self.contact_ratio)
         pitch = 2 * gl.pi * self.r_a / self.z_a
         tangent = gl.sin(self.alpha) / gl.cos(self.alpha)
@@ -147,16 +158,18 @@ class DetailedMesh(TwoFlanges, Dissipative):
         torques: list[tuple[Any, Any]] = []
         for stretch in (first, second):
             on_a, on_b = 0, 0
-            for place in stretch.places(self.phase):
-                beyond = turns_against * pitch * (place - self.approach)  # of the pitch point, away from gear a's tangent point
+            for pair in range(stretch.pairs):
+                # beyond the pitch point, away from gear a's tangent point
+                beyond = turns_against * pitch * (self.newest + pair - self.approach)
                 arm_a, arm_b = self.r_a * tangent + beyond, turns_against * self.r_b * tangent - beyond
                 sliding = arm_a * self.w_a + arm_b * self.w_b
                 force = pressed / stretch.pairs * gl.tanh(sliding / self.v_smooth)
                 on_a, on_b = on_a + force * arm_a, on_b + force * arm_b
             torques.append((on_a, on_b))
         inside = first.within(self.phase)
+        newest = gl.Piecewise((first.newest(self.phase), inside), (second.newest(self.phase), True))
         by_gear = [gl.Piecewise((early, inside), (late, True)) for early, late in zip(*torques, strict=True)]
-        return by_gear[0], by_gear[1]
+        return newest, by_gear[0], by_gear[1]
 
 
 class DetailedExternalMesh(DetailedMesh):

@@ -19,7 +19,29 @@ def wrapped(phase: Any, centre: float = 0.0) -> Any:
     return centre + gl.atan2(gl.sin(phase - centre), gl.cos(phase - centre))
 
 
-def periodic(owner: str, rows: Rows, phase: Any) -> tuple[Any, Any]:
+def checked_period(owner: str, rows: Rows) -> Rows:
+    """Rows of phase (rad) and value that lie within one period.
+
+    Raises
+    ------
+    BindingError
+        Fewer than three rows, or more than one period; ``owner`` says whose table it is.
+
+    Examples
+    --------
+    >>> checked_period("Mesh.table", ((0, 1), (2, 3), (4, 2)))
+    ((0.0, 1.0), (2.0, 3.0), (4.0, 2.0))
+    """
+    rows = check_rows(owner, rows, 2)
+    if len(rows) < 3 or not rows[-1][0] - rows[0][0] < 2 * pi:
+        raise BindingError(
+            f"{owner} has {len(rows)} rows from {rows[0][0]:g} to {rows[-1][0]:g} rad; expected three or more within less than "
+            "one period of two pi, which repeats by itself"
+        )
+    return rows
+
+
+def periodic(rows: Rows, x: Any) -> tuple[Any, Any]:
     """A table over the mesh phase as a smooth periodic function, and its derivative with respect to the phase.
 
     Between its rows the function is a cubic spline with the period two pi; it has continuous second derivatives, so that no event
@@ -27,39 +49,23 @@ def periodic(owner: str, rows: Rows, phase: Any) -> tuple[Any, Any]:
 
     Parameters
     ----------
-    owner : str
-        Whose table it is, for messages.
     rows : tuple of (float, float)
-        Phases (rad), increasing, less than two pi from first to last, and values. Three rows or more.
-    phase : expression
-        Mesh phase, rad.
-
-    Raises
-    ------
-    BindingError
-        Fewer than three rows, or more than one period.
+        Checked with `checked_period`.
+    x : expression
+        Mesh phase, rad, in the period that begins at the first row: ``wrapped(phase, rows[0][0] + pi)``.
 
     Examples
     --------
     >>> import sympy
     >>> x = sympy.Symbol("x", real=True)
-    >>> value, slope = periodic("Mesh.table", ((0.0, 1.0), (2.0, 3.0), (4.0, 2.0)), x)
-    >>> [round(float(value.args[0].subs(x, at)), 9) for at in (0.0, 2.0, 4.0, 4.0 - 2 * pi)]
-    [1.0, 3.0, 2.0, 2.0]
+    >>> value, slope = periodic(((0.0, 1.0), (2.0, 3.0), (4.0, 2.0)), x)
+    >>> [round(float(value.args[0].subs(x, at)), 9) for at in (0.0, 2.0, 4.0, 2 * pi)]
+    [1.0, 3.0, 2.0, 1.0]
     """
     from scipy.interpolate import CubicSpline
 
-    rows = check_rows(owner, rows, 2)
-    if len(rows) < 3 or not rows[-1][0] - rows[0][0] < 2 * pi:
-        raise BindingError(
-            f"{owner} has {len(rows)} rows from {rows[0][0]:g} to {rows[-1][0]:g} rad; expected three or more within less than "
-            "one period of two pi, which repeats by itself"
-        )
-    knots = [row[0] for row in rows]
-    closed = [*knots, knots[0] + 2 * pi]
+    closed = [*(row[0] for row in rows), rows[0][0] + 2 * pi]
     coefficients = CubicSpline(closed, [row[1] for row in (*rows, rows[0])], bc_type="periodic").c.T
-    centre = closed[0] + pi
-    x = wrapped(phase, centre)
     values, slopes = [], []
     for left, right, (a, b, c, d) in zip(closed, closed[1:], coefficients.tolist(), strict=False):
         t = x - left
@@ -82,10 +88,9 @@ class Stretch:
         half = pi * (self.end - self.start)
         return gl.cos(phase - pi * (self.start + self.end)) > float(gl.cos(half))
 
-    def places(self, phase: Any) -> list[Any]:
-        """Where each pair is, in base pitches from the beginning of its contact; continues beyond both ends of the stretch."""
-        passed = wrapped(phase, pi * (self.start + self.end)) / (2 * gl.pi)
-        return [passed + pair for pair in range(self.pairs)]
+    def newest(self, phase: Any) -> Any:
+        """How far the newest pair has come, in base pitches; continues beyond both ends of the stretch."""
+        return wrapped(phase, pi * (self.start + self.end)) / (2 * gl.pi)
 
 
 def stretches(owner: str, contact_ratio: float) -> list[Stretch]:

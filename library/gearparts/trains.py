@@ -110,14 +110,18 @@ class XPTrain(XPSymbols):
     planets: the loop is closed. The paper counts one degree of freedom for it. In its equations, and here, the planets are two
     bodies, one for each mesh, which only the support dampers hold together; with rigid meshes two speeds are therefore free
     (`gearlib.mobility` says 2), and their difference dies out in the dampers. Without slip in the dampers one is left.
+    With ``planet_meshes="separate"`` each planet has two meshes of its own (``K_g`` and ``C_g`` then hold for one) and rides rigidly on
+    the carrier, so that rigid meshes leave one degree of freedom: ``m_18 m_19 R_1 w_sun = m_22 R_2 w_carrier`` and
+    ``R_r w_ring + R_s w_sun = 2 R_h w_carrier``.
     """
 
+    planet_meshes = gl.Structural("lumped", "one mesh for all planets, or one for each", choices=("lumped", "separate"))
     flange_in = Flange("ring")
     flange_out = Flange("carrier")
     e_rate = gl.Input("m/s", "rate of the transmission error, with the paper's signs (Sf8 = Sf32 = Sf72)", default=0.0)
 
     def assemble(self) -> list[Connection]:
-        self.x_unit = self.planetary(self.e_rate)
+        self.x_unit = self.planetary(self.e_rate, self.planet_meshes)
         self.step_18 = IdealGear(ratio=1 / self.m_18)
         self.shaft_at_sun = Inertia(J=self.I_62)
         self.step_19 = IdealGear(ratio=1 / self.m_19)

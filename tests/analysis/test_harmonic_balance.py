@@ -14,6 +14,7 @@ from gearlib.analysis.linearize import Point, slots_at
 from gearlib.codegen.derivatives import state_derivatives
 from gearlib.codegen.sensitivity import sensitivity
 from gearparts.mesh_models import DetailedExternalMesh, mesh_damping
+from tests.gearparts.scenes_backlash import BacklashPair
 
 C, GAP, ZETA, F_M, F_A = 1.0, 2.0, 0.05, 0.3, 0.1  # mass 1, so that the natural frequency in contact is 1
 
@@ -304,6 +305,50 @@ def test_the_paper_s_train(paper: gl.System) -> None:
     exact = gl.frequency_response(paper, response.omega, ["train.e_rate"], ["w_out", "q_ring"])
     for name in response.outputs:
         assert response.amplitude(name) == pytest.approx(paper.parameters["e_amplitude"] * abs(exact[name]), rel=1e-8)
+
+
+class MeshingPair(gl.Component):
+    """A gear pair excited by its own turning: stiffness and transmission error vary with the mesh phase."""
+
+    tau = gl.Parameter("N.m", "torque on the pinion", default=100.0)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.pinion, self.wheel = gp.Inertia(J=0.001, start={"w": 1000.0}), gp.Inertia(J=0.016, start={"w": -500.0})
+        self.mesh = DetailedExternalMesh(
+            backlash=True, stiffness="sinusoidal", c_amplitude=0.15, error_terms=((1, 2e-6, 0.3),), z_a=20, r_a=0.05, r_b=0.1, c=2e8,
+            d=mesh_damping(0.05, 2e8, 0.001, 0.05, 0.016, 0.1), b=100e-6, start={"q": 60e-6},
+        )  # fmt: skip
+        self.drive, self.load = gp.Torque(tau=self.tau), gp.Torque(tau=2 * self.tau)
+        return [
+            gl.connect(self.drive.flange, self.pinion.flange_a),
+            gl.connect(self.pinion.flange_b, self.mesh.flange_a),
+            gl.connect(self.mesh.flange_b, self.wheel.flange_a),
+            gl.connect(self.wheel.flange_b, self.load.flange),
+        ]
+
+
+def test_excitation_by_the_mesh_phase() -> None:
+    """The mesh phase is a state that grows; at each frequency the mean speed is the one that it asks for."""
+    system = gl.compile(MeshingPair(), outputs=["mesh.q", "pinion.w", "wheel.w"])
+    response = gl.harmonic_balance(system, 1.5 * NATURAL, 0.8 * NATURAL, turning={"mesh.turned": 1.0}, harmonics=8, step=0.05)
+    assert response.mean("pinion.w") == pytest.approx(response.omega / 20, rel=1e-5)
+    for target, parted in ((1.4, False), (0.95, True)):
+        k = next(k for k in at_frequency(response, target * NATURAL) if response.stable[k])
+        w = float(response.omega[k])
+        start = {name: float(response.waveform(name, k, 1)[1][0]) for name in response.outputs} | {"mesh.turned": 0.0}
+        times = np.append(0.0, (40 + np.arange(64) / 64) * 2 * np.pi / w)
+        run = system.simulate(times[-1], times=times, start=start, rtol=1e-10)
+        assert abs(np.fft.rfft(run["mesh.q"][1:])[1]) / 32 == pytest.approx(response.amplitude("mesh.q")[k], rel=1e-4)
+        assert (response.waveform("mesh.q", k)[1].min() < 50e-6) == parted
+    with pytest.raises(gl.GearlibError, match="nothing varies over the period"):
+        gl.harmonic_balance(system, 3e4, 2e4)
+    with pytest.raises(gl.GearlibError, match=r"mesh\.phase grows by 6\.28"):
+        gl.harmonic_balance(system, 1.5 * NATURAL, 1.49 * NATURAL, turning={"mesh.turned": 1.0}, outputs=["mesh.phase"])
+    with pytest.raises(gl.GearlibError, match=r"no state 'mesh\.turn'"):
+        gl.harmonic_balance(system, 3e4, 2e4, turning={"mesh.turn": 1.0})
+    braked = gl.compile(BacklashPair(), outputs=["mesh.q"])
+    with pytest.raises(gl.GearlibError, match="at a speed that its torques determine"):
+        gl.harmonic_balance(braked, 3e4, 2e4, turning={"mesh.turned": 1.0})
 
 
 def test_derivatives_at_many_times_are_those_at_one() -> None:

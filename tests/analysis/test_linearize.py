@@ -158,6 +158,37 @@ def test_moment_of_a_run_has_its_inputs_and_parameters(gap_drive: gl.System) -> 
         gl.compile(Fan()).linearize(["torque.tau"], at=(run, 0.0))
 
 
+class Relay(gl.Component):
+    """x' = u^2 - x, u = 1.5; y' = -(1 or 5) y: five once x has passed 1, and until it falls below 0.1."""
+
+    u = gl.Input("1", "what drives x")
+    x = gl.Variable("1", "driven", start=0.0)
+    y = gl.Variable("1", "decays", start=1.0)
+    on = gl.Discrete("x has passed 1")
+
+    def equations(self) -> list[gl.Eq]:
+        passed = gl.And(gl.holds(gl.pre(self.on)), self.x > 0.1)
+        return [
+            gl.Eq(gl.der(self.x), self.u**2 - self.x),
+            gl.Eq(gl.der(self.y), -(1 + 4 * self.on) * self.y),
+            gl.Eq(self.on, gl.Or(self.x > 1, passed)),
+        ]
+
+
+def test_moment_of_a_run_remembers_its_inputs_and_what_has_happened() -> None:
+    """x passes 1 and falls again: at 0.5 nothing but the run's past tells whether the relay is on."""
+    system = gl.compile(Relay(), outputs=["x", "y", "on"])
+    run = system.simulate(
+        t_end=3.0, samples=3001, inputs={"u": gl.Table([0.0, 1.0, 1.001, 3.0], [1.5, 1.5, 0.25, 0.25])}, rtol=1e-9
+    )
+    early, late = (int(np.argmin(np.abs(run["x"] - 0.5) + 10 * ((run.time > 1) != after))) for after in (False, True))
+    assert (run["on"][[early, late]] == [0, 1]).all()
+    for sample, rate, u in ((early, 1.0, 1.5), (late, 5.0, 0.25)):
+        model = system.linearize(["u"], ["x", "y"], at=(run, run.time[sample]))
+        assert np.array(model.A) == pytest.approx(np.diag([-1.0, -rate]), rel=1e-12)
+        assert np.array(model.B) == pytest.approx(np.array([[2 * u], [0.0]]), rel=1e-12)
+
+
 def test_only_the_states_that_the_outputs_need(chain: Callable[..., gl.System]) -> None:
     class Two(gl.Component):
         def assemble(self) -> list[Any]:

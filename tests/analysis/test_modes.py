@@ -96,6 +96,20 @@ def test_random_trains_have_the_damping_and_energies_of_matrices_by_hand(seed: i
         assert found.potential[row].sum() == pytest.approx(100, abs=1e-4)
 
 
+@pytest.mark.parametrize("n", [3, 300])
+def test_free_motion_is_a_speed_without_twist(chain: Callable[..., gl.System], n: int) -> None:
+    """All bodies turn alike, whether angles, speeds or their derivatives are asked for; nothing is stretched."""
+    found = gl.modes(chain(n=n), 2, parameters={"d": 1.0})
+    assert found.free == 1
+    speeds = found.shape(0, *(f"body[{i}].w" for i in range(n)))
+    assert speeds == pytest.approx(np.full(n, speeds[0]), rel=1e-9)
+    assert abs(speeds[0]) > 0
+    assert found.shape(0, "body[0].a", "der(body[0].flange_a.phi)") == pytest.approx(
+        [speeds[0] * 1j * found.omega[1], speeds[0]]
+    )
+    assert np.abs(found.shape(0, "shaft[0].tau", "shaft[1].phi_rel")).max() < 1e-9 * abs(speeds[0])
+
+
 def test_component_with_inside_bodies_and_springs_is_split() -> None:
     """One component that hides two bodies and a spring keeps both kinds of energy: the sums are those of separate parts."""
 

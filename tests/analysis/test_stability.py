@@ -109,6 +109,15 @@ def test_nyquist_counts(numerator: list[float], denominator: list[float], clockw
     assert bool(found.through) == bool((np.abs(roots.real) < 1e-9).any())
 
 
+@pytest.mark.parametrize("k", [1e-4, 1e-8, 1e-12, -1e-4, -1e-8, -1e-12])
+def test_loop_that_hardly_moves_poles_off_the_axis_is_told(k: float) -> None:
+    """k s / (s^2 + 1): the closed loop's poles lie at -k / 2 beside the open loop's on the axis."""
+    found = gl.stability(control.tf([k, 0], [1, 0, 1]), (0, 0)).loop
+    assert found is not None
+    assert found.verdict == found.closed_poles.verdict == ("stable" if k > 0 else "unstable")
+    assert found.nyquist.closed_right == (0 if k > 0 else 2)
+
+
 def test_count_says_it_in_words() -> None:
     text = str(gl.stability(control.tf([10], [1, 2, 1, 0]), (0, 0)))
     assert "encircles -1 twice clockwise (N = 2)" in text

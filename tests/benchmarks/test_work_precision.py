@@ -46,9 +46,9 @@ def test_linear_scenes_in_half_the_floors_time(name: str) -> None:
 @pytest.mark.parametrize(("name", "method"), list(itertools.product(SMALL, ["rk5", "rk8", "ida"])))
 def test_errors_follow_the_tolerance(name: str, method: str) -> None:
     for point in find(curves(name), method).points:
-        # twelve digits of a rattling gear pair are more than double precision holds; coarse tolerances let order 8 overshoot
-        allowed = 300.0 if point.rtol in (1e-3, 1e-12) or point.rtol < 1e-11 else 100.0
-        assert 0.003 < point.error / point.rtol < allowed, f"rtol {point.rtol:.0e}: error {point.error:.1e}"
+        # twelve digits of a rattling gear pair are more than IDA's location of events holds; see docs/stability.md, also on M2
+        allowed = 1000.0 if (name, method) == ("M3", "ida") and point.rtol < 5e-12 else 100.0
+        assert 0.005 < point.error / point.rtol < allowed, f"rtol {point.rtol:.0e}: error {point.error:.1e}"
 
 
 @pytest.mark.parametrize("name", SMALL)

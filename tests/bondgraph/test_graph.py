@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import pytest
 
 from gearlib.bondgraph import TF, BondGraph, C, I, One, R, RunTime, Se, Sf, Zero, assign_causality, state_equations
-from gearlib.errors import ArgumentError, BalanceError, BindingError, ConnectionError, SingularError
+from gearlib.errors import ArgumentError, BalanceError, BindingError, BoundError, ConnectionError, SingularError
 
 
 def test_dangling_bond() -> None:
@@ -79,3 +82,49 @@ def test_wrong_numbers_at_run_time() -> None:
         run.rhs(0.0, [1.0, 2.0], parameters=[1, 1, 1])
     with pytest.raises(SingularError, match=r"these values make the equations for dp_2 singular"):
         run.rhs(0.0, [1.0], parameters={"I_2": 1.0, "I_3": -1.0, "R_4": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("bonds", "message"),
+    [
+        ((5,), r"5 is no bond; expected \(number, tail, head\)"),
+        (((1, Se()),), r"is no bond; expected \(number, tail, head\)"),
+        ((("1", Se(), One("v")),), "is no bond"),
+        (((1, "Se", One("v")),), "bond 1 ends on 'Se', which is no element"),
+        (((1, Se, One("v")),), r"which is no element; make one: Se\(\.\.\.\)"),
+    ],
+)
+def test_what_is_no_bond_is_refused(bonds: tuple[Any, ...], message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        BondGraph(*bonds)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (float("nan"), "I_2 is nan; expected a finite"),
+        ([1.0], r"I_2 is \[1.0\]; expected a number, the name of a parameter"),
+        (0, "I_2 is 0; leave the element out"),
+    ],
+)
+def test_values_that_are_no_numbers_are_refused(value: Any, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        state_equations(BondGraph((1, Se("F"), (v := One("v"))), (2, v, I(value)))).explicit()
+
+
+def test_no_rate_is_nan_in_silence() -> None:
+    run = RunTime(state_equations(BondGraph((1, Se(), (v := One("v"))), (2, v, I("m")), (3, v, R("d")))))
+    with pytest.raises(BoundError, match="parameter m = nan; expected finite numbers"):
+        run.rhs(0.0, [1.0], parameters={"m": math.nan, "d": 1.0})
+    with pytest.raises(BindingError, match="expected a number each"):
+        run.bind({"m": "one", "d": 1.0})  # type: ignore[dict-item]
+    for call in (lambda p: run.rhs(0.0, [1.0], parameters=p), run.bind):
+        with pytest.raises(SingularError, match="something is divided by zero"):
+            call({"m": 0.0, "d": 1.0})
+
+
+@pytest.mark.parametrize("prefer", [2, "2"])
+def test_a_preference_is_a_list_of_bonds(prefer: Any) -> None:
+    graph = BondGraph((1, Se(), (v := One("v"))), (2, v, I("m")))
+    with pytest.raises(ArgumentError, match=r"prefer is .*expected numbers of bonds, such as \[2, 6\]"):
+        assign_causality(graph, prefer=prefer)

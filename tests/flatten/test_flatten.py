@@ -12,8 +12,8 @@ import gearparts as gp
 from gearlib.errors import BindingError, BoundError, ConnectionError, NameLookupError
 from gearlib.flatten.connections import Sum, connection_sets, split_sum
 from gearlib.flatten.flatten import flatten
-from gearlib.flatten.records import class_record
 from gearlib.flatten.model import FlatModel
+from gearlib.flatten.records import class_record
 
 c = gl.connect
 

@@ -224,3 +224,11 @@ def test_wrong_ports_and_names_are_reported() -> None:
     v = One("v")
     with pytest.raises(DeclarationError, match="'2 m' cannot be a name here"):
         gp.from_bond_graph(BondGraph((1, Se(), v), (2, v, I("2 m"))))
+
+
+def test_only_a_graph_with_named_ports_becomes_a_component() -> None:
+    graph = BondGraph((1, Se(), (v := One("v"))), (2, v, I("m")))
+    with pytest.raises(ArgumentError, match=r"from_bond_graph\(3\): expected a BondGraph"):
+        gp.from_bond_graph(3)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match=r"ports is \[1\]; expected bonds by name"):
+        gp.from_bond_graph(graph, ports=[1])  # type: ignore[arg-type]

@@ -79,6 +79,18 @@ R_S, R_P = 0.0285, 0.0465
 K = (R_S + 2 * R_P) / R_S
 
 
+def test_xp_train() -> None:
+    given = {"m_18": 1.3, "m_19": 0.8, "m_22": 1.1, "R_1": 0.03, "R_2": 0.05, "planet_meshes": "separate"}
+    system = gl.compile(Gearbox(kind=gp.XPTrain, values=tuple(given.items())))
+    assert gl.mobility(system) == 1
+    sun = 1.1 * 0.05 / (1.3 * 0.8 * 0.03)  # over the carrier
+    ring = ((1 + K) - sun) / K
+    assert gl.speed_ratio(system, "flange_in_body.w", "flange_out_body.w") == pytest.approx(ring, rel=1e-10)
+    one = gl.compile(Gearbox(kind=gp.XPTrain, values=(*given.items(), ("planets", 1))))
+    flow = gl.power_flow(one, speeds={"flange_in_body.w": 10.0}, torques={"flange_out_torque.tau": -6.0})
+    assert flow["set.flange_in"].torque == pytest.approx(6.0 / ring, rel=1e-9)
+
+
 @pytest.mark.parametrize("elastic", [False, True])
 def test_px_train(elastic: bool) -> None:
     given = {"m_18": 1.3, "m_19": 0.8, "m_22": 1.1, "R_1": 0.03, "R_2": 0.05, "elastic_shafts": elastic}

@@ -111,9 +111,9 @@ def band() -> None:
     figure, panels = plt.subplots(1, 3, figsize=(9.5, 3.2), layout="constrained", sharey=True)
     rows = {name: [name] for name in SCENES}
     for axes, method in zip(panels, STEPPED, strict=True):
-        for name in SCENES:
+        for name, mark in zip(SCENES, "osv^DX*", strict=True):
             found = [ratio(name, method, rtol) for rtol in TOLERANCES]
-            axes.loglog(TOLERANCES, found, ".-", lw=1, label=name)
+            axes.loglog(TOLERANCES, found, f"{mark}-", ms=4, lw=1, label=name)
             rows[name].append(f"{min(found):.2g} to {max(found):.2g}")
         axes.axhspan(0.01, 100.0, color="0.92", zorder=0)
         axes.set(xlabel="rtol", title=method)

@@ -1,0 +1,78 @@
+"""Names of derivatives, and what an instance says of its variables: typical sizes and wishes for states."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError
+from gearlib.flatten.flatten import flatten
+
+
+class Pair(gl.Component):
+    """Two bodies and a spring; the second body feels a tenth of the first one's acceleration."""
+
+    options: ClassVar[dict[str, Any]] = {}
+
+    def assemble(self) -> list[Any]:
+        self.left, self.right = gp.Inertia(J=2.0), gp.Inertia(J=1.0)
+        self.spring = gp.SpringDamper(c=10.0, d=1.0, **self.options)
+        self.drive = gp.Torque(tau=gl.sin(gl.time))
+        self.drag = gp.Torque(tau=-0.1 * self.left.a)
+        return [
+            gl.connect(self.drive.flange, self.left.flange_a),
+            gl.connect(self.left.flange_b, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.right.flange_a),
+            gl.connect(self.right.flange_b, self.drag.flange),
+        ]
+
+
+def pair(**options: Any) -> gl.Component:
+    made: gl.Component = type("Pair", (Pair,), {"options": options})()
+    return made
+
+
+def test_a_is_the_derivative_of_w() -> None:
+    system = gl.compile(Pair(), outputs=["left.a", "right.a", "spring.tau"])
+    r = system.simulate(1.0, samples=11)
+    assert (r["left.a"] == r["der(left.w)"]).all()
+    assert r["right.a"] == pytest.approx(-r["spring.tau"] - 0.1 * r["left.a"])
+    assert "left.a" in r
+    assert "left.b" not in r
+    assert "left.a" not in system.variables, "it is no unknown"
+    linear = system.linearize(inputs=["drive.tau"], outputs=["left.a"])
+    assert np.asarray(linear.D).ravel() == pytest.approx([0.5])
+
+
+def test_nominal_values_of_the_instance_win_over_those_of_the_class() -> None:
+    def nominal(model: gl.Component, name: str) -> float:
+        flat = flatten(model)
+        return float(flat.nominal[flat.representative[flat.variable(name)]])
+
+    assert nominal(pair(), "spring.phi_rel") == 1e-4
+    assert nominal(pair(nominal={"phi_rel": 0.5}), "spring.phi_rel") == 0.5
+    assert nominal(pair(), "left.w") == 1e-2
+
+
+def test_a_wish_of_the_instance_changes_the_states() -> None:
+    outputs = ["right.phi", "spring.phi_rel"]
+    assert "spring.phi_rel" in gl.compile(pair(), outputs=outputs).states
+    assert set(gl.compile(pair(state={"phi_rel": "never"}), outputs=outputs).states) >= {"left.phi", "right.phi"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"nominal": {"phi": 1.0}}, r"spring: nominal is given for 'phi', which is no variable of SpringDamper; .*phi_rel"),
+        ({"nominal": {"phi_rel": 0.0}}, r"spring: nominal value of 'phi_rel' is 0\.0; expected a positive number"),
+        ({"state": {"phi_rel": "always"}}, r"spring: state of 'phi_rel' is 'always'; valid choices: 'never', 'avoid'"),
+        ({"state": "prefer"}, r"state is 'prefer'; expected preferences by name"),
+    ],
+)
+def test_wrong_ones_are_named(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(BindingError, match=message):
+        gl.compile(pair(**options))
