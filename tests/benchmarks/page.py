@@ -68,7 +68,8 @@ def verdicts(measured: dict[str, list[Curve]]) -> list[str]:
     from tests.benchmarks.work_precision import TARGETS, best
 
     lines = [
-        "| scene | error | floor, ms | best method, ms | over floor | `auto`, ms | over best | acausal over auto | heyoka over auto | others over auto |",
+        "| scene | error | floor, ms | best method, ms | over floor | `auto`, ms | over best "
+        "| acausal over auto | heyoka over auto | others over auto |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for name, curves in measured.items():
