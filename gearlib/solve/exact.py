@@ -167,7 +167,9 @@ def _check(A: Any, B: Any, forcing: Forcing, times: Floats, algorithm: str) -> N
         raise ArgumentError(f"A is {A.shape} and B is {tuple(B.shape)}: with {m} inputs they must be (n, n) and (n, {m})")
     entries = [M if isinstance(M, np.ndarray) else M.data for M in (A, B)]
     if not all(np.isfinite(M).all() for M in entries):
-        raise ArgumentError("the matrices A and B of the linear scene are not finite: values as large or small as these overflow")
+        raise ArgumentError(
+            "the matrices A and B of the linear scene are not finite: values as large or small as these overflow"
+        )
     same = rounding(forcing.t0, forcing.t_end)
     if times.ndim != 1 or not (np.diff(times) >= 0).all():
         raise ArgumentError("times must be a sequence in increasing order")

@@ -338,7 +338,7 @@ def test_refusals() -> None:
         ArgumentError, match=r"A is \(2, 2\) and B is \(2, 2\): with 1 inputs they must be \(n, n\) and \(n, 1\)"
     ):
         integrate(A, np.eye(2), forcing, [0, 0], [1.0])
-    with pytest.raises(ArgumentError, match="finite numbers only"):
+    with pytest.raises(ArgumentError, match="of the linear scene are not finite"):
         integrate(A * math.nan, B, forcing, [0, 0], [1.0])
     with pytest.raises(ArgumentError, match=r"start values of shape \(3,\) for 2 states"):
         integrate(A, B, forcing, [0, 0, 0], [1.0])
