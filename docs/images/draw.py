@@ -1,14 +1,28 @@
-"""Draws the picture of README.md: `python docs/images/draw.py` runs the example and takes its time histories."""
+"""Draws the pictures that the pages take from the examples: `python docs/images/draw.py` runs these and reduces the colours."""
 
 from __future__ import annotations
 
 import os
 import runpy
-import shutil
+import sys
 from pathlib import Path
 
+from PIL import Image
+
 ROOT = Path(__file__).resolve().parents[2]
+FIGURES = ROOT / "examples" / "figures"
+TAKEN = {  # script: figure it writes -> picture of the pages
+    "xp_train": {"time_histories": "xp_train"},
+    "bond_graph_xp": {"bond_graph_xp": "bond_graph_xp", "structure_diagrams": "structure_diagrams"},
+    "paper_section_4": {"paper_fig_5": "paper_fig_5", "paper_fig_6_describing_function": "paper_fig_6_describing_function"},
+    "backlash_jump": {"backlash_jump": "backlash_jump"},
+}
 
 os.chdir(ROOT)
-runpy.run_path("examples/xp_train.py", run_name="__main__")
-shutil.copy("examples/figures/time_histories.png", "docs/images/xp_train.png")
+sys.path.insert(0, str(ROOT))
+from tests.pictures import reduce  # noqa: E402
+
+for script, figures in TAKEN.items():
+    runpy.run_path(f"examples/{script}.py", run_name="__main__")
+    for figure, picture in figures.items():
+        reduce(Image.open(FIGURES / f"{figure}.png"), ROOT / "docs" / "images" / f"{picture}.png")

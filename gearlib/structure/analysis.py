@@ -83,7 +83,8 @@ def choose_again(structure: Structure, numbers: Numbers) -> Structure | None:
     by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
     for badness in (by_declaration, {}):
         choice = choose_states(result, entries, badness, varying)
-        if not choice.singular and set(choice.states) != set(structure.states):
+        kept = all((v, 0) in choice.states for v in _reinitialised(model))
+        if not choice.singular and kept and set(choice.states) != set(structure.states):
             dependence, angles = _dependence(model, rows, choice)
             return replace(structure, choice=choice, dependence=dependence, angles=angles)
     return None

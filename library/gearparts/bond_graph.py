@@ -6,6 +6,7 @@ from what is found as for any other component. :func:`gearlib.bondgraph.state_eq
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -141,7 +142,11 @@ def from_bond_graph(
     inputs = [n for n in _open_sources(graph) if n not in {b for _, _, b in connectors}]
     declared: list[tuple[str, Any]] = [(n, kind(f"bond {b}")) for n, kind, b in connectors]
     declared += [(_source_name(graph, n), gl.Input("SI", f"source on bond {n}")) for n in inputs]
-    declared += [(p, gl.Parameter("SI", "parameter of the bond graph")) for p in _parameters(graph, variables)]
+    lower = dict.fromkeys(_stored_values(graph), 0.0)
+    declared += [
+        (p, gl.Parameter("SI", "parameter of the bond graph", min=lower.get(p, -math.inf)))
+        for p in _parameters(graph, variables)
+    ]
     members: dict[str, Any] = {}
     for key, declaration in declared:
         if key in members or key in variables or key in RESERVED or not key.isidentifier() or key.startswith("_"):
@@ -151,7 +156,7 @@ def from_bond_graph(
         if not isinstance(members.get(key), gl.Parameter):
             valid = [n for n, d in members.items() if isinstance(d, gl.Parameter)]
             raise ArgumentError(f"{graph.name}: no parameter '{key}'; {nearest(key, valid)}")
-        members[key] = gl.Parameter("SI", "parameter of the bond graph", default=value)
+        members[key] = gl.Parameter("SI", "parameter of the bond graph", default=value, min=lower.get(key, -math.inf))
     members |= variables
     words = "".join(c if c.isalnum() else " " for c in graph.name).split()
     title = name or "".join(word[:1].upper() + word[1:] for word in words)
@@ -164,6 +169,12 @@ def from_bond_graph(
 
 def _open_sources(graph: BondGraph) -> list[int]:
     return [n for n in graph.of_kind(Se, Sf) if cast("Se | Sf", graph.element(n, Se, Sf)).value is None]
+
+
+def _stored_values(graph: BondGraph) -> list[str]:
+    """Parameters that are an inertia or a compliance, and so cannot be negative."""
+    found = ((n, cast("Storage", graph.element(n, I, C))) for n in graph.of_kind(I, C))
+    return [str(expression(element.value, f"{element.kind}_{n}")) for n, element in found if element.law is None]
 
 
 def _source_name(graph: BondGraph, number: int) -> str:

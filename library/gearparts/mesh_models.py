@@ -49,6 +49,19 @@ class DetailedMesh(TwoFlanges, Dissipative):
     approach = gl.Parameter(
         "1", "friction: part of the contact ratio before the pitch point", default=lambda mesh: mesh.contact_ratio / 2, min=0
     )
+    pitch = gl.Parameter("m", "friction: base pitch", default=lambda mesh: 2 * gl.pi * mesh.r_a / mesh.z_a, min=0)
+    tangent_a = gl.Parameter(
+        "m",
+        "friction: way from gear a's tangent point to the pitch point",
+        default=lambda mesh: mesh.r_a * gl.tan(mesh.alpha),
+        min=0,
+    )
+    tangent_b = gl.Parameter(
+        "m",
+        "friction: way from gear b's tangent point to the pitch point",
+        default=lambda mesh: mesh.r_b * gl.tan(mesh.alpha),
+        min=0,
+    )
     e_rate = gl.Input("m/s", "rate of a further transmission error; adds to the deflection", default=0.0)
     q = gl.Variable("m", "deflection along the line of action", state="prefer", nominal=1e-6)
     v = gl.Variable("m/s", "rate of deflection")
@@ -57,7 +70,12 @@ class DetailedMesh(TwoFlanges, Dissipative):
     phase = gl.Variable("rad", "mesh phase", state="never")
     phase_in_stiffness = gl.Variable("rad", "table: phase within the period of stiffness_table", state="never")
     phase_in_error = gl.Variable("rad", "error_table: phase within its period", state="never")
-    newest = gl.Variable("1", "friction: base pitches that the newest pair has come along the line of action", state="never")
+    beyond = gl.Variable(
+        "m", "friction: way of the newest pair from the pitch point, away from gear a's tangent point", state="never"
+    )
+    sliding = gl.Variable("m/s", "friction: sliding speed of the newest pair")
+    grip = gl.Variable("1", "friction: mean over the pairs of their smoothed signs of sliding")
+    grip_later = gl.Variable("1", "friction: the same, each times the base pitches that the pair is ahead of the newest")
     c_now = gl.Variable("N/m", "stiffness")
     e = gl.Variable("m", "static transmission error; adds to the deflection", state="never")
     w_a = gl.Variable("rad/s", "speed of flange_a relative to the support", state="avoid")
@@ -73,7 +91,6 @@ class DetailedMesh(TwoFlanges, Dissipative):
         stiffness, phase_in_stiffness = self._stiffness()
         phase_rate = self.z_a * self.w_a
         force, loss = self._force()
-        newest, torque_a, torque_b = self._friction(turns_against)
         rubbing = self.tau_friction_a * self.w_a + self.tau_friction_b * self.w_b if self.friction else 0
         return [
             gl.Eq(self.w_a, gl.der(self.flange_a.phi) - w_support),
@@ -82,14 +99,12 @@ class DetailedMesh(TwoFlanges, Dissipative):
             gl.Eq(self.phase, self.phase0 + self.turned),
             gl.Eq(self.phase_in_stiffness, phase_in_stiffness),
             gl.Eq(self.phase_in_error, phase_in_error),
-            gl.Eq(self.newest, newest),
             gl.Eq(self.e, error),
             gl.Eq(gl.der(self.q), self.v),
             gl.Eq(self.v, self.r_a * self.w_a + r_b * self.w_b + self.e_rate + slope * phase_rate),
             gl.Eq(self.c_now, self.c * stiffness),
             gl.Eq(self.f, force),
-            gl.Eq(self.tau_friction_a, torque_a),
-            gl.Eq(self.tau_friction_b, torque_b),
+            *self._friction(turns_against),
             gl.Eq(self.flange_a.tau, self.r_a * self.f + (self.tau_friction_a if self.friction else 0)),
             gl.Eq(self.flange_b.tau, r_b * self.f + (self.tau_friction_b if self.friction else 0)),
             *([gl.Eq(self.support.tau, -self.flange_a.tau - self.flange_b.tau)] if self.use_support else []),
@@ -147,29 +162,33 @@ class DetailedMesh(TwoFlanges, Dissipative):
         flanks = gl.Piecewise((1, drive), (0, True)) + gl.Piecewise((1, coast), (0, True))
         return force, flanks * damping * self.v
 
-    def _friction(self, turns_against: int) -> tuple[Any, Any, Any]:
-        """Place of the newest pair, and torques of the sliding friction, summed over the pairs in contact."""
+    def _friction(self, turns_against: int) -> list[gl.Eq]:
+        """The sliding of the pairs in contact, and the torques of their friction."""
+        laws = (self.beyond, self.sliding, self.grip, self.grip_later, self.tau_friction_a, self.tau_friction_b)
         if not self.friction:
-            return 0, 0, 0
-        first, second = stretches(type(self).__name__, self.contact_ratio)
-        pitch = 2 * gl.pi * self.r_a / self.z_a
-        tangent = gl.sin(self.alpha) / gl.cos(self.alpha)
+            return [gl.Eq(law, 0) for law in laws]
+        step, opposite = turns_against * self.pitch, turns_against * self.tangent_b
+        early, late = stretches(type(self).__name__, self.contact_ratio)
+        inside = early.within(self.phase)
+        newest = gl.Piecewise((early.newest(self.phase), inside), (late.newest(self.phase), True))
+
+        def mean(weight: int) -> Any:
+            """Over the pairs: 1, 2, ... pitches ahead of the newest."""
+            speeds = [self.sliding + pair * step * (self.w_a - self.w_b) for pair in range(early.pairs)]
+            signs = [pair**weight * gl.tanh(speed / self.v_smooth) for pair, speed in enumerate(speeds)]
+            return gl.Piecewise(*((sum(signs[: s.pairs]) / s.pairs, when) for s, when in ((early, inside), (late, True))))
+
         pressed = self.mu * gl.no_event(abs(self.f))
-        torques: list[tuple[Any, Any]] = []
-        for stretch in (first, second):
-            on_a, on_b = 0, 0
-            for pair in range(stretch.pairs):
-                # beyond the pitch point, away from gear a's tangent point
-                beyond = turns_against * pitch * (self.newest + pair - self.approach)
-                arm_a, arm_b = self.r_a * tangent + beyond, turns_against * self.r_b * tangent - beyond
-                sliding = arm_a * self.w_a + arm_b * self.w_b
-                force = pressed / stretch.pairs * gl.tanh(sliding / self.v_smooth)
-                on_a, on_b = on_a + force * arm_a, on_b + force * arm_b
-            torques.append((on_a, on_b))
-        inside = first.within(self.phase)
-        newest = gl.Piecewise((first.newest(self.phase), inside), (second.newest(self.phase), True))
-        by_gear = [gl.Piecewise((early, inside), (late, True)) for early, late in zip(*torques, strict=True)]
-        return newest, by_gear[0], by_gear[1]
+        arm_a, arm_b = self.tangent_a + self.beyond, opposite - self.beyond
+        values = (
+            step * (newest - self.approach),
+            arm_a * self.w_a + arm_b * self.w_b,
+            mean(0),
+            mean(1),
+            pressed * (arm_a * self.grip + step * self.grip_later),
+            pressed * (arm_b * self.grip - step * self.grip_later),
+        )
+        return [gl.Eq(law, value) for law, value in zip(laws, values, strict=True)]
 
 
 class DetailedExternalMesh(DetailedMesh):

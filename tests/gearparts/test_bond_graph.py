@@ -14,7 +14,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.bondgraph import GY, TF, BondGraph, C, I, MSe, One, R, RunTime, Se, Sf, Zero, energy_symbol, state_equations, time
 from gearlib.bondgraph.paper import planetary_unit
-from gearlib.errors import ArgumentError, DeclarationError
+from gearlib.errors import ArgumentError, BoundError, DeclarationError
 from gearparts import zhou_cui_2022 as zc
 
 XUnit = gp.from_bond_graph(
@@ -232,3 +232,12 @@ def test_only_a_graph_with_named_ports_becomes_a_component() -> None:
         gp.from_bond_graph(3)  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match=r"ports is \[1\]; expected bonds by name"):
         gp.from_bond_graph(graph, ports=[1])  # type: ignore[arg-type]
+
+
+def test_an_inertia_of_a_graph_cannot_be_negative() -> None:
+    graph = BondGraph((1, Se(), (v := One("v"))), (2, v, I("m")), (3, v, C("k")), (4, v, R("d")), name="mass")
+    Mass = gp.from_bond_graph(graph, defaults={"k": 2.0})
+    gl.compile(Mass(m=1.0, d=-1.0))
+    for wrong in ({"m": -1.0}, {"m": 1.0, "k": -2.0}):
+        with pytest.raises(BoundError, match="expected at least 0"):
+            gl.compile(Mass(**{"d": 1.0, **wrong}))
