@@ -173,7 +173,7 @@ class DetailedMesh(TwoFlanges, Dissipative):
         newest = gl.Piecewise((early.newest(self.phase), inside), (late.newest(self.phase), True))
 
         def mean(weight: int) -> Any:
-            """Over the pairs: 1, 2, ... pitches ahead of the newest."""
+            """Over the pairs, of their signs; with weight 1 each times the pitches that it is ahead of the newest."""
             speeds = [self.sliding + pair * step * (self.w_a - self.w_b) for pair in range(early.pairs)]
             signs = [pair**weight * gl.tanh(speed / self.v_smooth) for pair, speed in enumerate(speeds)]
             return gl.Piecewise(*((sum(signs[: s.pairs]) / s.pairs, when) for s, when in ((early, inside), (late, True))))
