@@ -1,7 +1,7 @@
 """The compiled half of the IDA road: the callbacks that SUNDIALS calls, and the loop that calls SUNDIALS.
 
 All of it is generic. A model enters by the addresses of its native functions, written into a ``FRAME`` that SUNDIALS hands
-back to every callback as its user data; hence this module is compiled once per machine and read from numba's cache afterwards.
+back to every callback as its user data; hence this module is compiled once per machine and read from the cache afterwards.
 Importing it imports numba: only `gearlib.solve.ida` does, when it integrates.
 
 IDA's unknowns may be ordered otherwise than the model's, so that the Jacobian has a narrow band: component i of an ``N_Vector``
@@ -29,6 +29,7 @@ from gearlib.solve.ida_request import (
     UNSETTLED,
     UPDATE_FAILED,
 )
+from gearlib.solve.kept import keep
 
 # How `drive` ends, beside the failures of `ida_request`: all samples taken, back for a breath, event log full.
 DONE, PAUSE, LOG_FULL = 0, 1, 2
@@ -73,8 +74,8 @@ def _reassociating(function: _Function) -> _Function:
 
 
 def _callback(*arguments: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Compile a C function of these arguments that returns an int, and cache it on disk."""
-    return cast(Callable[[Callable[..., Any]], Any], _numba.cfunc(_int(*arguments), cache=True))
+    """Compile a C function of these arguments that returns an int, and keep it on disk."""
+    return lambda function: keep(_numba.njit(function), _numba.cfunc(_int(*arguments), cache=True))
 
 
 @_reassociating

@@ -1,6 +1,6 @@
 """The integration loop of the explicit Runge-Kutta methods: one compiled function for all models.
 
-It is compiled when this module is first imported on a machine (and found in numba's cache afterwards), so import it late. The
+It is compiled when this module is first imported on a machine (and found in the cache afterwards), so import it late. The
 loop keeps its state in arrays and returns after a given number of steps, so that Python can look after interrupts, grow the
 event log and call again.
 """
@@ -14,6 +14,7 @@ import numba
 import numpy as np
 from numba import types
 
+from gearlib.solve.kept import keep
 from gearlib.solve.native_call import call_native, inner
 from gearlib.solve.rk_events import crossing, slopes
 from gearlib.solve.rk_stages import error5, error8, interpolate, interpolation_weights
@@ -213,6 +214,7 @@ def _move(last: int, x: Any, x_new: Any, k: Any, g: Any) -> None:
         g[2, i] = g[3, i]
 
 
+@inner()
 def _advance(
     order: int, native: Any, clock: Any, count: Any, x: Any, x_new: Any, y: Any, k: Any, b: Any, atol: Any, rtol: float,
     times: Any, out_x: Any, out_modes: Any, data: Any, first_mode: int, stops: Any, timed: Any, g: Any, side: Any, fired: Any,
@@ -275,11 +277,11 @@ _types: Any = types
 _floats, _rows = _types.Array(types.float64, 1, "C"), _types.Array(types.float64, 2, "C")
 _integers, _signs, _flags = (_types.Array(t, 1, "C") for t in (types.int64, types.int32, types.boolean))
 _njit: Any = numba.njit
-advance: Any = _njit(
+advance: Any = keep(_advance, _njit(
     types.int64(
         types.int64, _types.UniTuple(types.int64, 5), _floats, _integers, _floats, _floats, _floats, _rows, _floats, _floats,
         types.float64, _floats, _rows, _rows, _floats, types.int64, _floats, _flags, _rows, _signs, _signs, _floats, _integers,
         types.int64, types.boolean,
     ),
     cache=True, nogil=True, error_model="numpy", _nrt=False,
-)(_advance)  # fmt: skip
+))  # fmt: skip
