@@ -259,8 +259,9 @@ class RunTime:
         """The vector y = (x', z)."""
         if self.equations.is_linear_in_unknowns:
             right = self._vector_b(*arguments)
+            found = self._solve(self._matrix(*arguments), right)
             self._check_finite(right, arguments[1])
-            return self._solve(self._matrix(*arguments), right)
+            return found
         return self._newton(arguments)
 
     def _newton(self, arguments: tuple[Any, ...]) -> Array:
