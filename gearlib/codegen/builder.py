@@ -217,7 +217,9 @@ class Builder:
             residual: Found = defaultdict(list)
             for r, (template, g, i, k, _, _) in enumerate(rows):
                 residual[residual_kernel(template), g, k].append((i, r, 1))
-            return Newton(unknowns, self._batches(residual), entries, linear, equations, order.lead)
+            counts = self.structure.differentiation.counts
+            constrained = not linear and any(k < counts[e] for e, k in block.equations)
+            return Newton(unknowns, self._batches(residual), entries, linear, equations, order.lead, constrained)
         known, known_rows = [], []
         for r, (template, g, i, k, columns, _) in enumerate(rows):
             kernel = residual_kernel(template, columns)

@@ -72,6 +72,7 @@ class Newton:
     linear: bool
     equations: Integers
     lead: int  # so many unknowns follow from the others one after another: the matrix begins with a lower triangular part
+    constrained: bool  # whether constraints on the states are among the equations, so that other states may be needed somewhere
 
 
 Step = Batch | Linear | Newton

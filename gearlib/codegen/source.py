@@ -23,7 +23,8 @@ from gearlib.codegen.runs import coefficient_batches, has_runs, run_index, run_l
 from gearlib.codegen.text import expression
 
 Integers = NDArray[np.int64]
-SMALLER = 1.5  # logarithm of how far the determinant of a nonlinear block may fall in one set of states
+SMALLER = 9.2  # logarithm of how far the determinant of a nonlinear block may fall
+SMALLER_CONSTRAINED = 1.5  # the same where constraints may ask for other states
 LONGEST = 260  # assignments up to which a program is written out
 MOST_LOOPS = 40  # up to which they follow each other in the source
 MOST_SIGNS = 4  # patterns of signs up to which a kernel has a loop for each
@@ -298,8 +299,9 @@ def _linear(body: Body, step: Linear, place: int, rows: Integers) -> None:
 
 
 def _newton(body: Body, step: Newton, memory: int) -> None:
-    """Newton's iteration. ``memory`` keeps the logarithm of the first determinant: where it has fallen to a fifth, the states
-    may soon not determine the unknowns any more, so the evaluation is refused, and `gearlib.solve.charts` looks for others.
+    """Newton's iteration. ``memory`` keeps the logarithm of the first determinant. Where it has fallen to a ten-thousandth, another
+    branch is near and the evaluation is refused; with constraints on the states where it has fallen to a fifth, since they may
+    soon not determine the unknowns any more, and `gearlib.solve.charts` looks for others.
     """
     n = len(step.unknowns)
     unknowns = body.array(step.unknowns)
@@ -331,7 +333,7 @@ def _newton(body: Body, step: Newton, memory: int) -> None:
             "h, s = index[h + 2], data[w + q + q * q + q]",
             "if data[h] == 0.0:",
             "    data[h] = s if s != 0.0 else 1e-9",
-            f"elif s < data[h] - {SMALLER}:",
+            f"elif s < data[h] - {SMALLER_CONSTRAINED if step.constrained else SMALLER}:",
             "    return 1",
         ]
 

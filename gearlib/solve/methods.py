@@ -157,8 +157,8 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
     if not scene.states:
         return _exact(run, None, "there are no states")
     problem, keep = _problem(run, jacobian=method == "ida")
-    constrained = any(isinstance(s, Newton) and not s.linear for s in scene.program.steps)
-    most = MOST_STEPS_CONSTRAINED if constrained else MOST_STEPS
+    iterated = [s for s in scene.program.steps if isinstance(s, Newton) and not s.linear]
+    most, constrained = MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, any(s.constrained for s in iterated)
     try:
         if method == "ida":
             from gearlib.solve import ida
@@ -183,15 +183,19 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
 
 
 def _explained(problem: SolverError, scene: Scene) -> SolverError:
-    """The same error; where nonlinear constraints are solved on the way, with a word on these."""
-    owners = dict.fromkeys(
-        owner_of(scene.structure, int(e))
-        for s in scene.program.steps if isinstance(s, Newton) and not s.linear for e in s.equations
-    )  # fmt: skip
+    """The same error; where nonlinear equations are solved on the way, with a word on these."""
+    iterated = [s for s in scene.program.steps if isinstance(s, Newton) and not s.linear]
+    owners = dict.fromkeys(owner_of(scene.structure, int(e)) for s in iterated for e in s.equations)
     if not owners or "chatter" in str(problem):
         return problem
+    names = ", ".join(owners)
+    if not any(s.constrained for s in iterated):
+        return SolverError(
+            f"{problem}. The nonlinear equations of {names} may have no solution further on, or need better guesses: guess={{...}} of "
+            "their variables"
+        )
     return SolverError(
-        f"{problem}. The constraints of {', '.join(owners)} may have become singular there for the states in use "
+        f"{problem}. The constraints of {names} may have become singular there for the states in use "
         f"({', '.join(scene.state_names[:6])}): start nearer to the end, or declare other variables as state='prefer'"
     )
 
