@@ -82,7 +82,9 @@ def _moment(
     t = float(t)
     numbers = result._parameters if parameters is None else system._parameters(parameters)
     scene = system._scenes.setdefault(states, Scene(system._structure, states))
-    known = {s: float(np.interp(t, result.time, result._history(s))) for s in states}
+    result = result._with_sample(t)
+    sample = int(np.searchsorted(result.time, t))
+    known = {s: float(result._history(s)[sample]) for s in states}
     part = result._part_at(t)
     inputs = values(result._signals, np.array([t]))[:, 0]
     return scene, numbers, Point(t, known, inputs, part.guess, lambda program: part.modes_at(program, t))
@@ -139,7 +141,7 @@ def linearize(
         else:
             position.append(("added", len(added)))
             added.append(slot)
-    d = sensitivity(prepared, point.t, slots, flags, seeds, added)
+    d = sensitivity(prepared, point.t, slots, flags, seeds, [(slot, i, 1.0) for i, slot in enumerate(added)])
     if not d.shape[0]:  # nothing has to be computed: all outputs are always zero
         d = np.zeros((1, len(seeds) + len(added)))
     n = len(states)

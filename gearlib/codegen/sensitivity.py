@@ -14,12 +14,14 @@ from gearlib.codegen.kernels import derivative_of
 from gearlib.codegen.program import Batch, Linear, Program
 
 Floats = NDArray[np.float64]
+Added = tuple[int, int, float]  # slot, which of the added seeds, weight
 Integers = NDArray[np.int64]
+Parts = list[tuple[Integers, Integers, Floats]]
 MOST_DENSE = 4_000_000  # entries of a full matrix of slots by seeds
 
 
 def sensitivity(
-    prepared: Prepared, t: float, slots: Floats, relations: Floats, seeds: Sequence[int], added: Sequence[int] = ()
+    prepared: Prepared, t: float, slots: Floats, relations: Floats, seeds: Sequence[int], added: Sequence[Added] = ()
 ) -> Any:
     """Derivatives of all slots.
 
@@ -31,53 +33,52 @@ def sensitivity(
     relations : array, shape (relations,)
     seeds : sequence of int
         Slots of states and inputs to differentiate with respect to.
-    added : sequence of int
-        Slots of unknowns, each thought to have a term added to what it is computed from.
+    added : sequence of (slot, seed, weight)
+        Slots of unknowns, each thought to have a multiple of a new seed added to what it is computed from.
 
     Returns
     -------
-    array or scipy.sparse.csr_matrix, shape (slots, seeds + added)
+    array or scipy.sparse.csr_matrix, shape (slots, seeds + added seeds)
         Sparse where a full one would be large.
     """
     program = prepared.program
-    n_seeds = len(seeds) + len(added)
+    n_seeds = len(seeds) + max((seed + 1 for _, seed, _ in added), default=0)
     dense = program.n_slots * n_seeds <= MOST_DENSE
     now, here, flags = np.array([t]), slots[:, None], relations[:, None]
-    extra = {slot: len(seeds) + i for i, slot in enumerate(added)}
+    places, columns_added, weights = (np.array(x) for x in zip(*added, strict=True)) if added else (np.empty(0, int),) * 3
     store = _Dense(program.n_slots, seeds, n_seeds) if dense else _Sparse(program.n_slots, seeds, n_seeds)
     solutions = iter(prepared.solutions)
     for step in program.steps:
         if isinstance(step, Batch):
-            rows, columns, values = _entries(step, now, here, prepared.parameters, flags)
-            store.assign(step.targets, rows, columns, values)
+            store.assign(step.targets, _entries(step, now, here, prepared.parameters, flags))
         elif isinstance(step, Linear):
             store.combine(step.unknowns, next(solutions), step.known)
         else:
             n = len(step.unknowns)
             matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n)[:, 0].reshape(n, n)
             inside = {int(u) for u in step.unknowns}
-            parts = [_entries(b, now, here, prepared.parameters, flags) for b in step.residuals]
-            rows = np.concatenate([b.targets[p[0]] for b, p in zip(step.residuals, parts, strict=True)])
-            columns = np.concatenate([p[1] for p in parts])
-            values = np.concatenate([p[2] for p in parts])
+            parts = [
+                (b.targets[r], c, v) for b in step.residuals for r, c, v in _entries(b, now, here, prepared.parameters, flags)
+            ]
+            rows, columns, values = (np.concatenate(x) for x in zip(*parts, strict=True))
             outside = np.array([c not in inside for c in columns.tolist()], bool)
             known = np.unique(columns[outside])
             gradient = np.zeros((n, len(known)))
             np.add.at(gradient, (rows[outside], np.searchsorted(known, columns[outside])), values[outside])
             solved = np.asarray(-np.linalg.solve(matrix, gradient), float)
             store.combine(step.unknowns, solved, known)
-        if extra:
-            made = step.targets if isinstance(step, Batch) else step.unknowns
-            for slot in extra.keys() & set(made.tolist()):
-                store.add(slot, extra[slot])
+        if added:
+            now_made = np.isin(places, step.targets if isinstance(step, Batch) else step.unknowns)
+            if now_made.any():
+                store.add(places[now_made], len(seeds) + columns_added[now_made], weights[now_made])
     return store.result()
 
 
 def _entries(
     batch: Batch, t: Floats, slots: Floats, parameters: Floats, relations: Floats
-) -> tuple[Integers, Integers, Floats]:
-    """(row of the batch, argument slot, derivative), zeros left out."""
-    rows, columns, values = [], [], []
+) -> list[tuple[Integers, Integers, Floats]]:
+    """For each argument: rows of the batch, the argument's slots, derivatives; zeros left out."""
+    found = []
     for a, c in enumerate(batch.kernel.columns):
         kernel = derivative_of(batch.kernel, c)
         if kernel.is_zero:
@@ -92,12 +93,8 @@ def _entries(
         value = batch_values(part, t, slots, parameters, relations)
         value = np.broadcast_to(value, (len(batch), 1))[:, 0] * batch.argument_signs[:, a]
         nonzero = np.flatnonzero(batch.argument_signs[:, a])
-        rows.append(nonzero)
-        columns.append(batch.arguments[nonzero, a])
-        values.append(value[nonzero])
-    if not rows:
-        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
-    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+        found.append((nonzero, batch.arguments[nonzero, a], value[nonzero]))
+    return found
 
 
 class _Dense:
@@ -105,16 +102,17 @@ class _Dense:
         self.d = np.zeros((n_slots, n_seeds))
         self.d[list(seeds), np.arange(len(seeds))] = 1.0
 
-    def assign(self, targets: Integers, rows: Integers, columns: Integers, values: Floats) -> None:
+    def assign(self, targets: Integers, parts: Parts) -> None:
         block = np.zeros((len(targets), self.d.shape[1]))
-        np.add.at(block, rows, values[:, None] * self.d[columns])
+        for rows, columns, values in parts:  # each row once
+            block[rows] += values[:, None] * self.d[columns]
         self.d[targets] = block
 
     def combine(self, targets: Integers, matrix: Floats | Factored, columns: Integers) -> None:
         self.d[targets] = matrix @ self.d[columns]
 
-    def add(self, slot: int, seed: int) -> None:
-        self.d[slot, seed] += 1.0
+    def add(self, slots: Integers, seeds: Integers, weights: Floats) -> None:
+        np.add.at(self.d, (slots, seeds), weights)
 
     def result(self) -> Floats:
         return self.d
@@ -131,9 +129,11 @@ class _Sparse:
         ones = np.ones(len(seeds))
         self.d = sparse.csr_matrix((ones, (list(seeds), np.arange(len(seeds)))), shape=self.shape)
 
-    def assign(self, targets: Integers, rows: Integers, columns: Integers, values: Floats) -> None:
-        picked = self.sparse.csr_matrix((values, (targets[rows], columns)), shape=(self.shape[0], self.shape[0]))
-        self.d = (self.d + picked @ self.d).tocsr()
+    def assign(self, targets: Integers, parts: Parts) -> None:
+        if parts:
+            rows, columns, values = (np.concatenate(x) for x in zip(*parts, strict=True))
+            picked = self.sparse.csr_matrix((values, (targets[rows], columns)), shape=(self.shape[0], self.shape[0]))
+            self.d = (self.d + picked @ self.d).tocsr()
 
     def combine(self, targets: Integers, matrix: Floats | Factored, columns: Integers) -> None:
         known = self.d[columns]
@@ -146,8 +146,8 @@ class _Sparse:
         )
         self.d = (self.d + place @ block).tocsr()
 
-    def add(self, slot: int, seed: int) -> None:
-        self.d = (self.d + self.sparse.csr_matrix(([1.0], ([slot], [seed])), shape=self.shape)).tocsr()
+    def add(self, slots: Integers, seeds: Integers, weights: Floats) -> None:
+        self.d = (self.d + self.sparse.csr_matrix((weights, (slots, seeds)), shape=self.shape)).tocsr()
 
     def result(self) -> Any:
         return self.d

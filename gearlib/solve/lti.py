@@ -105,14 +105,18 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
             raise not_finite(scene, numbers) from None
         d: Any = np.zeros((n, n + m + len(plan.added)))
         d[tuple(np.array(plan.written.places, np.int64).reshape(-1, 2).T)] = entries
+        columns = [d[:, n : n + m], d[:, [n + m + k for k in moving]]]
+        if constant:
+            columns.append((d[:, [n + m + k for k in constant]] @ values)[:, None])
+        B = np.hstack(columns)
     else:
         slots, flags = np.zeros(program.n_slots), np.zeros(scene.n_modes)
-        d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), plan.added)[program.output_slots]
-    B = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
-    columns = [B[:, :m], B[:, [m + k for k in moving]]]
-    if constant:
-        columns.append((B[:, [m + k for k in constant]] @ values)[:, None])
-    form = Linear(d[:, :n], np.hstack(columns), inputs)
+        added = [(plan.added[k], column, 1.0) for column, k in enumerate(moving)]
+        added += [(plan.added[k], len(moving), float(value)) for k, value in zip(constant, values, strict=True) if value]
+        d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), added)[program.output_slots]
+        B = np.zeros((n, len(inputs)))
+        B[:, : d.shape[1] - n] = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
+    form = Linear(d[:, :n], B, inputs)
     plan.form = (ref(numbers), key, form)
     return form
 
