@@ -22,7 +22,7 @@ from gearlib.codegen.source import HEADER, Body, function, is_small, looped, wri
 Integers = NDArray[np.int64]
 
 
-RHS, JAC, ROOTS, UPDATE = range(4)  # entries of ``index`` that say where each function's integers begin
+RHS, JAC, ROOTS, UPDATE, TABLES = range(5)  # entries of ``index`` that say where each function's integers begin, and tables'
 
 
 @dataclass(frozen=True)
@@ -103,13 +103,13 @@ def compile_scene(
         end = layout.size + body.n_coefficients
         update = _compile("update", function("update", "UPDATE", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []
-    bases, base = [], 4
+    bases, base = [], 5
     for part in (rhs, jac, roots, update):
         bases.append(base)
         if part is not None:
             packed.append(part.body.packed(base))
             base += len(packed[-1])
-    index = np.concatenate([np.array(bases, np.int64), *packed])
+    index = np.concatenate([np.array([*bases, 0], np.int64), *packed])
     return NativeScene(rhs, jac, pattern, roots, update, shared, index, end)
 
 

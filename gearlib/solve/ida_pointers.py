@@ -1,7 +1,6 @@
 """Addresses in code that numba compiles: functions to call, and memory to see as arrays.
 
-An address is a plain integer to numba, so that code which works on addresses is compiled once for all models. numba's cache
-does not notice a change of this file: what uses it must change as well.
+An address is a plain integer to numba, so that code which works on addresses is compiled once for all models.
 """
 
 from __future__ import annotations
@@ -19,7 +18,8 @@ _int, _long, _double = types.int32, types.int64, types.float64
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def _inline(function: _Function) -> _Function:
+def inline(function: _Function) -> _Function:
+    """Compile a function that compiled code calls."""
     return cast(_Function, _numba.njit(function))
 
 
@@ -58,16 +58,16 @@ call_for_address: Any = intrinsic(_call_for_address)  # the same with one addres
 _as_doubles, _as_longs, _as_ints = _cast(_double), _cast(_long), _cast(_int)
 
 
-@_inline
+@inline
 def doubles(address: int, n: int) -> Any:
     return carray(_as_doubles(address), n)
 
 
-@_inline
+@inline
 def longs(address: int, n: int) -> Any:
     return carray(_as_longs(address), n)
 
 
-@_inline
+@inline
 def ints(address: int, n: int) -> Any:
     return carray(_as_ints(address), n)

@@ -15,7 +15,7 @@ from typing import Any
 
 from gearlib.codegen.cache import load
 
-SOURCES = ("rk_*.py", "ida_*.py", "native_call.py", "tableaux.py")
+SOURCES = ("rk_*.py", "ida_*.py", "native_call.py", "tableaux.py", "table_feed.py")
 REGISTERED: dict[str, tuple[Any, Any]] = {}
 
 

@@ -23,7 +23,7 @@ from gearlib.solve.initialize import Start
 from gearlib.solve.lti import linear_form, time_conditions
 from gearlib.solve.problem import Native, Problem, Solution
 from gearlib.solve.scene import Numbers, Scene
-from gearlib.solve.table import breakpoints, values
+from gearlib.solve.table import Table, breakpoints, values
 
 Floats = NDArray[np.float64]
 METHODS = ("auto", "exact", "ida", "rk", "rk5", "rk8")
@@ -297,12 +297,18 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
     modes = flags[:, 0] if run.modes is None else run.modes
     data = scene.data(native, run.numbers, inputs, modes, scene.guess(program, run.start.guess))
     keep = _Keep()
+    functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
+    index = native.index
+    tables = [(k, s) for k, s in enumerate(run.signals) if isinstance(s, Table)]
+    if tables:
+        from gearlib.solve.table_feed import fed
 
-    def wrap(function: Any, third: Any) -> Native | None:
-        if function is None:
-            return None
-        moving = [(k, s) for k, s in enumerate(run.signals) if callable(s)]
-        return _feed(function, native.shared, moving, keep, third) if moving else function
+        functions, data, index = fed(native, data, tables)
+    moving = [(k, s) for k, s in enumerate(run.signals) if callable(s) and not isinstance(s, Table)]
+
+    def wrap(name: str, third: Any) -> Native | None:
+        function = functions[name]
+        return _feed(function, native.shared, moving, keep, third) if function is not None and moving else function
 
     double = ctypes.POINTER(ctypes.c_double)
     fired = ctypes.POINTER(ctypes.c_int32)
@@ -310,10 +316,10 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
     n_roots = int((~relations.on_time).sum()) if relations is not None else 0
     pattern = native.pattern
     problem = Problem(
-        rhs=wrap(native.rhs, double), x0=run.start.states, data=data, index=native.index,  # type: ignore[arg-type]
-        differential=np.ones(len(scene.states), bool), nominal=scene.nominal, jac=wrap(native.jac, double),
+        rhs=wrap("rhs", double), x0=run.start.states, data=data, index=index,  # type: ignore[arg-type]
+        differential=np.ones(len(scene.states), bool), nominal=scene.nominal, jac=wrap("jac", double),
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
-        roots=wrap(native.roots, double) if n_roots else None, n_roots=n_roots, update=wrap(native.update, fired),
+        roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
         time_events=_time_events(run, t0, float(run.times[-1])),
         state_names=scene.state_names, root_names=scene.root_names,
