@@ -240,10 +240,10 @@ class System:
         if progress:
             print(f"{self.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s")
 
-        def again(states: tuple[Node, ...]) -> Result:
+        def again(states: tuple[Node, ...], times: Floats = grid) -> Result:
             wider = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted, self._scene.outputs))
             return self._run(
-                wider, grid, method, rtol, None if np.ndim(atol or 0.0) else atol, parameters, start, signals, progress
+                wider, times, method, rtol, None if np.ndim(atol or 0.0) else atol, parameters, start, signals, progress
             )
 
         outputs = self.outputs if self.outputs is not None else self.states

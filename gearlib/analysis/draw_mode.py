@@ -72,7 +72,7 @@ def _motion_bars(ax: Any, motions: list[tuple[str, str, complex]], left_out: int
     ax.set_xlim(-1.1, 1.1)
     ax.set_xlabel("amplitude over the largest" + (f" ({left_out} at rest not shown)" if left_out else ""))
     ax.set_title("Motion")
-    ax.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
+    _legend_below(ax)
     ax.grid(axis="x", alpha=0.3)
 
 
@@ -86,5 +86,21 @@ def _energy_bars(ax: Any, shares: list[tuple[str, float, float]], left_out: int)
     ax.set_xticks([-100, -50, 0, 50, 100], ["100", "50", "0", "50", "100"])
     ax.set_xlabel("share of energy, %" + (f" ({left_out} components with none not shown)" if left_out else ""))
     ax.set_title("Energy")
-    ax.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
+    _legend_below(ax)
     ax.grid(axis="x", alpha=0.3)
+
+
+def _legend_below(ax: Any) -> None:
+    """Under the label of the axis, by a distance that does not depend on how high the axes are."""
+    from matplotlib.transforms import ScaledTranslation
+
+    down = ax.transAxes + ScaledTranslation(0, -34 / 72, ax.figure.dpi_scale_trans)
+    ax.legend(
+        fontsize=8,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        bbox_transform=down,
+        borderaxespad=0.0,
+        ncols=2,
+        frameon=False,
+    )

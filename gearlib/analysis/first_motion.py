@@ -111,7 +111,8 @@ class Forced:
         ]
         means = system._start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
         size = (2 * self.harmonics + 1, len(scene.states))
-        _check_forcing(driven(omega), means)
+        for tried in (omega, 1.2345678 * omega):  # forcing whose frequency is fixed may repeat at one by chance
+            _check_forcing(driven(tried), means)
         varies = self.frequency is not None or any(callable(g) for g in self.inputs.values())
         nominal = np.maximum(scene.nominal, 1e-300)
         rigid = rigid_motions(driven(omega), means, nominal, nominal)

@@ -47,6 +47,12 @@ class HarmonicBalance:
     def __len__(self) -> int:
         return len(self.omega)
 
+    def __repr__(self) -> str:
+        span = f"{len(self)} points, {self.omega.min():g} .. {self.omega.max():g} rad/s" if len(self) else "no points"
+        folds = f", folds at {', '.join(f'{w:.6g}' for w in self.fold_omega)} rad/s" if self.folds else ", no folds"
+        part = "" if self.complete else ", incomplete"
+        return f"<HarmonicBalance of {', '.join(self.outputs)}: {span}, {self.harmonics} harmonics{folds}{part}>"
+
     @property
     def frequencies(self) -> Floats:
         """Hz."""

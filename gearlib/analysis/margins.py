@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,12 +117,23 @@ def margins(loop: Loop) -> Margins:
     size = np.abs(curve)
     real = bool(np.median(np.abs(curve.imag) / np.maximum(size, 1e-300)) < 1e-11)
     phase = [] if real else _phase_crossings(loop, omega, curve)
-    gain = []
-    for w in _roots(omega, np.log(np.maximum(size, 1e-300)), lambda x: float(np.log(abs(loop.response(1j * x))))):
-        angle = float(np.angle(-loop.response(1j * w), deg=True))
-        gain.append(GainCrossing(w, angle, float(np.deg2rad(angle % 360.0)) / w))
+    gain = [_gain_crossing(loop, w) for w in _unit_gain(loop, omega, size)]
     modulus, at = _nearest(loop, omega, curve)
     return Margins(tuple(phase), tuple(gain), modulus, at, real)
+
+
+def _gain_crossing(loop: Loop, omega: float) -> GainCrossing:
+    angle = float(np.angle(-loop.response(1j * omega), deg=True))
+    return GainCrossing(omega, angle, float(np.deg2rad(angle % 360.0)) / omega)
+
+
+def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
+    """Where |L| crosses 1; where it is 1 everywhere (an all-pass), the one frequency at which the curve is nearest to -1."""
+    level = np.log(np.maximum(size, 1e-300))
+    clear = np.abs(level) > 1e-12  # on the rest rounding decides the sign
+    if not clear.any():
+        return [float(omega[np.argmin(np.abs(np.angle(-loop.response(1j * omega))))])]
+    return _roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))
 
 
 def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseCrossing]:
@@ -144,12 +156,25 @@ def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseC
     return found
 
 
-def _roots(omega: Floats, values: Floats, f: object) -> list[float]:
-    """Where a sampled function changes sign, to rounding."""
+def _roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[float]:
+    """Where a sampled function changes sign, to rounding; a jump across a pole on the imaginary axis is no root."""
     from scipy.optimize import brentq
 
+    def finite(x: float) -> float:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = f(x)
+        return value if np.isfinite(value) else 0.0  # ends the search at the pole
+
     places = np.flatnonzero((values[1:] * values[:-1] < 0) & np.isfinite(values[1:]) & np.isfinite(values[:-1]))
-    found = [float(brentq(f, omega[i], omega[i + 1], xtol=1e-300, rtol=8.9e-16)) for i in places]
+    found = []
+    for a, b in zip(omega[places], omega[places + 1], strict=True):
+        low, high = finite(a), finite(b)
+        if low * high < 0:
+            found.append(float(brentq(finite, a, b, xtol=1e-300, rtol=8.9e-16)))
+        else:  # alone, a point may come out on the other side than among many: it is a root to rounding
+            found.append(float(a if abs(low) < abs(high) else b))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = [w for w in found if np.isfinite(f(w))]
     return sorted(found + [float(w) for w in omega[values == 0.0]])
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.analysis.loops import Loop, refine
-from gearlib.analysis.poles import Verdict
+from gearlib.analysis.poles import Poles, Verdict
 from gearlib.errors import SolverError
 
 Floats = NDArray[np.float64]
@@ -127,8 +127,7 @@ def nyquist_count(loop: Loop) -> NyquistCount:
 
 def contour(loop: Loop) -> list[Complexes]:
     """Points of the path's upper half, piece by piece: axis, detours to the right of poles on it, and the arc at infinity."""
-    axis = np.unique(np.concatenate([loop.open_poles.on_axis, loop.closed_poles.on_axis]))
-    groups = _together(axis, loop.scale[0])
+    groups = _together([*_on_axis(loop.open_poles), *_on_axis(loop.closed_poles)], loop.scale[0])
     high = FARTHEST * loop.scale[1]
     pieces: list[Complexes] = []
     here = 0.0
@@ -156,14 +155,21 @@ def _points(path: Callable[[Any], Any], start: float, end: float, critical: Comp
     return points
 
 
-def _together(axis: Floats, smallest: float) -> list[tuple[float, float]]:
+def _on_axis(found: Poles) -> list[tuple[float, float]]:
+    """Intervals of the axis that hold its poles: the response has them where its own rounding puts them."""
+    near = (found.values.real == 0) & (found.values.imag >= 0)
+    intervals = zip(found.values.imag[near], found.tolerances[near], strict=True)
+    return [(max(float(w - t), 0.0) if w else 0.0, float(w + t)) for w, t in intervals]
+
+
+def _together(intervals: list[tuple[float, float]], smallest: float) -> list[tuple[float, float]]:
     """Poles of the open and of the closed loop that rounding does not tell apart, as intervals of the axis."""
     groups: list[tuple[float, float]] = []
-    for w in axis.tolist():
-        if groups and w - groups[-1][1] <= SAME * max(w, smallest):
-            groups[-1] = groups[-1][0], w
+    for low, up in sorted(intervals):
+        if groups and low - groups[-1][1] <= SAME * max(low, smallest):
+            groups[-1] = groups[-1][0], max(up, groups[-1][1])
         else:
-            groups.append((w, w))
+            groups.append((low, up))
     return groups
 
 

@@ -37,7 +37,13 @@ class OrderSpectrum:
     unit: str
 
     def at(self, order: float) -> float:
-        """The amplitude at the nearest line."""
+        """The amplitude at the nearest line; above the highest one an error, since the samples do not show what is there."""
+        highest = float(self.orders[-1])
+        if not 0 <= order <= highest + 0.5 * float(self.orders[1] if len(self.orders) > 1 else 0.0):
+            raise ArgumentError(
+                f"order {order:g} is not in this spectrum of {self.name}, which goes from 0 to {highest:.4g}; give a higher "
+                "max_order, or sample the run more often"
+            )
         return float(self.amplitudes[int(np.argmin(np.abs(self.orders - order)))])
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -119,7 +125,7 @@ def order_spectrum(
     t_start, t_end : float, optional
         Interval, s.
     max_order : float, optional
-        Highest order kept; by default half the number of samples per revolution.
+        Highest order kept; by default, and at most, half the samples of a revolution where the shaft turns fastest.
 
     Returns
     -------
@@ -215,7 +221,8 @@ def _spectra(
     n = per_revolution * revolutions
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
     orders = np.arange(n // 2 + 1) / revolutions
-    kept = orders <= (per_revolution / 2 if max_order is None else max_order)
+    shown = np.pi / step  # two samples for each wave where it turns fastest
+    kept = orders <= (shown if max_order is None else min(max_order, shown))
     rows = []
     for start in starts:
         wanted = angle[0] + 2 * np.pi * (start + np.arange(n) / per_revolution)

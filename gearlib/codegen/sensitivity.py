@@ -12,6 +12,7 @@ from gearlib.codegen.evaluate import Prepared, assemble, batch_values
 from gearlib.codegen.factors import Factored
 from gearlib.codegen.kernels import derivative_of
 from gearlib.codegen.program import Batch, Linear, Program
+from gearlib.errors import SolverError
 
 Floats = NDArray[np.float64]
 Added = tuple[int, int, float]  # slot, which of the added seeds, weight
@@ -40,6 +41,11 @@ def sensitivity(
     -------
     array or scipy.sparse.csr_matrix, shape (slots, seeds + added seeds)
         Sparse where a full one would be large.
+
+    Raises
+    ------
+    SolverError
+        Equations that determine unknowns together are singular there.
     """
     program = prepared.program
     n_seeds = len(seeds) + max((seed + 1 for _, seed, _ in added), default=0)
@@ -65,7 +71,13 @@ def sensitivity(
             known = np.unique(columns[outside])
             gradient = np.zeros((n, len(known)))
             np.add.at(gradient, (rows[outside], np.searchsorted(known, columns[outside])), values[outside])
-            solved = np.asarray(-np.linalg.solve(matrix, gradient), float)
+            try:
+                solved = np.asarray(-np.linalg.solve(matrix, gradient), float)
+            except np.linalg.LinAlgError:
+                raise SolverError(
+                    f"there is no linear model at this point: {n} {'equation that is' if n == 1 else 'equations that are'} solved by "
+                    "iteration cannot be solved for small changes there; give inertia to what nothing moves, or another point (at=...)"
+                ) from None
             store.combine(step.unknowns, solved, known)
         if added:
             now_made = np.isin(places, step.targets if isinstance(step, Batch) else step.unknowns)

@@ -66,8 +66,14 @@ def split_equations(
     for equation in equations:
         if isinstance(equation, When):
             hidden = sympy.Symbol(f"when_{sum(n.startswith('when_') for n in known)}", real=True)
-            known[hidden.name] = Discrete("condition of a When", start=1.0)
-            values.append((hidden.name, value_of(equation.condition), False))
+            condition = value_of(equation.condition)
+            at_start = any(symbol.name == "initial()" for symbol in condition.free_symbols)
+            known[hidden.name] = Discrete("condition of a When", start=0.0 if at_start else 1.0)
+            values.append((hidden.name, condition, False))
+            if at_start and any(isinstance(given, Reinit) for given in equation.actions):
+                raise DeclarationError(
+                    f"{name}: reinit in a When of gl.initial(): give the state a start value instead, start=..."
+                )
             for given in equation.actions:
                 action(given, sympy.And(holds(hidden), sympy.Not(holds(pre(hidden)))))
         elif getattr(equation.left, "name", "") in known:

@@ -147,13 +147,15 @@ def failure(asked: Request, outcome: Outcome) -> GearlibError:
         involved = np.unique(outcome.event_roots[outcome.event_times >= outcome.t - asked.window])
         names = "; ".join(dict.fromkeys(asked.problem.root_name(int(k)) for k in involved if k >= 0))
         return SolverError(f"events chatter {when}: more than {BURST} of them within {asked.window:.3g} s, of {names}")
+    if status == UPDATE_FAILED:
+        x = asked.problem.x0 if outcome.x_failed is None else outcome.x_failed
+        return SolverError(f"the event iteration failed {when}{asked.problem.not_settled(outcome.t, x, asked.data)}")
     step = "" if outcome.step_size is None else f" (h={outcome.step_size:.3g})"
     worst = (
         "" if outcome.worst_state < 0 else f"; the error estimate is largest in {asked.problem.state_name(outcome.worst_state)}"
     )
     texts = {
         STEP_LIMIT: f"{asked.max_steps} steps taken without reaching t={asked.times[-1]:.9g}; stopped {when}{step}{worst}",
-        UPDATE_FAILED: f"the event iteration failed {when}",
         UNSETTLED: f"the event iteration does not settle {when}: the algebraic unknowns carry event functions to and fro",
         STALLED: f"the step size became too small {when}{step}: time does not move any more{worst}",
         ROOTS_FAILED: f"the event functions could not be evaluated {when}",

@@ -215,7 +215,10 @@ def _carried(rates: Rates, x: Floats, still: NDArray[np.int64], scale: Floats) -
     h = 0.0
     for _ in range(200):
         rate, gradient = rates(x)
-        h = h * 1.3 or 0.1 / max(float(np.abs(gradient / scale[still][:, None]).max()), 1e-300)
+        if not h:  # where nothing depends on the states, the rates themselves say what a small step is
+            steepest = float(np.abs(gradient / scale[still][:, None]).max())
+            h = 0.1 / max(steepest or float(np.abs(rate / scale[still]).max()), 1e-300)
+        h *= 1.3
         if not (np.isfinite(rate).all() and np.isfinite(gradient).all()):
             break
         step = np.linalg.lstsq(np.eye(len(still)) / h - gradient / scale[still][:, None], rate / scale[still], rcond=None)[0]

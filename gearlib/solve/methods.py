@@ -7,7 +7,7 @@ import math
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -22,7 +22,7 @@ from gearlib.errors import ArgumentError, SolverError
 from gearlib.solve.initialize import Start
 from gearlib.solve.lti import linear_form, time_conditions
 from gearlib.solve.problem import Native, Problem, Solution
-from gearlib.solve.scene import Numbers, Scene
+from gearlib.solve.scene import Numbers, Scene, settle_once
 from gearlib.solve.table import Table, breakpoints, values
 
 Floats = NDArray[np.float64]
@@ -322,9 +322,22 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
         time_events=_time_events(run, t0, float(run.times[-1])),
-        state_names=scene.state_names, root_names=scene.root_names,
+        state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
     )  # fmt: skip
     return problem, keep
+
+
+def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
+    """Relations and discrete variables that an event iteration which failed would change once more."""
+    scene, n = run.scene, run.scene.model.n_relations
+    if scene.relations is None or run.numbers.relations is None:
+        return ""
+    modes = data[shared.relations :][: shared.n_relations, None]
+    inputs = data[shared.inputs :][: shared.n_inputs, None]
+    new = settle_once(scene.relations, run.numbers.relations, np.array([t]), x[:, None], inputs, modes)
+    places = np.flatnonzero((new != modes)[:, 0]).tolist()
+    names = [scene.model.discretes.names[i - n] for i in places if i >= n]
+    return ", ".join(names) or "; ".join(dict.fromkeys(scene.relation_names[i] for i in places))
 
 
 def _time_events(run: Run, t0: float, t1: float) -> Floats:

@@ -19,7 +19,7 @@ variables in ``data[modes]``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -57,12 +57,18 @@ class Problem:
     time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
     state_names: tuple[str, ...] = ()  # for messages
     root_names: tuple[str, ...] = ()
+    unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing
 
     def state_name(self, k: int) -> str:
         return self.state_names[k] if k < len(self.state_names) else f"state {k}"
 
     def root_name(self, k: int) -> str:
         return self.root_names[k] if k < len(self.root_names) else f"root {k}"
+
+    def not_settled(self, t: float, x: Floats, data: Floats) -> str:
+        """Which names an event iteration that failed keeps changing, as part of a message."""
+        names = self.unsettled(t, x, data) if self.unsettled is not None else ""
+        return f": the iteration does not settle, it keeps changing {names}" if names else ""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class Result:
 
     def __init__(
         self, parts: Sequence[tuple[Part, Mapping[str, Any], Sequence[Any]]], outputs: Sequence[str],
-        again: Callable[[tuple[Node, ...]], Result],
+        again: Callable[..., Result],
     ) -> None:  # fmt: skip
         (first, stats, _), *later = parts
         self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
@@ -68,6 +68,12 @@ class Result:
         if len(self._parts) == 1:
             return self._parts[0].states
         return np.column_stack([self._history(node) for node in self._scene.states])
+
+    def _with_sample(self, t: float) -> Result:
+        """The run itself if a moment is one of its samples, else the run up to that moment, done again."""
+        if t in self.time:
+            return self
+        return self._again(self._scene.states, np.append(self.time[self.time < t], t))
 
     def _part_at(self, t: float) -> Part:
         return next(part for part in reversed(self._parts) if part.time[0] <= t)

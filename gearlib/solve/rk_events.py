@@ -80,12 +80,12 @@ def _locate(
 ) -> float:  # fmt: skip
     """Right end of a bracket, no wider than ``tolerance``, of the first flip between ``low`` and ``high``.
 
-    The Illinois method on the event function that seems to cross first, as in SUNDIALS. The rows of ``g`` (low, high, free)
-    hold the event functions at both ends at the start.
+    The Illinois method on the event function that seems to cross first, as in SUNDIALS, with bisections where it lasts. The
+    rows of ``g`` (low, high, free) hold the event functions at both ends at the start.
     """
     lo, hi, free = 0, 1, 2
     alpha, last_moved = 1.0, 0
-    for _ in range(200):
+    for trial in range(200):
         if high - low <= tolerance:
             break
         fraction = 0.0
@@ -94,6 +94,8 @@ def _locate(
                 fraction = max(fraction, g[hi, i] / (g[hi, i] - alpha * g[lo, i]))
         # at least half a tolerance inside, and not so near an end of a wide bracket that it never shrinks
         margin = max(0.5 * tolerance / (high - low), 1e-12)
+        if trial > 15 and trial % 2 == 0:  # it jumps, as an input may: no line through both ends says where
+            fraction = 0.5
         theta = high - (high - low) * min(max(fraction, margin), 1.0 - margin)
         _look(order, native, t, h, x, k, b, y, theta, g[free])
         if flipped(g[free], side):

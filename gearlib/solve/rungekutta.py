@@ -128,7 +128,8 @@ def integrate(
     events = int(count[rk_loop.EVENTS])
     left = may_leave and code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED)
     if code < 0 and not left:
-        raise SolverError(_complaint(problem, code, _where(clock, count), log_root[max(0, events - 100) : events]))
+        more = problem.not_settled(float(clock[rk_loop.T]), x, data) if code == rk_loop.UPDATE_FAILED else ""
+        raise SolverError(_complaint(problem, code, _where(clock, count), log_root[max(0, events - 100) : events]) + more)
     samples, status = int(count[rk_loop.SAMPLE]), "left" if left else ("stiff" if code == rk_loop.STIFF else "done")
     stats: dict[str, Any] = {
         "method": _METHODS[order], "order": order, "steps": int(count[rk_loop.STEPS] - count[rk_loop.REJECTED]),

@@ -11,8 +11,9 @@ from collections.abc import Callable
 from typing import Any
 
 import gearlib as gl
+from gearlib.errors import BindingError
 from gearparts.interfaces import Compliant, Dissipative, Flange, TwoFlanges
-from gearparts.tables import SMOOTHNESS, at_zero, check_rows, interpolated, piecewise_without_events
+from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # of a one-way clutch's break-away torque, relative
@@ -54,8 +55,8 @@ class Friction(gl.Component):
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
             gl.Eq(self.was_backward, gl.equals(was, BACKWARD)),
-            gl.Eq(self.start_forward, self._starts(1, self.sa, self.v, gl.pre(self.start_forward), self.was_backward)),
-            gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.v, gl.pre(self.start_backward), self.was_forward)),
+            gl.Eq(self.start_forward, self._starts(1, self.sa, self.v, self.start_forward, self.was_backward)),
+            gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.v, self.start_backward, self.was_forward)),
             gl.Eq(self.locked, gl.And(gl.Not(is_free), gl.Not(forward), gl.Not(backward))),
             gl.Eq(
                 self.mode,
@@ -68,13 +69,15 @@ class Friction(gl.Component):
             ),
         ]
 
-    def _starts(self, sense: int, torque: Any, speed: Any, started: Any, was_opposite: Any) -> Any:
+    def _starts(self, sense: int, torque: Any, speed: Any, starts: Any, was_opposite: Any) -> Any:
         """Whether it starts to slide in a sense, with torque and speed counted in that sense.
 
-        Where it was stuck, the torque is above its limit, or above the sliding torque if it had started already. The comparison is
+        Where it was stuck, the torque is above its limit, or above the sliding torque if it had started already. One that starts
+        at this event, but is held by another element, stands at its limit exactly, and goes on to start. The comparison is
         multiplied by flags: where none is set, it would make events of no meaning.
         """
-        limit = self.peak * self.tau0 * (1 - started) + (1 - ROUNDING) * self.tau0 * started
+        started = gl.pre(starts)
+        limit = self.peak * self.tau0 * (1 - started) * (1 - ROUNDING * starts) + (1 - ROUNDING) * self.tau0 * started
         pushed = self.was_stuck * (torque - limit) + was_opposite * (speed - self.w_small) > 0
         engaged_now = gl.And(gl.equals(gl.pre(self.mode), FREE), gl.Not(gl.holds(self.free)))
         return gl.Or(pushed, gl.And(gl.Or(gl.initial(), engaged_now), gl.equals(self.moving, sense)))
@@ -90,6 +93,14 @@ def sign_while(flag: Any, speed: Any, was: Any) -> Any:
         (-1, flag * speed < -AT_REST * (1 - was * (was - 1) / 2)),
         (0, True),
     )
+
+
+def _checked(owner: str, rows: Any) -> Rows:
+    """Rows of speed and friction, which drives nothing."""
+    table = check_rows(owner, rows, 2)
+    if any(row[1] < 0 for row in table):
+        raise BindingError(f"{owner} is {rows!r}; expected friction of 0 or more in the second column")
+    return table
 
 
 class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
@@ -126,7 +137,7 @@ class BearingFriction(FrictionOnHousing):
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
 
     def equations(self) -> list[gl.Eq | gl.When]:
-        rows = check_rows("BearingFriction.tau_pos", self.tau_pos, 2)
+        rows = _checked("BearingFriction.tau_pos", self.tau_pos)
         return [
             *self.housing_equations(),
             gl.Eq(self.tau0, at_zero(rows, 1, self.smoothness)),
@@ -145,12 +156,12 @@ class Pressed(gl.Component):
 
     def level(self, speed: Any) -> Any:
         """The sliding torque at a positive speed."""
-        rows = check_rows(f"{type(self).__name__}.mu_pos", self.mu_pos, 2)
+        rows = _checked(f"{type(self).__name__}.mu_pos", self.mu_pos)
         return interpolated(rows, speed, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
 
     def level_at_rest(self) -> Any:
         """The sliding torque at zero speed."""
-        rows = check_rows(f"{type(self).__name__}.mu_pos", self.mu_pos, 2)
+        rows = _checked(f"{type(self).__name__}.mu_pos", self.mu_pos)
         return at_zero(rows, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
 
 
@@ -210,8 +221,8 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
         locked, is_free, was_stuck = gl.holds(self.locked), gl.holds(self.free), gl.holds(gl.pre(self.stuck))
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
         peak = piecewise_without_events((self.peak, self.peak > 1 + HYSTERESIS), (1 + HYSTERESIS, True))
-        started = gl.pre(self.start_forward)
-        limit = self.tau0_max * (1 - started) + (1 - ROUNDING) * self.tau0 * started
+        starts = 1 - (1 - self.start_forward) * (1 - gl.pre(self.start_forward))
+        limit = self.tau0_max * (1 - starts) + (self.tau0 - ROUNDING * largest_at_rest) * starts
         return [
             *self.compliant_equations(),
             gl.Eq(self.tau0, gl.Piecewise((0, is_free), (self.level_at_rest(), True))),

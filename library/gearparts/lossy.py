@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
+from gearlib.errors import BindingError
 from gearparts.backlash import ElastoBacklash
 from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, sign_while
 from gearparts.interfaces import Dissipative, Flange, TwoFlanges
@@ -57,6 +58,12 @@ class LossyGear(TwoFlanges, Dissipative):
 
     def equations(self) -> list[gl.Eq | gl.When]:
         rows = check_rows("LossyGear.loss_table", self.loss_table, 5)
+        for row in rows:
+            if not (0 <= row[1] <= 1 and 0 < row[2] <= 1 and row[3] >= 0 and row[4] >= 0):
+                raise BindingError(
+                    f"LossyGear.loss_table has the row {row}; expected a speed, eta1 from 0 to 1, eta2 above 0 up to 1, and B1, B2 "
+                    "of 0 or more"
+                )
         housing = self.support.phi if self.use_support else 0
         laws = self._ideal() if rows == IDEAL else [*self._losses(rows), *self._modes()]
         return [
@@ -120,8 +127,8 @@ class LossyGear(TwoFlanges, Dissipative):
         return [
             gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving))),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
-            gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, gl.pre(self.start_forward))),
-            gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.loss_backward, gl.pre(self.start_backward))),
+            gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, self.start_forward)),
+            gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.loss_backward, self.start_backward)),
             gl.Eq(self.locked, gl.And(gl.Not(ahead), gl.Not(back))),
             gl.Eq(
                 self.mode,
@@ -133,8 +140,9 @@ class LossyGear(TwoFlanges, Dissipative):
             ),
         ]
 
-    def _starts(self, sense: int, loss: Any, limit: Any, started: Any) -> Any:
+    def _starts(self, sense: int, loss: Any, limit: Any, starts: Any) -> Any:
         """Whether it starts to turn in a sense; multiplied by a flag, since the comparison means nothing unless it was stuck."""
+        started = 1 - (1 - starts) * (1 - gl.pre(starts))  # at this event, or before it
         pushed = self.was_stuck * (loss - limit * (1 - ROUNDING * started)) > 0
         return gl.Or(pushed, gl.And(gl.initial(), gl.equals(self.moving, sense)))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import gearlib as gl
+from gearlib.errors import BoundError
 from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, HeatPort, TwoFlanges
 
 if TYPE_CHECKING:
@@ -156,6 +157,8 @@ class TorsionalShaft(TwoFlanges):
 
     def assemble(self) -> list[Connection]:
         n = self.segments
+        if n < 1:
+            raise BoundError(f"{self._path() or type(self).__name__}: segments is {n}; expected 1 or more")
         self.bodies = [Inertia(J=self.J / (2 * n if i in (0, n) else n)) for i in range(n + 1)]
         self.springs = [SpringDamper(c=n * self.c, d=n * self.d, use_heat_port=self.use_heat_port) for _ in range(n)]
         left = [gl.connect(body.flange_b, s.flange_a) for body, s in zip(self.bodies[:-1], self.springs, strict=True)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import isfinite
 from typing import Any
 
 import sympy
@@ -120,10 +121,12 @@ def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:
     """
     try:
         table = tuple(tuple(float(number) for number in row) for row in rows)
-    except TypeError:
+    except (TypeError, ValueError):
         raise BindingError(f"{owner} is {rows!r}; expected rows of {columns} numbers") from None
     if not table or any(len(row) != columns for row in table):
         raise BindingError(f"{owner} is {rows!r}; expected one or more rows of {columns} numbers")
+    if not all(isfinite(number) for row in table for number in row):
+        raise BindingError(f"{owner} is {rows!r}; expected finite numbers")
     if any(not row[0] < following[0] for row, following in pairwise(table)):
         raise BindingError(f"{owner} is {rows!r}; the first column must increase")
     return table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -386,6 +387,9 @@ def test_the_plot_names_what_it_shows(pair_response: gl.HarmonicBalance) -> None
     assert ax.get_ylabel() == "amplitude of mesh.q, harmonic 2, m"
     assert {t.get_text() for t in ax.get_legend().get_texts()} == {"stable", "unstable", "fold"}
     plt.close(ax.figure)
+    assert re.match(
+        rf"<HarmonicBalance of .*mesh\.q.*: {len(pair_response)} points, .* rad/s, \d harmonics", repr(pair_response)
+    )
     table = pair_response.to_dataframe()
     assert table["mesh.q, harmonic 1"].to_numpy() == pytest.approx(pair_response.amplitude("mesh.q"))
 
@@ -399,6 +403,7 @@ def test_the_plot_names_what_it_shows(pair_response: gl.HarmonicBalance) -> None
         (1.0, 2.0, {"frequency": "omega"}, "no parameter 'omega'"),
         (1.0, 2.0, {"frequency": "w", "outputs": ["Q"]}, "'Q'"),
         (1.3, 2.0, {}, "does not repeat after"),
+        (0.5, 2.0, {}, "does not repeat after"),  # whose second harmonic the forcing at 1 rad/s is
         (1.0, 2.0, {"frequency": "w", "inputs": {"F": 1.0}}, "no unbound input 'F'"),
         (1.0, 2.0, {"frequency": "w", "step": 0.0}, "0 < step"),
     ],

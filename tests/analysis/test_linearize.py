@@ -99,6 +99,20 @@ def test_moment_of_a_run_is_used() -> None:
     assert float(np.array(model.A)[0, 0]) == pytest.approx(-2 * 2 * w / 100 / 0.5, rel=1e-10)
 
 
+def test_moment_between_samples_is_integrated_not_interpolated() -> None:
+    """From 0 the rotor follows w = 20 tanh(0.8 t), and A = -0.08 w."""
+    system = gl.compile(Fan(), outputs=["rotor.w"])
+    run = system.simulate(t_end=3.0, samples=2, rtol=1e-11, start={"rotor.w": 0.0})
+    model = system.linearize(["torque.tau"], at=(run, 1.2))
+    assert float(np.array(model.A)[0, 0]) == pytest.approx(-1.6 * np.tanh(0.96), rel=1e-9)
+
+
+def test_point_without_a_linear_model_is_named() -> None:
+    """A brake that nothing with inertia is connected to: no torque says how fast it slides."""
+    with pytest.raises(gl.GearlibError, match="no linear model at this point"):
+        gl.compile(gp.Brake(fn_max=3.0)).linearize()
+
+
 def test_absolute_angles_may_grow_in_the_steady_state() -> None:
     model = gl.compile(Fan()).linearize(["torque.tau"], ["rotor.phi", "rotor.w"], at="steady")
     assert list(model.state_labels) == ["rotor.phi", "rotor.w"]

@@ -191,6 +191,15 @@ def test_orders_of_a_run_up_are_found_though_the_speed_changes() -> None:
     assert line == pytest.approx(3.0, rel=1e-4)
 
 
+def test_orders_that_the_samples_cannot_show_are_refused() -> None:
+    """At the end it turns with 110 rad/s: a sample each 0.01 s is one for each 1.1 rad, two for each wave of order pi / 1.1."""
+    run = gl.compile(RunUp(), outputs=["signal", "rotor.phi"]).simulate(t_end=4.0, samples=401)
+    spectrum = gl.order_spectrum(run, "signal", "rotor.phi")
+    assert spectrum.orders[-1] == pytest.approx(np.pi / 1.1, abs=0.05)
+    with pytest.raises(gl.GearlibError, match=r"order 17 is not in this spectrum of signal, which goes from 0 to 2\.8"):
+        spectrum.at(17)
+
+
 def test_order_analysis_says_what_is_wrong() -> None:
     run = gl.compile(RunUp(), outputs=["signal", "rotor.phi", "rotor.w"]).simulate(t_end=0.1, samples=101)
     with pytest.raises(gl.GearlibError, match=r"turns 0\.493 times in the interval"):

@@ -118,6 +118,27 @@ def test_loop_that_hardly_moves_poles_off_the_axis_is_told(k: float) -> None:
     assert found.nyquist.closed_right == (0 if k > 0 else 2)
 
 
+def test_count_goes_round_repeated_poles_that_rounding_tears_apart() -> None:
+    """1 / (s^2 + 1)^2: the closed loop has s^2 = -1 +- j, two of these four poles on the right."""
+    report = gl.stability(control.tf([1], [1, 0, 2, 0, 1]), loop=(0, 0))
+    assert (report.loop.nyquist.closed_right, report.loop.verdict) == (2, "unstable")
+
+
+def test_margins_beside_poles_on_the_axis() -> None:
+    """(s + 1) / (s (s^2 + 4)): |L| = 1 where x^3 - 8 x^2 + 15 x - 1 = 0 with x = omega^2; the axis is crossed at no frequency."""
+    found = margins(as_loop(control.tf([1, 1], [1, 0, 4, 0])))
+    expected = np.sqrt(np.sort(np.roots([1, -8, 15, -1]).real))
+    assert [c.omega for c in found.gain_crossings] == pytest.approx(expected, rel=1e-12)
+    assert found.gain_margin == np.inf
+
+
+def test_all_pass_has_one_phase_margin() -> None:
+    """(s - 2) / (s + 2): |L| is 1 everywhere, and rounding alone decided where it crossed 1."""
+    found = margins(as_loop(control.tf([1, -2], [1, 2])))
+    assert len(found.gain_crossings) == 1
+    assert found.modulus_margin == pytest.approx(0.0, abs=1e-12)
+
+
 def test_count_says_it_in_words() -> None:
     text = str(gl.stability(control.tf([10], [1, 2, 1, 0]), (0, 0)))
     assert "encircles -1 twice clockwise (N = 2)" in text

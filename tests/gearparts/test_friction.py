@@ -299,7 +299,31 @@ def test_a_brake_drags_its_housing_along() -> None:
     assert result["housing.w"] == pytest.approx(np.minimum(1.5 * result.time, 3.0), rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize("rows", [(), ((0.0, 1.0, 2.0),), ((0.0, 1.0), (0.0, 2.0)), (3.0,)])
+class HeldShaft(gl.Component):
+    """A shaft that a brake stops, and that a freewheel then keeps from turning back."""
+
+    def assemble(self) -> Any:
+        self.torque = gp.Torque(tau=gl.Piecewise((-6.0, gl.time < 1), (8.0, True)))
+        self.shaft, self.ground = gp.Inertia(J=1.0, start={"phi": 0, "w": 2.2}), gp.Fixed()
+        self.brake, self.freewheel = Brake(fn_max=10, f_normalized=1.0), OneWayClutchPart(fn_max=8, f_normalized=0.0)
+        return [
+            gl.connect(self.torque.flange, self.shaft.flange_a, self.brake.flange_a, self.freewheel.flange_b),
+            gl.connect(self.freewheel.flange_a, self.ground.flange),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_freewheel_holds_what_a_brake_alone_would_not(method: str) -> None:
+    """The brake is at its limit of 5 N.m, the freewheel takes the rest; forward only the brake acts."""
+    result = run(HeldShaft(), ["shaft.w", "brake.tau", "freewheel.tau"], np.linspace(0.0, 2.0, 41), method)
+    t = result.time
+    assert result["shaft.w"] == pytest.approx(np.where(t < 0.2, 2.2 - 11 * t, 3 * np.maximum(t - 1, 0)), abs=1e-8)
+    held = (t > 0.2) & (t < 1)
+    assert result["brake.tau"][held] + result["freewheel.tau"][held] == pytest.approx(-6.0)
+    assert (np.abs(result["brake.tau"][held]) <= 5 + 1e-9).all()
+
+
+@pytest.mark.parametrize("rows", [(), ((0.0, 1.0, 2.0),), ((0.0, 1.0), (0.0, 2.0)), (3.0,), ((0.0, math.nan),)])
 def test_a_table_that_is_none_is_named(rows: Any) -> None:
     with pytest.raises(BindingError, match="tau_pos"):
         check_rows("BearingFriction.tau_pos", rows, 2)
@@ -339,3 +363,8 @@ def test_at_zero_is_interpolated_from_rows_to_both_sides() -> None:
     assert at_zero(((1.0, 2.0), (3.0, 6.0))) == pytest.approx(0.0)
     rows = ((-2.0, 1.0), (-1.0, 2.0), (1.0, -1.0), (3.0, 6.0))
     assert at_zero(rows, 1, "akima") == pytest.approx(float(Akima1DInterpolator(*np.array(rows).T)(0.0)))
+
+
+def test_friction_that_would_drive_is_named() -> None:
+    with pytest.raises(BindingError, match=r"Brake\.mu_pos .* expected friction of 0 or more"):
+        gl.compile(Brake(fn_max=1.0, f_normalized=1.0, mu_pos=((0.0, -0.5),)))

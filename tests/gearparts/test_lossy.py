@@ -251,3 +251,9 @@ def test_a_gearbox_is_a_lossy_gear_and_a_coupling_with_backlash(b: float) -> Non
 def test_a_wrong_table_is_named() -> None:
     with pytest.raises(BindingError, match=r"LossyGear\.loss_table .* rows of 5 numbers"):
         gl.compile(Driven(loss_table=((0.0, 0.5),)))
+
+
+@pytest.mark.parametrize("row", [(0.0, 0.9, 0.0, 0.0, 0.0), (0.0, 1.1, 0.9, 0.0, 0.0), (0.0, 0.9, 0.9, -1.0, 0.0)])
+def test_losses_that_would_drive_are_named(row: tuple[float, ...]) -> None:
+    with pytest.raises(BindingError, match=r"loss_table has the row .* eta2 above 0"):
+        gl.compile(Driven(loss_table=(row,)))

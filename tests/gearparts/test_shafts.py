@@ -10,6 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import BoundError
 
 
 class Free(gl.Component):
@@ -20,6 +21,11 @@ class Free(gl.Component):
     def assemble(self) -> Any:
         self.shaft = gp.TorsionalShaft(segments=self.n, J=0.4, c=900.0, d=0.02)
         return []
+
+
+def test_a_shaft_without_segments_is_refused() -> None:
+    with pytest.raises(BoundError, match=r"shaft: segments is 0; expected 1 or more"):
+        gl.compile(Free(n=0))
 
 
 def test_a_torsional_shaft_has_the_frequencies_of_its_chain(probe: Callable[..., Any]) -> None:

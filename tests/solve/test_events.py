@@ -246,6 +246,69 @@ class Flight(gl.Component):
         return [gl.Eq(gl.der(self.h), self.v), gl.Eq(gl.der(self.v), -9.81)]
 
 
+class Gated(gl.Component):
+    """x grows while its input is positive."""
+
+    x = gl.Variable("1", "x", start=0.0)
+    gate = gl.Input("1", "opens")
+
+    def equations(self):
+        return [gl.Eq(gl.der(self.x), gl.Piecewise((1.0, self.gate > 0), (0.0, True)))]
+
+
+@pytest.mark.parametrize("method", ["ida", "rk5", "rk8"])
+@pytest.mark.parametrize("closed", [0.0, -1.0])
+def test_the_jump_of_an_input_that_is_a_function_is_located(method, closed):
+    result = gl.compile(Gated()).simulate(
+        3.0, times=[0.0, 1.0, 3.0], method=method, inputs={"gate": lambda t: closed if t < 2.0 else 1.0}
+    )
+    assert [t for t, _ in result.events] == pytest.approx([2.0], abs=1e-10)
+    assert result["x"] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+
+
+class Prepared(gl.Component):
+    """What is done at the start, and again where x passes 1."""
+
+    x = gl.Variable("1", "x", start=0.0)
+    done = gl.Discrete("how often it was done")
+    always = gl.Discrete("a condition that holds from the start on never becomes true")
+
+    def equations(self):
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.When(gl.Or(gl.initial(), self.x > 1), gl.Eq(self.done, gl.pre(self.done) + 1)),
+            gl.When(self.x < 5, gl.Eq(self.always, 1)),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_is_done_at_the_start(method):
+    result = gl.simulate(Prepared(), t_end=2.0, times=[0.0, 0.5, 1.5, 2.0], method=method)
+    assert result["done"].tolist() == [1, 1, 2, 2]
+    assert result["always"].tolist() == [0, 0, 0, 0]
+
+
+class Undecided(gl.Component):
+    """From 0.5 on, a discrete variable denies itself."""
+
+    x = gl.Variable("1", "x", start=0.0)
+    sure = gl.Discrete("whether it is sure")
+
+    def equations(self):
+        return [gl.Eq(gl.der(self.x), 1.0), gl.Eq(self.sure, gl.And(self.x > 0.5, gl.Not(gl.holds(gl.pre(self.sure)))))]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_event_iteration_that_does_not_settle_names_the_variable(method):
+    class Model(gl.Component):
+        def assemble(self):
+            self.part = Undecided()
+            return []
+
+    with pytest.raises(gl.GearlibError, match=r"at t ?= ?0\.5.* does not settle, it keeps changing part\.sure"):
+        gl.simulate(Model(), t_end=1.0, method=method)
+
+
 def test_chattering_in_a_part_is_reported_with_its_path_and_time():
     class Chatter(gl.Component):
         x = gl.Variable("1", "x", start=0.5)

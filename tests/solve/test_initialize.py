@@ -141,6 +141,19 @@ def test_steady_state() -> None:
     assert abs(result["der(motor.w)"]).max() < 1e-5
 
 
+def test_steady_state_from_rest_where_the_load_has_no_slope() -> None:
+    """3 = 2 (w / 5)^2; at rest no torque depends on the speed."""
+
+    class Rotor(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.rotor = gp.Torque(tau=3.0), gp.Inertia(J=1.0)
+            self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-2.0, w_nominal=5.0)
+            return [c(self.torque.flange, self.rotor.flange_a), c(self.rotor.flange_b, self.fan.flange)]
+
+    run = gl.compile(Rotor(), outputs=["rotor.w"]).simulate(1.0, samples=2, start="steady")
+    assert run["rotor.w"] == pytest.approx(np.full(2, 5 * np.sqrt(1.5)), rel=1e-9)
+
+
 def test_steady_state_that_does_not_exist() -> None:
     class Free(gl.Component):
         def assemble(self) -> list[Any]:
