@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.evaluate import evaluate, owner_of, prepare
 from gearlib.codegen.modes import relations_of
 from gearlib.codegen.program import Program
-from gearlib.errors import NameLookupError
+from gearlib.errors import NameLookupError, SolverError
 from gearlib.solve.methods import Outcome, Run
 from gearlib.solve.scene import Scene, settle_once
 from gearlib.solve.table import values
@@ -95,8 +95,17 @@ class Part:
         prepared = prepare(found.program, scene.structure, self.parameters)
         for _ in range(100):
             passed = settle_once(found, prepared, self.time, self.states.T, inputs, modes)
-            if (passed[new] == modes[new]).all():
+            restless = passed[new] != modes[new]
+            if not restless.any():
                 break
             modes = modes.copy()
             modes[new] = passed[new]
+        else:
+            held = set(new[restless.any(axis=1)].tolist())
+            owners = dict.fromkeys(
+                owner_of(scene.structure, int(e))
+                for b in found.batches for e, target in zip(b.equations, b.targets.tolist(), strict=True) if target in held
+            )  # fmt: skip
+            t = self.time[int(np.argmax(restless.any(axis=0)))]
+            raise SolverError(f"a relation of {', '.join(owners)} holds if and only if it does not at t = {t:g} s: no value fits")
         return modes

@@ -132,3 +132,19 @@ def test_long_turning_keeps_its_digits() -> None:
     result = system.simulate(100.0, samples=11)
     assert result["a.phi"][-1] == pytest.approx(1e6, rel=1e-9)
     assert result["shaft.phi_rel"] == pytest.approx(1e-6 * np.cos(np.sqrt(2e6) * result.time), abs=1e-6 * 1e-6)
+
+
+class Contradiction(gl.Component):
+    """y = 1 makes the relation hold, and then y is -1."""
+
+    x = gl.Variable("1", "grows")
+    y = gl.Variable("1", "has no value")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), 1.0), gl.Eq(self.y, gl.Piecewise((-1.0, self.x + self.y > 0.5), (1.0, True)))]
+
+
+def test_an_output_that_contradicts_itself_is_named() -> None:
+    result = gl.simulate(Contradiction(), t_end=2.0, samples=5, outputs=["x", "y"])
+    with pytest.raises(gl.GearlibError, match=r"relation of Contradiction holds if and only if it does not at t = 0 s"):
+        result["y"]
