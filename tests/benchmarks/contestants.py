@@ -134,7 +134,7 @@ def _twists_first(n: int) -> Problem:
     """The chain with all twists before all speeds, inertias as in the scene and nominal values as gearlib has them."""
     problem = floor_rk.chain(n)
     problem.data[5:] = 1.0 / (0.01 * (1.0 + np.arange(n) / n))
-    problem.nominal[: n - 1] = 1e-4
+    problem.nominal[: n - 1], problem.nominal[n - 1 :] = 1e-4, 1e-2
     return problem
 
 

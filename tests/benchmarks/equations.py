@@ -152,7 +152,7 @@ def chain_data(n: int) -> Floats:
 def chain_by_hand(n: int) -> ByHand:
     outputs = np.zeros((3, 2 * n - 1))
     outputs[np.arange(3), 2 * np.array(shown(n))] = 1.0
-    nominal = np.ones(2 * n - 1)
+    nominal = np.full(2 * n - 1, 1e-2)
     nominal[1::2] = 1e-4
     return ByHand(
         interleaved_rhs, np.zeros(2 * n - 1), chain_data(n), np.array([n]), nominal, outputs, partial(chain_symbolic, n), (2, 2)
@@ -185,7 +185,7 @@ def loop_symbolic(x: Sequence[Any], t: Any, f: Any) -> list[Any]:
 @cache
 def loop_by_hand() -> ByHand:
     outputs = np.array([[1.0, 0, 0], [0, 0, 1.0]])
-    nominal = np.array([1.0, 1e-4, 1.0])
+    nominal = np.array([1e-2, 1e-4, 1e-2])
     return ByHand(loop_rhs, np.zeros(3), np.zeros(1), np.zeros(1, dtype=np.int64), nominal, outputs, loop_symbolic)
 
 
@@ -285,7 +285,7 @@ def xp_by_hand(elastic: bool) -> ByHand:
     outputs = np.zeros((6, size))
     for row, column, sign in ((0, 0, 1), (1, 2, 1), (2, 4, -1), (3, speeds, 1), (4, speeds + 1, 1), (5, speeds + 2, 1)):
         outputs[row, column] = sign  # f81 = -f78
-    nominal = np.ones(size)
+    nominal = np.full(size, 1e-2)
     nominal[speeds:] = 1e-6
     data = np.concatenate(([28.0, 21 * math.pi], 100.0 * B[:, 0], 0.0027 * B[:, 1], A.T.ravel()))
     symbolic = partial(dense_symbolic, A, B)
