@@ -107,5 +107,7 @@ class Part:
                 for b in found.batches for e, target in zip(b.equations, b.targets.tolist(), strict=True) if target in held
             )  # fmt: skip
             t = self.time[int(np.argmax(restless.any(axis=0)))]
-            raise SolverError(f"a relation of {', '.join(owners)} holds if and only if it does not at t = {t:g} s: no value fits")
+            raise SolverError(
+                f"a relation of {', '.join(owners)} holds if and only if it does not at t = {t:g} s: no value fits"
+            )
         return modes
