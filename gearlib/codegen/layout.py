@@ -79,7 +79,7 @@ def lay_out(program: Program, shared: Shared, base: int) -> Layout:
             n = len(step.unknowns)
             scratch = max(scratch, n * n + 2 * n + 1)  # right-hand side, matrix, order of columns
     end = at + program.n_slots
-    memory = sum(isinstance(step, Newton) and not step.linear for step in program.steps)  # a first determinant each
+    memory = len(program.iterated)  # a first determinant each
     return Layout(shared, tuple(solutions), at, end, end + scratch + memory, tuple(needed))
 
 

@@ -126,6 +126,11 @@ class Program:
         ends = [0, *itertools.accumulate(sum(len(b) for b in group) for group in self.constant_groups)]
         return tuple(itertools.starmap(slice, itertools.pairwise(ends)))
 
+    @cached_property
+    def iterated(self) -> tuple[Newton, ...]:
+        """The blocks that take several iterations."""
+        return tuple(s for s in self.steps if isinstance(s, Newton) and not s.linear)
+
     @property
     def n_unknowns(self) -> int:
         return len(self.slots) - len(self.states) - len(self.inputs)

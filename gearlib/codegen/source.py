@@ -161,7 +161,7 @@ def looped(program: Program, layout: Layout) -> Body:
     if program.inputs:
         body.lines += ["for k in range(m):", "    data[v + n + k] = data[u + k]"]
     pieces: list[Body] = []
-    memory = layout.size - sum(isinstance(step, Newton) and not step.linear for step in program.steps)
+    memory = layout.size - len(program.iterated)
     block = 0
     for step in program.steps:
         if isinstance(step, Batch):

@@ -55,10 +55,9 @@ def _following(run: Run, left: Left, charts: Charts) -> Run:
     scene, t = run.scene, np.array([left.t])
     structure = scene.structure
     orders = structure.differentiation.orders
-    inputs = values(run.signals, t)
     known = np.zeros((max(2, *orders.values()), scene.model.n_variables))
     known[0] = run.start.guess
-    known[0, scene.model.inputs] = inputs[: len(scene.model.inputs), 0]
+    known[0, scene.model.inputs] = values(run.signals, t)[:, 0]
     known[tuple(np.array(scene.states).T[::-1])] = left.x
     nodes = [
         n for v, order in orders.items() for k in range(order) if not scene.missing(n := (v, k)) and n not in scene.place_of
@@ -68,7 +67,7 @@ def _following(run: Run, left: Left, charts: Charts) -> Run:
     for node, slot in program.slots.items():  # on the branch on which the run was
         if node in scene.program.slots:
             guess[slot] = left.slots[scene.program.slots[node]]
-    inputs = np.vstack([inputs, np.zeros((len(program.inputs) - len(inputs), 1))])
+    inputs = values(run.signals, t, len(program.inputs))
     prepared = prepare(program, structure, run.numbers.parameters)
     slots = evaluate(prepared, t, left.x[:, None], inputs, left.modes[:, None], guess)
     for (v, k), slot in program.slots.items():

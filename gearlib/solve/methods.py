@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gearlib.codegen.evaluate import owner_of
 from gearlib.codegen.layout import Shared
 from gearlib.codegen.native import NativeScene
-from gearlib.codegen.program import Newton
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solve.initialize import Start
 from gearlib.solve.lti import linear_form, time_conditions
@@ -132,7 +131,6 @@ def _recognised(inputs: tuple[Any, ...], t0: float, t1: float) -> Any:
 
 
 def _exact(run: Run, form: Any, why: str) -> Outcome:
-    inputs = values(run.signals, run.times)
     n = len(run.scene.states)
     if form is None:
         states = np.zeros((len(run.times), 0))
@@ -146,8 +144,7 @@ def _exact(run: Run, form: Any, why: str) -> Outcome:
             known = (key, exact.prepare(linear.A, linear.B, forcing, run.times, rtol=min(run.rtol, 1e-9)), forcing)
             _prepared[linear] = known
         states = known[1].solve(run.start.states)
-    extra = np.zeros((len(run.scene.program.inputs) - len(inputs), len(run.times)))
-    flags = run.scene.modes(run.numbers, run.times, states.T, np.vstack([inputs, extra]))
+    flags = run.scene.modes(run.numbers, run.times, states.T, values(run.signals, run.times, len(run.scene.program.inputs)))
     stats = {"method": "exact", "why": why, "states": n, "steps": 0, "rhs": 0, "events": 0}
     return Outcome(states, flags.T, [], stats)
 
@@ -157,7 +154,7 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
     if not scene.states:
         return _exact(run, None, "there are no states")
     problem, keep = _problem(run, jacobian=method == "ida")
-    iterated = [s for s in scene.program.steps if isinstance(s, Newton) and not s.linear]
+    iterated = scene.program.iterated
     most, constrained = MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, any(s.constrained for s in iterated)
     try:
         if method == "ida":
@@ -184,7 +181,7 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
 
 def _explained(problem: SolverError, scene: Scene) -> SolverError:
     """The same error; where nonlinear equations are solved on the way, with a word on these."""
-    iterated = [s for s in scene.program.steps if isinstance(s, Newton) and not s.linear]
+    iterated = scene.program.iterated
     owners = dict.fromkeys(owner_of(scene.structure, int(e)) for s in iterated for e in s.equations)
     if not owners or "chatter" in str(problem):
         return problem
@@ -290,9 +287,7 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
     native: NativeScene = scene.native_with_jacobian if jacobian else scene.native
     t0 = float(run.times[0])
     program = scene.program
-    at_start = values(run.signals, run.times[:1])
-    extra = len(program.inputs) - len(at_start)
-    inputs = np.concatenate([at_start[:, 0], np.zeros(extra)])
+    inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
     flags = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])
     modes = flags[:, 0] if run.modes is None else run.modes
     data = scene.data(native, run.numbers, inputs, modes, scene.guess(program, run.start.guess))

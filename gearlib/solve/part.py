@@ -63,8 +63,7 @@ class Part:
         return self._modes_for(program, self._inputs(program))[:, int(np.searchsorted(self.time, t, side="right")) - 1]
 
     def _inputs(self, program: Program) -> Floats:
-        given = values(self.signals, self.time)
-        return np.vstack([given, np.zeros((len(program.inputs) - len(given), len(self.time)))])
+        return values(self.signals, self.time, len(program.inputs))
 
     def _compute(self, node: Node) -> None:
         scene = self.scene

@@ -95,8 +95,8 @@ def sample(signal: Callable[[float], float], t: float) -> float:
     return number
 
 
-def values(signals: Sequence[Signal], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of the signals at some times, shape (signals, times)."""
+def values(signals: Sequence[Signal], times: NDArray[np.float64], count: int = 0) -> NDArray[np.float64]:
+    """Values of the signals at some times, shape (signals, times); with rows of zeros up to ``count`` where there are fewer."""
     rows = []
     for signal in signals:
         if isinstance(signal, Table):
@@ -105,4 +105,5 @@ def values(signals: Sequence[Signal], times: NDArray[np.float64]) -> NDArray[np.
             rows.append(np.array([sample(signal, float(t)) for t in times]))
         else:
             rows.append(np.full(len(times), float(signal)))
+    rows += [np.zeros(len(times))] * (count - len(rows))
     return np.array(rows, float).reshape(len(rows), len(times))

@@ -23,22 +23,6 @@ from tests.benchmarks import floor_rk
 c = gl.connect
 
 
-class Chain(gl.Component):
-    """M1: N inertias joined by spring-dampers, sine torque on the first, drag on the last."""
-
-    N = gl.Structural(10)
-
-    def assemble(self) -> list[Any]:
-        self.torque = gp.Torque(tau=100 * gl.sin(2 * gl.pi * 50 * gl.time))
-        self.body = [gp.Inertia(J=0.01 * (1 + i / self.N)) for i in range(self.N)]
-        self.shaft = [gp.SpringDamper(c=1e5, d=5.0) for _ in range(self.N - 1)]
-        self.drag, self.ground = gp.Damper(d=1.0), gp.Fixed()
-        links = [c(self.torque.flange, self.body[0].flange_a)]
-        for left, shaft, right in zip(self.body, self.shaft, self.body[1:]):
-            links += [c(left.flange_b, shaft.flange_a), c(shaft.flange_b, right.flange_a)]
-        return links + [c(self.body[-1].flange_b, self.drag.flange_a), c(self.drag.flange_b, self.ground.flange)]
-
-
 class RigidLoop(gl.Component):
     """M2: gears and a planetary set closed to one degree of freedom, elastic shaft, load that grows with speed squared."""
 

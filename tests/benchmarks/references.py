@@ -24,7 +24,6 @@ from tests.benchmarks import modelica
 from tests.benchmarks.equations import (
     BacklashPair,
     ByHand,
-    Chain,
     RigidLoop,
     chain_by_hand,
     loop_by_hand,
@@ -32,6 +31,7 @@ from tests.benchmarks.equations import (
     shown,
     xp_by_hand,
 )
+from tests.benchmarks.scenes import Chain
 
 
 @dataclass(frozen=True)
