@@ -75,7 +75,7 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
             f"outputs is a list of names, such as {[outputs] if isinstance(outputs, str) else ['load.w']}; got {outputs!r}"
         )
     model = flatten(component)
-    parameters = model.parameters.evaluate(model.parameters.values)
+    parameters = model.parameters.defaults
     structure = analyse(model, numbers_of(model, parameters, 0.0))
     return System(structure, None if outputs is None else tuple(outputs), type(component).__name__)
 
@@ -159,7 +159,7 @@ class System:
     def parameters(self) -> dict[str, float]:
         """Paths and default values of all parameters."""
         table = self._model.parameters
-        return dict(zip(table.names, table.evaluate(table.values).tolist(), strict=True))
+        return dict(zip(table.names, table.defaults.tolist(), strict=True))
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -306,9 +306,8 @@ class System:
         if given is not None and not isinstance(given, Mapping):
             raise ArgumentError(f"parameters is {given!r}; expected a mapping of paths to numbers")
         if not given:
-            return self._defaults
-        chosen = table.values.copy()
-        overridden = set()
+            return table.defaults
+        chosen: dict[int, float] = {}
         for name, value in given.items():
             k = table.index.get(name)
             if k is None:
@@ -318,17 +317,11 @@ class System:
             if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
                 raise ArgumentError(f"parameter {name} is {value!r} ({type(value).__name__}); expected a number")
             chosen[k] = float(value)
-            overridden.add(k)
-        result = table.evaluate(chosen, frozenset(overridden))
+        result = table.evaluate(chosen)
         check_bounds(table, result)
         if self._structure.redundant:
             confirm(self._structure, numbers_of(self._structure.complete, result, 0.0))
         return result
-
-    @cached_property
-    def _defaults(self) -> Floats:
-        table = self._model.parameters
-        return table.evaluate(table.values)
 
     def _prepared(self, scene: Scene, parameters: Floats) -> Numbers:
         """The numbers of a scene, kept for the parameters that were last used."""

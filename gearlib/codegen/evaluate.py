@@ -6,8 +6,10 @@ factorised matrices of linear blocks.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +33,23 @@ class Prepared:
     parameters: Floats
     solutions: tuple[Floats | Factored, ...]  # in the order of the linear blocks: (unknowns, known)
 
+    @property
+    def listed(self) -> list[float]:
+        """The numbers of all solutions one after the other."""
+        listed: list[float] = []
+        for s in self.solutions:
+            listed += s.ravel().tolist() if isinstance(s, np.ndarray) else itertools.chain.from_iterable(s.tolist())
+        return listed
+
 
 def batch_values(batch: Batch, t: Floats | float, slots: Floats, parameters: Floats, relations: Floats) -> Floats:
     """The kernel's values, shape (instances, times)."""
-    arguments = [slots[batch.arguments[:, a]] * batch.argument_signs[:, a, None] for a in range(batch.arguments.shape[1])]
+    arguments = [slots[places] if signs is None else slots[places] * signs for places, signs in batch.columns]
     constants = [parameters[batch.parameters[:, p], None] for p in range(batch.parameters.shape[1])]
     flags = [relations[batch.relations[:, r]] for r in range(batch.relations.shape[1])]
     with np.errstate(all="ignore"):
-        value = batch.kernel.function(t, *arguments, *constants, *flags)
-    return np.asarray(value, float) * batch.signs[:, None]
+        value = np.asarray(batch.kernel.function(t, *arguments, *constants, *flags), float)
+    return value if batch.sign_column is None else value * batch.sign_column
 
 
 def constant_values(batch: Batch, parameters: Floats) -> Floats:
@@ -105,23 +115,10 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | 
     if not np.isfinite(entries).all():
         raise _singular(block, structure)
     if n <= MOST_DENSE:
-        matrix = np.asarray(np.bincount(places, entries, n * n), float).reshape(n, n)
-        row_scale = np.abs(matrix).max(axis=1)
-        if not row_scale.all():
+        inverse = _inverse(n, places.tobytes(), entries.tobytes())
+        if inverse is None:
             raise _singular(block, structure)
-        matrix /= row_scale[:, None]
-        column_scale = np.abs(matrix).max(axis=0)
-        if not column_scale.all():
-            raise _singular(block, structure)
-        matrix /= column_scale
-        try:
-            inverse = np.linalg.inv(matrix)
-        except np.linalg.LinAlgError:
-            raise _singular(block, structure) from None
-        bound = n * n * max(inverse.max(), -inverse.min())  # of the condition, since the matrix is scaled
-        if not bound < 1 / SINGULAR and not np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max() < 1 / SINGULAR:
-            raise _singular(block, structure)
-        solved: Floats = -inverse[:, block.known_rows] / column_scale[:, None] / row_scale[block.known_rows]
+        solved: Floats = -inverse[:, block.known_rows]
         return solved
     import scipy.sparse as sparse
     from scipy.sparse.linalg import splu
@@ -134,6 +131,31 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | 
     if not diagonal.min() > SINGULAR * diagonal.max() * 1e-3:
         raise _singular(block, structure)
     return Factored(factors, block.known_rows)
+
+
+@lru_cache(maxsize=4)
+def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
+    """Inverse of a matrix, None of a singular one; the programs of a scene have their blocks in common."""
+    summed = np.bincount(np.frombuffer(places, np.int64), np.frombuffer(entries), n * n)
+    matrix = np.asarray(summed, float).reshape(n, n)
+    row_scale = np.abs(matrix).max(axis=1)
+    if not row_scale.all():
+        return None
+    matrix /= row_scale[:, None]
+    column_scale = np.abs(matrix).max(axis=0)
+    if not column_scale.all():
+        return None
+    matrix /= column_scale
+    try:
+        inverse: Floats = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return None
+    bound = n * n * max(inverse.max(), -inverse.min())  # of the condition, since the matrix is scaled
+    if not bound < 1 / SINGULAR and not np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max() < 1 / SINGULAR:
+        return None
+    inverse /= column_scale[:, None]
+    inverse /= row_scale
+    return inverse
 
 
 def _singular(block: Linear | Newton, structure: Structure) -> SingularError:

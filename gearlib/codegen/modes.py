@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,12 @@ class Relations:
     reinits: tuple[Batch, ...]
     used: Integers  # relations, sorted
     on_time: NDArray[np.bool_]  # of each used one: compares nothing but time
+
+    @cached_property
+    def timed(self) -> tuple[NDArray[np.bool_] | None, ...]:
+        """Of each batch, which rows compare nothing but time; None where none does."""
+        masks = [np.isin(batch.targets, self.used[self.on_time]) for batch in self.batches]
+        return tuple(mask if mask.any() else None for mask in masks)
 
 
 def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:

@@ -39,6 +39,17 @@ class Batch:
     def __len__(self) -> int:
         return len(self.targets)
 
+    @cached_property
+    def columns(self) -> tuple[tuple[Integers, Integers | None], ...]:
+        """Slots of each argument, and their signs as a column, None where all are plus."""
+        pairs = zip(self.arguments.T, self.argument_signs.T, strict=True)
+        return tuple((np.ascontiguousarray(a), None if (s == 1).all() else s[:, None].copy()) for a, s in pairs)
+
+    @cached_property
+    def sign_column(self) -> Integers | None:
+        """The signs as a column, None where all are plus."""
+        return None if (self.signs == 1).all() else self.signs[:, None].copy()
+
     def take(self, rows: Integers) -> Batch:
         return Batch(
             self.kernel, self.equations[rows], self.targets[rows], self.signs[rows], self.arguments[rows],

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
+
+import numpy as np
 
 from gearlib.codegen.kernels import derivative_of
 from gearlib.codegen.program import Batch, Linear, Newton, Program
@@ -46,60 +49,73 @@ def _compiled(source: str) -> Callable[..., Any]:
     return function
 
 
-def linear_function(program: Program, added: Sequence[int]) -> Callable[[list[float], list[list[list[float]]]], Any] | None:
+Term = tuple[int, str]  # sign, and a factor or a name; "" is one
+_NAME = re.compile(r"\bd\d+_\d+\b")
+
+
+def linear_function(program: Program, added: Sequence[int]) -> Callable[[list[float], list[float]], Any] | None:
     """For a linear program: the derivatives of its outputs with respect to states, inputs and terms added to slots.
 
     Returns
     -------
     callable or None
-        ``f(parameters, solutions)`` gives {(output, seed): value}'s values as rows of (output, seed) pairs beside it in
-        ``f.places``; None where writing it out would be too long.
+        ``f(parameters, solutions)`` gives the values, ``f.places`` their rows (outputs) and columns (seeds); ``solutions`` are the
+        numbers of all blocks' solutions one after the other. None where writing it out would be too long.
     """
     n_seeds = len(program.states) + len(program.inputs)
-    rows: dict[int, dict[int, str]] = {i: {i: "1.0"} for i in range(n_seeds)}
+    rows: dict[int, dict[int, Term]] = {i: {i: (1, "")} for i in range(n_seeds)}
     extra = {slot: n_seeds + k for k, slot in enumerate(added)}
-    lines: list[str] = []
-    block = 0
+    lines: dict[str, str] = {}
+    first = 0
 
-    def store(slot: int, sums: dict[int, list[str]]) -> None:
-        row = {}
+    def store(slot: int, sums: dict[int, list[tuple[Term, Term]]]) -> None:
+        rows[slot] = {}
         for seed, terms in sums.items():
-            name = f"d{slot}_{seed}"
-            lines.append(f"    {name} = {' + '.join(terms)}")
-            row[seed] = name
+            (sign, factor), (other, name) = terms[0]
+            if len(terms) == 1 and not factor:  # plus or minus what has a name already
+                rows[slot][seed] = sign * other, name
+            else:
+                lines[f"d{slot}_{seed}"] = " ".join(_product(*term) for term in terms)
+                rows[slot][seed] = 1, f"d{slot}_{seed}"
         if slot in extra:
-            row[extra[slot]] = "1.0"
-        rows[slot] = row
+            rows[slot][extra[slot]] = 1, ""
 
     for step in program.steps:
         if isinstance(step, Newton):
             return None
         if isinstance(step, Linear):
-            for i, unknown in enumerate(step.unknowns.tolist()):
-                sums: dict[int, list[str]] = {}
-                for j, known in enumerate(step.known.tolist()):
+            for unknown in step.unknowns.tolist():
+                sums: dict[int, list[tuple[Term, Term]]] = {}
+                for j, known in enumerate(step.known.tolist(), first):
                     for seed, term in rows[known].items():
-                        sums.setdefault(seed, []).append(f"s[{block}][{i}][{j}]*{term}")
+                        sums.setdefault(seed, []).append(((1, f"s[{j}]"), term))
                 store(unknown, sums)
-            block += 1
+                first += len(step.known)
         else:
             for i, target in enumerate(step.targets.tolist()):
                 store(target, _chain(step, i, rows))
         if len(lines) > 4 * MOST:
             return None
-    places, values = [], []
-    for i, slot in enumerate(program.output_slots.tolist()):
-        for seed, name in rows[slot].items():
-            places.append((i, seed))
-            values.append(name)
-    source = "def f(p, s):\n" + "\n".join(lines) + f"\n    return [{', '.join(values)}]\n"
-    function: Any = _compiled(source)
-    function.places = places
+    outputs = [(i, seed, term) for i, slot in enumerate(program.output_slots.tolist()) for seed, term in rows[slot].items()]
+    values = ", ".join(_product((1, ""), term) for *_, term in outputs)
+    needed = set(_NAME.findall(values))
+    kept: list[str] = []
+    for name, text in reversed(lines.items()):
+        if name in needed:
+            needed.update(_NAME.findall(text))
+            kept.append(f"    {name} = {text}\n")
+    function: Any = _compiled(f"def f(p, s):\n{''.join(reversed(kept))}    return [{values}]\n")
+    function.places = tuple(np.array([place for *place, _ in outputs], np.int64).reshape(-1, 2).T)
     return function  # type: ignore[no-any-return]
 
 
-def _chain(batch: Batch, i: int, rows: dict[int, dict[int, str]]) -> dict[int, list[str]]:
-    sums: dict[int, list[str]] = {}
+def _product(a: Term, b: Term) -> str:
+    return f"{'+-'[a[0] != b[0]]} {'*'.join(filter(None, (a[1], b[1]))) or '1.0'}"
+
+
+def _chain(batch: Batch, i: int, rows: dict[int, dict[int, Term]]) -> dict[int, list[tuple[Term, Term]]]:
+    """The terms of a row of a batch by the chain rule: factors and what they multiply, for each seed."""
+    sums: dict[int, list[tuple[Term, Term]]] = {}
     for a, c in enumerate(batch.kernel.columns):
         sign = int(batch.argument_signs[i, a] * batch.signs[i])
         kernel = derivative_of(batch.kernel, c)
@@ -109,7 +125,8 @@ def _chain(batch: Batch, i: int, rows: dict[int, dict[int, str]]) -> dict[int, l
         text = kernel.scalar
         for k, slot in sorted(zip(kernel.parameters, parameters, strict=True), reverse=True):
             text = text.replace(f"p{k}", f"@[{slot}]")
-        factor = f"{'-' if sign < 0 else ''}({text.replace('@', 'p')})"
+        text = text.replace("@", "p")
+        factor = {"1": (sign, ""), "-1": (-sign, "")}.get(text, (sign, f"({text})"))
         for seed, term in rows[int(batch.arguments[i, a])].items():
-            sums.setdefault(seed, []).append(f"{factor}*{term}")
+            sums.setdefault(seed, []).append((factor, term))
     return sums

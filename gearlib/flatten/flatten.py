@@ -55,7 +55,7 @@ def flatten(component: Component) -> FlatModel:
         raise ModelError(f"expected a component, got {component!r}{hint}")
     tree = walk(component)
     table = _parameter_table(tree)
-    check_bounds(table, table.evaluate(table.values))
+    check_bounds(table, table.defaults)
     raw, equalities = _equations(tree)
     sums, zeros, n_sets, n_variables = _connections(tree)
     for kind in sorted({len(s.variables) for s in sums} - {2}):

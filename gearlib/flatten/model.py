@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -17,6 +17,7 @@ from gearlib.language.declarations import Parameter, Variable
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
+MOST_AFFECTED = 64  # sets of given parameters whose dependents are remembered
 
 
 @dataclass(frozen=True)
@@ -68,21 +69,51 @@ class ParameterTable:
     dependents: tuple[Dependent, ...]  # in an order in which arguments come first
     lower: Floats
     upper: Floats
+    _affected: dict[tuple[int, ...], tuple[Dependent, ...]] = field(default_factory=dict)
 
     @cached_property
     def index(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.names)}
 
-    def evaluate(self, values: Floats, overridden: frozenset[int] = frozenset()) -> Floats:
-        """The complete vector, dependent parameters computed from the given ones unless overridden."""
+    @cached_property
+    def defaults(self) -> Floats:
+        """The complete vector where nothing is overridden. Not to be written to."""
+        return self._computed(self.values, self.dependents, [])
+
+    def evaluate(self, given: Mapping[int, float]) -> Floats:
+        """The complete vector with some numbers given; what depends on them is computed anew, unless it is given itself."""
+        if not given:
+            return self.defaults.copy()
+        values = self.defaults.copy()
+        for k, value in given.items():
+            values[k] = value
+        changed = tuple(given)
+        if changed not in self._affected:
+            if len(self._affected) >= MOST_AFFECTED:
+                self._affected.clear()
+            self._affected[changed] = self._depending_on(changed)
+        return self._computed(values, self._affected[changed], list(changed))
+
+    @staticmethod
+    def _computed(values: Floats, dependents: Sequence[Dependent], given: list[int]) -> Floats:
         result = values.copy()
-        given = sorted(overridden)
         with np.errstate(all="ignore"):
-            for d in self.dependents:
+            for d in dependents:
                 result[d.targets] = d.function(*result[d.arguments.T])
                 if given:
                     result[given] = values[given]
         return result
+
+    def _depending_on(self, changed: tuple[int, ...]) -> tuple[Dependent, ...]:
+        reached = np.zeros(len(self.values), bool)
+        reached[list(changed)] = True
+        found = []
+        for d in self.dependents:
+            rows = reached[d.arguments].any(axis=1)
+            if rows.any():
+                found.append(Dependent(d.function, d.arguments[rows], d.targets[rows]))
+                reached[d.targets[rows]] = True
+        return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -229,6 +260,12 @@ class FlatModel:
         order = np.argsort(self.starts.fixed, kind="stable")  # fixed ones last, so that they win
         variables = self.starts.variables[order]
         return self.representative[variables], self.sign[variables], self.starts.slots[order]
+
+    @cached_property
+    def fixed(self) -> tuple[Integers, Integers, Integers]:
+        """The same of the start values that hold."""
+        variables = self.starts.variables[self.starts.fixed]
+        return self.representative[variables], self.sign[variables], self.starts.slots[self.starts.fixed]
 
     @cached_property
     def first_relations(self) -> Integers:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,19 +28,26 @@ def output_times(t_start: float, t_end: float, samples: int | None, times: Array
             grid = np.array(times, float)
         except (TypeError, ValueError):
             raise ArgumentError(f"times is {times!r}; expected an increasing sequence of numbers, s") from None
-        if grid.ndim != 1 or len(grid) < 1 or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
+        if grid.ndim != 1 or len(grid) < 1:
             raise ArgumentError("times must be an increasing sequence of finite numbers")
-        if grid[0] < t_start or grid[-1] > t_end:
-            raise ArgumentError(
-                f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {grid[0]:g} .. {grid[-1]:g}"
-            )
-        if grid[0] > t_start:
-            raise ArgumentError(f"times must begin at t_start ({t_start:g}), got {grid[0]:g}")
+        _check_times(grid.tobytes(), float(t_start), float(t_end))
         return grid
     count = 501 if samples is None else samples
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
         raise ArgumentError(f"samples is {samples!r}; expected a whole number, 2 or more")
     return np.linspace(t_start, t_end, int(count))
+
+
+@lru_cache(maxsize=4)
+def _check_times(grid: bytes, t_start: float, t_end: float) -> None:
+    """Raise `ArgumentError` for times that cannot be; other parameters come with the same times."""
+    times = np.frombuffer(grid)
+    if not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise ArgumentError("times must be an increasing sequence of finite numbers")
+    if times[0] < t_start or times[-1] > t_end:
+        raise ArgumentError(f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {times[0]:g} .. {times[-1]:g}")
+    if times[0] > t_start:
+        raise ArgumentError(f"times must begin at t_start ({t_start:g}), got {times[0]:g}")
 
 
 def check_options(method: str, rtol: float) -> None:

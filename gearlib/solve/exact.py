@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -129,8 +130,7 @@ def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12
     _check(A, B, forcing, times, algorithm)
     n = A.shape[0]
     same = rounding(forcing.t0, forcing.t_end)
-    cuts = stretches(times, forcing.t0, forcing.breakpoints) if len(times) else []
-    at_start = int(np.searchsorted(times, forcing.t0 + same, side="right"))
+    cuts, at_start = _cut(times.tobytes(), forcing.t0, forcing.t_end, forcing.breakpoints.tobytes())
 
     def run(algorithm: str, reason: str, seconds: float, groups: _Groups) -> ExactRun:
         return ExactRun(n, algorithm, reason, seconds, times, forcing, cuts, at_start, groups)
@@ -171,12 +171,22 @@ def _check(A: Any, B: Any, forcing: Forcing, times: Floats, algorithm: str) -> N
             "the matrices A and B of the linear scene are not finite: values as large or small as these overflow"
         )
     same = rounding(forcing.t0, forcing.t_end)
-    if times.ndim != 1 or not (np.diff(times) >= 0).all():
+    if times.ndim != 1:
         raise ArgumentError("times must be a sequence in increasing order")
     if len(times) and not (times[0] >= forcing.t0 - same and times[-1] <= forcing.t_end + same):
         raise ArgumentError(
             f"times from {times[0]:g} to {times[-1]:g} s, but inputs are known from {forcing.t0:g} to {forcing.t_end:g} s"
         )
+
+
+@lru_cache(maxsize=4)
+def _cut(grid: bytes, t0: float, t_end: float, breakpoints: bytes) -> tuple[list[Stretch], int]:
+    """The stretches of a grid of times, and how many times are the start; other parameters come with the same grid."""
+    times = np.frombuffer(grid)
+    if not (np.diff(times) >= 0).all():
+        raise ArgumentError("times must be a sequence in increasing order")
+    cuts = stretches(times, t0, np.frombuffer(breakpoints)) if len(times) else []
+    return cuts, int(np.searchsorted(times, t0 + rounding(t0, t_end), side="right"))
 
 
 def _components(A: Any) -> list[Any]:

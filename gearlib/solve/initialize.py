@@ -58,6 +58,14 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
     return fixed
 
 
+def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
+    """Whether all fixed start values are those in ``guess``."""
+    representatives, signs, slots = model.fixed
+    return bool(
+        (guess[representatives] == signs * parameters[slots]).all() and (signs.all() or not parameters[slots][signs == 0].any())
+    )
+
+
 def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float]) -> Start:
     """Find the start of a run.
 
@@ -77,15 +85,16 @@ def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, ove
         Fixed values that contradict each other.
     """
     structure, model = scene.structure, scene.model
-    fixed = fixed_values(model, parameters, overrides)
     guess = start_guess(model, parameters)
-    for v, (value, _) in fixed.items():
-        guess[v] = value
     everything = structure.states
     variables, orders = scene.everything
+    if not overrides and scene.unfixed is not None and _agree(model, parameters, guess):
+        x = np.where(orders == 0, guess[variables], 0.0)
+        return Start(x[scene.places], guess, scene.unfixed)
+    fixed = fixed_values(model, parameters, overrides)
+    for v, (value, _) in fixed.items():
+        guess[v] = value
     x = np.where(orders == 0, guess[variables], 0.0)
-    if not fixed:
-        return Start(x[scene.places], guess, scene.state_names)
     place = {node: i for i, node in enumerate(everything)}
     direct = {place[v, 0] for v in fixed if (v, 0) in place}
     others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]

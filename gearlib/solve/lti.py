@@ -83,42 +83,55 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     if any(callable(s) and not isinstance(s, Table) for s in signals):
         return "an input is a Python function"
     plan = _plan(scene)
-    n, m = len(program.states), len(program.inputs)
     key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
     if plan.form and plan.form[0]() is numbers and plan.form[1] == key:
         found: Linear = plan.form[2]
         return found
     if plan.last[:1] != (key,):
-        expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
-        constant = [k for k, e in enumerate(expressions) if e.is_number]
-        moving = [k for k, e in enumerate(expressions) if not e.is_number]
-        inputs = [s.expression() if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
-        inputs += [sympy.Integer(0)] * (m - len(inputs)) + [expressions[k] for k in moving]
-        if constant:
-            inputs.append(sympy.Integer(1))
-        plan.last = (key, tuple(inputs), moving, constant, np.array([float(expressions[k]) for k in constant]))
-    _, inputs, moving, constant, values = plan.last
-    if plan.written is not None:
-        try:
-            entries = plan.written(numbers.parameters.tolist(), [s.tolist() for s in numbers.main.solutions])
-        except (ArithmeticError, ValueError):
-            raise not_finite(scene, numbers) from None
-        d: Any = np.zeros((n, n + m + len(plan.added)))
-        d[tuple(np.array(plan.written.places, np.int64).reshape(-1, 2).T)] = entries
-        columns = [d[:, n : n + m], d[:, [n + m + k for k in moving]]]
-        if constant:
-            columns.append((d[:, [n + m + k for k in constant]] @ values)[:, None])
-        B = np.hstack(columns)
-    else:
-        slots, flags = np.zeros(program.n_slots), np.zeros(scene.n_modes)
-        added = [(plan.added[k], column, 1.0) for column, k in enumerate(moving)]
-        added += [(plan.added[k], len(moving), float(value)) for k, value in zip(constant, values, strict=True) if value]
-        d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), added)[program.output_slots]
-        B = np.zeros((n, len(inputs)))
-        B[:, : d.shape[1] - n] = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
-    form = Linear(d[:, :n], B, inputs)
+        plan.last = (key, *_drives(scene, numbers, signals, plan))
+    inputs, mix = plan.last[1:]
+    form = Linear(*_matrices(scene, numbers, plan, mix), inputs)
     plan.form = (ref(numbers), key, form)
     return form
+
+
+def _drives(scene: Scene, numbers: Numbers, signals: Sequence[Any], plan: _Plan) -> tuple[tuple[Any, ...], Floats]:
+    """The inputs as expressions, and how much of each goes into the scene's inputs and the terms added to slots."""
+    m = len(scene.program.inputs)
+    expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
+    constant = [k for k, e in enumerate(expressions) if e.is_number]
+    moving = [k for k, e in enumerate(expressions) if not e.is_number]
+    inputs = [s.expression() if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
+    inputs += [sympy.Integer(0)] * (m - len(inputs)) + [expressions[k] for k in moving]
+    rows = [*range(m), *(m + k for k in moving), *(m + k for k in constant)]
+    columns = [*range(m + len(moving)), *[m + len(moving)] * len(constant)]
+    shares = [*[1.0] * (m + len(moving)), *(float(expressions[k]) for k in constant)]
+    if constant:
+        inputs.append(sympy.Integer(1))
+    mix = np.zeros((m + len(plan.added), len(inputs)))
+    mix[rows, columns] = shares
+    return tuple(inputs), mix
+
+
+def _matrices(scene: Scene, numbers: Numbers, plan: _Plan, mix: Floats) -> tuple[Any, Floats]:
+    """A and B."""
+    program = scene.program
+    n, m = len(program.states), len(program.inputs)
+    if plan.written is not None:
+        try:
+            entries = plan.written(numbers.parameters.tolist(), numbers.main.listed)
+        except (ArithmeticError, ValueError):
+            raise not_finite(scene, numbers) from None
+        written = np.zeros((n, n + len(mix)))
+        written[plan.written.places] = entries
+        return written[:, :n], written[:, n:] @ mix
+    slots, flags = np.zeros(program.n_slots), np.zeros(scene.n_modes)
+    shares = zip(*(x.tolist() for x in np.nonzero(mix[m:])), strict=True)
+    added = [(plan.added[k], column - m, float(mix[m + k, column])) for k, column in shares]
+    d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), added)[program.output_slots]
+    B = np.zeros((n, mix.shape[1]))
+    B[:, : d.shape[1] - n] = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
+    return d[:, :n], B
 
 
 def not_finite(scene: Scene, numbers: Numbers) -> SingularError:

@@ -244,10 +244,8 @@ def _events(run: Run, solution: Solution) -> list[Any]:
     if relations is None or not len(solution.event_times):
         return []
     names, timed = run.scene.root_names, _names_of_time_events(run) if (solution.event_roots < 0).any() else {}
-    return [
-        (float(t), names[int(r)] if r >= 0 else timed.get(float(t), "an input"))
-        for t, r in zip(solution.event_times, solution.event_roots, strict=True)
-    ]
+    pairs = zip(solution.event_times.tolist(), solution.event_roots.tolist(), strict=True)
+    return [(t, names[r] if r >= 0 else timed.get(t, "an input")) for t, r in pairs]
 
 
 def _names_of_time_events(run: Run) -> dict[float, str]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.errors import ArgumentError
 from gearlib.solve.part import Part
 from gearlib.structure.incidence import Node
 
@@ -38,7 +39,7 @@ class Result:
             self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
         if later:
             self.stats["charts"] = len(parts)
-        self.events = [event for *_, events in parts for event in events]
+        self.events = list(chain.from_iterable(events for *_, events in parts))
         self._parts = [part for part, *_ in parts]
         self._scene, self._parameters, self._signals = first.scene, first.parameters, first.signals
         self._outputs, self._again = tuple(outputs), again
@@ -48,7 +49,7 @@ class Result:
     def __getitem__(self, name: str) -> Floats:
         if name in self._scene.model.discretes.names:
             return self._joined(part.discrete(name) for part in self._parts)
-        node, sign = self._node(name)
+        node, sign = self._scene.named(name)
         if sign == 0:
             return np.zeros_like(self.time)
         return sign * self._history(node)
@@ -83,21 +84,11 @@ class Result:
         first, *later = histories
         return np.concatenate([first, *(history[1:] for history in later)]) if later else first
 
-    def _node(self, name: str) -> tuple[Node, int]:
-        model = self._scene.model
-        base, order = model.column(name)
-        variable = model.variable(base)
-        node = (int(model.representative[variable]), order)
-        known = self._scene.structure.choice.solved_by
-        state = node in self._scene.structure.dependence.is_state
-        given = node[0] in self._scene.structure.dependence.given
-        if not (state or node in known or given) and int(model.sign[variable]):
-            raise NameLookupError(f"{name} does not occur in the model's equations, so it is not computed; {base} is")
-        return node, int(model.sign[variable])
-
     def _history(self, node: Node) -> Floats:
         if node not in self._known:
             missing = self._scene.missing(node)
+            if not missing and len(self._parts) == 1:
+                return self._parts[0].history(node)
             if not missing:
                 self._known[node] = self._joined(part.history(node) for part in self._parts)
             else:

@@ -16,6 +16,7 @@ from gearlib.codegen.layout import fill
 from gearlib.codegen.modes import Relations, relations_of
 from gearlib.codegen.native import NativeScene, compile_scene
 from gearlib.codegen.program import Batch, Program
+from gearlib.errors import NameLookupError
 from gearlib.flatten.model import FlatModel
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
@@ -58,6 +59,7 @@ class Scene:
     states: tuple[Node, ...]
     wanted: tuple[int, ...] = ()
     outputs: tuple[Node, ...] = ()
+    _named: dict[str, tuple[Node, int]] = field(default_factory=dict)
     _computing: dict[Node, Program] = field(default_factory=dict)
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
 
@@ -74,6 +76,25 @@ class Scene:
     def place_of(self) -> dict[Node, int]:
         """Where each state stands."""
         return {node: i for i, node in enumerate(self.states)}
+
+    def named(self, name: str) -> tuple[Node, int]:
+        """The node that a name stands for, and its sign (0: always zero).
+
+        Raises
+        ------
+        NameLookupError
+            The model has no such variable, or its equations do not contain it.
+        """
+        if name not in self._named:
+            model = self.model
+            base, order = model.column(name)
+            variable = model.variable(base)
+            node, sign = (int(model.representative[variable]), order), int(model.sign[variable])
+            computed = node in self.structure.choice.solved_by or node in self.structure.dependence.is_state
+            if not (computed or node[0] in self.structure.dependence.given) and sign:
+                raise NameLookupError(f"{name} does not occur in the model's equations, so it is not computed; {base} is")
+            self._named[name] = node, sign
+        return self._named[name]
 
     def missing(self, node: Node) -> tuple[Node, ...]:
         """States that must be integrated too to know a variable."""
@@ -155,6 +176,14 @@ class Scene:
         place = {node: i for i, node in enumerate(self.structure.states)}
         return np.array([place[s] for s in self.states], np.int64)
 
+    @cached_property
+    def unfixed(self) -> tuple[str, ...] | None:
+        """States that no start value fixes; None where fixed variables are no states, so that equations must be solved."""
+        fixed = set(self.model.fixed[0].tolist())
+        if any((v, 0) in self.structure.choice.solved_by for v in fixed - {v for v, k in self.structure.states if k == 0}):
+            return None
+        return tuple(name for name, (v, k) in zip(self.state_names, self.states, strict=True) if k or v not in fixed)
+
     def numbers(self, parameters: Floats) -> Numbers:
         """Prepare for a set of parameters."""
         main = prepare(self.program, self.structure, parameters)
@@ -226,23 +255,23 @@ def settle_once(relations: Relations, prepared: Prepared, t: Floats, states: Flo
         new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
     slots = evaluate(prepared, t, states, inputs, new)
     late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
-    flags = [relation_flags(b, relations, late, t, slots, prepared.parameters, new) for b in relations.batches]
+    pairs = zip(relations.batches, relations.timed, strict=True)
+    flags = [_relation_flags(b, timed, late, t, slots, prepared.parameters, new) for b, timed in pairs]
     for batch, flag in zip(relations.batches, flags, strict=True):
         new[batch.targets] = flag
     return new
 
 
-def relation_flags(
-    batch: Batch, relations: Relations, late: Floats, t: Floats, slots: Floats, parameters: Floats, flags: Floats
+def _relation_flags(
+    batch: Batch, timed: NDArray[np.bool_] | None, late: Floats, t: Floats, slots: Floats, parameters: Floats, flags: Floats
 ) -> Floats:
-    """1 where a relation holds, 0 where it does not; relations of time take their right-hand limit."""
-    timed = np.isin(batch.targets, relations.used[relations.on_time])
+    """1 where a relation holds, 0 where it does not; relations of time (``timed``) take their right-hand limit."""
     g = batch_values(batch, t, slots, parameters, flags) * np.ones((len(batch), len(t)))
-    if timed.any():
+    if timed is not None:
         g[timed] = (batch_values(batch, late, slots, parameters, flags) * np.ones((len(batch), len(t))))[timed]
     strict, negated = relation_of(batch)
-    test = {(False, False): g >= 0, (True, False): g > 0, (False, True): g <= 0, (True, True): g < 0}[strict, negated]
-    return test.astype(float)
+    test = {(False, False): np.greater_equal, (True, False): np.greater, (False, True): np.less_equal, (True, True): np.less}
+    return test[strict, negated](g, 0).astype(float)
 
 
 def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, ...]:

@@ -27,7 +27,7 @@ class Leaf(gl.Component):
 
 def test_partial_derivatives_at_the_start() -> None:
     model = flatten(Leaf())
-    parameters = model.parameters.evaluate(model.parameters.values)
+    parameters = model.parameters.defaults
     guess = start_guess(model, parameters)
     assert guess[model.representative[model.variable("y")]] * model.sign[model.variable("y")] == -2.0
     assert guess[model.representative[model.variable("z")]] * model.sign[model.variable("z")] == 2.0

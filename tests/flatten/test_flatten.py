@@ -20,7 +20,7 @@ c = gl.connect
 
 def values(model: FlatModel) -> dict[str, float]:
     table = model.parameters
-    return dict(zip(table.names, table.evaluate(table.values).tolist(), strict=True))
+    return dict(zip(table.names, table.defaults.tolist(), strict=True))
 
 
 class Inner(gl.Component):

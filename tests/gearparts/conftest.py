@@ -22,7 +22,7 @@ class Probe:
 
     def __init__(self, component: gl.Component) -> None:
         model = self.model = flatten(component)
-        parameters = model.parameters.evaluate(model.parameters.values)
+        parameters = model.parameters.defaults
         self.structure = analyse(model, numbers_of(model, parameters, 0.0))
         self.nodes = [s for s in self.structure.states if s not in self.structure.angles]
         known = set(model.inputs.tolist())

@@ -19,7 +19,7 @@ class RelatedProbe(Probe):
     def __init__(self, component: gl.Component) -> None:
         super().__init__(component)
         self.relations = relations_of(self.structure, self.program)
-        parameters = self.model.parameters.evaluate(self.model.parameters.values)
+        parameters = self.model.parameters.defaults
         self.helper = prepare(self.relations.program, self.structure, parameters)
 
     def slots(self, states: Mapping[str, float], inputs: Mapping[str, float], t: float) -> Any:
