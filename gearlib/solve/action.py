@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,13 @@ class Ellipse:
             return self
         return Ellipse(self.centre, self.real, math.hypot(max(self.real, self.imaginary), 0.5 * self.real))
 
+    def rounded(self) -> Ellipse:
+        """A slightly larger one of round numbers: the matrices of nearly equal parameters have their series in common."""
+        grain = 2.0 ** (math.frexp(max(self.real, self.imaginary))[1] - 10)
+        up = [grain * math.ceil(axis / grain + 0.5) for axis in (self.real, self.imaginary)]
+        return Ellipse(grain * round(self.centre / grain), *up)
+
+    @lru_cache(maxsize=64)  # noqa: B019  (an ellipse is three numbers)
     def series(self, h: float, tolerance: float) -> Floats:
         """Coefficients of exp(h z) for the polynomials that are scaled to 1 on the ellipse, to an absolute tolerance."""
         points = 256
@@ -106,6 +114,7 @@ class Action:
     rows: Integers
     columns: Integers
     entries: Floats  # what is not on them
+    alone: int  # position from which on states depend on no others, before it only within the band or on these; 0: neither
 
     def _steps(self, h: float, count: int) -> tuple[int, int]:
         """Output steps in one series, and series in one output step; one of the two is 1."""
@@ -123,7 +132,7 @@ class Action:
         """Estimated time of `advance`."""
         several, repeats = self._steps(h, count)
         terms = len(self.ellipse.series(h * several / repeats, self._tolerance(rtol, count, repeats)))
-        product = 5e-8 + 2.3e-10 * len(self.scale) * (len(self.offsets) + 1.5) + 1.5e-9 * len(self.entries)
+        product = 6e-8 + 1.4e-10 * len(self.scale) * (len(self.offsets) + 1.5) + 1.5e-9 * len(self.entries)
         return 1e-4 + product * terms * repeats * count / several
 
     def advance(self, z: Floats, h: float, count: int, rtol: float) -> Floats:
@@ -134,21 +143,21 @@ class Action:
         tolerance = self._tolerance(rtol, count, repeats)
         series = [self.ellipse.series((j + 1) * h / repeats, tolerance) for j in range(several)]
         terms = np.array([len(c) for c in series])
-        coefficients = np.zeros((several, int(terms.max())))
+        coefficients = np.zeros((several, int(terms.max()) + 8))
         for row, c in zip(coefficients, series, strict=True):
             row[: len(c)] = c
         terms = np.maximum.accumulate(terms)
         out = np.empty((count, len(z)))
         beta = self.ellipse.sign / self.ellipse.radius**2
         march(self.offsets, self.diagonals, self.rows, self.columns, self.entries, beta, coefficients, terms, repeats,
-              (z / self.scale)[self.order], out)  # fmt: skip
+              self.alone, (z / self.scale)[self.order], _room(10, len(z), self.offsets), np.zeros((several, len(z))), out)  # fmt: skip
         x = np.empty_like(out)
         x[:, self.order] = out
         x *= self.scale
         return x
 
 
-def prepare(A: Triplets, order: Integers, span: float) -> Action:
+def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Action:
     """Scale and bound a sparse matrix.
 
     Parameters
@@ -159,8 +168,10 @@ def prepare(A: Triplets, order: Integers, span: float) -> Action:
         The state at each position of an order in which the matrix has a narrow band.
     span : float
         Time (s) over which the exponential is wanted; sets the size of a matrix that has no rate of its own.
+    inputs : int
+        States at the end of the order that depend on each other only.
     """
-    from gearlib.solve.chebyshev_kernel import growth
+    from gearlib.solve.chebyshev_kernel import TILE, growth
 
     n = len(order)
     on = A.rows == A.columns
@@ -175,22 +186,35 @@ def prepare(A: Triplets, order: Integers, span: float) -> Action:
     place = np.empty(n, np.int64)
     place[order] = np.arange(n)
     parts = _split(place[rows], place[columns], entries, (diagonal - tight.centre)[order])
+    alone = n - inputs if n > 2 * TILE and (parts[3] >= n - inputs).all() else 0
     probe = np.where(np.cos(np.arange(n) ** 2 + 0.5) > 0, 1.0, -1.0)  # meets every mode
     while True:
         ellipse = tight if tight.imaginary < safe.imaginary else safe
         factor = 2.0 / (ellipse.radius * ellipse.focus)
         diagonals, others = parts[1] * factor, parts[4] * factor
         matrix = (parts[0], diagonals, parts[2], parts[3], others)
-        if ellipse == safe or growth(*matrix, ellipse.sign / ellipse.radius**2, _PROBE, probe) < _GROWTH:
-            return Action(scale, order, ellipse, *matrix)
+        beta = ellipse.sign / ellipse.radius**2
+        if ellipse == safe or growth(*matrix, beta, _PROBE, probe, _room(3, n, matrix[0])) < _GROWTH:
+            return Action(scale, order, ellipse, *matrix, alone)
         tight = Ellipse(tight.centre, 1.1 * tight.real, 1.1 * tight.imaginary)
+
+
+def _room(rows: int, n: int, offsets: Integers) -> Floats:
+    """Vectors with zeros before and behind them, as far as diagonals reach."""
+    return np.zeros((rows, n + 2 * int(np.abs(offsets).max())))
 
 
 def band_order(A: Triplets, n: int) -> Integers:
     """The state at each position of an order in which a matrix of ``n`` states has a narrow band."""
+    return _narrow(n, A.rows.tobytes(), A.columns.tobytes())
+
+
+@lru_cache(maxsize=4)
+def _narrow(n: int, rows: bytes, columns: bytes) -> Integers:
     from gearlib.solve.chebyshev_kernel import narrow_order
 
-    pattern = np.unique(np.concatenate([A.rows * n + A.columns, A.columns * n + A.rows]))
+    i, j = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
+    pattern = np.unique(np.concatenate([i * n + j, j * n + i]))
     order: Integers = narrow_order(np.searchsorted(pattern, np.arange(n + 1) * n), pattern % n)
     return order
 
@@ -215,11 +239,19 @@ def _split(
 
 def _mirror(rows: Integers, columns: Integers, entries: Floats, n: int) -> Floats:
     """For each entry (i, j) the entry (j, i), zero where there is none."""
-    key, mirror = rows * n + columns, columns * n + rows
+    places, found = _mirrored(n, rows.tobytes(), columns.tobytes())
+    return np.where(found, entries[places], 0.0)
+
+
+@lru_cache(maxsize=4)
+def _mirrored(n: int, rows: bytes, columns: bytes) -> tuple[Integers, NDArray[np.bool_]]:
+    """Where each entry's mirror image stands, and whether it is there."""
+    i, j = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
+    key, mirror = i * n + j, j * n + i
     by_key = np.argsort(key)
     at = np.minimum(np.searchsorted(key, mirror, sorter=by_key), max(len(key) - 1, 0))
-    found = by_key[at] if len(key) else by_key
-    return np.where(key[found] == mirror, entries[found], 0.0)
+    places = by_key[at] if len(key) else by_key
+    return places, key[places] == mirror
 
 
 def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, n: int, span: float) -> Floats:
@@ -278,5 +310,5 @@ def _enclose(diagonal: Floats, rows: Integers, columns: Integers, entries: Float
     size = max(real, imaginary, 1e-3 / span)
     real, imaginary = _MARGIN * max(real, 1e-3 * size), _MARGIN * max(imaginary, 1e-3 * size)
     grow = max(1.0, _MARGIN * float(np.max((bounds - centre * c) / np.hypot(real * c, imaginary * s))))
-    tight, safe = (Ellipse(float(centre), float(g * real), float(g * imaginary)).with_foci() for g in (1.0, grow))
+    tight, safe = (Ellipse(float(centre), float(g * real), float(g * imaginary)).rounded().with_foci() for g in (1.0, grow))
     return (tight if imaginary > real else safe), safe

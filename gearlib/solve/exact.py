@@ -141,10 +141,11 @@ def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12
     if algorithm == "dense" or (algorithm == "auto" and small):
         if n > DENSE_LIMIT:
             raise SolverError(f"{n} states: a dense exponential of more than {DENSE_LIMIT} takes too much memory")
-        groups = _dense_groups(A, B, _components(A))
+        groups = _dense_groups(A, B, _components(_triplets(A), n) if n > DENSE_ALWAYS else [slice(None)])
         return run("dense", f"{n} states, {len(steps)} different steps", math.nan, groups)
-    parts = _components(A)
-    actions = _Actions(A, B, max(forcing.t_end - forcing.t0, same), rtol)
+    entries = _triplets(A)
+    parts = _components(entries, n)
+    actions = _Actions(entries, B, n, max(forcing.t_end - forcing.t0, same), rtol)
     sparse = sum(actions.of(forcing.pieces[c.piece]).seconds(c.h, c.count, rtol) for c in cuts if c.h)
     sizes = [n] if isinstance(parts[0], slice) else [len(part) for part in parts]
     speed = actions.fastest
@@ -189,14 +190,19 @@ def _cut(grid: bytes, t0: float, t_end: float, breakpoints: bytes) -> tuple[list
     return cuts, int(np.searchsorted(times, t0 + rounding(t0, t_end), side="right"))
 
 
-def _components(A: Any) -> list[Any]:
+def _components(A: Triplets, n: int) -> list[Any]:
     """States that act on each other, as index arrays; one slice where all do or where there are few."""
-    if A.shape[0] <= DENSE_ALWAYS:
-        return [slice(None)]
-    from scipy.sparse import csr_array
+    return [slice(None)] if n <= DENSE_ALWAYS else _parts(n, A.rows.tobytes(), A.columns.tobytes())
+
+
+@lru_cache(maxsize=4)
+def _parts(n: int, rows: bytes, columns: bytes) -> list[Any]:
+    """Parts of a pattern that are not connected; other parameters come with the same pattern."""
+    from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    count, label = connected_components(csr_array(A), directed=False)
+    places = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
+    count, label = connected_components(coo_array((np.ones(len(places[0])), places), shape=(n, n)), directed=False)
     return [slice(None)] if count == 1 else [np.flatnonzero(label == k) for k in range(count)]
 
 
@@ -230,11 +236,9 @@ def _dense_advance(A: Floats, B: Floats) -> _Advance:
 class _Actions:
     """Steps by the action of sparse exponentials, made ready once for each exosystem."""
 
-    def __init__(self, A: Any, B: Any, span: float, rtol: float) -> None:
-        from scipy.sparse import csr_array
-
-        self._A, self._B, self._span, self._rtol = _triplets(A if isinstance(A, np.ndarray) else csr_array(A)), B, span, rtol
-        self._order = band_order(self._A, A.shape[0])
+    def __init__(self, A: Triplets, B: Any, n: int, span: float, rtol: float) -> None:
+        self._A, self._B, self._span, self._rtol = A, B, span, rtol
+        self._order = band_order(A, n)
         self._known: dict[bytes, Action] = {}
 
     @property
@@ -250,7 +254,7 @@ class _Actions:
             rows, columns = (np.concatenate([getattr(p, name) for p in parts]) for name in ("rows", "columns"))
             G = Triplets(rows, columns, np.concatenate([p.entries for p in parts]))
             # inputs act on any of the states and take no part in the ordering for a narrow band
-            self._known[exosystem.key] = prepare_action(G, np.append(self._order, np.arange(n, n + inputs)), self._span)
+            self._known[exosystem.key] = prepare_action(G, np.append(self._order, np.arange(n, n + inputs)), self._span, inputs)
         return self._known[exosystem.key]
 
     def advance(self, exosystem: Exosystem, h: float, count: int, x: Floats, s: Floats) -> Floats:
@@ -258,10 +262,11 @@ class _Actions:
 
 
 def _triplets(M: Any, row: int = 0, column: int = 0) -> Triplets:
-    """The nonzeros of a dense or CSR matrix, moved to begin at a row and a column."""
+    """The nonzeros of a dense or sparse matrix, moved to begin at a row and a column."""
     if isinstance(M, np.ndarray):
         rows, columns = np.nonzero(M)
         return Triplets(rows + row, columns + column, M[rows, columns])
+    M = M.tocsr()
     keep = M.data != 0
     rows = np.repeat(np.arange(M.shape[0]), np.diff(M.indptr))
     return Triplets(rows[keep] + row, M.indices[keep].astype(np.int64) + column, M.data[keep].astype(float))

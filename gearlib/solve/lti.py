@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gearlib.codegen.evaluate import owner_of
 from gearlib.codegen.kernels import Kernel, derivative_of
+from gearlib.codegen.linear_plan import LinearPlan, linear_plan
 from gearlib.codegen.program import Batch
 from gearlib.codegen.scalars import linear_function
 from gearlib.codegen.sensitivity import affine_seeds, rest_expression, sensitivity
@@ -42,6 +43,7 @@ class _Plan:
     seeds: list[tuple[Batch, int]]
     added: list[int]
     written: Any  # a function that gives the matrices quickly, or None
+    sparse: LinearPlan | None  # how larger ones come about, or None
     slots: NDArray[np.int64]  # parameters in the driving expressions
     last: tuple[Any, ...] = ()  # key, expressions
     form: tuple[Any, ...] = ()  # numbers, key, the linear form
@@ -61,7 +63,8 @@ def _plan(scene: Scene) -> _Plan:
             slots.append(scene.model.groups[g].parameters[row])
         once = len(set(added)) == len(added)
         written = linear_function(program, added) if once and len(scene.states) < MOST_WRITTEN else None
-        _plans[scene] = _Plan(seeds, added, written, np.unique(np.concatenate(slots)))
+        sparse = linear_plan(program, added) if written is None else None
+        _plans[scene] = _Plan(seeds, added, written, sparse, np.unique(np.concatenate(slots)))
     return _plans[scene]
 
 
@@ -125,6 +128,11 @@ def _matrices(scene: Scene, numbers: Numbers, plan: _Plan, mix: Floats) -> tuple
         written = np.zeros((n, n + len(mix)))
         written[plan.written.places] = entries
         return written[:, :n], written[:, n:] @ mix
+    if plan.sparse is not None:
+        entries = plan.sparse.entries(numbers.main)
+        if not np.isfinite(entries).all():
+            raise not_finite(scene, numbers)
+        return _sorted(entries, plan.sparse, n, mix)
     slots, flags = np.zeros(program.n_slots), np.zeros(scene.n_modes)
     shares = zip(*(x.tolist() for x in np.nonzero(mix[m:])), strict=True)
     added = [(plan.added[k], column - m, float(mix[m + k, column])) for k, column in shares]
@@ -132,6 +140,19 @@ def _matrices(scene: Scene, numbers: Numbers, plan: _Plan, mix: Floats) -> tuple
     B = np.zeros((n, mix.shape[1]))
     B[:, : d.shape[1] - n] = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
     return d[:, :n], B
+
+
+def _sorted(entries: Floats, plan: LinearPlan, n: int, mix: Floats) -> tuple[Any, Floats]:
+    """A, sparse, and B from the entries of a plan."""
+    from scipy.sparse import csr_array
+
+    inner = plan.seeds < n
+    starts = np.concatenate([[0], np.cumsum(np.bincount(plan.rows[inner], minlength=n))])
+    A = csr_array((entries[inner], plan.seeds[inner], starts), shape=(n, n))
+    seeds = plan.seeds[~inner] - n
+    column = np.abs(mix).argmax(axis=1)[seeds]  # each goes into one column
+    places, width = plan.rows[~inner] * mix.shape[1] + column, mix.shape[1]
+    return A, np.bincount(places, entries[~inner] * mix[seeds, column], n * width).reshape(n, width)
 
 
 def not_finite(scene: Scene, numbers: Numbers) -> SingularError:

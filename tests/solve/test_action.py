@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import expm_multiply
 
 from gearlib.solve.action import Triplets, _enclose, band_order, prepare
 
@@ -72,3 +74,18 @@ def test_one_way_couplings_cost_nothing() -> None:
     G[:39, :39], G[:20, 39], G[40:, :20] = A, 1e7, np.eye(20)
     coupled = prepare(triplets(G), np.arange(60), span=1.0).ellipse
     assert coupled.imaginary < 1.1 * plain.imaginary
+
+
+@pytest.mark.parametrize("n", [1201, 601])
+def test_a_long_chain_with_an_input(n: int) -> None:
+    """Long enough to be computed tile by tile, and not."""
+    stiff = np.where(np.arange(n - 1) % 2, 2e5, 1.0)
+    A = csr_array(np.pad(np.diag(stiff, 1) - np.diag(2e5 / stiff, -1), ((0, 2), (0, 2))))
+    A += csr_array(([3e3, 70.0, -70.0], ([n // 2, n, n + 1], [n, n + 1, n])), shape=A.shape)
+    z = np.append(np.random.default_rng(2).standard_normal(n), [1.0, 0.0])
+    z[1:n:2] *= 400.0  # springs and inertias of equal energy
+    found = prepare(Triplets(*A.nonzero(), A.data), np.arange(n + 2), span=0.1, inputs=2).advance(z, 0.003, 8, 1e-12)
+    expected = expm_multiply(A, z, 0.003, 0.024, 8, endpoint=True)
+    error = np.abs(found - expected)
+    assert error[:, :n:2].max() < 1e-11 * np.abs(expected[:, :n:2]).max()
+    assert error[:, 1:n:2].max() < 1e-11 * np.abs(expected[:, 1:n:2]).max()
