@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
@@ -13,6 +15,14 @@ from gearlib.solve.native_call import inner
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 TILE = 400  # rows
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def _entry(function: _Function) -> _Function:
+    """Decorate a function that allocates nothing: counting references would take longer than a short product."""
+    decorate: Any = njit
+    compiled: _Function = decorate(cache=True, nogil=True, error_model="numpy", _nrt=False)(function)
+    return compiled
 
 
 @njit(cache=True)
@@ -134,10 +144,10 @@ def gather(coefficients: Floats, terms: Integers, k: int, used: int, margin: int
 @inner(cache=True)
 def margin_of(offsets: Integers) -> int:
     """How far diagonals reach beyond either end."""
-    return max(offsets[offsets.size - 1], -offsets[0])
+    return int(max(offsets[offsets.size - 1], -offsets[0]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+@_entry
 def march(offsets: Integers, diagonals: Floats, rows: Integers, columns: Integers, entries: Floats, beta: float,
            coefficients: Floats, terms: Integers, repeats: int, alone: int, z: Floats, v: Floats, sums: Floats, out: Floats
            ) -> None:  # fmt: skip
@@ -186,7 +196,7 @@ def march(offsets: Integers, diagonals: Floats, rows: Integers, columns: Integer
             part = 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+@_entry
 def growth(offsets: Integers, diagonals: Floats, rows: Integers, columns: Integers, entries: Floats, beta: float, terms: int,
            probe: Floats, v: Floats) -> float:  # fmt: skip
     """Largest entry among the last two of every eight of the first ``terms`` polynomials applied to ``probe``."""

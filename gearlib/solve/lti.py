@@ -152,7 +152,8 @@ def _sorted(entries: Floats, plan: LinearPlan, n: int, mix: Floats) -> tuple[Any
     seeds = plan.seeds[~inner] - n
     column = np.abs(mix).argmax(axis=1)[seeds]  # each goes into one column
     places, width = plan.rows[~inner] * mix.shape[1] + column, mix.shape[1]
-    return A, np.bincount(places, entries[~inner] * mix[seeds, column], n * width).reshape(n, width)
+    B = np.asarray(np.bincount(places, entries[~inner] * mix[seeds, column], n * width), float)
+    return A, B.reshape(n, width)
 
 
 def not_finite(scene: Scene, numbers: Numbers) -> SingularError:
