@@ -33,6 +33,7 @@ class Part:
     signals: Sequence[Any]
     guess: Floats
     known: dict[Node, Floats] = field(default_factory=dict)
+    computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
 
     @classmethod
     def of(cls, run: Run, outcome: Outcome) -> Part:
@@ -47,7 +48,8 @@ class Part:
             if place is not None:
                 self.known[node] = self.states[:, place].copy()
             else:
-                self._compute(node)
+                found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
+                self.known[node] = found[1][found[0].slots[node]]
         return self.known[node]
 
     def discrete(self, name: str) -> Floats:
@@ -65,15 +67,15 @@ class Part:
     def _inputs(self, program: Program) -> Floats:
         return values(self.signals, self.time, len(program.inputs))
 
-    def _compute(self, node: Node) -> None:
+    def _compute(self, node: Node) -> tuple[Program, Floats]:
         scene = self.scene
         program = scene.computing(node)
         prepared = prepare(program, scene.structure, self.parameters)
         inputs = self._inputs(program)
         modes = self._modes_for(program, inputs)
-        slots = evaluate(prepared, self.time, self.states.T, inputs, modes, scene.guess(program, self.guess))
-        for other, slot in program.slots.items():
-            self.known.setdefault(other, slots[slot])
+        guess = scene.guess(program, self.guess) if program.iterated else None
+        self.computed.append((program, evaluate(prepared, self.time, self.states.T, inputs, modes, guess)))
+        return self.computed[-1]
 
     def _modes_for(self, program: Program, inputs: Floats) -> Floats:
         """The modes at all samples; relations that the run had no need of are evaluated here."""
