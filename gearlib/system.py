@@ -20,12 +20,13 @@ from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
 from gearlib.solve.arguments import absolute_tolerance, check_options, output_times
 from gearlib.solve.charts import Charts, integrate_through
-from gearlib.solve.initialize import Start, start_values, steady_state
+from gearlib.solve.initialize import Start, start_values, start_variable, steady_state
+from gearlib.solve.jumps import refuse_jumps
 from gearlib.solve.methods import Run
 from gearlib.solve.part import Part
 from gearlib.solve.result import Result
 from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
-from gearlib.solve.table import Table, values
+from gearlib.solve.table import Function, Table, values
 from gearlib.structure.analysis import Structure, analyse, confirm, discrete_nodes
 from gearlib.structure.incidence import Node
 
@@ -140,9 +141,9 @@ class System:
         base, order = self._model.column(name)
         variable = self._model.variable(base, what)
         node = (int(self._model.representative[variable]), order)
-        solved = node in self._structure.choice.solved_by or node in self._structure.dependence.is_state
-        if not (solved or node[0] in self._structure.dependence.given or self._model.sign[variable] == 0):
-            raise NameLookupError(f"{name} does not occur in the model's equations, so it cannot be an {what}; {base} can")
+        if not (self._model.sign[variable] == 0 or self._structure.computes(node)):
+            why = "needs the derivative of an input" if order else "does not occur in the model's equations"
+            raise NameLookupError(f"{name} {why}, so it cannot be an {what}{f'; {base} can' if order else ''}")
         return node
 
     def _nodes(self, outputs: Iterable[str]) -> list[Node]:
@@ -177,7 +178,7 @@ class System:
         """The generated source of the derivatives."""
         scene, names = self._scene, self._model.parameters.names
         shared = Shared(len(names), scene.n_modes, len(scene.program.inputs))
-        return rhs_source(scene.program, lay_out(scene.program, shared, shared.size), scene.slot_names, names)[0]
+        return rhs_source(scene.program, lay_out(scene.program, shared, shared.size), lambda: scene.slot_names, names)[0]
 
     def simulate(
         self, t_end: float, *, t_start: float = 0.0, samples: int | None = None, times: ArrayLike | None = None,
@@ -193,7 +194,7 @@ class System:
         samples : int, optional
             Number of equidistant output times (501).
         times : array, optional
-            Output times instead, s, increasing.
+            Output times instead, s, increasing, from ``t_start`` on or later.
         method : {"auto", "exact", "ida", "rk", "rk5", "rk8"}
             ``"exact"``: matrix exponential of a linear scene. ``"ida"``: SUNDIALS IDA. ``"rk"``: explicit Runge-Kutta, order by
             tolerance. ``"auto"`` picks, and ``result.stats`` says why.
@@ -219,18 +220,21 @@ class System:
         ArgumentError, NameLookupError, BoundError, StartError, SolverError
             Each names what was found and what was expected.
         """
-        grid = output_times(t_start, t_end, samples, times)
+        grid = output_times(t_start, t_end, samples, times, len(self.states))
         check_options(method, rtol)
         numbers = self._parameters(parameters)
         signals = self._signals(inputs)
-        options = (grid, method, rtol, atol, numbers, start, signals, progress)
+        options = (float(t_start), grid, method, rtol, atol, numbers, start, signals, progress)
         return self._run(self._scene, *options)
 
     def _run(
-        self, scene: Scene, grid: Floats, method: str, rtol: float, atol: ArrayLike | None, parameters: Floats,
+        self, scene: Scene, t_start: float, asked: Floats, method: str, rtol: float, atol: ArrayLike | None, parameters: Floats,
         start: Mapping[str, float] | str | None, signals: list[Any], progress: bool,
     ) -> Result:  # fmt: skip
         numbers = self._prepared(scene, parameters)
+        grid = asked if asked[0] == t_start else np.concatenate([[t_start], asked])
+        if self._structure.switching:
+            refuse_jumps(self._structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
         begin = self._start(scene, parameters, float(grid[0]), start, signals, numbers)
         absolute = absolute_tolerance(atol, len(scene.states))
         run = Run(scene, numbers, begin, tuple(signals), grid, rtol, absolute)
@@ -240,14 +244,15 @@ class System:
         if progress:
             print(f"{self.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s")
 
-        def again(states: tuple[Node, ...], times: Floats = grid) -> Result:
+        def again(states: tuple[Node, ...], times: Floats = asked) -> Result:
             wider = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted, self._scene.outputs))
-            return self._run(
-                wider, times, method, rtol, None if np.ndim(atol or 0.0) else atol, parameters, start, signals, progress
-            )
+            absolute = None if np.ndim(atol or 0.0) else atol
+            return self._run(wider, t_start, times, method, rtol, absolute, parameters, start, signals, progress)
 
         outputs = self.outputs if self.outputs is not None else self.states
-        return Result([(Part.of(run, o), o.stats, o.events) for run, o in parts], outputs, again)
+        hidden = [len(grid) - len(asked), *[0] * len(parts[1:])]  # the start, where it was not asked for
+        found = [(Part.of(run, o, first), o.stats, o.events) for (run, o), first in zip(parts, hidden, strict=True)]
+        return Result(found, outputs, again)
 
     def linearize(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, *, at: Any = None,
@@ -348,7 +353,9 @@ class System:
                     raise ArgumentError(
                         f"input {name} is {value!r}; expected a finite number, a function of time or a gl.Table"
                     )
-        return [given.get(name, 0.0) for name in names]
+        signals = [given.get(name, 0.0) for name in names]
+        plain = [callable(signal) and not isinstance(signal, Table) for signal in signals]
+        return [Function(name, s) if function else s for name, s, function in zip(names, signals, plain, strict=True)]
 
     def _start(
         self, scene: Scene, parameters: Floats, t: float, start: Mapping[str, float] | str | None, signals: Sequence[Any],
@@ -361,7 +368,7 @@ class System:
             for name, value in start.items():
                 if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
                     raise ArgumentError(f"start of {name} is {value!r}; expected a finite number")
-                overrides[self._model.variable(name)] = float(value)
+                overrides[start_variable(self._model, name)] = float(value)
         inputs = values(signals, np.array([t]))[:, 0]
         inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
         begin = start_values(scene, parameters, inputs, t, overrides)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.analysis.held import remaining
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.codegen.program import Program
@@ -104,12 +105,14 @@ def input_names(model: FlatModel) -> list[str]:
 def linearize(
     structure_scene: Scene, parameters: Floats, inputs: Sequence[str], outputs: Sequence[str], point: Point
 ) -> LinearModel:
-    """Linear model from ``inputs`` to ``outputs`` with the states that these need.
+    """Linear model from ``inputs`` to ``outputs`` with the states that these need, but those that the mode holds.
 
     Raises
     ------
     NameLookupError
         An input or output that the model does not have.
+    ArgumentError
+        An output that needs the derivative of an input.
     """
     structure, model = structure_scene.structure, structure_scene.model
     targets, signs = [], []
@@ -131,6 +134,7 @@ def linearize(
     for name in inputs:
         variable = _input(model, name)
         node, sign = (int(model.representative[variable]), 0), int(model.sign[variable])
+        _refuse_derivatives(program, node[0], name, outputs)
         slot = program.slots.get(node)
         scale.append(float(sign))
         if slot is None:
@@ -158,8 +162,12 @@ def linearize(
         import scipy.sparse as sparse
 
         C, D = sparse.diags(sign_out) @ rows[:, :n], sparse.diags(sign_out) @ D
-    names = tuple(node_name(model, s) for s in states)
-    return LinearModel(rates[:, :n], B, C, D, names, tuple(inputs), tuple(outputs))
+    A, names = rates[:, :n], tuple(node_name(model, s) for s in states)
+    left = remaining(structure, prepared, point.t, slots, flags, A, B)
+    if left is not None:
+        A, B, C = A[left.keep] @ left.basis, B[left.keep], C @ left.basis
+        names = tuple(names[i] for i in left.keep)
+    return LinearModel(A, B, C, D, names, tuple(inputs), tuple(outputs))
 
 
 def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:
@@ -185,6 +193,15 @@ def _input(model: FlatModel, name: str) -> int:
     if variable is None or (name not in valid and int(model.representative[variable]) not in known):
         raise NameLookupError(f"the model has no input '{name}'; {nearest(name, valid)}")
     return variable
+
+
+def _refuse_derivatives(program: Program, variable: int, name: str, outputs: Sequence[str]) -> None:
+    """A program may compute with derivatives of an input: where a constraint on it, or what follows from it, is differentiated."""
+    if any(v == variable and k for v, k in program.slots):
+        raise ArgumentError(
+            f"the outputs {', '.join(outputs[:6])} need the derivative of the input {name}, for which dx/dt = A x + B u, y = C x + D u "
+            "has no place; take other outputs, or let the motion follow the input through a filter"
+        )
 
 
 def _columns(matrix: Any, columns: Sequence[int], scale: Floats, full: bool) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.analysis.energies import Family, energies, families
+from gearlib.analysis.held import remaining
 from gearlib.analysis.linearize import operating_point, slots_at
 from gearlib.analysis.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
 from gearlib.codegen.builder import build
@@ -291,11 +292,13 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
     for v, k in nodes.items():
         if (v, k) in program.slots:
             orders[v], pick[v] = k, program.slots[v, k]
-    rows = d[pick]
+    rows, names = d[pick], tuple(node_name(structure.model, s) for s in states)
+    left = remaining(structure, prepared, point.t, slots, flags, A)
+    if left is not None:
+        A, rows, names = A[left.keep] @ left.basis, rows @ left.basis, tuple(names[i] for i in left.keep)
     angles = any(k == 0 and structure.model.potential[v] for v, k in states)
     spectrum = _spectrum(A, rows, orders, count, angles)
     free, alone = without_preloads(A, rows[np.flatnonzero(orders == 1)], spectrum.free)
-    names = tuple(node_name(structure.model, s) for s in states)
     return Modes(
         np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([free, spectrum.vectors]), names,
         spectrum.free.shape[1], spectrum.preloads, spectrum.decays, structure.model, rows, orders,

@@ -122,7 +122,7 @@ def poles(A: Any) -> Poles:
     _, others, chains = deflate(balanced)
     if not others.shape[1]:
         return Poles(np.zeros(len(matrix), complex), np.zeros(len(matrix)), chains)
-    rest = others.T @ balanced @ others
+    rest = others.T @ balanced @ others if chains else balanced
     values, left, right = eig(rest, left=True, right=True)
     overlap = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     error = 40 * np.finfo(float).eps * float(np.linalg.norm(rest)) / np.maximum(overlap, 1e-12)
@@ -139,22 +139,56 @@ def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
 
     With these bases the matrix is block triangular: its rest depends on nothing at 0.
     """
-    from scipy.linalg import svd
+    n = len(matrix)
+    zero, others, rest = np.empty((n, 0)), np.eye(n), matrix
+    chains: list[int] = []
+    limit = RANK * max(10, n) / 10 * _norm(matrix)
+    while len(rest):
+        rows, null = _rows_and_null(rest, limit)
+        if not null.shape[1]:
+            break
+        chains.append(null.shape[1])
+        zero, others = np.hstack([zero, others @ null]), others @ rows
+        rest = others.T @ matrix @ others
+    return zero, others, tuple(chains)
+
+
+def _norm(matrix: Floats) -> float:
+    """About the largest singular value, from below."""
+    x = np.ones(len(matrix))
+    for _ in range(20):
+        x = matrix.T @ (matrix @ (x / max(float(np.linalg.norm(x)), 1e-300)))
+    return float(np.sqrt(np.linalg.norm(x)))
+
+
+def _rows_and_null(matrix: Floats, limit: float) -> tuple[Floats, Floats]:
+    """Orthonormal bases of what a matrix does not take to zero, and of what it does: singular values up to ``limit``.
+
+    An inverse, or a QR decomposition with column exchanges, bounds the singular values on both sides of the limit for a tenth of
+    the cost of computing them; only where the bounds leave the rank open they are computed.
+    """
+    from scipy.linalg import qr, solve_triangular, svd
 
     n = len(matrix)
-    zero, others = np.empty((n, 0)), np.eye(n)
-    chains: list[int] = []
-    limit = 0.0
-    while others.shape[1]:
-        _, sizes, rows = svd(others.T @ matrix @ others)
-        limit = limit or RANK * max(10, n) / 10 * float(sizes[0])
-        null = int((sizes <= limit).sum())
-        if not null:
-            break
-        chains.append(null)
-        zero = np.hstack([zero, others @ rows[len(rows) - null :].T])
-        others = others @ rows[: len(rows) - null].T
-    return zero, others, tuple(chains)
+    try:
+        smallest = 1 / max(float(np.linalg.norm(np.linalg.inv(matrix))), 1e-300)
+    except np.linalg.LinAlgError:
+        smallest = 0.0
+    if smallest > limit:
+        return np.eye(n), np.empty((n, 0))
+    triangle, order = qr(matrix, pivoting=True, mode="r")
+    sizes = np.abs(np.diag(triangle))
+    rank = int((sizes > limit).sum())
+    if np.linalg.norm(triangle[rank:]) <= limit:
+        inverse = solve_triangular(triangle[:rank, :rank], np.eye(rank))
+        if rank == 0 or 1 / np.linalg.norm(inverse) > limit:
+            full = np.vstack([-inverse @ triangle[:rank, rank:], np.eye(n - rank)])
+            basis = np.empty((n, n))
+            basis[order] = qr(full)[0]
+            return basis[:, n - rank :], basis[:, : n - rank]
+    _, sizes, rows = svd(matrix)
+    null = int((sizes <= limit).sum())
+    return rows[: n - null].T, rows[n - null :].T
 
 
 def _chained(matrix: Floats, values: Complexes, error: Floats) -> tuple[float, ...]:

@@ -1,8 +1,9 @@
-"""Where generated source and its machine code are kept between processes.
+"""Where machine code is kept between processes.
 
-The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of its content, so concurrent writers agree,
-and every file appears complete or not at all. Machine code is used only if it is what was written (`_digest`). What cannot be kept
-there is made anew in a temporary folder: a damaged or unwritable cache costs time, never a result.
+The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of what it was made from, so concurrent writers
+agree, and every file appears complete or not at all. The functions of models are kept as object code with a checksum (`kept_bytes`),
+the solvers' loops, which numba compiles, as modules beside numba's files (`load`); these are used only if they are what was written
+(`_digest`). What cannot be kept there is made anew: a damaged or unwritable cache costs time, never a result.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import hashlib
 import os
 import sys
 import tempfile
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
@@ -18,6 +20,8 @@ from types import ModuleType
 
 LARGEST = 512 * 2**20  # bytes; what was used longest ago goes first
 FORMAT = "2"
+ONE_IN = 16  # files of object code, which are small, has the sizes of all files added up: some 20 us for each of them
+_SEAL = 32  # bytes of the checksum before the content
 _temporary: tempfile.TemporaryDirectory[str] | None = None
 _loaded: dict[str, ModuleType] = {}
 
@@ -52,8 +56,38 @@ def _private() -> Path:
     return Path(_temporary.name)
 
 
+def kept_bytes(name: str, make: Callable[[], bytes]) -> bytes:
+    """What a file holds, made and written down where it is missing or damaged.
+
+    Parameters
+    ----------
+    name : str
+        Of the file: a digest of all that the content depends on.
+    make : callable
+        Makes the content.
+    """
+    path = folder() / name
+    with suppress(OSError):
+        seal, content = (whole := path.read_bytes())[:_SEAL], whole[_SEAL:]
+        if seal == _seal(name, content):
+            with suppress(OSError):
+                os.utime(path)
+            return content
+    content = make()
+    seal = _seal(name, content)
+    with suppress(OSError):
+        _write(path, seal + content)
+        if seal[0] % ONE_IN == 0:
+            _shrink(path)
+    return content
+
+
+def _seal(name: str, content: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + b"\0" + content).digest()
+
+
 def load(source: str) -> ModuleType:
-    """The module with that source, from the cache where it was met before."""
+    """The module with that source, from the cache where it was met before; its functions are compiled by numba."""
     name = "gearlib_model_" + hashlib.sha256(source.encode()).hexdigest()[:24]
     if name not in _loaded:
         path = folder() / f"{name}.py"
@@ -67,7 +101,7 @@ def load(source: str) -> ModuleType:
 
 def _load(path: Path, source: str) -> ModuleType:
     if not _same(path, source):
-        _write(path, source)
+        _write(path, source.encode())
     seal = path.with_suffix(".sum")
     before = _digest(path)
     sound = _same(seal, before)
@@ -85,7 +119,7 @@ def _load(path: Path, source: str) -> ModuleType:
         if sound and _digest(path) == before:
             os.utime(seal)
         else:
-            _write(seal, _digest(path))
+            _write(seal, _digest(path).encode())
             _shrink(path)
     return module
 
@@ -116,11 +150,11 @@ def _same(path: Path, text: str) -> bool:
         return False
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, content: bytes) -> None:
     handle, temporary = tempfile.mkstemp(prefix=f"{path.stem}.", suffix=".tmp", dir=path.parent)
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
         os.replace(temporary, path)
     except BaseException:
         with suppress(OSError):
@@ -129,7 +163,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _shrink(kept: Path) -> None:
-    """Remove the modules that were used longest ago when all versions together have grown too large."""
+    """Remove what was used longest ago when all versions together have grown too large."""
     modules: dict[tuple[Path, str], list[tuple[float, int, Path]]] = {}
     for version in kept.parent.parent.glob("*-py*"):
         for file in version.rglob("gearlib_model_*"):

@@ -1,8 +1,7 @@
 """Source of the elimination that nonlinear and varying blocks are solved with; it goes into the code that needs it."""
 
 SOLVE = '''
-@njit(types.int64(types.float64[::1], types.int64, types.int64, types.int64, types.int64))
-def solve(data, a, b, n, lead):
+def solve(data: floats, a: int, b: int, n: int, lead: int) -> int:
     """Gaussian elimination with complete pivoting, in place: the matrix at ``a``, the right-hand side and then the solution at ``b``.
 
     Equations that depend on others (two stuck clutches on one rigid path) are left out if they agree with these; what they leave
@@ -68,4 +67,6 @@ def solve(data, a, b, n, lead):
     for i in range(n):
         data[b + int(data[p + i])] = data[a + i]
     return 0
+
+
 '''

@@ -1,21 +1,20 @@
-"""Native functions of a program: generated source, compiled by numba, kept on disk."""
+"""Native functions of a program: generated source and its machine code."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen import cache
 from gearlib.codegen.elimination import SOLVE
 from gearlib.codegen.events import root_numbers, roots_body, update_body
 from gearlib.codegen.jacobian import Pattern, jacobian_body, pattern_of
 from gearlib.codegen.layout import Layout, Shared, lay_out
 from gearlib.codegen.modes import Relations
 from gearlib.codegen.names import identifiers
+from gearlib.codegen.object_code import Function, compiled
 from gearlib.codegen.program import Program
 from gearlib.codegen.source import HEADER, Body, function, is_small, looped, written_out
 
@@ -29,14 +28,14 @@ RHS, JAC, ROOTS, UPDATE, TABLES = range(5)  # entries of ``index`` that say wher
 class NativeFunction:
     """A compiled function and its parts of the data and index blocks."""
 
-    compiled: Any
+    machine_code: Function
     body: Body
     layout: Layout
     source: str
 
     @property
     def address(self) -> int:
-        return int(self.compiled.address)
+        return self.machine_code.address
 
 
 @dataclass(frozen=True)
@@ -53,18 +52,20 @@ class NativeScene:
     size: int  # of the data block
 
 
-def rhs_source(program: Program, layout: Layout, names: Sequence[str], parameter_names: Sequence[str]) -> tuple[str, Body]:
-    """Source of the right-hand side: written out where it is small, else in loops."""
+def rhs_source(
+    program: Program, layout: Layout, names: Callable[[], Sequence[str]], parameter_names: Sequence[str]
+) -> tuple[str, Body]:
+    """Source of the right-hand side: written out where it is small, else in loops, which need no names."""
     if is_small(program):
-        body = written_out(program, layout, dict(enumerate(identifiers(names))), parameter_names)
+        body = written_out(program, layout, dict(enumerate(identifiers(names()))), parameter_names)
     else:
         body = looped(program, layout)
-    return function("rhs", "RHS", ["x", "dx", "data", "index"], body, RHS), body
+    return function("rhs", ["x", "dx", "data", "index"], body, RHS), body
 
 
 def compile_scene(
-    program: Program, relations: Relations | None, names: Sequence[str], parameter_names: Sequence[str], n_relations: int,
-    n_discrete: int, jacobian: bool,
+    program: Program, relations: Relations | None, names: Callable[[], Sequence[str]], parameter_names: Sequence[str],
+    n_relations: int, n_discrete: int, jacobian: bool,
 ) -> NativeScene:  # fmt: skip
     """Compile what a run needs.
 
@@ -74,8 +75,8 @@ def compile_scene(
         Computes the derivatives of the states.
     relations : Relations, optional
         Where the program uses relations.
-    names : sequence of str
-        Of each slot.
+    names : callable
+        Gives those of the slots.
     parameter_names : sequence of str
     n_relations, n_discrete : int
         Of the whole model.
@@ -93,15 +94,15 @@ def compile_scene(
         layout = lay_out(program, shared, end)
         pattern = pattern_of(program)
         body, end = jacobian_body(program, layout, pattern)
-        jac = _compile("jac", function("jac", "RHS", ["x", "values", "data", "index"], body, JAC), body, layout)
+        jac = _compile("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
     if relations is not None:
         layout = lay_out(relations.program, shared, end)
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
-            roots = _compile("roots", function("roots", "RHS", ["x", "values", "data", "index"], body, ROOTS), body, layout)
+            roots = _compile("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
         body = update_body(relations, layout, n_relations, n_discrete)
         end = layout.size + body.n_coefficients
-        update = _compile("update", function("update", "UPDATE", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
+        update = _compile("update", function("update", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []
     bases, base = [], 5
     for part in (rhs, jac, roots, update):
@@ -114,5 +115,5 @@ def compile_scene(
 
 
 def _compile(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:
-    full = HEADER + (SOLVE if "solve(" in text else "") + "\n\n" + text
-    return NativeFunction(getattr(cache.load(full), name), body, layout, full)
+    full = HEADER + (SOLVE if "solve(" in text else "") + text
+    return NativeFunction(compiled(full, name), body, layout, full)

@@ -88,10 +88,10 @@ def run_lines(batch: Batch, place: str) -> list[str]:
         f"o = {place}",
         "for g in range(index[o]):",
         f"    h = o + 1 + {width} * g",
-        "    y = size(index[h + 1])",
-        *(f"    x{a} = size(index[h + {2 + a}])" for a in range(n_x)),
-        *(f"    q{i} = size(index[h + {2 + n_x + i}])" for i in range(n_q)),
-        "    for k in range(size(index[h])):",
+        "    y = index[h + 1]",
+        *(f"    x{a} = index[h + {2 + a}]" for a in range(n_x)),
+        *(f"    q{i} = index[h + {2 + n_x + i}]" for i in range(n_q)),
+        "    for k in parallel(index[h]):",
         f"        data[y + k] = {' '.join(terms).removeprefix('+ ')}",
     ]
 

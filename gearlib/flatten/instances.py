@@ -6,7 +6,9 @@ numbers.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +35,7 @@ class Tree:
     upper: list[float] = field(default_factory=list)
     dependents: dict[tuple[int, Any], tuple[list[tuple[int, ...]], list[int]]] = field(default_factory=dict)
     starts: list[tuple[int, int, bool]] = field(default_factory=list)
+    started: set[int] = field(default_factory=set)  # variables whose start value an enclosing component gives
     choices: list[tuple[int, str, Any]] = field(default_factory=list)  # see gearlib.flatten.attributes
     inputs: list[int] = field(default_factory=list)
     links: list[list[int]] = field(default_factory=list)
@@ -183,15 +186,33 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
             local = name.removesuffix(")").removeprefix("der(") if name.startswith("der(") else name
             if name in record.discretes:
                 continue
-            if name not in instance.variables:
+            if name in instance.variables:
+                own = own_variable(instance, record, name)
+                _set_start(tree, prefix, name, own, value, parent, fixed, instance.variables[name].unit)
+                continue
+            inner, kind = _resolve(tree, component, name)  # of a part, whose own start value it replaces
+            if kind != "variable":
+                part, head = descend(component, name)[0], name.rpartition(".")[0]
+                inside = [] if part in (None, component) else [f"{head}.{n}" for n in _variables_of(tree, part)]
                 raise BindingError(
                     f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is no variable of "
-                    f"{instance.kind}; {nearest(local, instance.variables)}"
+                    f"{instance.kind}; {nearest(local, inside or instance.variables)}"
                 )
-            unit = instance.variables[name].unit
-            _set_start(tree, prefix, name, own_variable(instance, record, name), value, parent, fixed, unit)
+            _set_start(tree, prefix, name, inner, value, parent, fixed, _unit(tree, inner))
+            tree.started.add(inner)
     if component._nominal or component._state:
         tree.choices += [(own_variable(instance, record, n), what, v) for n, what, v in choices_of(component, instance)]
+
+
+def _variables_of(tree: Tree, part: Component) -> Iterable[str]:
+    return tree.instances[tree.numbers[id(part)]].variables
+
+
+def _unit(tree: Tree, variable: int) -> str:
+    """The unit of a variable, by its number."""
+    owner = bisect_right(tree.instances, variable, key=lambda instance: instance.first_variable) - 1
+    instance = tree.instances[owner]
+    return list(instance.variables.values())[variable - instance.first_variable].unit
 
 
 def own_variable(instance: Instance, record: ClassRecord, name: str) -> int:
@@ -202,6 +223,8 @@ def own_variable(instance: Instance, record: ClassRecord, name: str) -> int:
 def _set_start(
     tree: Tree, prefix: str, name: str, variable: int, value: Any, scope: Component | None, fixed: bool, unit: str
 ) -> None:
+    if variable in tree.started:
+        return
     slot = _new_parameter(tree, f"start({prefix}{name})")
     _set_parameter(tree, slot, value, scope, unit, "start value")
     tree.starts.append((variable, slot, fixed))

@@ -122,10 +122,12 @@ class Input(Variable):
 class Derivative(Declaration):
     """A name for the time derivative of a variable, such as ``a`` for ``der(w)``; it adds no unknown and no equation.
 
+    Where no equation of the model holds that derivative, it is computed when it is asked for.
+
     Parameters
     ----------
     of : str
-        The variable, which has to have a derivative in the class's equations.
+        The variable.
     unit, description : str
         SI unit and a few words.
     """

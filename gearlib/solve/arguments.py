@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from functools import lru_cache
 
 import numpy as np
@@ -12,10 +13,11 @@ from gearlib.errors import ArgumentError, nearest
 from gearlib.solve.methods import METHODS
 
 Floats = NDArray[np.float64]
+SMALL = 1e8  # bytes of results that fit anywhere
 
 
-def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None) -> Floats:
-    """The output times, or an `ArgumentError` that says what is wrong with what was asked for."""
+def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None, states: int = 0) -> Floats:
+    """The output times, or an `ArgumentError` that says what is wrong with what was asked for; ``states`` are kept at each."""
     for name, value in (("t_start", t_start), ("t_end", t_end)):
         if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
             raise ArgumentError(f"{name} is {value!r}; expected a finite number of seconds")
@@ -35,7 +37,21 @@ def output_times(t_start: float, t_end: float, samples: int | None, times: Array
     count = 501 if samples is None else samples
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
         raise ArgumentError(f"samples is {samples!r}; expected a whole number, 2 or more")
+    needed = 8.0 * int(count) * (1 + states)
+    if needed > SMALL and needed > (there := _memory()):
+        raise ArgumentError(
+            f"samples is {samples!r}: time and {states} states at so many times take {needed / 1e9:.3g} GB, and this machine has "
+            f"{there / 1e9:.3g}; ask for fewer, or for the end of the run only: times=[{t_end:g}]"
+        )
     return np.linspace(t_start, t_end, int(count))
+
+
+def _memory() -> float:
+    """Bytes of the machine's memory, where the system tells."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE")) * float(os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, ValueError, OSError):
+        return 64e9
 
 
 @lru_cache(maxsize=4)
@@ -46,8 +62,6 @@ def _check_times(grid: bytes, t_start: float, t_end: float) -> None:
         raise ArgumentError("times must be an increasing sequence of finite numbers")
     if times[0] < t_start or times[-1] > t_end:
         raise ArgumentError(f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {times[0]:g} .. {times[-1]:g}")
-    if times[0] > t_start:
-        raise ArgumentError(f"times must begin at t_start ({t_start:g}), got {times[0]:g}")
 
 
 def check_options(method: str, rtol: float) -> None:

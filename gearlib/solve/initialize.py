@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.modes import relations_of
 from gearlib.codegen.numbers import start_guess
+from gearlib.codegen.program import Program
 from gearlib.codegen.sensitivity import sensitivity
-from gearlib.errors import StartError
+from gearlib.errors import NameLookupError, StartError
 from gearlib.flatten.model import FlatModel
-from gearlib.solve.scene import Numbers, Scene, node_name
+from gearlib.solve.scene import Numbers, Scene, modes_at_start, node_name
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
 
@@ -34,13 +36,37 @@ class Start:
     free: tuple[str, ...]  # states that nothing fixes
 
 
+def start_variable(model: FlatModel, name: str) -> int:
+    """The number of a variable that a start value is given for.
+
+    Raises
+    ------
+    NameLookupError
+        No such variable, or one that has no start value: a derivative, a discrete variable, an input.
+    """
+    if isinstance(name, str):
+        base, order = model.column(name)
+        if order and model.find(base) is not None:
+            raise NameLookupError(f"{name} is a derivative, which has no start value; {base} has one")
+        if name in model.discretes.names:
+            part, _, local = name.rpartition(".")
+            raise NameLookupError(
+                f"{name} is a discrete variable; its start value is part of the model: start={{'{local}': ...}} of {part or 'it'}"
+            )
+    found = model.variable(name)
+    if model.representative[found] in model.inputs:
+        raise NameLookupError(f"{name} is an input, which has no start value; give inputs={{'{name}': ...}}")
+    return found
+
+
 def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, float]) -> dict[int, tuple[float, str]]:
-    """Fixed start values by representative variable, with the name under which each was given."""
+    """Fixed start values by representative variable, with the name under which each was given; those of a run win."""
     fixed: dict[int, tuple[float, str]] = {}
+    own = {int(model.representative[v]) for v in overrides}
     given = [
         (int(v), float(parameters[slot]))
         for v, slot, is_fixed in zip(model.starts.variables, model.starts.slots, model.starts.fixed, strict=True)
-        if is_fixed and int(v) not in overrides
+        if is_fixed and int(model.representative[v]) not in own
     ]
     for v, value in [*given, *overrides.items()]:
         rep, sign = int(model.representative[v]), int(model.sign[v])
@@ -101,39 +127,57 @@ def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, ove
     free = [i for i in range(len(everything)) if i not in direct]
     settled = set(direct)
     if others:
-        settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free)
+        own = {int(model.representative[v]) for v in overrides}
+        settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free, own)
     open_ = tuple(name for name, i in zip(scene.state_names, scene.places.tolist(), strict=True) if i not in settled)
     return Start(x[scene.places], guess, open_)
 
 
 def _satisfy(
     structure: Structure, scene: Scene, parameters: Floats, inputs: Floats, t: float, x: Floats, guess: Floats,
-    others: list[Node], fixed: Mapping[int, tuple[float, str]], free: list[int],
+    others: list[Node], fixed: dict[int, tuple[float, str]], free: list[int], own: Collection[int] = (),
 ) -> set[int]:  # fmt: skip
-    """Move the free states (as little as possible) until the other fixed values hold. Changes ``x``; returns what moved."""
+    """Move the free states (as little as possible) until the other fixed values hold. Changes ``x``; returns what moved.
+
+    A variable whose value is given for this run (one of ``own``) and that follows from a single state stands for that state, so
+    that the model's start value of the state gives way.
+    """
     program = build(structure, others, structure.states, dynamic=False)
     prepared = prepare(program, structure, parameters)
     wanted = np.array([fixed[v][0] for v, _ in others])
     here = Scene(structure, structure.states)
-    scale = here.nominal[free] if free else np.empty(0)
     start = here.guess(program, guess)
     slots_of = program.output_slots
-    u = inputs[:, None]
-    flags = np.zeros((scene.n_modes, 1))
+    u, now = inputs[:, None], np.array([t])
+    settle = _modes_of(structure, program, parameters, now, u)
+    flags = settle(x)
+
+    def gradients(slots: Floats) -> Floats:
+        return _dense(sensitivity(prepared, t, slots[:, 0], flags[:, 0], range(len(x)))[slots_of])
+
+    if own:
+        rows = gradients(evaluate(prepared, now, x[:, None], u, flags, start))
+        for row, (v, _) in zip(rows, others, strict=True):
+            needed = np.flatnonzero(row).tolist() if v in own else []
+            if len(needed) == 1 and needed[0] not in free and structure.states[needed[0]][0] not in own:
+                free = [*free, needed[0]]
+                fixed.pop(structure.states[needed[0]][0])
+    scale = here.nominal[free] if free else np.empty(0)
     moved: set[int] = set()
     for _ in range(30):
         slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
         error = slots[slots_of, 0] - wanted
         if not moved and free:
-            gradient = _dense(sensitivity(prepared, t, slots[:, 0], flags[:, 0], range(len(x)))[slots_of])
+            gradient = gradients(slots)
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
         if (np.abs(error) <= 1e-12 * np.maximum(1.0, np.abs(wanted))).all() or not free:
             break
-        gradient = _dense(sensitivity(prepared, t, slots[:, 0], flags[:, 0], range(len(x)))[slots_of])
+        gradient = gradients(slots)
         step = _basic_solution(gradient[:, free] * scale, -error) * scale
         x[free] += step
         if not step.any():
             break
+        flags = settle(x)
     slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
     error = slots[slots_of, 0] - wanted
     bad = np.flatnonzero(~(np.abs(error) <= TOLERANCE * np.maximum(1.0, np.abs(wanted))))
@@ -144,8 +188,28 @@ def _satisfy(
         raise StartError(
             f"start values contradict each other: {fixed[others[i][0]][1]} is fixed at {wanted[i]:g}, but {others_text}the equations "
             f"make it {slots[slots_of[i], 0]:g}; fix fewer, or give some of them as guess={{...}}"
+            + _follows(structure, fixed[others[i][0]][1], gradients(slots)[i])
         )
     return moved
+
+
+def _follows(structure: Structure, name: str, gradient: Floats) -> str:
+    """Which states a variable is computed from, as the end of a message."""
+    states = [node_name(structure.model, structure.states[i]) for i in np.flatnonzero(gradient).tolist()]
+    return f"; {name} follows from {', '.join(states[:6])}{', ...' if len(states) > 6 else ''}" if states else ""
+
+
+def _modes_of(
+    structure: Structure, program: Program, parameters: Floats, t: Floats, inputs: Floats
+) -> Callable[[Floats], Floats]:
+    """The modes of a program at a start, as a function of the states."""
+    model = structure.model
+    relations = relations_of(structure, program) if model.n_modes else None
+    if relations is None or not (len(relations.used) or relations.discretes):
+        none = np.zeros((model.n_modes, 1))
+        return lambda x: none
+    prepared = prepare(relations.program, structure, parameters)
+    return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs)
 
 
 def _independent(matrix: Floats) -> NDArray[np.int64]:

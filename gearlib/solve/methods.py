@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import math
 import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from gearlib.codegen.evaluate import owner_of
 from gearlib.codegen.layout import Shared
 from gearlib.codegen.native import NativeScene
-from gearlib.errors import ArgumentError, SolverError
+from gearlib.errors import ArgumentError, GearlibError, SolverError
 from gearlib.solve.initialize import Start
 from gearlib.solve.lti import linear_form, time_conditions
 from gearlib.solve.problem import Native, Problem, Solution
@@ -268,9 +267,9 @@ class _Keep:
         self.problem: BaseException | None = None
 
     def failure(self) -> BaseException | None:
-        if self.problem is None:
-            return None
-        return SolverError(f"an input raised {type(self.problem).__name__}: {self.problem}")
+        if self.problem is None or isinstance(self.problem, GearlibError):
+            return self.problem
+        return SolverError(f"the run was stopped by {type(self.problem).__name__}: {self.problem}")
 
 
 @dataclass(frozen=True)
@@ -354,10 +353,7 @@ def _feed(
     def call(t: float, x: Any, out: Any, data: Any, index: Any) -> int:
         try:
             for k, signal in moving:
-                value = float(signal(t))
-                if not math.isfinite(value):
-                    raise ValueError(f"{value} at t = {t:g} s")
-                data[shared.inputs + k] = value
+                data[shared.inputs + k] = signal(t)
         except Exception as problem:  # it must not cross the native frames
             keep.problem = problem
             return -1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,8 +15,9 @@ from gearlib.codegen.evaluate import evaluate, owner_of, prepare
 from gearlib.codegen.modes import relations_of
 from gearlib.codegen.program import Program
 from gearlib.errors import NameLookupError, SolverError
+from gearlib.solve.jumps import refuse_jumps
 from gearlib.solve.methods import Outcome, Run
-from gearlib.solve.scene import Scene, settle_once
+from gearlib.solve.scene import Scene, node_name, settle_once
 from gearlib.solve.table import values
 from gearlib.structure.incidence import Node
 
@@ -36,10 +39,10 @@ class Part:
     computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
 
     @classmethod
-    def of(cls, run: Run, outcome: Outcome) -> Part:
-        """What a run brought back."""
-        time = run.times[: len(outcome.states)]
-        return cls(run.scene, time, outcome.states, outcome.relations, run.numbers.parameters, run.signals, run.start.guess)
+    def of(cls, run: Run, outcome: Outcome, first: int = 0) -> Part:
+        """What a run brought back, from one of its samples on."""
+        time, states, modes = run.times[first : len(outcome.states)], outcome.states[first:], outcome.relations[first:]
+        return cls(run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess)
 
     def history(self, node: Node) -> Floats:
         """A variable that depends on the integrated states."""
@@ -49,8 +52,21 @@ class Part:
                 self.known[node] = self.states[:, place].copy()
             else:
                 found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
-                self.known[node] = found[1][found[0].slots[node]]
+                history = self.known[node] = found[1][found[0].slots[node]]
+                if not math.isfinite(np.vdot(history, history)):  # the quickest look at all of them
+                    self._tell(node, history)
         return self.known[node]
+
+    def _tell(self, node: Node, history: Floats) -> None:
+        """Warn of values that are not finite."""
+        bad = np.flatnonzero(~np.isfinite(history))
+        if len(bad):
+            more = f" and at {len(bad) - 1} more samples" if len(bad) > 1 else ""
+            warnings.warn(
+                f"{node_name(self.scene.model, node)} is {history[bad[0]]} at t = {self.time[bad[0]]:.9g} s{more}: its equations give it "
+                "no finite value there",
+                RuntimeWarning, stacklevel=5,
+            )  # fmt: skip
 
     def discrete(self, name: str) -> Floats:
         """A discrete variable."""
@@ -70,6 +86,8 @@ class Part:
     def _compute(self, node: Node) -> tuple[Program, Floats]:
         scene = self.scene
         program = scene.computing(node)
+        if scene.structure.switching and len(self.time):
+            refuse_jumps(scene.structure, program, self.parameters, float(self.time[0]), float(self.time[-1]))
         prepared = prepare(program, scene.structure, self.parameters)
         inputs = self._inputs(program)
         modes = self._modes_for(program, inputs)

@@ -3,6 +3,8 @@
 ``side[k]`` is the established sign of event function k, which goes with what its relation holds, or, where the event iteration does
 not say so, its sign at the start, 0 where it was exactly zero. A root has flipped where the function has another sign; a value of
 exactly zero has not. A function that leaves zero has flipped, too: a relation such as ``w > 0`` changes there.
+
+Rows of ``s.g``: the event functions at the beginning of a step and at its end, their slopes there, and three for a bracket.
 """
 
 from __future__ import annotations
@@ -11,58 +13,72 @@ import math
 from typing import Any
 
 from gearlib.solve.native_call import call_native, inner
-from gearlib.solve.rk_stages import interpolate, interpolation_weights
-from gearlib.solve.rk_steps import dense_stages, take_step
+from gearlib.solve.rk_frame import doubles, ints
+from gearlib.solve.rk_stages import add_slope, dense_output, interpolate, last_stage
 
-__all__ = ["crossing", "flipped", "slopes"]
+__all__ = ["crossing", "flipped", "row", "slopes"]
 
+OLD, NEW, SLOPE_OLD, SLOPE_NEW, LOW, HIGH, FREE = range(7)
 _ROUNDING = 4.4e-16
+AT_ONCE = 1e-9  # the part of a step after which a function that has left its side from the start is an event
+NEAR_START, NEAR_END = 0.05, 0.98  # outside these parts of a step the dense output is as accurate as the step
 
 
 @inner()
-def _copy(a: Any, b: Any) -> None:
-    for i in range(a.size):  # numba takes a second to compile the checks of a slice assignment
-        b[i] = a[i]
+def row(s: Any, i: int) -> int:
+    """Address of a row of ``g``."""
+    address: int = s.g + 8 * i * s.n_roots
+    return address
 
 
 @inner()
-def flipped(g: Any, side: Any) -> bool:
-    """Whether any event function has left its side."""
-    for k in range(side.size):  # noqa: SIM110  (numba)
+def _copy(s: Any, i: int, j: int) -> None:
+    """Row i of ``g`` to row j."""
+    a, b = doubles(row(s, i), s.n_roots), doubles(row(s, j), s.n_roots)
+    for k in range(s.n_roots):  # numba takes a second to compile the checks of a slice assignment
+        b[k] = a[k]
+
+
+@inner()
+def flipped(s: Any, i: int) -> bool:
+    """Whether any event function has left its side, as row i of ``g`` has it."""
+    g, side = doubles(row(s, i), s.n_roots), ints(s.side, s.n_roots)
+    for k in range(s.n_roots):  # noqa: SIM110  (numba)
         if g[k] * side[k] < 0.0 or (side[k] == 0 and g[k] != 0.0):
             return True
     return False
 
 
 @inner()
-def slopes(native: Any, t: float, h: float, x: Any, f: Any, g: Any, y: Any, slope: Any) -> None:
-    """``slope`` = time derivative of the event functions ``g`` along the solution, by a difference over a part of ``h``."""
+def slopes(s: Any, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
+    """Row j of ``g`` = time derivative of the event functions of row i, by a difference over a part of ``h`` along the solution."""
     dt = 1e-4 * h
-    for i in range(x.size):
-        y[i] = x[i] + dt * f[i]
-    call_native(native[1], t + dt, y.ctypes.data, slope.ctypes.data, native[3], native[4])
-    for k in range(slope.size):
+    add_slope(x, dt, f, s.y, s.size)
+    call_native(s.roots, t + dt, s.y, row(s, j), s.data, s.index)
+    g, slope = doubles(row(s, i), s.n_roots), doubles(row(s, j), s.n_roots)
+    for k in range(s.n_roots):
         slope[k] = (slope[k] - g[k]) / dt
 
 
 @inner()
-def _look(order: int, native: Any, t: float, h: float, x: Any, k: Any, b: Any, y: Any, theta: float, g: Any) -> None:
-    """``y``, ``g`` = state and event functions at ``t + theta h``, from the dense output."""
-    interpolation_weights(order, theta, b)
-    interpolate(order, x, h, k, b, y)
-    call_native(native[1], t + theta * h, y.ctypes.data, g.ctypes.data, native[3], native[4])
+def _look(s: Any, t: float, h: float, theta: float, i: int) -> None:
+    """``y`` and row i of ``g`` = state and event functions at ``t + theta h``, from the dense output."""
+    interpolate(s, theta, h, s.y)
+    call_native(s.roots, t + theta * h, s.y, row(s, i), s.data, s.index)
 
 
 @inner()
-def _dip(h: float, g_old: Any, g_new: Any, slope_old: Any, slope_new: Any, side: Any) -> float:
+def _dip(s: Any, h: float) -> float:
     """Where within the step a function that keeps its side at both ends may have crossed zero twice; 2 where none may.
 
     Its cubic through both ends has a minimum, not far above zero compared with how steeply it gets there.
     """
-    first = 2.0
-    for k in range(side.size):
+    n, first = s.n_roots, 2.0
+    side, old, new = ints(s.side, n), doubles(row(s, OLD), n), doubles(row(s, NEW), n)
+    slope_old, slope_new = doubles(row(s, SLOPE_OLD), n), doubles(row(s, SLOPE_NEW), n)
+    for k in range(n):
         sign = side[k]
-        a, b, da, db = sign * g_old[k], sign * g_new[k], sign * slope_old[k] * h, sign * slope_new[k] * h
+        a, b, da, db = sign * old[k], sign * new[k], sign * slope_old[k] * h, sign * slope_new[k] * h
         if not (da < 0.0 and db > 0.0):
             continue
         c2, c3 = 3.0 * (b - a) - 2.0 * da - db, 2.0 * (a - b) + da + db
@@ -74,31 +90,30 @@ def _dip(h: float, g_old: Any, g_new: Any, slope_old: Any, slope_new: Any, side:
 
 
 @inner()
-def _locate(
-    order: int, native: Any, t: float, h: float, x: Any, k: Any, b: Any, y: Any, low: float, high: float, tolerance: float,
-    g: Any, side: Any,
-) -> float:  # fmt: skip
+def _locate(s: Any, t: float, h: float, low: float, high: float, tolerance: float) -> float:
     """Right end of a bracket, no wider than ``tolerance``, of the first flip between ``low`` and ``high``.
 
     The Illinois method on the event function that seems to cross first, as in SUNDIALS, with bisections where it lasts. The
-    rows of ``g`` (low, high, free) hold the event functions at both ends at the start.
+    rows LOW and HIGH of ``g`` hold the event functions at both ends at the start, and HIGH those at the right end afterwards.
     """
-    lo, hi, free = 0, 1, 2
+    lo, hi, free = LOW, HIGH, FREE
+    side = ints(s.side, s.n_roots)
     alpha, last_moved = 1.0, 0
     for trial in range(200):
         if high - low <= tolerance:
             break
         fraction = 0.0
-        for i in range(side.size):
-            if g[hi, i] * side[i] < 0.0 or (side[i] == 0 and g[hi, i] != 0.0):
-                fraction = max(fraction, g[hi, i] / (g[hi, i] - alpha * g[lo, i]))
+        below, above = doubles(row(s, lo), s.n_roots), doubles(row(s, hi), s.n_roots)
+        for i in range(s.n_roots):
+            if above[i] * side[i] < 0.0 or (side[i] == 0 and above[i] != 0.0):
+                fraction = max(fraction, above[i] / (above[i] - alpha * below[i]))
         # at least half a tolerance inside, and not so near an end of a wide bracket that it never shrinks
         margin = max(0.5 * tolerance / (high - low), 1e-12)
         if trial > 15 and trial % 2 == 0:  # it jumps, as an input may: no line through both ends says where
             fraction = 0.5
         theta = high - (high - low) * min(max(fraction, margin), 1.0 - margin)
-        _look(order, native, t, h, x, k, b, y, theta, g[free])
-        if flipped(g[free], side):
+        _look(s, t, h, theta, free)
+        if flipped(s, free):
             high, hi, free = theta, free, hi
             alpha = 0.5 * alpha if last_moved == 1 else 1.0
             last_moved = 1
@@ -106,73 +121,53 @@ def _locate(
             low, lo, free = theta, free, lo
             alpha = 2.0 * alpha if last_moved == 2 else 1.0
             last_moved = 2
-    if hi != 1:
-        _copy(g[hi], g[1])
+    if hi != HIGH:
+        _copy(s, hi, HIGH)
     return high
 
 
 @inner()
-def crossing(
-    order: int, native: Any, t: float, h: float, x: Any, x_new: Any, k: Any, b: Any, y: Any, g: Any, side: Any
-) -> tuple[int, float, float, int]:
+def crossing(s: Any, t: float, h: float, error: float) -> tuple[int, float]:
     """Look for the first event in the step from ``x`` to ``x_new``.
 
-    Returns ``(found, h, theta, rhs)``. Without an event the step stands, or was cut to a shorter ``h`` (found = 0). With one,
-    the step was repeated up to the event, so that its full accuracy holds there, and ``x_new`` is the state at ``t + theta h``,
-    ``theta`` close to 1, just after the flip; row 1 of ``g`` is taken there (found = 1). found = -1: the repeated step failed.
-    Rows of ``g``: old and new values, old and new slopes, three for the bracket.
+    Returns ``(found, theta)``. Without an event the step stands (found = 0). With one, ``x_new`` becomes the state just after the
+    flip, at ``t + theta h``, and row NEW of ``g`` is taken there (found = 1). Where the dense output is not as accurate as the
+    tolerance asks for, the step is to be tried again up to there (found = -1).
     """
-    call_native(native[1], t + h, x_new.ctypes.data, g[1].ctypes.data, native[3], native[4])
-    slopes(native, t + h, h, x_new, k[6 if order == 5 else 12], g[1], y, g[3])
-    bracket = g[4:7]
-    high = 1.0
-    if flipped(g[1], side):
-        _copy(g[1], bracket[1])
-        extra = dense_stages(order, native, t, h, x, k, y)
+    call_native(s.roots, t + h, s.x_new, row(s, NEW), s.data, s.index)
+    slopes(s, t + h, h, s.x_new, last_stage(s), NEW, SLOPE_NEW)
+    low, high = 0.0, 1.0
+    if flipped(s, OLD):  # on the wrong side from the start
+        dense_output(s, t, h)
+        _look(s, t, h, AT_ONCE, HIGH)
+        if flipped(s, HIGH):
+            _take(s, t, h, AT_ONCE)
+            return 1, AT_ONCE
+        low = AT_ONCE
+        _copy(s, HIGH, LOW)
     else:
-        high = _dip(h, g[0], g[1], g[2], g[3], side)
+        _copy(s, OLD, LOW)
+    if flipped(s, NEW):
+        _copy(s, NEW, HIGH)
+    else:
+        high = _dip(s, h)
         if high >= 1.0:
-            return 0, h, 1.0, 0
-        extra = dense_stages(order, native, t, h, x, k, y)
-        _look(order, native, t, h, x, k, b, y, high, bracket[1])
-        if not flipped(bracket[1], side):
-            return 0, h, 1.0, extra
-    _copy(g[0], bracket[0])
-    if flipped(g[0], side):  # on the wrong side from the start
-        h_event = 1e-9 * h
-    else:
-        h_event = h * _locate(order, native, t, h, x, k, b, y, 0.0, high, 1e-6, bracket, side)
-    if take_step(order, native, t, h_event, x, x_new, k, y) != 0:
-        return -1, h_event, 1.0, extra
-    extra += dense_stages(order, native, t, h_event, x, k, y) + (6 if order == 5 else 12)
-    low, high = 1.0, 1.0
-    width = 4e-6
-    call_native(native[1], t + h_event, x_new.ctypes.data, g[1].ctypes.data, native[3], native[4])
-    if flipped(g[1], side):
-        _copy(g[1], bracket[1])
-        while low > 0.0:
-            low = 1.0 - width if width < 0.5 else 0.0
-            _look(order, native, t, h_event, x, k, b, y, low, bracket[0])
-            if low == 0.0 or not flipped(bracket[0], side):
-                break
-            width *= 16.0
-        if low == 0.0:
-            _copy(g[0], bracket[0])
-    else:
-        _copy(g[1], bracket[0])
-        while True:
-            high = 1.0 + width
-            _look(order, native, t, h_event, x, k, b, y, high, bracket[1])
-            if flipped(bracket[1], side):
-                break
-            width *= 16.0
-            if width > 0.1:  # the event is further on than the first step said: leave it to the next step
-                slopes(native, t + h_event, h_event, x_new, k[6 if order == 5 else 12], g[1], y, g[3])
-                return 0, h_event, 1.0, extra
-    rounding = _ROUNDING * (1.0 + abs(t) / h_event)
-    theta = _locate(order, native, t, h_event, x, k, b, y, low, high, rounding, bracket, side)
-    if theta != 1.0:
-        _look(order, native, t, h_event, x, k, b, y, theta, g[1])
-        _copy(y, x_new)
-    _copy(bracket[1], g[1])  # what is evaluated anew may differ by rounding, and may not have flipped
-    return 1, h_event, theta, extra
+            return 0, 1.0
+        dense_output(s, t, h)
+        _look(s, t, h, high, HIGH)
+        if not flipped(s, HIGH):
+            return 0, 1.0
+    dense_output(s, t, h)
+    theta = _locate(s, t, h, low, high, _ROUNDING * (1.0 + abs(t) / h))
+    if NEAR_START < theta < NEAR_END and error > (0.3 if s.order == 5 else 0.1):
+        return -1, theta
+    _take(s, t, h, theta)
+    return 1, theta
+
+
+@inner()
+def _take(s: Any, t: float, h: float, theta: float) -> None:
+    """Let the step end at ``theta``, where row HIGH of ``g`` was taken."""
+    if theta < 1.0:
+        interpolate(s, theta, h, s.x_new)
+    _copy(s, HIGH, NEW)  # what is evaluated anew may differ by rounding, and may not have flipped

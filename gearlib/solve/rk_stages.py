@@ -1,7 +1,6 @@
-"""The linear combinations of a Runge-Kutta step, compiled as parts of the loop in ``rk_loop``.
+"""Stages, error estimates and dense output of the two Runge-Kutta methods, compiled as parts of the loop in ``rk_loop``.
 
-``k[j]`` is the right-hand side at stage j. Each combination is one loop over the states with the coefficients as constants,
-which LLVM turns into vector instructions.
+Row j of ``s.k`` is the right-hand side at stage j, ``s`` being the record of ``rk_frame``.
 """
 
 from __future__ import annotations
@@ -9,205 +8,109 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-from llvmlite import ir
-from numba import extending, types
-
 from gearlib.solve.native_call import inner
-from gearlib.solve.tableaux import DOP853_A, DOP853_D, DOP853_E, TSIT5_A, TSIT5_E, TSIT5_R
+from gearlib.solve.rk_vectors import combiner, measurer, mover, polynomial, rows_of, stepper
+from gearlib.solve.tableaux import DOP853_A, DOP853_C, DOP853_D, DOP853_E, TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
 
-__all__ = ["error5", "error8", "interpolate", "interpolation_weights", "stage5", "stage8"]
+__all__ = ["add_slope", "dense_output", "interpolate", "last_stage", "move", "step_error", "take_step"]
 
-_TABLES = (TSIT5_A, DOP853_A, (TSIT5_E,), DOP853_E)
-A5, A8, E5, E8 = range(4)
-_R5 = np.array(TSIT5_R)
-_B8 = np.array(DOP853_A[12])
-_D8 = np.array(DOP853_D)
-# sums may be reordered and fused, but not-a-number is kept: it is how a failed step is recognised
-_FAST = {"contract", "reassoc", "nsz"}
-
-
-def _make_sum(typing_context: Any, table: Any, row: Any, k: Any, i: Any) -> Any:
-    """``_sum(table, row, k, i)``: ``sum_j a[j] k[j, i]`` over the coefficients a, not zero, of a row of a table, both literal.
-
-    Written out in Python, the 150 products of both methods take numba 10 s longer to compile.
-    """
-    coefficients = _TABLES[table.literal_value][row.literal_value]
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[2])(context, builder, arguments[2])
-        columns = builder.extract_value(array.shape, 1)
-        total = None
-        for j, a in enumerate(coefficients):
-            if a != 0.0:
-                place = builder.add(builder.mul(columns, ir.Constant(columns.type, j)), arguments[3])
-                value = builder.load(builder.gep(array.data, [place], inbounds=True))
-                product = builder.fmul(ir.Constant(ir.DoubleType(), a), value, flags=("contract",))
-                total = product if total is None else builder.fadd(total, product, flags=("contract",))
-        return total
-
-    return types.float64(table, row, k, types.intp), generate
+# Order 8's estimate is the square of one of order 5 over one of order 3. The former passes through zero now and then: below DIP
+# times what the last steps' proportion of the two, which goes with h^4, lets expect, it is not believed. Where the latter has
+# grown by more than KINK times beyond its h^4, the right-hand side has a kink, and the former may be of any size.
+DIP, KINK = 0.1, 50.0
+TINY = 1e-250  # below it arithmetic may be slow: a load that nothing has reached yet is at rest
 
 
-_intrinsic: Any = extending.intrinsic
-_sum: Any = _intrinsic(prefer_literal=True)(_make_sum)
+_B8 = (*DOP853_A[12], 0.0, 0.0, 0.0, 0.0)
+_START8 = [1.0] + [0.0] * 15
+_BOTH8 = [1.0] + [0.0] * 11 + [1.0] + [0.0] * 3
+# Hairer's nested form: theta (F0 + u (F1 + theta (F2 + u (F3 + theta (F4 + u (F5 + theta F6)))))), u = 1 - theta, in units of h
+_F8 = (
+    _B8,
+    [k - b for k, b in zip(_START8, _B8, strict=True)],
+    [2.0 * b - k for k, b in zip(_BOTH8, _B8, strict=True)],
+    *DOP853_D,
+)
+_F5 = tuple(zip(*TSIT5_R, strict=True))
+
+_step5 = stepper(TSIT5_A, TSIT5_C, 1, 6, 6)
+_step8 = stepper(DOP853_A, DOP853_C, 1, 12, 12)
+_more8 = stepper(DOP853_A, DOP853_C, 13, 15, 12)
+_errors5, _errors8 = measurer((TSIT5_E,), 6), measurer(DOP853_E, 12)
+_coefficients5, _coefficients8 = rows_of(_F5), rows_of(_F8)
+_polynomial5, _polynomial8 = polynomial(4), polynomial(7)
+add_slope: Any = combiner((1.0,))  # (x, h, f, y, size): y = x + h f
+move: Any = mover(TINY)
 
 
 @inner()
-def _larger(a: float, b: float) -> float:
-    a, b = abs(a), abs(b)
-    return a if a > b else b
-
-
-@inner(fastmath={"contract"})
-def stage5(s: int, x: Any, h: float, k: Any, y: Any) -> None:
-    """``y`` = argument of stage ``s`` of Tsitouras' method; stage 6 is the new state."""
-    n = x.size
-    if s == 1:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A5, 1, k, i)
-    elif s == 2:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A5, 2, k, i)
-    elif s == 3:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A5, 3, k, i)
-    elif s == 4:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A5, 4, k, i)
-    elif s == 5:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A5, 5, k, i)
-    else:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A5, 6, k, i)
-
-
-@inner(fastmath={"contract"})
-def stage8(s: int, x: Any, h: float, k: Any, y: Any) -> None:
-    """``y`` = argument of stage ``s`` of DOP853; stage 12 is the new state, 13 to 15 serve the dense output."""
-    n = x.size
-    if s == 1:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 1, k, i)
-    elif s == 2:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 2, k, i)
-    elif s == 3:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 3, k, i)
-    elif s == 4:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 4, k, i)
-    elif s == 5:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 5, k, i)
-    elif s == 6:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 6, k, i)
-    elif s == 7:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 7, k, i)
-    elif s == 8:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 8, k, i)
-    elif s == 9:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 9, k, i)
-    elif s == 10:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 10, k, i)
-    elif s == 11:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 11, k, i)
-    elif s == 12:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 12, k, i)
-    elif s == 13:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 13, k, i)
-    elif s == 14:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 14, k, i)
-    else:
-        for i in range(n):
-            y[i] = x[i] + h * _sum(A8, 15, k, i)
-
-
-@inner(fastmath=_FAST)
-def error5(x: Any, x_new: Any, h: float, k: Any, y: Any, atol: Any, rtol: float, last: Any) -> float:
-    """Root mean square of the error estimate over its tolerance.
-
-    ``y`` is the argument of the last stage but one, which belongs to the same time as the last one. ``last`` gets how these two
-    differ, over the tolerance: the squares of h times the right-hand side and of the argument, and their scalar product.
-    """
-    total = slopes = moves = product = 0.0
-    for i in range(x.size):
-        weight = 1.0 / (atol[i] + rtol * _larger(x[i], x_new[i]))
-        total += (weight * _sum(E5, 0, k, i)) ** 2
-        slope, move = weight * (k[6, i] - k[5, i]), weight * (x_new[i] - y[i])
-        slopes += slope * slope
-        moves += move * move
-        product += slope * move
-    last[0], last[1], last[2] = h * h * slopes, moves, h * product
-    return h * math.sqrt(total / x.size)
-
-
-@inner(fastmath=_FAST)
-def error8(x: Any, x_new: Any, h: float, k: Any, y: Any, atol: Any, rtol: float, last: Any) -> float:
-    """Hairer's blend of the root mean squares of two estimates, of order 3 and 5, over their tolerance; ``last`` as above."""
-    total3 = total5 = slopes = moves = product = 0.0
-    for i in range(x.size):
-        weight = 1.0 / (atol[i] + rtol * _larger(x[i], x_new[i]))
-        total3 += (weight * _sum(E8, 0, k, i)) ** 2
-        total5 += (weight * _sum(E8, 1, k, i)) ** 2
-        slope, move = weight * (k[12, i] - k[11, i]), weight * (x_new[i] - y[i])
-        slopes += slope * slope
-        moves += move * move
-        product += slope * move
-    last[0], last[1], last[2] = h * h * slopes, moves, h * product
-    if total5 == 0.0:
-        return 0.0
-    return h * total5 / math.sqrt((total5 + 0.01 * total3) * x.size)
+def last_stage(s: Any) -> int:
+    """Address of the right-hand side at the end of the step."""
+    address: int = s.k + 8 * s.size * (6 if s.order == 5 else 12)
+    return address
 
 
 @inner()
-def interpolation_weights(order: int, theta: float, b: Any) -> None:
-    """``b`` = weights of the stages in the dense output at ``t + theta h``."""
-    if order == 5:
-        for i in range(7):
-            b[i] = theta * (_R5[i, 0] + theta * (_R5[i, 1] + theta * (_R5[i, 2] + theta * _R5[i, 3])))
+def take_step(s: Any, t: float, h: float) -> int:
+    """Fill ``x_new`` and the stages of a step from ``x``, whose right-hand side is ``k[0]``; the code of a failing one."""
+    s.dense = 0
+    if s.order == 5:
+        code: int = _step5(s.rhs, s.data, s.index, t, h, s.x, s.y, s.x_new, s.k, s.size)
+        s.evaluations += 6
+    else:
+        code = _step8(s.rhs, s.data, s.index, t, h, s.x, s.y, s.x_new, s.k, s.size)
+        s.evaluations += 12
+    return code
+
+
+@inner()
+def _doubted(s: Any, h4: float, error: float, coarse: float) -> float:
+    """The estimate, or more where the estimate of order 3 makes it incredible."""
+    if not error < math.inf:
+        return error
+    s.ratio, s.rough = error / (coarse * h4) if coarse > 0.0 else 0.0, coarse / h4
+    error = max(error, DIP * s.ratios * coarse * h4)
+    if s.roughest > 0.0 and coarse > 1.0 and s.rough > KINK * s.roughest:
+        error = max(error, s.rough / s.roughest)
+    return error
+
+
+@inner()
+def step_error(s: Any, h: float) -> float:
+    """Root mean square of the error estimate over its tolerance; for order 8 Hairer's blend of two, of order 3 and 5.
+
+    The argument of the last stage but one, in ``y``, belongs to the same time as the last one. How these two differ, over the
+    tolerance, is noted: the squares of h times the right-hand side and of the argument, and their scalar product.
+    """
+    if s.order == 5:
+        total, slopes, moves, product = _errors5(s.x, s.x_new, s.y, s.k, s.atol, s.rtol, s.size)
+        error: float = h * math.sqrt(total / s.n)
+    else:
+        total3, total, slopes, moves, product = _errors8(s.x, s.x_new, s.y, s.k, s.atol, s.rtol, s.size)
+        error = h * total / math.sqrt((total + 0.01 * total3) * s.n) if total != 0.0 else 0.0
+        error = _doubted(s, h**4, error, h * math.sqrt(total3 / s.n))
+    s.slope, s.move, s.product = h * h * slopes, moves, h * product
+    return error
+
+
+@inner()
+def dense_output(s: Any, t: float, h: float) -> None:
+    """Make the polynomials of the dense output, of order 4 or 7, unless this was done for the step; three more stages for the latter."""
+    if s.dense == 1:
         return
-    # nested form of Hairer et al.: theta (F0 + u (F1 + theta (F2 + u (F3 + theta (F4 + u (F5 + theta F6)))))), u = 1 - theta
-    u = 1.0 - theta
-    p0 = theta
-    p1 = p0 * u
-    p2 = p1 * theta
-    p3 = p2 * u
-    p4 = p3 * theta
-    p5 = p4 * u
-    p6 = p5 * theta
-    for i in range(16):
-        b[i] = p3 * _D8[0, i] + p4 * _D8[1, i] + p5 * _D8[2, i] + p6 * _D8[3, i]
-        if i < 12:
-            b[i] += (p0 - p1 + 2.0 * p2) * _B8[i]
-    b[0] += p1 - p2
-    b[12] -= p2
-
-
-@inner(fastmath=_FAST)
-def interpolate(order: int, x: Any, h: float, k: Any, b: Any, y: Any) -> None:
-    """``y`` = dense output with the weights ``b``."""
-    if order == 5:
-        for i in range(x.size):
-            y[i] = x[i] + h * (
-                b[0] * k[0, i] + b[1] * k[1, i] + b[2] * k[2, i] + b[3] * k[3, i] + b[4] * k[4, i] + b[5] * k[5, i]
-                + b[6] * k[6, i]
-            )  # fmt: skip
+    s.dense = 1
+    if s.order == 5:
+        _coefficients5(s.k, s.c, s.size)
     else:
-        for i in range(x.size):
-            y[i] = x[i] + h * (
-                b[0] * k[0, i] + b[5] * k[5, i] + b[6] * k[6, i] + b[7] * k[7, i] + b[8] * k[8, i] + b[9] * k[9, i]
-                + b[10] * k[10, i] + b[11] * k[11, i] + b[12] * k[12, i] + b[13] * k[13, i] + b[14] * k[14, i]
-                + b[15] * k[15, i]
-            )  # fmt: skip
+        _more8(s.rhs, s.data, s.index, t, h, s.x, s.y, s.x_new, s.k, s.size)
+        s.evaluations += 3
+        _coefficients8(s.k, s.c, s.size)
+
+
+@inner()
+def interpolate(s: Any, theta: float, h: float, y: int) -> None:
+    """``y`` = dense output at the part ``theta`` of the step."""
+    if s.order == 5:
+        _polynomial5(s.x, h * theta, theta, theta, s.c, y, s.size)
+    else:
+        _polynomial8(s.x, h * theta, theta, 1.0 - theta, s.c, y, s.size)

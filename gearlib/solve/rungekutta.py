@@ -5,20 +5,24 @@ The integration itself is the compiled loop of ``rk_loop``; here the problem is 
 
 from __future__ import annotations
 
+import ctypes
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.solve.problem import Floats, Problem, Solution
+from gearlib.solve.problem import Floats, Integers, Problem, Solution
+from gearlib.solve.rk_layout import BLOCK, Frame
 
 __all__ = ["integrate"]
 
 PATIENCE = 12  # refused evaluations that are borne before a run is said to have left what its states describe
 _STEPS_PER_CALL = 20_000  # Python looks after interrupts in between
 _EVENTS_AT_FIRST = 256
-_ROWS = {5: 7, 8: 16}
+_ROWS = {5: (7, 4), 8: (16, 7)}  # stages, and polynomials of the dense output
 _METHODS = {5: "Tsitouras 5(4)", 8: "Dormand-Prince 8(5,3)"}
 
 
@@ -99,97 +103,147 @@ def integrate(
     times, tolerance = _checked(problem, times, rtol, atol, order)
     from gearlib.solve import rk_loop  # imports numba
 
-    n, n_roots = problem.x0.size, problem.n_roots if problem.roots is not None else 0
-    first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
-    data, index = np.array(problem.data, dtype=np.float64), np.ascontiguousarray(problem.index, dtype=np.int64)
-    x = np.array(problem.x0, dtype=np.float64)
-    out_x, out_modes = np.empty((times.size, n)), np.empty((times.size, max(last_mode - first_mode, 0)))
-    span = float(times[-1] - times[0])
-    clock = np.zeros(rk_loop.CLOCK_SIZE)
-    clock[: rk_loop.LAST] = times[0], first_step or 0.0, 0.0, 0.0, span, 0.1 * span
-    count = np.zeros(11, dtype=np.int64)
-    count[rk_loop.PATIENCE] = PATIENCE if may_leave else -1
-    addresses = tuple(0 if f is None else f.address for f in (problem.rhs, problem.roots, problem.update))
-    fixed = (
-        (*addresses, data.ctypes.data, index.ctypes.data), clock, count, x, np.empty(n), np.empty(n),
-        np.zeros((_ROWS[order], n)), np.empty(16), tolerance, float(rtol), times, out_x, out_modes, data, first_mode,
-        *_stops(problem.time_events, times), np.zeros((7, n_roots)), np.zeros(n_roots, dtype=np.int32),
-        np.zeros(n_roots, dtype=np.int32),
-    )  # fmt: skip
-    log_t, log_root = np.empty(_EVENTS_AT_FIRST + n_roots), np.empty(_EVENTS_AT_FIRST + n_roots, dtype=np.int64)
+    run = _prepare(problem, times, order, rtol, tolerance)
+    frame = run.frame
+    frame.h, frame.detect, frame.patience = first_step or 0.0, detect_stiffness, PATIENCE if may_leave else -1
+    address = ctypes.addressof(frame)
     code = rk_loop.MORE
     while code == rk_loop.MORE:
-        left = max_steps - int(count[rk_loop.STEPS])
-        if left <= 0 and clock[rk_loop.T] < times[-1]:
-            raise SolverError(f"gave up {_where(clock, count)}: max_steps is {max_steps}")
-        code = rk_loop.advance(order, *fixed, log_t, log_root, max(1, min(_STEPS_PER_CALL, left)), detect_stiffness)
-        if log_t.size < count[rk_loop.EVENTS] + n_roots + 2:
-            log_t, log_root = np.resize(log_t, 2 * log_t.size), np.resize(log_root, 2 * log_t.size)
-    events = int(count[rk_loop.EVENTS])
-    left = may_leave and code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED)
-    if code < 0 and not left:
-        more = problem.not_settled(float(clock[rk_loop.T]), x, data) if code == rk_loop.UPDATE_FAILED else ""
-        raise SolverError(_complaint(problem, code, _where(clock, count), log_root[max(0, events - 100) : events]) + more)
-    samples, status = int(count[rk_loop.SAMPLE]), "left" if left else ("stiff" if code == rk_loop.STIFF else "done")
+        left = max_steps - frame.steps
+        if left <= 0 and frame.t < times[-1]:
+            raise SolverError(f"gave up {_where(frame)}: max_steps is {max_steps}")
+        run.make_room()
+        frame.budget = max(1, min(_STEPS_PER_CALL, left))
+        code = rk_loop.advance(address)
+    left_behind = may_leave and code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED)
+    if code < 0 and not left_behind:
+        more = problem.not_settled(frame.t, run.x, run.data) if code == rk_loop.UPDATE_FAILED else ""
+        raise SolverError(_complaint(problem, code, run) + more)
+    return _solution(run, "left" if left_behind else ("stiff" if code == rk_loop.STIFF else "done"))
+
+
+@dataclass
+class _Run:
+    """The record that the compiled loop works on, and parts of what it points to."""
+
+    frame: Frame
+    whole: Floats  # all memory but an event log that has grown
+    x: Floats
+    data: Floats
+    times: Floats
+    out: Floats
+    modes: Floats
+    log_t: Floats
+    log_root: Integers
+
+    def make_room(self) -> None:
+        """Let the event log grow where it is nearly full."""
+        frame = self.frame
+        if frame.capacity < frame.events + frame.n_roots + 2:
+            frame.capacity = 2 * frame.capacity + frame.n_roots
+            self.log_t, self.log_root = np.resize(self.log_t, frame.capacity), np.resize(self.log_root, frame.capacity)
+            frame.log_t, frame.log_root = _address(self.log_t), _address(self.log_root)
+
+
+def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance: Floats) -> _Run:
+    """The record of a run, and its memory in one piece: a call of numpy takes as long as some steps of a small model."""
+    n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
+    stops, n_timed = _stops(problem.time_events, times)
+    first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
+    n_modes, size = max(last_mode - first_mode, 0), BLOCK * max(1, -(-n // BLOCK))
+    stages, polynomials = _ROWS[order]
+    capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
+    lengths = {
+        "x": size, "x_new": size, "y": size, "k": stages * size, "c": polynomials * size, "phases": 16, "g": 7 * n_roots, "side": n_roots,
+        "fired": n_roots, "atol": size, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
+        "times": n_times, "out": n_times * n, "modes": n_times * n_modes, "log_t": capacity, "log_root": capacity,
+    }  # fmt: skip
+    frame, whole = Frame(), np.empty(sum(lengths.values()))
+    first, at, parts = _address(whole), 0, {}
+    for name, length in lengths.items():
+        setattr(frame, name, first + 8 * at)
+        parts[name] = whole[at : at + length]
+        at += length
+    whole[: (frame.atol - first) // 8] = 0.0
+    parts["x"][:n], parts["atol"][n:], parts["atol"][:n] = problem.x0, 1.0, tolerance
+    parts["data"][:], parts["stops"][:], parts["times"][:] = problem.data, stops, times
+    parts["index"].view(np.int64)[:] = problem.index
+    frame.rhs, frame.roots, frame.update = (0 if f is None else f.address for f in (problem.rhs, problem.roots, problem.update))
+    frame.order, frame.n, frame.size, frame.n_roots = order, n, size, n_roots
+    frame.n_times, frame.n_stops, frame.n_timed, frame.capacity = n_times, stops.size, n_timed, capacity
+    frame.n_modes, frame.first_mode = n_modes, first_mode
+    frame.rtol, frame.t, frame.span = rtol, times[0], times[-1] - times[0]
+    frame.h_max = 0.1 * frame.span
+    return _Run(
+        frame, whole, parts["x"][:n], parts["data"], parts["times"], parts["out"].reshape(n_times, n),
+        parts["modes"].reshape(n_times, n_modes), parts["log_t"], parts["log_root"].view(np.int64),
+    )  # fmt: skip
+
+
+def _solution(run: _Run, status: str) -> Solution:
+    frame = run.frame
     stats: dict[str, Any] = {
-        "method": _METHODS[order], "order": order, "steps": int(count[rk_loop.STEPS] - count[rk_loop.REJECTED]),
-        "rejected": int(count[rk_loop.REJECTED]), "rhs": int(count[rk_loop.RHS]), "events": events,
+        "method": _METHODS[frame.order], "order": frame.order, "steps": frame.steps - frame.rejected,
+        "rejected": frame.rejected, "rhs": frame.evaluations, "events": frame.events,
     }  # fmt: skip
     if status != "done":
-        stats["data"] = data
+        stats["data"] = run.data.copy()
+    samples, events = frame.sample, frame.events
     return Solution(
-        t=times[:samples], x=out_x[:samples], modes=out_modes[:samples], status=status,
-        t_last=float(clock[rk_loop.T]), x_last=x, event_times=log_t[:events].copy(), event_roots=log_root[:events].copy(),
-        stats=stats,
+        t=run.times[:samples], x=run.out[:samples], modes=run.modes[:samples], status=status, t_last=frame.t, x_last=run.x.copy(),
+        event_times=run.log_t[:events].copy(), event_roots=run.log_root[:events].copy(), stats=stats,
     )  # fmt: skip
+
+
+def _address(array: NDArray[Any]) -> int:
+    buffer: Any = array
+    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))  # a third of the time of ``array.ctypes.data``
 
 
 def _checked(problem: Problem, times: Floats, rtol: float, atol: ArrayLike | None, order: int) -> tuple[Floats, Floats]:
     """Sample times and absolute tolerances, in the form that the loop needs."""
     if order not in _ROWS:
         raise ArgumentError(f"order is 5 or 8, not {order!r}")
-    if not np.all(problem.differential):
+    if not problem.differential.all():
         raise ArgumentError("an explicit method cannot solve a problem with algebraic unknowns")
-    times = np.array(times, dtype=np.float64)
-    if times.ndim != 1 or times.size == 0 or not np.isfinite(times).all() or (times[1:] < times[:-1]).any():
+    times = np.asarray(times, dtype=np.float64)
+    sorted_ = times.ndim == 1 and times.size > 0 and bool((times[1:] >= times[:-1]).all())
+    if not sorted_ or not math.isfinite(times[0]) or not math.isfinite(times[-1]):
         raise ArgumentError("times must be finite and not decrease, and there must be one at least")
     if not 0.0 < rtol < 1.0:
         raise ArgumentError(f"rtol must lie between 0 and 1, not {rtol!r}")
     tolerance = rtol * problem.nominal if atol is None else np.asarray(atol, dtype=np.float64)
-    try:
-        tolerance = np.full(problem.x0.shape, tolerance)
-    except ValueError:
-        raise ArgumentError(f"atol is one number or {problem.x0.size} of them") from None
-    if not np.all((tolerance > 0.0) & np.isfinite(tolerance)):
+    if tolerance.shape not in ((), (1,), problem.x0.shape):
+        raise ArgumentError(f"atol is one number or {problem.x0.size} of them")
+    if not (tolerance.min() > 0.0 and tolerance.max() < math.inf):
         raise ArgumentError("absolute tolerances must be positive and finite")
     return times, tolerance
 
 
-def _stops(time_events: Floats, times: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Times to step to exactly: the time events within the span, and the end. The flags tell events from a mere end."""
+def _stops(time_events: Floats, times: Floats) -> tuple[Floats, int]:
+    """Times to step to exactly: the time events within the span, and the end. How many of them are time events."""
     if time_events.size == 0:
-        return times[-1:].copy(), np.zeros(1, dtype=np.bool_)
+        return times[-1:], 0
     inside = np.unique(time_events[(time_events > times[0]) & (time_events <= times[-1])])
-    timed = np.ones(inside.size, dtype=np.bool_)
     if inside.size == 0 or inside[-1] < times[-1]:
-        return np.append(inside, times[-1]), np.append(timed, False)
-    return inside, timed
+        return np.append(inside, times[-1]), inside.size
+    return inside, inside.size
 
 
-def _where(clock: Floats, count: NDArray[np.int64]) -> str:
-    from gearlib.solve.rk_loop import REJECTED, STEPS, H, T
-
-    return f"at t = {clock[T]:.9g} s after {count[STEPS]} steps ({count[REJECTED]} rejected, the next of {clock[H]:.1g} s)"
+def _where(frame: Frame) -> str:
+    return f"at t = {frame.t:.9g} s after {frame.steps} steps ({frame.rejected} rejected, the next of {frame.h:.1g} s)"
 
 
-def _complaint(problem: Problem, code: int, where: str, last_roots: NDArray[np.int64]) -> str:
+def _complaint(problem: Problem, code: int, run: _Run) -> str:
     """What a negative code of the loop means."""
     from gearlib.solve import rk_loop
 
+    where = _where(run.frame)
     if code == rk_loop.UNDERFLOW:
         return f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
     if code == rk_loop.CHATTERING:
-        names = "; ".join(dict.fromkeys(problem.root_name(int(r)) for r in np.unique(last_roots) if r >= 0))
+        last = np.unique(run.log_root[max(0, run.frame.events - 100) : run.frame.events])
+        names = "; ".join(dict.fromkeys(problem.root_name(int(r)) for r in last if r >= 0))
         return f"events chatter {where}: {rk_loop.CHATTER_EVENTS} of them hardly apart, the last ones of {names}"
     if code == rk_loop.UPDATE_FAILED:
         return f"an event could not be handled {where}"

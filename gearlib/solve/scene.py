@@ -90,9 +90,9 @@ class Scene:
             base, order = model.column(name)
             variable = model.variable(base)
             node, sign = (int(model.representative[variable]), order), int(model.sign[variable])
-            computed = node in self.structure.choice.solved_by or node in self.structure.dependence.is_state
-            if not (computed or node[0] in self.structure.dependence.given) and sign:
-                raise NameLookupError(f"{name} does not occur in the model's equations, so it is not computed; {base} is")
+            if sign and not self.structure.computes(node):
+                why = "needs the derivative of an input" if order else "does not occur in the model's equations"
+                raise NameLookupError(f"{name} {why}, so it is not computed{f'; {base} is' if order else ''}")
             self._named[name] = node, sign
         return self._named[name]
 
@@ -132,14 +132,16 @@ class Scene:
     @cached_property
     def native(self) -> NativeScene:
         """Compiled functions without a Jacobian."""
-        return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.model.n_relations,
-                             len(self.model.discretes), False)  # fmt: skip
+        return self._compiled(False)
 
     @cached_property
     def native_with_jacobian(self) -> NativeScene:
         """Compiled functions with one."""
-        return compile_scene(self.program, self.relations, self.slot_names, self.model.parameters.names, self.model.n_relations,
-                             len(self.model.discretes), True)  # fmt: skip
+        return self._compiled(True)
+
+    def _compiled(self, jacobian: bool) -> NativeScene:
+        return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model.parameters.names,
+                             self.model.n_relations, len(self.model.discretes), jacobian)  # fmt: skip
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
@@ -157,7 +159,8 @@ class Scene:
         owner: dict[int, str] = {}
         for batch in () if self.relations is None else self.relations.batches:
             for i, number in enumerate(batch.targets.tolist()):
-                owner[number] = f"{owner_of(self.structure, int(batch.equations[i]))}: {batch.kernel.template.label}"
+                who, label = owner_of(self.structure, int(batch.equations[i])), batch.kernel.template.label
+                owner[number] = label if label.startswith(f"{who}: ") else f"{who}: {label}"  # the outermost one is its class
         return owner
 
     @cached_property
@@ -195,32 +198,9 @@ class Scene:
 
         Discrete variables are as if the run was started there.
         """
-        modes = np.zeros((self.n_modes, len(t)))
-        relations = self.relations
-        if relations is None or numbers.relations is None:
-            return modes
-        n, d = self.model.n_relations, len(self.model.discretes)
-        if d:
-            modes[n : n + d] = modes[n + d : n + 2 * d] = self.model.discretes.starts[:, None]
-            modes[n + 2 * d] = 1.0
-        for _ in range(100):
-            for _ in range(100):
-                new = self._modes_once(numbers, t, states, inputs, modes)
-                settled, modes = bool((new == modes).all()), new
-                if settled:
-                    break
-            before = modes[n + d : n + 2 * d].copy()
-            modes[n + d : n + 2 * d] = modes[n : n + d]
-            if d:
-                modes[n + 2 * d] = 0.0
-            if settled and (before == modes[n + d : n + 2 * d]).all():
-                break
-        return modes
-
-    def _modes_once(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, modes: Floats) -> Floats:
-        assert self.relations is not None
-        assert numbers.relations is not None
-        return settle_once(self.relations, numbers.relations, t, states, inputs, modes)
+        if self.relations is None or numbers.relations is None:
+            return np.zeros((self.n_modes, len(t)))
+        return modes_at_start(self.model, self.relations, numbers.relations, t, states, inputs)
 
     def data(self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Floats | None) -> Floats:
         """The data block of a run."""
@@ -243,6 +223,30 @@ class Scene:
         variables, slots = program.undifferentiated
         result[slots] = start[variables]
         return result
+
+
+def modes_at_start(
+    model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats
+) -> Floats:
+    """Relations and discrete variables of a run that is started there, shape (modes, times)."""
+    modes = np.zeros((model.n_modes, len(t)))
+    n, d = model.n_relations, len(model.discretes)
+    if d:
+        modes[n : n + d] = modes[n + d : n + 2 * d] = model.discretes.starts[:, None]
+        modes[n + 2 * d] = 1.0
+    for _ in range(100):
+        for _ in range(100):
+            new = settle_once(relations, prepared, t, states, inputs, modes)
+            settled, modes = bool((new == modes).all()), new
+            if settled:
+                break
+        before = modes[n + d : n + 2 * d].copy()
+        modes[n + d : n + 2 * d] = modes[n : n + d]
+        if d:
+            modes[n + 2 * d] = 0.0
+        if settled and (before == modes[n + d : n + 2 * d]).all():
+            break
+    return modes
 
 
 def settle_once(relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ class Table:
         return sympy.Piecewise(*pieces, (float(self.y[-1]), True))
 
 
-Signal = Any  # a number, a function of time, or a Table
+Signal = Any  # a number, a Function, or a Table
 
 
 def breakpoints(signals: Sequence[Signal]) -> NDArray[np.float64]:
@@ -73,26 +74,35 @@ def breakpoints(signals: Sequence[Signal]) -> NDArray[np.float64]:
     return np.unique(np.concatenate(tables)) if tables else np.empty(0)
 
 
-def sample(signal: Callable[[float], float], t: float) -> float:
-    """The value of an input that is a Python function.
+@dataclass(frozen=True)
+class Function:
+    """An input that is a Python function of time; its path names it where the function fails.
 
     Raises
     ------
     ArgumentError
-        The function fails, or returns anything but a finite number.
+        When called: the function fails, or returns anything but a finite number.
     """
-    name = getattr(signal, "__name__", repr(signal))
-    try:
-        value = signal(t)
-    except Exception as problem:
-        raise ArgumentError(f"the input function {name} raised {type(problem).__name__} at t = {t:g} s: {problem}") from problem
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ArgumentError(f"the input function {name} returned {value!r} at t = {t:g} s; expected a number") from None
-    if not math.isfinite(number):
-        raise ArgumentError(f"the input function {name} returned {number} at t = {t:g} s; expected a finite number")
-    return number
+
+    path: str
+    function: Callable[[float], Any]
+
+    def __call__(self, t: float) -> float:
+        try:
+            value = self.function(t)
+        except Exception as problem:
+            raise ArgumentError(f"{self._at(t, 'raised')} {type(problem).__name__}: {problem}") from problem
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"{self._at(t, 'returned')} {value!r}; expected a number") from None
+        if not math.isfinite(number):
+            raise ArgumentError(f"{self._at(t, 'returned')} {number}; expected a finite number")
+        return number
+
+    def _at(self, t: float, did: str) -> str:
+        name = getattr(self.function, "__name__", repr(self.function))
+        return f"the function {name} of the input {self.path}, called with t = {t:.9g} s, {did}"
 
 
 def values(signals: Sequence[Signal], times: NDArray[np.float64], count: int = 0) -> NDArray[np.float64]:
@@ -102,7 +112,7 @@ def values(signals: Sequence[Signal], times: NDArray[np.float64], count: int = 0
         if isinstance(signal, Table):
             rows.append(signal(times))
         elif callable(signal):
-            rows.append(np.array([sample(signal, float(t)) for t in times]))
+            rows.append(np.array([signal(float(t)) for t in times]))
         else:
             rows.append(np.full(len(times), float(signal)))
     rows += [np.zeros(len(times))] * (count - len(rows))

@@ -7,11 +7,13 @@ counted, and one torque that nothing determines any more is set to zero.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from gearlib.errors import LoopError, ModelError, SingularError
 from gearlib.flatten.model import FlatModel
+from gearlib.structure.derivatives import Determined
 from gearlib.structure.incidence import Entries, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
 from gearlib.structure.redundancy import balanced, flows_beside, redundant_rows, shifted, without
@@ -38,6 +40,19 @@ class Structure:
     def states(self) -> tuple[Node, ...]:
         return self.choice.states
 
+    def computes(self, node: Node) -> bool:
+        """Whether a variable, or a derivative of one, is a state, given, or can be computed from these."""
+        dependence = self.dependence
+        return node in dependence.is_state or (node[1] == 0 and node[0] in dependence.given) or node in self.choice.solved_by
+
+    @cached_property
+    def switching(self) -> frozenset[int]:
+        """Equations that are differentiated and hold relations."""
+        groups = self.model.groups
+        return frozenset(
+            e for e, count in enumerate(self.differentiation.counts) if count and groups[self.rows[e][0]].template.relations
+        )
+
 
 def analyse(model: FlatModel, numbers: Numbers) -> Structure:
     """Reduce a flat model.
@@ -56,7 +71,7 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
         model = without(model, rows, dropped)
         numbers = shifted(numbers, rows, dropped)
         rows = Rows(model)
-    model, closed = balanced(model, rows, numbers, beside)
+    model, closed = balanced(model, rows, numbers, beside, list(dropped.values()))
     if closed:
         rows = Rows(model)
     given = frozenset(model.inputs.tolist())
@@ -71,6 +86,7 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
             "zero); change a ratio, or make one of the connections elastic"
         )
     _refuse_reinits_of_no_state(model, choice)
+    choice = _with_derivatives(model, rows, choice)
     dependence, angles = _dependence(model, rows, choice)
     return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed, complete)
 
@@ -85,9 +101,16 @@ def choose_again(structure: Structure, numbers: Numbers) -> Structure | None:
         choice = choose_states(result, entries, badness, varying)
         kept = all((v, 0) in choice.states for v in _reinitialised(model))
         if not choice.singular and kept and set(choice.states) != set(structure.states):
+            choice = _with_derivatives(model, rows, choice)
             dependence, angles = _dependence(model, rows, choice)
             return replace(structure, choice=choice, dependence=dependence, angles=angles)
     return None
+
+
+def _with_derivatives(model: FlatModel, rows: Rows, choice: StateChoice) -> StateChoice:
+    """The choice, with the derivatives that can be computed on demand."""
+    given = frozenset(model.inputs.tolist())
+    return replace(choice, solved_by=Determined(choice.solved_by, rows.columns, choice.states, given))
 
 
 def _varying(model: FlatModel, rows: Rows, result: Differentiation) -> frozenset[int]:
@@ -99,7 +122,7 @@ def _dependence(model: FlatModel, rows: Rows, choice: StateChoice) -> tuple[Depe
     """What depends on what, and the states that are integrals nobody depends on."""
     given = frozenset(model.inputs.tolist())
     dependence = Dependence(choice, rows.columns, given, frozenset(choice.states), decisive_nodes(model, rows))
-    plain_rates = _rate_equations(model, rows)
+    plain_rates = integrals(model)
 
     def position(state: Node) -> bool:
         """A potential, or a variable that a declared speed is the derivative of."""
@@ -184,15 +207,14 @@ def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
     return sorted(found)
 
 
-def _rate_equations(model: FlatModel, rows: Rows) -> set[int]:
-    """Variables x of equations der(x) = w."""
+def integrals(model: FlatModel) -> set[int]:
+    """Variables x of equations der(x) = w: positions, where w is a speed."""
     found: set[int] = set()
     for group in model.groups:
         t = group.template
         if len(t.columns) == 2 and not t.parameters and sorted(o for _, o in t.columns) == [0, 1] and t.linear:
             j = next(j for j, o in t.local_columns if o == 1)
             found.update(group.variables[:, j].tolist())
-    del rows
     return found
 
 

@@ -6,7 +6,7 @@ equation determines. Both are found with numbers, since structure alone cannot t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +18,11 @@ from gearlib.structure.loops import examine, free_columns
 from gearlib.structure.rows import Numbers, Rows, listed, some
 
 
-def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> list[int]:
-    """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others."""
+def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, tuple[str, ...]]:
+    """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others.
+
+    With each, the components in the loop that makes it follow.
+    """
     candidates: list[int] = []
     coefficients: list[dict[int, float]] = []
     constants: list[float] = []
@@ -61,10 +64,14 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> list[int]:
             f"the rigid loop through {', '.join(owners)} cannot turn: its ratios {what}; check the ratios of these components, or "
             "make one of the connections elastic"
         )
-    return [candidates[c.last] for c in loops.redundant]
+    around = [dict.fromkeys(model.owner(*rows.place[candidates[r]]) for r in found.rows) for found in loops.redundant]
+    return {
+        candidates[found.last]: tuple(o for o in owners if o != "connection")
+        for found, owners in zip(loops.redundant, around, strict=True)
+    }
 
 
-def without(model: FlatModel, rows: Rows, dropped: list[int]) -> FlatModel:
+def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel:
     """The model without some equations."""
     groups = list(model.groups)
     for g in {rows.place[e][0] for e in dropped}:
@@ -77,7 +84,7 @@ def without(model: FlatModel, rows: Rows, dropped: list[int]) -> FlatModel:
     return model.with_groups(tuple(groups), model.redundant + len(dropped))
 
 
-def shifted(numbers: Numbers, rows: Rows, dropped: list[int]) -> Numbers:
+def shifted(numbers: Numbers, rows: Rows, dropped: Iterable[int]) -> Numbers:
     """The numbers of that model."""
     gone: dict[int, list[int]] = {}
     for e in dropped:
@@ -95,8 +102,13 @@ def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozens
     return frozenset(v for v in own if model.flow[v])
 
 
-def balanced(model: FlatModel, rows: Rows, numbers: Numbers, wanted: frozenset[int]) -> tuple[FlatModel, tuple[str, ...]]:
-    """Check the balance; close what redundant equations leave open by setting flows to zero, if possible ``wanted`` ones."""
+def balanced(
+    model: FlatModel, rows: Rows, numbers: Numbers, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
+) -> tuple[FlatModel, tuple[str, ...]]:
+    """Check the balance; close what redundant equations leave open by setting flows to zero, if possible ``wanted`` ones.
+
+    ``loops`` are the components round each redundant equation.
+    """
     closed: list[int] = []
     given = set(model.inputs.tolist())
     candidates: list[int] | None = None
@@ -110,6 +122,8 @@ def balanced(model: FlatModel, rows: Rows, numbers: Numbers, wanted: frozenset[i
             candidates = free_columns(_flow_rows(model, numbers), wanted)
         free = [v for v in candidates or () if v not in closed and v in balance.undetermined]
         if balance.surplus or len(closed) >= model.redundant or not free:
+            if balance.surplus == 0 and balance.deficit <= model.redundant - len(closed) and wanted & set(balance.undetermined):
+                raise BalanceError(_split(loops))
             raise BalanceError(_explain(model, rows, balance))
         closing = free[: balance.deficit]
         closed += closing
@@ -149,6 +163,16 @@ def _zeroed(model: FlatModel, variable: int) -> FlatModel:
         model, sign=sign, groups=tuple(zeroed(g) for g in model.groups), discretes=replace(model.discretes, updates=updates),
         closed=(*model.closed, variable),
     )  # fmt: skip
+
+
+def _split(loops: Sequence[Sequence[str]]) -> str:
+    """Paths side by side whose losses or friction depend on how they share the torque."""
+    named = "; ".join(", ".join(owners) for owners in loops)
+    return (
+        f"the model is not balanced. A rigid loop goes through {named}: its paths share the torque in a way that no equation "
+        "determines, and the losses in them depend on it. Make one of the paths elastic (a SpringDamper in series, or an elastic "
+        "mesh), or join the paths into one component"
+    )
 
 
 def _explain(model: FlatModel, rows: Rows, balance: Balance) -> str:

@@ -110,6 +110,7 @@ class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
     support = Flange("housing", when="use_support")
     phi = gl.Variable("rad", "angle relative to the housing")
     w = gl.Variable("rad/s", "speed relative to the housing")
+    a = gl.Derivative("w", "rad/s2", "acceleration relative to the housing")
     tau = gl.Variable("N.m", "friction torque; acts against the motion when positive")
 
     def housing_equations(self) -> list[gl.Eq]:

@@ -78,6 +78,7 @@ class Compliant(TwoFlanges):
 
     phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="prefer", nominal=SMALL)
     w_rel = gl.Variable("rad/s", "relative speed", nominal=SLOW)
+    a_rel = gl.Derivative("w_rel", "rad/s2", "relative acceleration")
     tau = gl.Variable("N.m", "torque between the flanges; pulls them together when positive")
 
     def compliant_equations(self) -> list[gl.Eq]:

@@ -179,6 +179,7 @@ class Gearbox(TwoFlanges, Dissipative):
     b = gl.Parameter("rad", "total backlash at flange_b", default=0.0, min=0)
     phi_rel = gl.Variable("rad", "deflection, flange_b against the gear", nominal=1e-4)
     w_rel = gl.Variable("rad/s", "rate of deflection")
+    a_rel = gl.Derivative("w_rel", "rad/s2", "its acceleration")
 
     def assemble(self) -> list[Connection]:
         self.lossyGear = LossyGear(

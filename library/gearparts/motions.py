@@ -21,6 +21,7 @@ class Position(OneFlange):
     phi_ref = gl.Input("rad", "reference angle relative to the support")
     phi = gl.Variable("rad", "angle relative to the support", state="prefer")
     w = gl.Variable("rad/s", "speed relative to the support", state="prefer")
+    a = gl.Derivative("w", "rad/s2", "acceleration relative to the support")
     phi_error = gl.Variable("rad", "phi - phi_ref", start=0.0)
 
     def equations(self) -> list[gl.Eq]:
@@ -46,6 +47,7 @@ class Speed(OneFlange):
     w_ref = gl.Input("rad/s", "reference speed relative to the support")
     phi = gl.Variable("rad", "angle relative to the support", state="prefer", start=0.0)
     w = gl.Variable("rad/s", "speed relative to the support", state="prefer")
+    a = gl.Derivative("w", "rad/s2", "acceleration relative to the support")
     w_error = gl.Variable("rad/s", "w - w_ref", start=0.0)
 
     def equations(self) -> list[gl.Eq]:
@@ -65,6 +67,7 @@ class Accelerate(OneFlange):
     a_ref = gl.Input("rad/s2", "reference acceleration relative to the support")
     phi = gl.Variable("rad", "angle relative to the support", state="prefer", start=0.0)
     w = gl.Variable("rad/s", "speed relative to the support", state="prefer", start=0.0)
+    a = gl.Derivative("w", "rad/s2", "acceleration relative to the support")
 
     def equations(self) -> list[gl.Eq]:
         return [
@@ -89,6 +92,7 @@ class Move(OneFlange):
     k = gl.Parameter("1/s", "rate at which deviations decay", default=10.0, min=0)
     phi = gl.Variable("rad", "angle relative to the support", state="prefer")
     w = gl.Variable("rad/s", "speed relative to the support", state="prefer")
+    a = gl.Derivative("w", "rad/s2", "acceleration relative to the support")
     phi_error = gl.Variable("rad", "phi - phi_ref", start=0.0)
     w_error = gl.Variable("rad/s", "w - w_ref", start=0.0)
 

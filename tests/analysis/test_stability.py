@@ -13,7 +13,7 @@ import gearlib as gl
 from gearlib.analysis.loops import as_loop
 from gearlib.analysis.margins import margins
 from gearlib.analysis.nyquist import nyquist_count
-from gearlib.analysis.poles import poles
+from gearlib.analysis.poles import _rows_and_null, poles
 
 
 def test_zeros_are_exact_and_their_chains_are_known() -> None:
@@ -29,6 +29,24 @@ def test_zeros_are_exact_and_their_chains_are_known() -> None:
     assert found.chains == (1, 1)
     assert found.verdict == "drifting"
     assert found.values[2:] == pytest.approx(np.roots([1, 0.1, 9.0])[::-1], abs=1e-12)
+
+
+@pytest.mark.parametrize("zeros", [0, 1, 3, 12])
+@pytest.mark.parametrize("open_", [False, True])
+def test_null_spaces_are_those_of_singular_values(zeros: int, open_: bool) -> None:
+    """Matrices with known singular values; where some lie just above and below the limit, bounds alone cannot tell the rank."""
+    rng = np.random.default_rng(7)
+    n, limit = 12, 1e-9
+    u, v = (np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(2))
+    sizes = np.geomspace(1.0, 1e-4, n)
+    if open_ and zeros < n:
+        sizes[n - zeros - 1] = 1.2 * limit
+    sizes[n - zeros :] = 0.8 * limit if open_ else 0.0
+    rows, null = _rows_and_null(u @ np.diag(sizes) @ v.T, limit)
+    assert (rows.shape, null.shape) == ((n, n - zeros), (n, zeros))
+    both = np.hstack([rows, null])
+    assert both.T @ both == pytest.approx(np.eye(n), abs=1e-13)
+    assert np.abs(null.T @ v[:, : n - zeros]).max(initial=0.0) < 1e-4  # a gap of a factor 1.5 at 1e-9 of rounding at 1e-16
 
 
 def test_resonance_driven_by_a_resonance_drifts() -> None:

@@ -51,7 +51,6 @@ try:  # the peak of this program; elsewhere the system's number may include the 
     memory = 1024 * int(next(l for l in open("/proc/self/status") if l.startswith("VmHWM")).split()[1])
 except OSError:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-import numba
 marks.append(clock())
 system._scene.native
 marks.append(clock())
@@ -168,9 +167,9 @@ def table() -> str:
         "Processor seconds, each the median of three processes that began with an empty cache; "
         f"Python {platform.python_version()}, one core of an {platform.machine()} machine that also did other work. *Translate* is "
         "`gl.compile`; *again* is a second model of that size in the same process, whose classes are known; *program* is the sorted "
-        "program that a run needs, made at the first run; *machine code* is numba's compilation of it, which the cache keeps (of it, "
-        "0.3 s are numba's own start). Linear scenes that are solved exactly need no machine code. Memory is the peak of the process "
-        "before numba was loaded.",
+        "program that a run needs, made at the first run; *machine code* is its compilation, which the cache keeps (loading LLVM "
+        "included). Linear scenes that are solved exactly need no machine code. Memory is the peak of the process before LLVM was "
+        "loaded.",
         "",
         f"| model | {' | '.join(heads)} |",
         f"|---|{'---:|' * len(heads)}",

@@ -77,7 +77,7 @@ def test_histories_are_not_shared_with_the_caller() -> None:
         ("typo", "the model has no variable 'typo'; "),
         ("load", "'load' is a component, no variable; name one of its variables: load.flange_a.phi"),
         ("load.J", r"the model has no variable 'load\.J'"),
-        ("der(der(der(load.w)))", r"does not occur in the model's equations, so it is not computed; load\.w is"),
+        ("der(der(load.ww))", r"the model has no variable 'load\.ww'; did you mean 'load\.w'"),
         (0, "0 is no name; names are text"),
     ],
 )

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import BalanceError
 
 c = gl.connect
 inertia = st.floats(1e-3, 1e3)
@@ -186,3 +187,50 @@ def test_geared_shafts_of_friswell() -> None:
     hertz = np.unique(np.round(np.abs(np.linalg.eigvals(linear.A)) / (2 * np.pi), 1))
     assert hertz[-3:].tolist() == [425.4, 634.1, 3247.2]
     assert np.abs(hertz[:-3]).max() < 0.1
+
+
+@pytest.mark.parametrize("second", ["lossy", "ideal"])
+def test_losses_in_a_rigid_loop_are_refused_with_the_remedy(second: str) -> None:
+    """Two paths of one ratio: how they share the torque decides what is lost, and nothing decides how they share it."""
+
+    class Paths(gl.Component):
+        elastic = gl.Structural(False)
+
+        def assemble(self) -> list[Any]:
+            losses = ((0.0, 0.9, 0.8, 0.1, 0.1),)
+            self.torque, self.inlet, self.outlet = gp.Torque(tau=5.0), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.upper = gp.LossyGear(ratio=2.0, loss_table=losses)
+            self.lower = gp.LossyGear(ratio=2.0, loss_table=losses) if second == "lossy" else gp.IdealGear(ratio=2.0)
+            links = [
+                c(self.torque.flange, self.inlet.flange_a),
+                c(self.inlet.flange_b, self.upper.flange_a, self.lower.flange_a),
+                c(self.upper.flange_b, self.outlet.flange_a),
+            ]
+            if self.elastic:
+                self.shaft = gp.SpringDamper(c=1e4, d=10.0)
+                return [*links, c(self.lower.flange_b, self.shaft.flange_a), c(self.shaft.flange_b, self.outlet.flange_b)]
+            return [*links, c(self.lower.flange_b, self.outlet.flange_b)]
+
+    with pytest.raises(
+        BalanceError, match=r"rigid loop goes through (upper, lower|lower, upper): .*Make one of the paths elastic"
+    ):
+        gl.compile(Paths())
+    assert gl.compile(Paths(elastic=True)).simulate(0.01, samples=3)["outlet.w"][-1] > 0
+
+
+def test_what_lacks_an_equation_beside_a_rigid_loop_is_named() -> None:
+    """The loop is not blamed for it."""
+
+    class Open(gl.Component):
+        x, y = gl.Variable("1"), gl.Variable("1")
+
+        def assemble(self) -> list[Any]:
+            self.body = gp.Inertia(J=1.0)
+            self.gear = [gp.IdealGear(ratio=2.0) for _ in range(2)]
+            return [c(self.body.flange_a, *(g.flange_a for g in self.gear)), c(*(g.flange_b for g in self.gear))]
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.x + self.y, 1)]
+
+    with pytest.raises(BalanceError, match=r"under-determined: .*The variables: x; y\."):
+        gl.compile(Open())

@@ -1,0 +1,201 @@
+"""Instructions of LLVM's intermediate language on typed values, written down line by line."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+OWN = ("sin", "cos", "exp", "log", "sqrt", "copysign")  # functions that LLVM knows
+LIBRARY = ("tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh")  # of the C library
+SYMBOLS = {**{name: f"llvm.{name}.f64" for name in OWN}, **{name: name for name in LIBRARY}}
+SYMBOLS |= {"abs": "llvm.fabs.f64", "pow": "llvm.pow.f64"}
+TWO_ARGUMENTS = ("atan2", "copysign", "pow")
+COMPARISONS = {
+    "==": ("oeq", "eq"), "!=": ("une", "ne"), "<": ("olt", "slt"), "<=": ("ole", "sle"), ">": ("ogt", "sgt"), ">=": ("oge", "sge"),
+}  # fmt: skip
+LANES = 8  # numbers side by side that are computed together; LLVM makes as many instructions of it as the processor needs
+LANED = f"<{LANES} x double>"
+CONVERSIONS = {
+    ("i64", "double"): "sitofp", ("i1", "double"): "uitofp", ("i1", "i64"): "zext", ("i32", "i64"): "sext",
+    ("i64", "i32"): "trunc",
+}  # fmt: skip
+
+
+class Unsupported(Exception):
+    """Source outside of the part of Python that is compiled here; generated source never is."""
+
+
+class Value(NamedTuple):
+    """A value in LLVM's notation."""
+
+    text: str
+    kind: str  # double, i64, i32, i1, LANED, or one of these and "*": where such a number lies
+
+    @property
+    def typed(self) -> str:
+        return f"{'ptr' if self.kind.endswith('*') else self.kind} {self.text}"
+
+    @property
+    def whole(self) -> int | None:
+        """The number, of a whole constant."""
+        return int(self.text) if self.kind == "i64" and self.text.lstrip("-").isdigit() else None
+
+
+def real(number: float) -> Value:
+    """A constant; decimal digits would be rounded once more."""
+    return Value(f"0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}", "double")
+
+
+def constant(number: object) -> Value:
+    """A constant of the kind that Python's has."""
+    if isinstance(number, bool):
+        return Value("true" if number else "false", "i1")
+    if isinstance(number, int) and abs(number) < 2**63:
+        return Value(str(number), "i64")
+    if isinstance(number, (int, float)):
+        return real(float(number))
+    raise Unsupported(f"{number!r} is no number")
+
+
+class Writer:
+    """The instructions of one function.
+
+    Attributes
+    ----------
+    lines : list of str
+    block : str
+        The block that is being written.
+    declarations : dict of str to str
+        Of the mathematical functions in use.
+    """
+
+    def __init__(self, declarations: dict[str, str]) -> None:
+        self.declarations = declarations
+        self.lines: list[str] = []
+        self.block, self._count = "", 0
+
+    # ------------------------------------------------------------ blocks
+
+    def new(self) -> str:
+        """A name of a value or of a block."""
+        self._count += 1
+        return f"v{self._count}"
+
+    def emit(self, instruction: str, kind: str) -> Value:
+        name = f"%{self.new()}"
+        self.lines.append(f"  {name} = {instruction}")
+        return Value(name, kind)
+
+    def start(self, block: str) -> None:
+        self.block = block
+        self.lines.append(f"{block}:")
+
+    def go(self, block: str) -> None:
+        self.lines.append(f"  br label %{block}")
+
+    def fork(self, condition: Value, yes: str, no: str) -> None:
+        self.lines.append(f"  br i1 {condition.text}, label %{yes}, label %{no}")
+
+    def phi(self, coming: Sequence[tuple[Value, str]]) -> Value:
+        """The value that belongs to the block that control came from."""
+        kind = coming[0][0].kind
+        return self.emit(f"phi {kind} {', '.join(f'[ {value.text}, %{block} ]' for value, block in coming)}", kind)
+
+    # ------------------------------------------------------------ memory
+
+    def at(self, array: Value, index: Value, laned: bool) -> Value:
+        """The place of an element of an array, or of the first of those side by side."""
+        element = array.kind.removesuffix("*")
+        if not array.kind.endswith("*") or index.kind != "i64" or (laned and element != "double"):
+            raise Unsupported("no array with a whole number as its index")
+        kind = LANED if laned else element
+        return self.emit(f"getelementptr inbounds {element}, {array.typed}, {index.typed}", f"{kind}*")
+
+    def load(self, place: Value) -> Value:
+        kind = place.kind.removesuffix("*")
+        value = self.emit(f"load {kind}, {place.typed}, align {4 if kind == 'i32' else 8}", kind)
+        return self.converted(value, "i64") if kind == "i32" else value
+
+    def store(self, place: Value, value: Value) -> None:
+        kind = place.kind.removesuffix("*")
+        value = self.converted(self.converted(value, "i64"), "i32") if kind == "i32" else self.converted(value, kind)
+        self.lines.append(f"  store {value.typed}, {place.typed}, align {4 if kind == 'i32' else 8}")
+
+    # ------------------------------------------------------------ numbers
+
+    def converted(self, value: Value, kind: str) -> Value:
+        """As a number of another kind, where nothing is lost by that (but for bits of large whole numbers)."""
+        if value.kind == kind:
+            return value
+        if kind == LANED:
+            first = self.emit(f"insertelement {LANED} poison, {self.converted(value, 'double').typed}, i64 0", LANED)
+            return self.emit(f"shufflevector {first.typed}, {LANED} poison, <{LANES} x i32> zeroinitializer", LANED)
+        number = value.whole
+        if number is not None and kind in ("double", "i32"):
+            return real(float(number)) if kind == "double" else Value(value.text, kind)
+        if (value.kind, kind) not in CONVERSIONS:
+            raise Unsupported(f"a number of the kind {value.kind} where {kind} is needed")
+        return self.emit(f"{CONVERSIONS[value.kind, kind]} {value.typed} to {kind}", kind)
+
+    def alike(self, values: Sequence[Value]) -> list[Value]:
+        """Numbers as numbers of one kind, which arithmetic and comparisons need."""
+        kinds = {value.kind for value in values}
+        kind = next((k for k in (LANED, "double") if k in kinds), "i64")
+        return [self.converted(value, kind) for value in values]
+
+    def operated(self, operation: str, left: Value, right: Value) -> Value:
+        """``operation`` is add, sub, mul or div."""
+        if operation == "div" and left.kind != LANED != right.kind:
+            left, right = self.converted(left, "double"), self.converted(right, "double")
+        left, right = self.alike((left, right))
+        name = f"{operation} nsw" if left.kind == "i64" else f"f{operation}"
+        return self.emit(f"{name} {left.typed}, {right.text}", left.kind)
+
+    def power(self, base: Value, exponent: int) -> Value:
+        """By multiplications."""
+        left, result = abs(exponent), None
+        while left:
+            if left & 1:
+                result = base if result is None else self.operated("mul", result, base)
+            left >>= 1
+            base = self.operated("mul", base, base) if left else base
+        if result is None:
+            return constant(1) if base.kind == "i64" else real(1.0)
+        return result if exponent > 0 else self.operated("div", real(1.0), result)
+
+    def negative(self, value: Value) -> Value:
+        if value.kind in ("double", LANED):
+            return self.emit(f"fneg {value.typed}", value.kind)
+        number = value.whole
+        return self.operated("sub", constant(0), value) if number is None else constant(-number)
+
+    def compared(self, comparison: str, left: Value, right: Value) -> Value:
+        left, right = self.alike((left, right))
+        whole = left.kind == "i64"
+        return self.emit(f"{'icmp' if whole else 'fcmp'} {COMPARISONS[comparison][whole]} {left.typed}, {right.text}", "i1")
+
+    def truth(self, value: Value) -> Value:
+        """Whether it is not zero."""
+        return value if value.kind == "i1" else self.compared("!=", value, constant(0))
+
+    def selected(self, condition: Value, first: Value, second: Value) -> Value:
+        return self.emit(f"select {condition.typed}, {first.typed}, {second.typed}", first.kind)
+
+    def extreme(self, comparison: str, values: Sequence[Value]) -> Value:
+        """The largest or the smallest number, found as Python finds it; that matters where one is not-a-number."""
+        best, *others = self.alike(values)
+        for other in others:
+            best = self.selected(self.compared(comparison, other, best), other, best)
+        return best
+
+    def truncated(self, value: Value) -> Value:
+        """As a whole number, towards zero."""
+        return self.emit(f"fptosi {value.typed} to i64", "i64") if value.kind == "double" else self.converted(value, "i64")
+
+    def called(self, name: str, values: Sequence[Value]) -> Value:
+        """A mathematical function. None of them sets ``errno`` that anybody reads, so equal calls are made once."""
+        symbol, numbers = SYMBOLS[name], [self.converted(value, "double").typed for value in values]
+        known = "" if symbol.startswith("llvm.") else " nounwind willreturn memory(none)"
+        self.declarations[symbol] = f"declare double @{symbol}({', '.join('double' for _ in numbers)}){known}"
+        return self.emit(f"call double @{symbol}({', '.join(numbers)})", "double")
