@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
@@ -153,21 +155,9 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
     if not scene.states:
         return _exact(run, None, "there are no states")
     problem, keep = _problem(run, jacobian=method == "ida")
-    iterated = scene.program.iterated
-    most, constrained = MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, any(s.constrained for s in iterated)
     try:
-        if method == "ida":
-            from gearlib.solve import ida
-
-            solution = ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol, max_steps=most, may_leave=constrained)
-        else:
-            from gearlib.solve import rungekutta
-
-            order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
-            solution = rungekutta.integrate(
-                problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over, max_steps=most,
-                may_leave=constrained,
-            )  # fmt: skip
+        with keep.listening() if keep.callbacks else nullcontext():
+            solution = _solved(run, problem, method, hand_over)
     except SolverError as problem_:
         raise keep.failure() or _explained(problem_, scene) from None
     failure = keep.failure()
@@ -176,6 +166,23 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
     if solution.status == "stiff":
         return _continue(run, solution, why)
     return _outcome(run, solution, method, why)
+
+
+def _solved(run: Run, problem: Problem, method: str, hand_over: bool) -> Solution:
+    """Hand a problem to an integrator."""
+    iterated = run.scene.program.iterated
+    most, constrained = MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, any(s.constrained for s in iterated)
+    if method == "ida":
+        from gearlib.solve import ida
+
+        return ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol, max_steps=most, may_leave=constrained)
+    from gearlib.solve import rungekutta
+
+    order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
+    return rungekutta.integrate(
+        problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over, max_steps=most,
+        may_leave=constrained,
+    )  # fmt: skip
 
 
 def _explained(problem: SolverError, scene: Scene) -> SolverError:
@@ -266,8 +273,25 @@ class _Keep:
         self.callbacks: list[Any] = []
         self.problem: BaseException | None = None
 
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Keep an interrupt, too, that comes where a callback begins or ends, so that Python would report and forget it."""
+        before = sys.unraisablehook
+
+        def lost(unraisable: Any) -> None:
+            if isinstance(unraisable.exc_value, KeyboardInterrupt):
+                self.problem = unraisable.exc_value
+            else:
+                before(unraisable)
+
+        sys.unraisablehook = lost
+        try:
+            yield
+        finally:
+            sys.unraisablehook = before
+
     def failure(self) -> BaseException | None:
-        if self.problem is None or isinstance(self.problem, GearlibError):
+        if self.problem is None or isinstance(self.problem, GearlibError) or not isinstance(self.problem, Exception):
             return self.problem
         return SolverError(f"the run was stopped by {type(self.problem).__name__}: {self.problem}")
 
@@ -354,10 +378,10 @@ def _feed(
         try:
             for k, signal in moving:
                 data[shared.inputs + k] = signal(t)
-        except Exception as problem:  # it must not cross the native frames
+            return -1 if keep.problem is not None else int(native(t, x, out, data, index))
+        except BaseException as problem:  # it must not cross the native frames, and an interrupt must not be lost there
             keep.problem = problem
             return -1
-        return int(native(t, x, out, data, index))
 
     callback = kind(call)
     keep.callbacks += [callback, native]

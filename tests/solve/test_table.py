@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -137,6 +138,24 @@ def test_functions_that_fail_at_the_start(function: Callable[..., Any], message:
 
 def late(value: Callable[[], float]) -> Callable[[float], float]:
     return lambda t: 1.0 if t < 1.0 else value()
+
+
+def interrupt() -> float:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("method", ["ida", "rk"])
+def test_an_interrupt_in_a_function_ends_the_run(method: str) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(late(interrupt), method=method)
+
+
+@pytest.mark.parametrize("method", ["ida", "rk"])
+def test_an_interrupt_between_python_and_the_function_ends_the_run(method: str) -> None:
+    """As it often comes: Python reports and forgets it there."""
+    unraisable = type("Unraisable", (), {"exc_value": KeyboardInterrupt()})
+    with pytest.raises(KeyboardInterrupt):
+        run(late(lambda: sys.unraisablehook(unraisable) or 1.0), method=method)
 
 
 @pytest.mark.parametrize("method", ["ida", "rk"])
