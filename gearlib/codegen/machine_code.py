@@ -18,8 +18,7 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from gearlib.codegen.instructions import LANES, SYMBOLS, TWO_ARGUMENTS, Unsupported, Value, Writer, constant, real
 from gearlib.codegen.loops import carried, grows_with, is_elementwise, is_never_empty, stored
@@ -44,13 +43,12 @@ def intermediate(source: str) -> str:
 
     Examples
     --------
-    >>> print(intermediate("def f(t: float, x: floats) -> int32:\n    x[0] = 2 * t\n    return 0"))
-    define i32 @f(double %a.t, ptr %a.x) nounwind {
+    >>> print(intermediate("def f(n: int, x: floats) -> float:\n    return x[n]"))
+    define internal double @f(i64 %a.n, ptr %a.x) nounwind {
     start:
-      %v1 = fmul double 0x4000000000000000, %a.t
-      %v2 = getelementptr inbounds double, ptr %a.x, i64 0
-      store double %v1, ptr %v2, align 8
-      ret i32 0
+      %v1 = getelementptr inbounds double, ptr %a.x, i64 %a.n
+      %v2 = load double, ptr %v1, align 8
+      ret double %v2
     }
     <BLANKLINE>
     """
@@ -74,14 +72,6 @@ def _refusal(node: ast.AST) -> Unsupported:
     return Unsupported(f"`{ast.unparse(node)}` is not in the language of generated functions")
 
 
-@dataclass
-class _Loop:
-    """Where ``break`` leads to, and from where."""
-
-    end: str
-    leaving: list[tuple[str, Names]] = field(default_factory=list)
-
-
 class _Turns(NamedTuple):
     """A name that a loop hands on: its value before the loop, and at the beginning of each turn."""
 
@@ -91,7 +81,7 @@ class _Turns(NamedTuple):
 
 
 class _Range(NamedTuple):
-    """Of a loop; ``begun`` where it is known that there is a turn."""
+    """Of a loop; ``begun`` where there is a turn in any case."""
 
     first: Value
     last: Value
@@ -106,7 +96,7 @@ class _Function:
         self.node, self.signatures = node, signatures
         kinds, self.result = signatures[node.name]
         self.write = Writer(declarations)
-        self.loops: list[_Loop] = []
+        self.loops: list[tuple[str, list[tuple[str, Names]]]] = []  # where ``break`` leads to, and from where
         self.lane = ""  # the name that runs over several neighbours at a time
         self.arguments = [(a.arg, Value(f"%a.{a.arg}", kind)) for a, kind in zip(node.args.args, kinds, strict=True)]
         self.names: Names | None = dict(self.arguments)
@@ -116,8 +106,7 @@ class _Function:
         self.carry_out(self.node.body)
         if self.names is not None:
             raise Unsupported(f"`{self.node.name}` must end with a return")
-        linkage = "" if self.result == "i32" else "internal "
-        arguments = ", ".join(value.typed for _, value in self.arguments)
+        linkage, arguments = "" if self.result == "i32" else "internal ", ", ".join(v.typed for _, v in self.arguments)
         head = f"define {linkage}{self.result} @{self.node.name}({arguments}) nounwind {{"
         return "\n".join([head, *self.write.lines, "}", ""])
 
@@ -156,9 +145,7 @@ class _Function:
             self.write.lines.append(f"  ret {self.write.converted(result, self.result).typed}")
             self.names = None
         elif isinstance(statement, ast.Break) and self.loops:
-            self.loops[-1].leaving.append((self.write.block, self.here))
-            self.write.go(self.loops[-1].end)
-            self.names = None
+            self.leave(*self.loops[-1])
         elif not (isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)):  # a docstring
             raise _refusal(statement)
 
@@ -190,22 +177,34 @@ class _Function:
             self.store(target, self.write.operated(operation, self.value(target), self.value(statement.value)))
 
     def choose(self, statement: ast.If) -> None:
-        yes, no, end = self.write.new(), self.write.new(), self.write.new()
-        self.branch(statement.test, yes, no)
-        before, coming = self.here, []
-        for label, statements in ((yes, statement.body), (no, statement.orelse)):
-            self.write.start(label)
+        """One branch of many; they may be more than recursion could follow."""
+        end, rest = self.write.new(), cast(list[ast.stmt], [statement])
+        coming: list[tuple[str, Names]] = []
+        while len(rest) == 1 and isinstance(rest[0], ast.If):
+            yes, no = self.write.new(), self.write.new()
+            self.branch(rest[0].test, yes, no)
+            before = self.here
+            self.write.start(yes)
             self.names = dict(before)
-            self.carry_out(statements)
-            if self.names is not None:
-                coming.append((self.write.block, self.names))
-                self.write.go(end)
+            self.carry_out(rest[0].body)
+            self.leave(end, coming)
+            self.write.start(no)
+            self.names, rest = before, rest[0].orelse
+        self.carry_out(rest)
+        self.leave(end, coming)
         self.join(end, coming)
+
+    def leave(self, end: str, coming: list[tuple[str, Names]]) -> None:
+        """Go to a block that others lead to as well, if control comes here."""
+        if self.names is not None:
+            coming.append((self.write.block, self.names))
+            self.write.go(end)
+            self.names = None
 
     def join(self, block: str, coming: Sequence[tuple[str, Names]]) -> None:
         """Begin a block that others lead to. A name keeps its meaning if it has one, of one kind, in all of them."""
+        self.names = None
         if not coming:
-            self.names = None
             return
         self.write.start(block)
         first, others = coming[0][1], [names for _, names in coming[1:]]
@@ -213,8 +212,8 @@ class _Function:
         for name, value in first.items():
             found = [value, *(names[name] for names in others if name in names)]
             if len(found) == len(coming) and all(v.kind == value.kind for v in found):
-                same = all(v == value for v in found)
-                joined[name] = value if same else self.write.phi([(v, b) for v, (b, _) in zip(found, coming, strict=True)])
+                ways = [(v, b) for v, (b, _) in zip(found, coming, strict=True)]
+                joined[name] = value if all(v == value for v in found) else self.write.phi(ways)
         self.names = joined
 
     # ------------------------------------------------------------ loops
@@ -228,12 +227,13 @@ class _Function:
         if not step or not bounds or any(b.kind != "i64" for b in bounds):
             raise _refusal(call)
         first, last = (constant(0), bounds[0]) if len(bounds) == 1 else bounds[:2]
-        if call.func.id == "parallel" and is_elementwise(statement, target):
+        together = call.func.id == "parallel" and step == 1 and is_elementwise(statement, target)
+        if together:
             many = self.write.operated("sub", last, constant(LANES - 1))
             self.lane = target
             first = self.loop(statement, target, _Range(first, many, LANES, False))
             self.lane = ""
-        self.loop(statement, target, _Range(first, last, step, is_never_empty(call)))
+        self.loop(statement, target, _Range(first, last, step, not together and is_never_empty(call)))
 
     def loop(self, statement: ast.For, target: str, over: _Range) -> Value:
         """First the test whether there is a turn; then the body, with the test for another turn at its end. Returns how far it came."""
@@ -251,7 +251,7 @@ class _Function:
         turns += [_Turns(name, before[name], Value(f"%{self.write.new()}", before[name].kind)) for name in names]
         head, anew = len(self.write.lines), stored(statement.body)
         self.names = {n: v for n, v in before.items() if n not in anew} | {turn.name: turn.value for turn in turns}
-        self.loops.append(_Loop(end))
+        self.loops.append((end, []))
         self.carry_out(statement.body)
         late: list[Value] = []
         if self.names is not None:
@@ -261,11 +261,10 @@ class _Function:
         for k, (_, early, value) in enumerate(turns):
             back = f", [ {late[k].text}, %{self.write.block} ]" if late else ""
             self.write.lines.insert(head, f"  {value.text} = phi {value.kind} [ {early.text}, %{entry} ]{back}")
-        self.join(end, [*coming, *self.loops.pop().leaving])
+        self.join(end, [*coming, *self.loops.pop()[1]])
         return self.write.phi([(over.first, entry), (late[0], coming[-1][0])]) if self.lane else over.first
 
     def again(self, turn: _Turns) -> Value:
-        """The value that a name has at the end of a turn."""
         late = self.here.get(turn.name)
         if late is None or late.kind != turn.value.kind:
             raise Unsupported(f"`{turn.name}` is of one kind before the loop and of another in it")
@@ -297,11 +296,9 @@ class _Function:
         raise _refusal(node)
 
     def named(self, name: str) -> Value:
-        if name in self.here:
-            return self.here[name]
-        if name in CONSTANTS:
-            return real(CONSTANTS[name])
-        raise Unsupported(f"`{name}` has no value there, or values of two kinds")
+        if name not in self.here and name not in CONSTANTS:
+            raise Unsupported(f"`{name}` has no value there, or values of two kinds")
+        return self.here[name] if name in self.here else real(CONSTANTS[name])
 
     def place(self, node: ast.Subscript) -> Value:
         laned = bool(self.lane) and grows_with(node.slice, self.lane)
@@ -350,21 +347,27 @@ class _Function:
             self.write.fork(self.write.truth(self.value(test)), yes, no)
 
     def chosen(self, node: ast.IfExp) -> Value:
-        """One of two values; the other one is not computed."""
-        yes, no, end = self.write.new(), self.write.new(), self.write.new()
-        self.branch(node.test, yes, no)
-        found, blocks = [], []
-        for label, part in ((yes, node.body), (no, node.orelse)):
-            self.write.start(label)
-            found.append(self.value(part))
-            blocks.append(self.write.block)
+        """One of several values; the others are not computed."""
+        end, rest = self.write.new(), cast(ast.expr, node)
+        coming: list[tuple[Value, str]] = []
+        while isinstance(rest, ast.IfExp):
+            yes, no = self.write.new(), self.write.new()
+            self.branch(rest.test, yes, no)
+            self.write.start(yes)
+            coming.append((self.value(rest.body), self.write.block))
             self.write.go(end)
+            self.write.start(no)
+            rest = rest.orelse
+        coming.append((self.value(rest), self.write.block))
+        self.write.go(end)
         self.write.start(end)
-        if found[0].kind != found[1].kind:
-            if any(value.whole is None and value.kind != "double" for value in found):
+        if len({value.kind for value, _ in coming}) > 1:
+            if any(value.whole is None and value.kind != "double" for value, _ in coming):
                 raise _refusal(node)
-            found = [self.write.converted(value, "double") for value in found]  # constants: no instructions
-        return self.write.phi(list(zip(found, blocks, strict=True)))
+            coming = [
+                (self.write.converted(value, "double"), block) for value, block in coming
+            ]  # of constants: no instructions
+        return self.write.phi(coming)
 
     def conditions(self, node: ast.BoolOp) -> Value:
         """Conditions, one after the other as long as they do not decide it."""

@@ -17,6 +17,7 @@ from gearlib.codegen.machine_code import intermediate
 COMPILER = ("instructions.py", "loops.py", "machine_code.py", "object_code.py")
 WINDOWS = sys.platform == "win32"  # LLVM's newer linker, for small code in one piece, is not at home there
 LINKED = 300  # modules that stay in the process though nobody uses them, those met last
+USES = 64
 _numbers = count()
 _one_at_a_time = Lock()
 
@@ -106,12 +107,13 @@ def _linker() -> Any:
     return binding.create_lljit_compiler(_machine(), use_jit_link=not WINDOWS, suppress_errors=True)
 
 
-@cache
-def _passes() -> tuple[Any, Any]:
+@lru_cache(maxsize=1)
+def _passes(number: int) -> tuple[Any, Any]:
     """LLVM's passes that simplify one function, at their lowest level, and what they are run with.
 
     They give code as fast as all passes at the highest level do, in a third of the time: loops come in the form that is wanted, and
-    with their vector instructions. Both objects are made once, since LLVM never gives back all of their memory.
+    with their vector instructions. Both objects become slower with every use, and llvmlite gives back no memory of theirs; so they
+    are neither kept for ever nor made every time.
     """
     from llvmlite import binding
 
@@ -123,7 +125,7 @@ def object_code(source: str) -> bytes:
     """Compile a module."""
     from llvmlite import binding
 
-    machine, (passes, builder) = _machine(), _passes()
+    machine, (passes, builder) = _machine(), _passes(next(_numbers) // USES)
     head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
     module = binding.parse_assembly(head + intermediate(source))
     for function in module.functions:

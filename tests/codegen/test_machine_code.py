@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import gearlib as gl
 import gearparts as gp
 from gearlib.codegen.elimination import SOLVE
-from gearlib.codegen.instructions import Unsupported
+from gearlib.codegen.instructions import LANED, Unsupported
 from gearlib.codegen.kernels import residual_kernel
 from gearlib.codegen.loops import carried, is_elementwise, is_never_empty, stored
 from gearlib.codegen.machine_code import intermediate
@@ -247,7 +247,8 @@ def test_functions_of_equations() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["sin(a)", "cos(a)", "tan(a)", "exp(a)", "log(a)", "atan2(a, b)", "a**b", "a**1.7", "tanh(a)", "2**a"]
+    "text",
+    ["sin(a)", "cos(a)", "sin(a) * cos(a)", "tan(a)", "exp(a)", "log(a)", "atan2(a, b)", "a**b", "a**1.7", "tanh(a)", "2**a"],
 )
 def test_functions_outside_their_domains(text: str) -> None:
     pairs = np.array([x for a in SPECIAL for b in SPECIAL for x in (a, b, 0.0)])
@@ -279,6 +280,23 @@ def test_parallel_loops_of_all_lengths(text: str) -> None:
     body = f"n, s, y, a, b = index[20], data[0], 10, 100, 150\nfor k in parallel(n):\n    {text}\nreturn n"
     for n in [*range(19), -3]:
         check(body, rng.uniform(0.5, 2.0, 200).tolist(), [*range(20), n])
+
+
+@pytest.mark.parametrize("bounds", ["16", "7, 31", "5, 40, 2", "3, 3", "20, 0, -1", "index[20], 20"])
+def test_parallel_loops_of_all_ranges(bounds: str) -> None:
+    rng = np.random.default_rng(0)
+    check(
+        f"for k in parallel({bounds}):\n    data[100 + k] = data[k] - data[50 + k]\nreturn 0",
+        rng.normal(size=150).tolist(),
+        [*range(21)],
+    )
+
+
+def test_neighbours_are_computed_together() -> None:
+    """The linear equations that the bodies and shafts of a long chain share."""
+    text = intermediate(gl.compile(Chain(n=120))._scene.native.rhs.source)
+    assert text.count(f"fadd {LANED}") == 4
+    assert text.count(f"store {LANED}") == 5
 
 
 def test_which_loops_work_on_neighbours() -> None:
@@ -465,6 +483,14 @@ def test_sums_of_thousands_of_terms() -> None:
     data = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
     by_machine(module(f"data[0] = {terms}\nreturn 0"), "f", 0.0, data)
     assert data[0] == sum(k % 7 + 1 for k in range(2000))
+
+
+def test_hundreds_of_branches() -> None:
+    cases = " else ".join(f"{k}.5 if t < {k}" for k in range(700))
+    kinds = "".join(f"{'elif' if k else 'if'} index[0] == {k}:\n    data[1] = {k}.25\n" for k in range(600))
+    data = np.zeros(2)
+    by_machine(module(f"data[0] = {cases} else 9\n{kinds}return 0"), "f", 321.5, data, np.array([555]))
+    assert data.tolist() == [322.5, 555.25]
 
 
 def test_a_function_lives_as_long_as_it_is_held() -> None:
