@@ -278,8 +278,8 @@ class System:
         Returns
         -------
         control.StateSpace
-            With the states that the outputs need. States are named by path, inputs and outputs too, but with "_" for "."
-            (``linear["load_w", "torque_tau"]``), since python-control refuses dots in names of signals.
+            With the states that the outputs need and the mode does not hold. States are named by path, inputs and outputs too, but
+            with "_" for "." (``linear["load_w", "torque_tau"]``), since python-control refuses dots in names of signals.
 
         Raises
         ------

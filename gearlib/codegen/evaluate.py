@@ -169,8 +169,9 @@ def _singular(block: Linear | Newton, structure: Structure) -> SingularError:
 
 
 def evaluate(
-    prepared: Prepared, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None = None
-) -> Floats:
+    prepared: Prepared, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None = None,
+    forgiving: bool = False,
+) -> Floats:  # fmt: skip
     """All slots of a program.
 
     Parameters
@@ -179,6 +180,8 @@ def evaluate(
     states, inputs, relations : arrays, shape (number, times)
     guess : array, shape (slots,), optional
         Where Newton's iterations start.
+    forgiving : bool
+        Whether equations without a solution leave their unknowns at the guess.
 
     Returns
     -------
@@ -196,7 +199,11 @@ def evaluate(
         elif isinstance(step, Linear):
             slots[step.unknowns] = next(solutions) @ slots[step.known]
         else:
-            _newton(step, prepared, t, slots, relations, guess)
+            try:
+                _newton(step, prepared, t, slots, relations, guess)
+            except SolverError:
+                if not forgiving:
+                    raise
     return slots
 
 

@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 Added = tuple[int, int, float]  # slot, which of the added seeds, weight
 Integers = NDArray[np.int64]
 Parts = list[tuple[Integers, Integers, Floats]]
+SINGULAR = 1e13  # condition number beyond which equations depend on each other
 MOST_DENSE = 4_000_000  # entries of a full matrix of slots by seeds
 
 
@@ -72,7 +73,7 @@ def sensitivity(
             gradient = np.zeros((n, len(known)))
             np.add.at(gradient, (rows[outside], np.searchsorted(known, columns[outside])), values[outside])
             try:
-                solved = np.asarray(-np.linalg.solve(matrix, gradient), float)
+                solved = -solve_shared(matrix, gradient)
             except np.linalg.LinAlgError:
                 raise SolverError(
                     f"there is no linear model at this point: {n} {'equation that is' if n == 1 else 'equations that are'} solved by "
@@ -84,6 +85,29 @@ def sensitivity(
             if now_made.any():
                 store.add(places[now_made], len(seeds) + columns_added[now_made], weights[now_made])
     return store.result()
+
+
+def solve_shared(matrix: Floats, right: Floats) -> Floats:
+    """Solve linear equations; of several solutions take the smallest: stuck elements side by side share their torque in any way.
+
+    Raises
+    ------
+    LinAlgError
+        There is no solution.
+    """
+    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+    column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    scaled, right = matrix * row[:, None] * column, right * row[:, None]
+    try:
+        inverse = np.linalg.inv(scaled)
+        if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
+            return np.asarray(column[:, None] * (inverse @ right), float)
+    except np.linalg.LinAlgError:
+        pass
+    found = np.linalg.lstsq(scaled, right, rcond=1 / SINGULAR)[0]
+    if np.abs(scaled @ found - right).max(initial=0.0) > 1e-9 * np.abs(right).max(initial=0.0):
+        raise np.linalg.LinAlgError
+    return np.asarray(column[:, None] * found, float)
 
 
 def _entries(

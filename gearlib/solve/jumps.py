@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import lru_cache
+from math import isfinite
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -12,12 +15,13 @@ from numpy.typing import NDArray
 from gearlib.codegen.kernels import differentiated
 from gearlib.codegen.program import Batch, Newton, Program
 from gearlib.errors import ModelError
-from gearlib.flatten.templates import Template
+from gearlib.flatten.templates import Relation, Template
 from gearlib.solve.quasipolynomials import TIME, OutsideClassError
 from gearlib.solve.switches import switch_times
 from gearlib.structure.analysis import Structure
 
 Floats = NDArray[np.float64]
+Function = Callable[..., Any]  # of time and the parameters
 MOST = 50  # switches that are looked at
 APART = 1e-9  # of a time, by which both sides of a switch are told
 SMALL = 1e-9  # of the sizes on both sides: a difference below this is rounding
@@ -60,20 +64,22 @@ def _check(structure: Structure, e: int, used: Template, parameters: Floats, t0:
     """Of one equation: what stands under its derivatives, level by level."""
     g, i = structure.rows[e]
     group = structure.model.groups[g]
-    table: dict[Any, Any] = {
-        sympy.Symbol(name, real=True): sympy.Float(parameters[p], 17)
-        for name, p in zip(group.template.parameters, group.parameters[i].tolist(), strict=True)
-    }
-    relations = [(r, r.g.xreplace(table)) for r in group.template.relations]
-    timed = [(r, x, sympy.Symbol(f"relation_{j}", real=True)) for j, (r, x) in enumerate(relations) if x.free_symbols == {TIME}]
+    template, numbers = group.template, list(parameters[group.parameters[i]])
+    symbols = tuple(sympy.Symbol(name, real=True) for name in template.parameters)
+    timed = [(j, r) for j, r in enumerate(template.relations) if r.g.free_symbols <= {TIME, *symbols}]
+    times = _times([r.g.xreplace(dict(zip(symbols, map(_float, numbers), strict=True))) for _, r in timed], t0, t1)
     level = 0
-    while differentiated(group.template, level) is not used:
-        residual = differentiated(group.template, level).residual.xreplace(table)
-        for t in _times([x for _, x, _ in timed], t0, t1):
-            before, after = (residual.xreplace({s: _flag(r, x, t, side) for r, x, s in timed}) for side in (-1, 1))
-            if _jump(before, after, t):
+    while differentiated(template, level) is not used and times:
+        for last, t, following in zip([t0, *times], times, [*times[1:], t1], strict=False):
+            flags = [tuple((j, _flag(r, symbols, numbers, t, side)) for j, r in timed) for side in (-1, 1)]
+            pieces = _pieces(differentiated(template, level), symbols, *flags)
+            if pieces is not None and _jump(pieces, numbers, t, (last, following)):
                 raise _refused(structure, g, i, t, level)
         level += 1
+
+
+def _float(number: float) -> Any:
+    return sympy.Float(number, 17)
 
 
 def _times(expressions: list[Any], t0: float, t1: float) -> list[float]:
@@ -83,20 +89,38 @@ def _times(expressions: list[Any], t0: float, t1: float) -> list[float]:
         return []
 
 
-def _flag(relation: Any, difference: Any, t: float, side: int) -> Any:
-    value = float(difference.subs(TIME, t + side * APART * max(abs(t), 1.0)))
-    return sympy.Integer(value < 0 if relation.negated else value > 0)
+def _flag(relation: Relation, symbols: tuple[Any, ...], numbers: list[float], t: float, side: int) -> int:
+    with np.errstate(all="ignore"):
+        value = float(_function(relation.g, symbols)(np.float64(t + side * APART * max(abs(t), 1.0)), *numbers))
+    return int(value < 0 if relation.negated else value > 0)
 
 
-def _jump(before: Any, after: Any, t: float) -> bool:
-    """Whether two expressions of time differ at one; false where that depends on variables."""
-    if (after - before).free_symbols - {TIME}:
-        return False
-    zero = {s: sympy.S.Zero for s in (after.free_symbols | before.free_symbols) - {TIME}}
-    sides = [x.xreplace(zero) for x in (before, after)]
-    values = [float(x.subs(TIME, t)) for x in sides]
-    slopes = [abs(float(sympy.diff(x, TIME).subs(TIME, t))) for x in sides]  # the time of a switch is known to rounding only
-    return abs(values[1] - values[0]) > SMALL * max(*map(abs, values), *(s * max(abs(t), 1.0) for s in slopes))
+@lru_cache(maxsize=256)
+def _pieces(template: Template, symbols: tuple[Any, ...], *sides: tuple[tuple[int, int], ...]) -> list[Function] | None:
+    """An equation on both sides of a switch, as functions of time and the parameters; None where variables tell how they differ."""
+    found = [
+        template.residual.xreplace({sympy.Symbol(f"relation_{j}", real=True): sympy.Integer(x) for j, x in s}) for s in sides
+    ]
+    if (found[1] - found[0]).free_symbols - {TIME, *symbols}:
+        return None
+    return [_function(x.xreplace({s: sympy.S.Zero for s in x.free_symbols - {TIME, *symbols}}), symbols) for x in found]
+
+
+def _jump(pieces: list[Function], numbers: list[float], t: float, ends: tuple[float, float]) -> bool:
+    """Whether two functions of time differ at one by more than rounding of the values that they take up to the ends of their pieces."""
+    values, sizes = [], [0.0]
+    for function, end in zip(pieces, ends, strict=True):
+        with np.errstate(all="ignore"):
+            near = [abs(float(function(np.float64(t + share * (end - t)), *numbers))) for share in (0.1, 0.5, 1.0)]
+            values.append(float(function(np.float64(t), *numbers)))
+        sizes += [x for x in (abs(values[-1]), *near) if isfinite(x)]
+    return abs(values[1] - values[0]) > SMALL * max(sizes)
+
+
+@lru_cache(maxsize=256)
+def _function(expression: Any, symbols: tuple[Any, ...]) -> Function:
+    function: Function = sympy.lambdify((TIME, *symbols), expression, "numpy")
+    return function
 
 
 def _refused(structure: Structure, g: int, i: int, t: float, level: int) -> ModelError:

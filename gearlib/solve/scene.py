@@ -15,7 +15,7 @@ from gearlib.codegen.events import relation_of
 from gearlib.codegen.layout import fill
 from gearlib.codegen.modes import Relations, relations_of
 from gearlib.codegen.native import NativeScene, compile_scene
-from gearlib.codegen.program import Batch, Program
+from gearlib.codegen.program import Batch, Newton, Program
 from gearlib.errors import NameLookupError
 from gearlib.flatten.model import FlatModel
 from gearlib.structure.analysis import Structure
@@ -236,7 +236,8 @@ def modes_at_start(
         modes[n + 2 * d] = 1.0
     for _ in range(100):
         for _ in range(100):
-            new = settle_once(relations, prepared, t, states, inputs, modes)
+            # equations need have a solution in the end only: before, friction that moves may be tried as stuck
+            new = settle_once(relations, prepared, t, states, inputs, modes, forgiving=True)
             settled, modes = bool((new == modes).all()), new
             if settled:
                 break
@@ -246,18 +247,22 @@ def modes_at_start(
             modes[n + 2 * d] = 0.0
         if settled and (before == modes[n + d : n + 2 * d]).all():
             break
+    if any(isinstance(step, Newton) for step in prepared.program.steps):
+        settle_once(relations, prepared, t, states, inputs, modes)
     return modes
 
 
-def settle_once(relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats) -> Floats:
+def settle_once(
+    relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats, forgiving: bool = False
+) -> Floats:
     """One pass of the event iteration, in the order of the native one: discrete variables, unknowns, relations."""
     new = modes.copy()
     slots = np.zeros((prepared.program.n_slots, len(t)))
     if any(batch.arguments.size for batch in relations.discretes):
-        slots = evaluate(prepared, t, states, inputs, new)
+        slots = evaluate(prepared, t, states, inputs, new, forgiving=forgiving)
     for batch in relations.discretes:  # in the order and with the meaning of the native event iteration
         new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
-    slots = evaluate(prepared, t, states, inputs, new)
+    slots = evaluate(prepared, t, states, inputs, new, forgiving=forgiving)
     late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
     pairs = zip(relations.batches, relations.timed, strict=True)
     flags = [_relation_flags(b, timed, late, t, slots, prepared.parameters, new) for b, timed in pairs]

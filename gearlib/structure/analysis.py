@@ -42,8 +42,9 @@ class Structure:
 
     def computes(self, node: Node) -> bool:
         """Whether a variable, or a derivative of one, is a state, given, or can be computed from these."""
-        dependence = self.dependence
-        return node in dependence.is_state or (node[1] == 0 and node[0] in dependence.given) or node in self.choice.solved_by
+        dependence, solved = self.dependence, self.choice.solved_by
+        given = node[1] == 0 and node[0] in dependence.given
+        return given or node in dependence.is_state or node in solved or (isinstance(solved, Determined) and solved.knows(node))
 
     @cached_property
     def switching(self) -> frozenset[int]:

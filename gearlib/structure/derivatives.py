@@ -7,7 +7,6 @@ matching. So the derivative of any output can be asked for; nothing is different
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import Any
 
 from gearlib.structure.incidence import Columns, Node
 
@@ -15,7 +14,7 @@ from gearlib.structure.incidence import Columns, Node
 class Determined(dict[Node, Node]):
     """Which equation determines each unknown, and on demand each derivative of one.
 
-    Iteration goes over the unknowns of the model; ``in`` and ``[]`` also know the derivatives that can be computed from them.
+    Iteration and ``in`` go over the unknowns of the model, ``[]`` also gives the equation of a derivative.
 
     Parameters
     ----------
@@ -32,7 +31,7 @@ class Determined(dict[Node, Node]):
     ) -> None:
         super().__init__(solved_by)
         self._columns, self._states, self._given = columns, frozenset(states), frozenset(given)
-        self._derivable: dict[Node, bool] = {}
+        self._known: dict[Node, bool] = {}
 
     def __missing__(self, node: Node) -> Node:
         v, k = node
@@ -41,20 +40,15 @@ class Determined(dict[Node, Node]):
         e, j = self[v, k - 1]
         return e, j + 1
 
-    def __contains__(self, node: Any) -> bool:
-        if super().__contains__(node):
-            return True
-        if node not in self._derivable:
-            self._derivable[node] = self._can_be_computed(node)
-        return self._derivable[node]
+    def knows(self, node: Node) -> bool:
+        """Whether something determines a node, or can be differentiated to do so."""
+        if node not in self._known:
+            self._known[node] = node in self or self._can_be_computed(node)
+        return self._known[node]
 
     def _can_be_computed(self, node: Node) -> bool:
         """Whether all that a derivative depends on is determined, down to what the model holds."""
-        if (
-            node[1] == 0
-            or node in self._states
-            or not any(super(Determined, self).__contains__((node[0], k)) for k in range(node[1]))
-        ):
+        if not any((node[0], k) in self for k in range(node[1])):
             return False
         stack, seen = [node], {node}
         while stack:
@@ -63,7 +57,7 @@ class Determined(dict[Node, Node]):
                 if other[0] in self._given:
                     if other[1]:
                         return False
-                elif other not in seen and other not in self._states and not super().__contains__(other):
+                elif other not in seen and other not in self._states and other not in self:
                     seen.add(other)
                     stack.append(other)
         return True

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from numbers import Integral
 
 from gearlib.errors import ArgumentError
-from gearparts.tables import Rows
+from gearparts.tables import Rows, is_finite
 
 
 def palmgren_friction(
@@ -54,11 +55,11 @@ def palmgren_friction(
     [(0.0, 0.06691), (6.981, 0.06686), (103.491, 0.10138), (200.0, 0.1242)]
     """
     for name, value in {"d_m": d_m, "f_0": f_0, "viscosity": viscosity, "w_max": w_max}.items():
-        if not value > 0:
+        if not (is_finite(value) and value > 0):
             raise ArgumentError(f"palmgren_friction({name}={value!r}): expected a positive number")
-    if rows < 3 or not (f_1 >= 0 and load >= 0):
+    if not (is_finite(f_1) and is_finite(load) and f_1 >= 0 and load >= 0 and isinstance(rows, Integral) and rows >= 3):
         raise ArgumentError(
-            f"palmgren_friction(f_1={f_1!r}, load={load!r}, rows={rows!r}): expected 0 or more, and 3 rows or more"
+            f"palmgren_friction(f_1={f_1!r}, load={load!r}, rows={rows!r}): expected 0 or more, and a whole number of 3 rows or more"
         )
     corner = 2000 / (1e6 * viscosity) * math.pi / 30  # rad/s, where nu n = 2000
     if corner >= w_max:

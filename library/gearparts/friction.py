@@ -55,8 +55,13 @@ class Friction(gl.Component):
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
             gl.Eq(self.was_backward, gl.equals(was, BACKWARD)),
-            gl.Eq(self.start_forward, self._starts(1, self.sa, self.v, self.start_forward, self.was_backward)),
-            gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.v, self.start_backward, self.was_forward)),
+            gl.Eq(
+                self.start_forward, self._starts(1, self.sa, self.v, self.start_forward, self.start_backward, self.was_backward)
+            ),
+            gl.Eq(
+                self.start_backward,
+                self._starts(-1, -self.sa, -self.v, self.start_backward, self.start_forward, self.was_forward),
+            ),
             gl.Eq(self.locked, gl.And(gl.Not(is_free), gl.Not(forward), gl.Not(backward))),
             gl.Eq(
                 self.mode,
@@ -69,16 +74,17 @@ class Friction(gl.Component):
             ),
         ]
 
-    def _starts(self, sense: int, torque: Any, speed: Any, starts: Any, was_opposite: Any) -> Any:
+    def _starts(self, sense: int, torque: Any, speed: Any, starts: Any, starts_opposite: Any, was_opposite: Any) -> Any:
         """Whether it starts to slide in a sense, with torque and speed counted in that sense.
 
         Where it was stuck, the torque is above its limit, or above the sliding torque if it had started already. One that starts
-        at this event, but is held by another element, stands at its limit exactly, and goes on to start. The comparison is
-        multiplied by flags: where none is set, it would make events of no meaning.
+        at this event, but is held by another element, stands at its limit exactly, and goes on to start. One that has started in
+        the opposite sense locks first: its curve parameter is no torque, and two elements on one shaft would drive each other to
+        and fro. The comparison is multiplied by flags: where none is set, it would make events of no meaning.
         """
         started = gl.pre(starts)
         limit = self.peak * self.tau0 * (1 - started) * (1 - ROUNDING * starts) + (1 - ROUNDING) * self.tau0 * started
-        pushed = self.was_stuck * (torque - limit) + was_opposite * (speed - self.w_small) > 0
+        pushed = self.was_stuck * (1 - starts_opposite) * (torque - limit) + was_opposite * (speed - self.w_small) > 0
         engaged_now = gl.And(gl.equals(gl.pre(self.mode), FREE), gl.Not(gl.holds(self.free)))
         return gl.Or(pushed, gl.And(gl.Or(gl.initial(), engaged_now), gl.equals(self.moving, sense)))
 

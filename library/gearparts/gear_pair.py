@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 
 from gearlib.errors import BoundError
 from gearparts.involute import involute, involute_angle
@@ -77,8 +78,9 @@ class GearPair:
 
     def __post_init__(self) -> None:
         for name in ("z_1", "z_2", "m_n", "width", "alpha_n", "h_aP", "h_fP", "blank", "line_load"):
-            if not getattr(self, name) > 0:
-                raise BoundError(f"GearPair.{name} is {getattr(self, name)!r}; expected a positive number")
+            value = getattr(self, name)
+            if not (isinstance(value, Real) and float(value) > 0):
+                raise BoundError(f"GearPair.{name} is {value!r}; expected a positive number")
         if self.internal and self.z_2 <= self.z_1:
             raise BoundError(f"GearPair: a ring of {self.z_2} teeth around a pinion of {self.z_1}; expected z_2 > z_1")
         if not abs(self.beta) < math.pi / 2:

@@ -127,8 +127,10 @@ class LossyGear(TwoFlanges, Dissipative):
         return [
             gl.Eq(self.moving, sign_while(1 - gl.pre(self.locked), self.w_a, gl.pre(self.moving))),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
-            gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, self.start_forward)),
-            gl.Eq(self.start_backward, self._starts(-1, -self.sa, -self.loss_backward, self.start_backward)),
+            gl.Eq(self.start_forward, self._starts(1, self.sa, self.loss_forward, self.start_forward, self.start_backward)),
+            gl.Eq(
+                self.start_backward, self._starts(-1, -self.sa, -self.loss_backward, self.start_backward, self.start_forward)
+            ),
             gl.Eq(self.locked, gl.And(gl.Not(ahead), gl.Not(back))),
             gl.Eq(
                 self.mode,
@@ -140,10 +142,13 @@ class LossyGear(TwoFlanges, Dissipative):
             ),
         ]
 
-    def _starts(self, sense: int, loss: Any, limit: Any, starts: Any) -> Any:
-        """Whether it starts to turn in a sense; multiplied by a flag, since the comparison means nothing unless it was stuck."""
+    def _starts(self, sense: int, loss: Any, limit: Any, starts: Any, starts_opposite: Any) -> Any:
+        """Whether it starts to turn in a sense; multiplied by flags, since the comparison means nothing unless it was stuck.
+
+        One that has started in the opposite sense locks first: its curve parameter is no torque then.
+        """
         started = 1 - (1 - starts) * (1 - gl.pre(starts))  # at this event, or before it
-        pushed = self.was_stuck * (loss - limit * (1 - ROUNDING * started)) > 0
+        pushed = self.was_stuck * (1 - starts_opposite) * (loss - limit * (1 - ROUNDING * started)) > 0
         return gl.Or(pushed, gl.And(gl.initial(), gl.equals(self.moving, sense)))
 
 

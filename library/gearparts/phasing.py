@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 from gearlib.errors import BindingError
 
@@ -99,6 +100,8 @@ def planet_phasing(
     ((0.0, 0.5, 0.0, 0.5), (0.0, 0.5, 0.0, 0.5), 0.5, 'planet')
     """
     check_assembly("planet_phasing", Z_s, Z_p, Z_r, planets, positions)
+    if not (ring_to_sun is None or _is_number(ring_to_sun)):
+        raise BindingError(f"planet_phasing: ring_to_sun is {ring_to_sun!r}; expected a number of mesh periods")
     turns = [n / planets for n in range(planets)] if positions is None else [p / (2 * math.pi) for p in positions]
     sense = 1 if clockwise else -1
     return PlanetPhasing(
@@ -107,6 +110,10 @@ def planet_phasing(
         _fraction((Z_p - 1) / 2 if ring_to_sun is None else ring_to_sun),
         (Z_s, Z_r),
     )
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and math.isfinite(value)
 
 
 def _fraction(periods: float) -> float:
@@ -145,6 +152,8 @@ def check_assembly(
     if positions is not None:
         if len(positions) != planets:
             raise BindingError(f"{owner}: {len(positions)} positions for {planets} planets")
+        if not all(_is_number(position) for position in positions):
+            raise BindingError(f"{owner}: positions are {positions!r}; expected angles, rad")
         steps = [(p - positions[0]) / (2 * math.pi) * (Z_s + Z_r) for p in positions]
         for n, step in enumerate(steps):
             if abs(step - round(step)) > 1e-6:

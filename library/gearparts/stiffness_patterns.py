@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Integral
 
 from gearlib.errors import ArgumentError
 from gearparts.gear_pair import GearPair
-from gearparts.tables import Rows
+from gearparts.tables import Rows, is_finite
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,10 @@ def cai_stiffness(pair: GearPair, samples: int = 32, mean: float | None = None) 
     >>> len(pattern.table), round(pattern.mean / 1e6)
     (32, 375)
     """
-    if samples < 8:
-        raise ArgumentError(f"cai_stiffness(samples={samples!r}): expected 8 or more")
+    if not (isinstance(samples, Integral) and samples >= 8):
+        raise ArgumentError(f"cai_stiffness(samples={samples!r}): expected a whole number, 8 or more")
+    if not (mean is None or (is_finite(mean) and mean > 0)):
+        raise ArgumentError(f"cai_stiffness(mean={mean!r}): expected a positive stiffness, N/m")
     pairs = math.ceil(pair.contact_ratio + pair.overlap_ratio)
     steps = [(k + 0.5) / samples for k in range(samples)]  # no sample on a jump at the beginning of the period
     sums = [sum(cai_pair_stiffness(pair, step + n) for n in range(pairs)) for step in steps]

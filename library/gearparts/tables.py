@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from math import isfinite
+from numbers import Real
 from typing import Any
 
 import sympy
@@ -14,6 +15,15 @@ from gearlib.errors import BindingError
 
 Rows = tuple[tuple[float, ...], ...]
 SMOOTHNESS = ("linear", "constant", "akima")  # Modelica's LinearSegments, ConstantSegments and ContinuousDerivative
+
+
+def is_finite(value: object) -> bool:
+    """Whether something is a finite number.
+
+    >>> [is_finite(value) for value in (1, 2.5, float("inf"), "3", None)]
+    [True, True, False, False, False]
+    """
+    return isinstance(value, Real) and isfinite(value)
 
 
 def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear") -> Any:

@@ -219,3 +219,24 @@ def test_moment_of_a_run_with_some_clutches_locked() -> None:
         assert len(model.states) == len(system.states) - locked
         seen.add(locked)
     assert len(seen) > 1
+
+
+@pytest.mark.parametrize("J", [1.0, 0.37e-3])
+def test_elements_side_by_side_are_locked_together(J: float) -> None:
+    """Two bearings on one shaft share the torque in any way; the motion is that of a shaft that stands still."""
+
+    class TwoBearings(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.shaft = gp.Inertia(J=J), gp.Inertia(J=2.0), gp.SpringDamper(c=10.0, d=0.1)
+            self.bearing = [gp.BearingFriction(tau_pos=[[0.0, t]]) for t in (1.0, 0.3)]
+            return [
+                gl.connect(self.a.flange_b, *(k.flange_a for k in self.bearing), self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.b.flange_a),
+            ]
+
+    system = gl.compile(TwoBearings())
+    expected = np.roots([2.0, 0.1, 10.0])
+    _same(gl.stability(system).eigenvalues, expected)
+    assert gl.modes(system).frequencies == pytest.approx([np.sqrt(5.0) / (2 * np.pi)])
+    torque = system.linearize([], ["shaft.tau", "bearing[0].tau", "bearing[1].tau"], sparse=True).C
+    assert torque[1] + torque[2] == pytest.approx(torque[0], abs=1e-12)

@@ -129,6 +129,12 @@ def test_palmgren_s_friction_worked_by_hand() -> None:
         gp.palmgren_friction(0.06, f_0=2.0, viscosity=0.0)
     with pytest.raises(ArgumentError, match="3 rows or more"):
         gp.palmgren_friction(0.06, f_0=2.0, viscosity=1e-5, rows=2)
+    for load in (math.inf, math.nan, "2000"):
+        with pytest.raises(ArgumentError, match="load="):
+            gp.palmgren_friction(0.06, f_0=2.0, viscosity=1e-5, load=load)
+    for d_m in (math.inf, "0.06", None):
+        with pytest.raises(ArgumentError, match=r"d_m=.*expected a positive number"):
+            gp.palmgren_friction(d_m, f_0=2.0, viscosity=1e-5)
 
 
 @pytest.mark.slow

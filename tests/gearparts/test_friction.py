@@ -368,3 +368,23 @@ def test_at_zero_is_interpolated_from_rows_to_both_sides() -> None:
 def test_friction_that_would_drive_is_named() -> None:
     with pytest.raises(BindingError, match=r"Brake\.mu_pos .* expected friction of 0 or more"):
         gl.compile(Brake(fn_max=1.0, f_normalized=1.0, mu_pos=((0.0, -0.5),)))
+
+
+class Rig(gl.Component):
+    """A bearing on a shaft whose speed is prescribed."""
+
+    w = gl.Parameter("rad/s", "mean speed", default=4.0)
+
+    def assemble(self) -> list[Any]:
+        self.drive = gp.Speed(exact=True, w_ref=self.w + gl.sin(gl.time))
+        self.bearing = gp.BearingFriction(tau_pos=((0.0, 0.5), (1.0, 0.9)))
+        return [gl.connect(self.drive.flange, self.bearing.flange_a)]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+@pytest.mark.parametrize("w", [4.0, -4.0, 0.5])
+def test_a_bearing_on_a_prescribed_motion(w: float, method: str) -> None:
+    """It slips from the start, and through zero from one direction to the other: stuck, the motion would have no solution."""
+    result = gl.compile(Rig()).simulate(10.0, samples=51, method=method, parameters={"w": w})
+    speed = w + np.sin(result.time)
+    assert result["bearing.tau"] == pytest.approx(np.sign(speed) * (0.5 + 0.4 * abs(speed)), abs=1e-9)

@@ -113,6 +113,7 @@ def test_cai_s_stiffness_of_helical_teeth_rises_and_falls_smoothly() -> None:
         ({"z_1": 20, "z_2": 30, "beta": 2.0}, r"GearPair\.beta is 2\.0 rad"),
         ({"z_1": 20, "z_2": 30, "x_1": -3.0}, r"do not reach each other|no pressure angle fits"),
         ({"z_1": 20, "z_2": 30, "m_n": math.nan}, r"GearPair\.m_n is nan"),
+        ({"z_1": "20", "z_2": 30}, r"GearPair\.z_1 is '20'; expected a positive number"),
     ],
 )
 def test_impossible_pairs_are_refused(given: dict[str, float], message: str) -> None:
@@ -123,3 +124,8 @@ def test_impossible_pairs_are_refused(given: dict[str, float], message: str) -> 
 def test_too_few_samples_are_refused() -> None:
     with pytest.raises(ArgumentError, match="samples=4"):
         gp.cai_stiffness(DIN, 4)
+    with pytest.raises(ArgumentError, match=r"samples=8\.5"):
+        gp.cai_stiffness(DIN, 8.5)  # type: ignore[arg-type]
+    for mean in (math.nan, -1.0, 0.0):
+        with pytest.raises(ArgumentError, match="mean="):
+            gp.cai_stiffness(DIN, mean=mean)

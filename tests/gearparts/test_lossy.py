@@ -133,6 +133,39 @@ def test_lossy_gear_demo_3(method: str) -> None:
     assert (result["gear.mode"][5:] == 0).all()
 
 
+class Swinging(gl.Component):
+    """Swinging torques on two bodies, with a bearing and a lossy gear between them that lock at the same instant."""
+
+    loss_table = gl.Structural(((0.0, 0.95, 0.92, 0.4, 0.5),))
+    ratio = gl.Parameter("1", default=3.0)
+
+    def assemble(self) -> Any:
+        self.a, self.b = gp.Inertia(J=0.02), gp.Inertia(J=0.5)
+        self.bearing = gp.BearingFriction(tau_pos=((0.0, 0.8), (100.0, 1.5)))
+        self.gear = LossyGear(ratio=self.ratio, loss_table=self.loss_table)
+        self.torque_a = gp.Torque(tau=1.8 * gl.sin(7 * gl.time) + 0.3)
+        self.torque_b = gp.Torque(tau=gl.sin(5 * gl.time))
+        return [
+            gl.connect(self.torque_a.flange, self.a.flange_a),
+            gl.connect(self.a.flange_b, self.bearing.flange_a),
+            gl.connect(self.bearing.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.b.flange_a),
+            gl.connect(self.b.flange_b, self.torque_b.flange),
+        ]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "row"), [(3.0, (0.95, 0.92, 0.4, 0.5)), (2.0, (1.0, 1.0, 0.4, 0.4)), (-2.0, (0.95, 0.92, 0.0, 0.0))]
+)
+def test_a_bearing_and_a_gear_that_lock_together(ratio: float, row: tuple[float, float, float, float]) -> None:
+    times = np.linspace(0.0, 3.0, 201)
+    torques = lambda t: 1.8 * math.sin(7 * t) + 0.3, lambda t: math.sin(5 * t)
+    w = TwoBodies(0.02, 0.5, ratio, row, *torques, lambda w: 0.8 + 0.007 * w).integrate(0.0, times, [])[1]
+    assert (w == 0).sum() > 5
+    assert w.min() < 0 < w.max()
+    agree(run(Swinging(ratio=ratio, loss_table=((0.0, *row),)), ["a.w"], times, "rk"), {"a.w": w}, 1e-7)
+
+
 class Driven(gl.Component):
     """A gear between a driving and a driven body, both under torque."""
 

@@ -61,6 +61,12 @@ def test_the_sense_and_the_positions() -> None:
     assert gp.planet_phasing(19, 31, 81, 5, ring_to_sun=0.25).ring_to_sun == 0.25
 
 
+@pytest.mark.parametrize("ring_to_sun", [math.nan, math.inf, "0.5"])
+def test_a_phase_that_is_no_number_is_named(ring_to_sun: object) -> None:
+    with pytest.raises(BindingError, match=r"planet_phasing: ring_to_sun is .*; expected a number of mesh periods"):
+        gp.planet_phasing(19, 31, 81, 5, ring_to_sun=ring_to_sun)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -68,6 +74,8 @@ def test_the_sense_and_the_positions() -> None:
         ((19, 31, 81, 2, [0.0, 1.0]), r"planet 1 at 1 rad does not fit .* nearest position is 1\.00531 rad"),
         ((19, 31, 81, 3, [0.0]), r"1 positions for 3 planets"),
         ((19, 81, 31, 5, None), r"needs Z_r near Z_s \+ 2 Z_p"),
+        ((19, 31, 81, 2, [0.0, math.nan]), r"unit: positions are .*nan.*; expected angles, rad"),
+        ((19, 31, 81, 2, "ab"), r"unit: positions are 'ab'; expected angles, rad"),
         ((19.5, 31, 81, 5, None), r"unit: Z_s is 19\.5; expected a whole number"),
     ],
 )

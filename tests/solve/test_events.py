@@ -222,7 +222,7 @@ def test_initial_pre_and_no_event(method):
 def test_time_events_are_met_exactly(method):
     result = gl.simulate(Stops(), t_end=2.0, samples=3, method=method, outputs=["y"])
     assert [t for t, _ in result.events] == [0.3, 0.7], "to the last bit"
-    assert all(name.startswith("Stops: Stops: high = ") for _, name in result.events)
+    assert all(name.startswith("Stops: high = ") for _, name in result.events)
 
 
 @pytest.mark.parametrize("method", ["rk", "ida"])

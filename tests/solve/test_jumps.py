@@ -61,6 +61,26 @@ def test_reference_without_a_jump_is_followed(ref: Any, angle: bool, slope: floa
     assert torque[51:] == pytest.approx(2.0 * slope, rel=1e-9)
 
 
+def _cycloid(s: Any) -> Any:
+    return s - gl.sin(2 * gl.pi * s) / (2 * gl.pi)
+
+
+def _polynomial(s: Any) -> Any:
+    return 10 * s**3 - 15 * s**4 + 6 * s**5
+
+
+@pytest.mark.parametrize("law", [_cycloid, _polynomial])
+@pytest.mark.parametrize(("begin", "lasts", "angle"), [(0.37, 0.111, 1e4), (1 / 3, 1 / 7, 5.0), (0.1, 0.2, 1e-3)])
+def test_motion_laws_of_cams_are_no_jumps(law: Any, begin: float, lasts: float, angle: float) -> None:
+    """Their angles, speeds and accelerations agree at the ends but for rounding; the acceleration is the derivative's."""
+    ref = gl.Piecewise((0, begin > T), (angle * law((T - begin) / lasts), begin + lasts > T), (angle, True))
+    result = gl.compile(Followed(ref=ref, angle=True)).simulate(0.9, samples=91)
+    s = (result.time - begin) / lasts
+    second = {_cycloid: 2 * np.pi * np.sin(2 * np.pi * s), _polynomial: 60 * s - 180 * s**2 + 120 * s**3}[law]
+    expected = np.where((s > 0) & (s < 1), angle / lasts**2 * second, 0.0)
+    assert result["body.a"] == pytest.approx(expected, abs=1e-9 * angle / lasts**2)
+
+
 def test_jump_that_nothing_with_inertia_follows_is_a_motion() -> None:
     class Kinematic(gl.Component):
         def assemble(self) -> list[Any]:
