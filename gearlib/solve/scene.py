@@ -245,8 +245,8 @@ def modes_at_start(
         modes[n + d : n + 2 * d] = modes[n : n + d]
         if d:
             modes[n + 2 * d] = 0.0
-        if settled and (before == modes[n + d : n + 2 * d]).all():
-            break
+        if not settled or (before == modes[n + d : n + 2 * d]).all():
+            break  # what does not settle here, the run's own event iteration may settle; if not, it names it
     if any(isinstance(step, Newton) for step in prepared.program.steps):
         settle_once(relations, prepared, t, states, inputs, modes)
     return modes
