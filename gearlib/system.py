@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +20,7 @@ from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
-from gearlib.solve.arguments import absolute_tolerance, check_options, output_times
+from gearlib.solve.arguments import Request, absolute_tolerance, check_options, output_times
 from gearlib.solve.charts import Charts, integrate_through
 from gearlib.solve.initialize import Start, start_values, start_variable, steady_state
 from gearlib.solve.jumps import refuse_jumps
@@ -78,7 +80,7 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
     model = flatten(component)
     parameters = model.parameters.defaults
     structure = analyse(model, numbers_of(model, parameters, 0.0))
-    return System(structure, None if outputs is None else tuple(outputs), type(component).__name__)
+    return System(structure, None if outputs is None else tuple(outputs), component)
 
 
 def simulate(component: Component, t_end: float, **options: Any) -> Result:
@@ -109,10 +111,11 @@ class System:
         What was asked for.
     """
 
-    def __init__(self, structure: Structure, outputs: tuple[str, ...] | None, name: str) -> None:
+    def __init__(self, structure: Structure, outputs: tuple[str, ...] | None, component: Component) -> None:
         self._structure = structure
+        self._component = component
         self.outputs = outputs
-        self.name = name
+        self.name = type(component).__name__
         model = structure.model
         if outputs is None:
             targets = [(v, k + 1) for v, k in structure.states if (v, k) not in structure.angles]
@@ -224,35 +227,42 @@ class System:
         check_options(method, rtol)
         numbers = self._parameters(parameters)
         signals = self._signals(inputs)
-        options = (float(t_start), grid, method, rtol, atol, numbers, start, signals, progress)
-        return self._run(self._scene, *options)
+        return self._run(
+            self._scene, Request(float(t_start), grid, method, rtol, atol, numbers, start, tuple(signals), progress)
+        )
 
-    def _run(
-        self, scene: Scene, t_start: float, asked: Floats, method: str, rtol: float, atol: ArrayLike | None, parameters: Floats,
-        start: Mapping[str, float] | str | None, signals: list[Any], progress: bool,
-    ) -> Result:  # fmt: skip
+    def _run(self, scene: Scene, asked: Request) -> Result:
+        parameters, signals = asked.parameters, asked.signals
         numbers = self._prepared(scene, parameters)
-        grid = asked if asked[0] == t_start else np.concatenate([[t_start], asked])
+        times = asked.times
+        grid = times if times[0] == asked.t_start else np.concatenate([[asked.t_start], times])
         if self._structure.switching:
             refuse_jumps(self._structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
-        begin = self._start(scene, parameters, float(grid[0]), start, signals, numbers)
-        absolute = absolute_tolerance(atol, len(scene.states))
-        run = Run(scene, numbers, begin, tuple(signals), grid, rtol, absolute)
-        if progress:
-            print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {method}")
-        parts = integrate_through(run, method, self._charts)
-        if progress:
+        begin = self._start(scene, parameters, float(grid[0]), asked.start, signals, numbers)
+        absolute = absolute_tolerance(asked.atol, len(scene.states))
+        run = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute)
+        if asked.progress:
+            print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
+        parts = integrate_through(run, asked.method, self._charts)
+        if asked.progress:
             print(f"{self.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s")
-
-        def again(states: tuple[Node, ...], times: Floats = asked) -> Result:
-            wider = self._scenes.setdefault(states, Scene(self._structure, states, self._scene.wanted, self._scene.outputs))
-            absolute = None if np.ndim(atol or 0.0) else atol
-            return self._run(wider, t_start, times, method, rtol, absolute, parameters, start, signals, progress)
-
-        outputs = self.outputs if self.outputs is not None else self.states
-        hidden = [len(grid) - len(asked), *[0] * len(parts[1:])]  # the start, where it was not asked for
+        hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, where it was not asked for
         found = [(Part.of(run, o, first), o.stats, o.events) for (run, o), first in zip(parts, hidden, strict=True)]
-        return Result(found, outputs, again)
+        return Result(found, self.outputs if self.outputs is not None else self.states, partial(self._again, asked))
+
+    def _again(self, asked: Request, states: tuple[Node, ...], times: Floats | None = None) -> Result:
+        """The same run with other states, or other times."""
+        atol = None if np.ndim(asked.atol or 0.0) else asked.atol
+        return self._run(self._with(states), replace(asked, times=asked.times if times is None else times, atol=atol))
+
+    def _with(self, states: tuple[Node, ...]) -> Scene:
+        """The scene that integrates some states."""
+        if states not in self._scenes:
+            self._scenes[states] = Scene(self._structure, states, self._scene.wanted, self._scene.outputs)
+        return self._scenes[states]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _compiled_again, (pickle.dumps((self._component, self.outputs)),)
 
     def linearize(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, *, at: Any = None,
@@ -379,3 +389,10 @@ class System:
 
     def __repr__(self) -> str:
         return f"<System {self.name}: {len(self.states)} states>"
+
+
+@lru_cache(maxsize=16)
+def _compiled_again(recipe: bytes) -> System:
+    """A system in another process, or of a copy: compiled once for all results that come from there."""
+    component, outputs = pickle.loads(recipe)
+    return compile(component, outputs)

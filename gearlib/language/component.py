@@ -29,6 +29,7 @@ from gearlib.language.declarations import (
     StatePreference,
     Structural,
     Variable,
+    as_tuple,
 )
 from gearlib.language.expressions import Eq, When
 
@@ -214,7 +215,7 @@ class Component:
         if expected is int and isinstance(value, (sympy.Integer, np.integer)):
             value = int(value)
         if expected is tuple and isinstance(value, (list, np.ndarray)):  # a table, kept as what can be a key
-            value = _as_tuple(value)
+            value = as_tuple(value)
         if declared.default is not None and (not isinstance(value, expected) or isinstance(value, bool) != (expected is bool)):
             raise BindingError(f"{where} is {value!r} ({type(value).__name__}); expected {expected.__name__}")
         return value
@@ -285,6 +286,13 @@ class Component:
         result: Sequence[Connection] = self._connections
         return result
 
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickling: without the parts that `assemble` made; they are made again when they are needed."""
+        if self._connections is None:
+            return self.__dict__
+        made = {name.split("[")[0] for name in self._parts}
+        return {k: v for k, v in self.__dict__.items() if k not in made} | {"_parts": {}, "_connections": None}
+
     def _path(self, scope: Component | None = None) -> str:
         names: list[str] = []
         node: Component | None = self
@@ -320,11 +328,6 @@ class Component:
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}{' ' + self._path() if self._path() else ''}>"
-
-
-def _as_tuple(value: Any) -> Any:
-    """Nested tuples of what are lists or arrays."""
-    return tuple(_as_tuple(v) for v in value) if isinstance(value, (list, tuple, np.ndarray)) else value
 
 
 @contextmanager

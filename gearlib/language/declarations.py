@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, overload
 
+import numpy as np
+
 from gearlib.errors import AttributeNameError, DeclarationError
 from gearlib.language.expressions import der
 
@@ -184,6 +186,8 @@ class Port:
     connector: Connector
 
     def __getattr__(self, name: str) -> Any:
+        if name in ("component", "connector"):  # not there yet: a port is being unpickled
+            raise AttributeError(name)
         if name.startswith("_") or name not in self.connector.variables:
             raise AttributeNameError(
                 f"{type(self.connector).__name__} '{self.connector.name}' has no variable '{name}'; "
@@ -220,3 +224,8 @@ class Connector(Declaration):
 
     def __get__(self, instance: Any, owner: type) -> Any:
         return self if instance is None else instance._port(self)
+
+
+def as_tuple(value: Any) -> Any:
+    """Nested tuples of what are lists or arrays."""
+    return tuple(as_tuple(v) for v in value) if isinstance(value, (list, tuple, np.ndarray)) else value

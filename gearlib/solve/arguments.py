@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +17,21 @@ from gearlib.solve.methods import METHODS
 
 Floats = NDArray[np.float64]
 SMALL = 1e8  # bytes of results that fit anywhere
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked of a run."""
+
+    t_start: float
+    times: Floats
+    method: str
+    rtol: float
+    atol: ArrayLike | None
+    parameters: Floats
+    start: Mapping[str, float] | str | None
+    signals: tuple[Any, ...]
+    progress: bool
 
 
 def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None, states: int = 0) -> Floats:

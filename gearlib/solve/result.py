@@ -46,6 +46,14 @@ class Result:
         self._known: dict[Node, Floats] = {}
         self._extended: Result | None = None
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        again: Any = self._again
+        system = again.func.__self__
+        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess) for p in self._parts]
+        if any(system._scenes.get(p.scene.states) is not p.scene for p in self._parts):
+            raise TypeError("a run whose states changed on the way cannot be pickled; take its histories: {name: result[name]}")
+        return _restored, (self._again, parts, self._outputs, self.stats, self.events)
+
     def __getitem__(self, name: str) -> Floats:
         if name in self._scene.model.discretes.names:
             return self._joined(part.discrete(name) for part in self._parts)
@@ -137,3 +145,14 @@ class Result:
     def __repr__(self) -> str:
         method = self.stats.get("method", "?")
         return f"<Result: {len(self.time)} samples, {self.time[0]:g} .. {self.time[-1]:g} s, {len(self._scene.states)} states, {method}>"
+
+
+def _restored(
+    again: Any, parts: Sequence[tuple[Any, ...]], outputs: Sequence[str], stats: dict[str, Any], events: list[Any]
+) -> Result:
+    """A result that comes from another process."""
+    system = again.func.__self__
+    made = [(Part(system._with(states), *rest), stats, ()) for states, *rest in parts]
+    result = Result(made, outputs, again)
+    result.stats, result.events = stats, events
+    return result
