@@ -250,6 +250,8 @@ class _Driver:
     def _log(self, t: float, root: int) -> None:
         self.event_times.append(t)
         self.event_roots.append(root)
+        while self.sample > 0 and self.asked.times[self.sample - 1] >= t - self.asked.slack:  # as in ``ida_compiled``
+            self.sample -= 1
 
     def _located(self, t: float, fired: Any) -> None:
         if t - self.burst_start > self.asked.window:

@@ -106,6 +106,7 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         "n_time_events": len(asked.time_events), "n_modes": n_modes, "first_mode": asked.modes.start,
         "max_steps": asked.max_steps, "patience": asked.patience, "burst_limit": BURST, "t": asked.times[0], "t_end": asked.times[-1],
         "window": asked.window, "burst_start": asked.times[0], "ic_span": asked.start_span, "rtol": asked.rtol,
+        "slack": asked.slack,
     }  # fmt: skip
     for name, number in numbers.items():
         frame[name] = number

@@ -67,6 +67,11 @@ class Request:
         return max(1e-9 * (t1 - t0), 1e6 * float(np.finfo(np.float64).eps) * max(abs(t0), abs(t1)))
 
     @property
+    def slack(self) -> float:
+        """How far (s) before an event a sample is still on it: IDA locates a root to a hundred roundings of its step's end."""
+        return 200.0 * float(np.finfo(np.float64).eps) * max(abs(float(self.times[0])), abs(float(self.times[-1])))
+
+    @property
     def start_span(self) -> float:
         """The time scale that IDA is told when it looks for consistent values."""
         return 0.01 * float(self.times[-1] - self.times[0]) or 1.0

@@ -207,7 +207,7 @@ def _condition(relation: Relation) -> Any:
 def time_conditions(scene: Scene, numbers: Numbers) -> list[tuple[int, Any]]:
     """The relations of time that a scene uses, by number and with numbers: where they switch, the integrator must stop."""
     relations = scene.relations
-    if relations is None:
+    if relations is None or not relations.on_time.any():
         return []
     timed = relations.used[relations.on_time]
     found = []

@@ -249,9 +249,11 @@ def _events(run: Run, solution: Solution) -> list[Any]:
     relations = run.scene.relations
     if relations is None or not len(solution.event_times):
         return []
-    names, timed = run.scene.root_names, _names_of_time_events(run) if (solution.event_roots < 0).any() else {}
-    pairs = zip(solution.event_times.tolist(), solution.event_roots.tolist(), strict=True)
-    return [(t, names[r] if r >= 0 else timed.get(t, "an input")) for t, r in pairs]
+    names, times, roots = run.scene.root_names, solution.event_times.tolist(), solution.event_roots.tolist()
+    if min(roots) >= 0:
+        return list(zip(times, map(names.__getitem__, roots), strict=True))
+    timed = _names_of_time_events(run)
+    return [(t, names[r] if r >= 0 else timed.get(t, "an input")) for t, r in zip(times, roots, strict=True)]
 
 
 def _names_of_time_events(run: Run) -> dict[float, str]:

@@ -31,7 +31,7 @@ Integers = NDArray[np.int64]
 
 
 class Native(Protocol):
-    """Anything with the address of a native function: a numba ``cfunc`` or a wrapped Python callable."""
+    """Anything with the address of a native function: a compiled one or a wrapped Python callable."""
 
     @property
     def address(self) -> int: ...

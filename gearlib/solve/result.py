@@ -55,6 +55,10 @@ class Result:
         return _restored, (self._again, parts, self._outputs, self.stats, self.events)
 
     def __getitem__(self, name: str) -> Floats:
+        if not isinstance(name, str):
+            raise ArgumentError(
+                f"result[{name!r}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
+            )
         if name in self._scene.model.discretes.names:
             return self._joined(part.discrete(name) for part in self._parts)
         node, sign = self._scene.named(name)
@@ -110,6 +114,8 @@ class Result:
         """The outputs (or the variables named) as a pandas DataFrame over time."""
         import pandas
 
+        if isinstance(names, str) or not (names is None or isinstance(names, Iterable)):
+            raise ArgumentError(f"names is {names!r}; expected a list of names, such as ['load.w']")
         chosen = list(names) if names is not None else list(self._outputs)
         return pandas.DataFrame({n: self[n] for n in chosen}, index=pandas.Index(self.time, name="time"))
 

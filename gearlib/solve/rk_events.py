@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from gearlib.solve.native_call import call_native, inner
 from gearlib.solve.rk_frame import doubles, ints
 from gearlib.solve.rk_stages import add_slope, dense_output, interpolate, last_stage
@@ -161,8 +163,24 @@ def crossing(s: Any, t: float, h: float, error: float) -> tuple[int, float]:
     theta = _locate(s, t, h, low, high, _ROUNDING * (1.0 + abs(t) / h))
     if NEAR_START < theta < NEAR_END and error > (0.3 if s.order == 5 else 0.1):
         return -1, theta
+    theta = _on_the_clock(s, t, h, theta)
     _take(s, t, h, theta)
     return 1, theta
+
+
+@inner()
+def _on_the_clock(s: Any, t: float, h: float, theta: float) -> float:
+    """The same event at a time that is a floating-point number: the state is to be that of the time in the log."""
+    at = t + theta * h
+    if (at - t) / h < theta:
+        at = np.nextafter(at, math.inf)
+    later = min((at - t) / h, 1.0)
+    if theta < later:
+        _look(s, t, h, later, FREE)
+        if flipped(s, FREE):
+            _copy(s, FREE, HIGH)
+            return later
+    return theta
 
 
 @inner()

@@ -20,7 +20,7 @@ from gearlib.solve.rk_events import NEW, OLD, SLOPE_NEW, SLOPE_OLD, crossing, ro
 from gearlib.solve.rk_frame import doubles, frame_at, ints, longs
 from gearlib.solve.rk_phases import adapt, begin_phase
 from gearlib.solve.rk_stages import dense_output, interpolate, last_stage, move, step_error, take_step
-from gearlib.solve.rk_steps import first_step, is_damped, is_stiff, note
+from gearlib.solve.rk_steps import first_step, is_damped, is_stiff, look_back, note
 
 __all__ = ["advance"]
 
@@ -29,11 +29,15 @@ DONE, MORE, STIFF, RHS_FAILED, UNDERFLOW, CHATTERING, UPDATE_FAILED = 0, 1, 2, -
 
 CHATTER_EVENTS = 1000  # that many events within CHATTER_SPAN of the time span are a chattering model, not a rattling gear
 CHATTER_SPAN = 1e-10
-# A stiff run that needs fewer steps than this to its end is finished all the same. Fast vibrations, though they have died away,
-# keep an implicit method at low orders, so that it pays later than where fast motions are decays.
-STIFF_LEFT, VIBRATING_LEFT = 500, 20_000
+# A stiff run is handed over to an implicit method where more steps than these are left to its end, of a decay or of a vibration, and
+# of order 8 only where the solution has become smooth, see ``rk_steps.look_back``: within so many tolerances. IDA gets on with some
+# hundred steps where nothing else is alive, but with lightly damped vibrations that are it needs up to ten times as long as order 8
+# at rtol 1e-8 and finer. Errors of order 5 at the limit of stability hide how smooth the solution is; there the limit is one of
+# experience, FINER the exponent of 1e-6 / rtol.
+DECAY_LEFT, VIBRATION_LEFT, FINER = 500, (20_000, 10_000), 0.15
+DECAY_SMOOTH, VIBRATION_SMOOTH = 100.0, 1.0
 ROUNDING = 8.9e-16
-LOCATED = 2.2e-14  # samples no further before an event that was located are at the event: they hold the right-hand limit
+LOCATED = 2.2e-14  # samples no further before an event are on the event: they hold the right-hand limit
 
 
 @inner()
@@ -42,6 +46,7 @@ def _restart(s: Any) -> int:
     code: int = call_native(s.rhs, s.t, s.x, s.k, s.data, s.index)
     s.evaluations += 1
     s.slopes = s.moves = s.products = s.ratios = s.roughest = 0.0
+    s.n_past, s.surprise = 0, math.inf
     if s.n_roots > 0 and code == 0:
         call_native(s.roots, s.t, s.x, row(s, OLD), s.data, s.index)
         slopes(s, s.t, max(s.h, 1e-6 * s.h_max), s.x, s.k, OLD, SLOPE_OLD)
@@ -139,13 +144,21 @@ def _handle(s: Any, found: int, timed: bool) -> int:
 
 
 @inner()
-def _is_stiff(s: Any, left: float) -> bool:
+def _is_stiff(s: Any, t: float, left: float) -> bool:
     """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row, and with many still ``left``."""
     note(s)
+    if s.order == 8:
+        look_back(s, t)
     if is_stiff(s):
         s.stiff_steps += 1
         s.calm_steps = 0
-        return bool(s.stiff_steps >= 15 and left > (STIFF_LEFT if is_damped(s.slopes, s.moves, s.products) else VIBRATING_LEFT))
+        if s.stiff_steps < 15:
+            return False
+        damped = is_damped(s.slopes, s.moves, s.products)
+        if s.order == 5:
+            return bool(left > (DECAY_LEFT if damped else VIBRATION_LEFT[0] * (1e-6 / s.rtol) ** FINER))
+        smooth = s.surprise < (DECAY_SMOOTH if damped else VIBRATION_SMOOTH)
+        return bool(smooth and left > (DECAY_LEFT if damped else VIBRATION_LEFT[1]))
     s.calm_steps += 1
     if s.calm_steps >= 6:
         s.stiff_steps = 0
@@ -189,6 +202,11 @@ def _step(s: Any, stop: float, end: float) -> int:
     last_of_span = t + 1.0001 * h >= stop
     if last_of_span:
         h = stop - t
+    elif s.n_roots > 0:  # what is added to the time in truth: thousands of events would feel a clock that rounds at every step
+        added = (t + h) - t
+        if h == s.h:
+            s.h = added
+        h = added
     error = _attempt(s, t, h)
     if error < 0.0:
         return RHS_FAILED
@@ -196,7 +214,7 @@ def _step(s: Any, stop: float, end: float) -> int:
         return UNDERFLOW
     if not adapt(s, h, error):
         return DONE
-    if s.detect != 0 and _is_stiff(s, (end - t) / h):
+    if s.detect != 0 and _is_stiff(s, t + h, (end - t) / h):
         return STIFF
     found, theta = 0, 1.0
     if s.n_roots > 0:
@@ -206,11 +224,11 @@ def _step(s: Any, stop: float, end: float) -> int:
             s.rejected += 1
             return DONE
     t_new = stop if last_of_span and found == 0 else t + theta * h
-    _emit(s, t, t_new - (LOCATED if found == 1 else ROUNDING) * abs(t_new), h)
     reached = t_new >= stop - ROUNDING * abs(stop)
+    timed = reached and s.stop < s.n_timed
+    _emit(s, t, t_new - (LOCATED if found == 1 or timed else ROUNDING) * abs(t_new), h)
     s.t = stop if reached else t_new
     _go_on(s)
-    timed = reached and s.stop < s.n_timed
     if found == 1 or timed:
         code = _handle(s, found, timed)
         if code != DONE:

@@ -154,7 +154,8 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
     stages, polynomials = _ROWS[order]
     capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
     lengths = {
-        "x": size, "x_new": size, "y": size, "k": stages * size, "c": polynomials * size, "phases": 16, "g": 7 * n_roots, "side": n_roots,
+        "x": size, "x_new": size, "y": size, "k": stages * size, "c": polynomials * size, "past": 3 * size,
+        "phases": 16, "g": 7 * n_roots, "side": n_roots,
         "fired": n_roots, "atol": size, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
         "times": n_times, "out": n_times * n, "modes": n_times * n_modes, "log_t": capacity, "log_root": capacity,
     }  # fmt: skip

@@ -105,6 +105,14 @@ def test_oscillator_matches_its_closed_form(native: bool) -> None:
     np.testing.assert_array_equal(solution.x_last, solution.x[-1])
 
 
+def test_late_times_cost_no_accuracy() -> None:
+    """Rounding of the time, 1e-10 s here, is that of the samples and not of every step."""
+    since = np.linspace(0, 2, 9)
+    scene = linear(np.array([[0.0, 1.0], [-100.0, 0.0]]), [1.0, 0.0])
+    solution = ida.integrate(scene, 1e6 + since, rtol=1e-11)
+    np.testing.assert_allclose(solution.x[:, 0], np.cos(10 * since), atol=1e-9)
+
+
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_error_stays_near_what_was_asked_for(rtol: float) -> None:
     a = chain(10)
@@ -329,6 +337,17 @@ def test_root_that_starts_at_zero_and_stays_there_for_a_while_is_found(native: b
     solution = ida.integrate(scene, [0.0, 0.2, 1.0], rtol=1e-6, native=native)
     np.testing.assert_array_equal(solution.modes[:, 0], [0, 0, 1])
     np.testing.assert_allclose(solution.event_times, [0.25], atol=1e-3)
+
+
+@both_roads
+@pytest.mark.parametrize(("share", "passed"), [(-1e-11, 1.0), (-2e-15, 2.0), (0.0, 2.0), (2e-15, 2.0)])
+def test_samples_within_rounding_of_a_root_are_on_its_right(native: bool, share: float, passed: float) -> None:
+    for place in (0.1, 0.3, 0.7, 1.3, 2.9):
+        scene = problem(
+            switched_rhs, [-place], [1.0], roots=first_state_root, n_roots=1, update=count_update, modes=slice(0, 1)
+        )
+        times = [0.0, place * (1.0 + share), 3.0]
+        assert ida.integrate(scene, times, rtol=1e-8, native=native).modes[:, 0].tolist() == [1.0, passed, 2.0]
 
 
 @evaluates

@@ -186,6 +186,21 @@ def test_long_run_is_done_in_several_calls_of_the_loop(monkeypatch: pytest.Monke
     assert whole.stats == parts.stats
 
 
+@pytest.mark.parametrize("order", [5, 8])
+def test_a_kink_does_not_slip_through(order: int) -> None:
+    """x' = -(1 + x) / 2 below 1 and (1 - 3 x) / 2 above: where the kink lies in a step, an error estimate may vanish by chance."""
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0] = -0.5 * (1.0 + x[0]) if x[0] < 1.0 else 0.5 * (1.0 - 3.0 * x[0])
+
+    times = np.array([0.0, 1.5, 2.5])
+    kink = 2.0 / 3.0 * math.log(8.5)
+    exact = 2.0 * np.exp(-0.5 * (times[1:] - kink)) - 1.0
+    for rtol in np.logspace(-10, -4, 61):
+        solution = integrate(problem(rhs, [6.0]), times, rtol=float(rtol), order=order)
+        assert np.abs(solution.x[1:, 0] - exact).max() < 500.0 * rtol
+
+
 def test_single_sample_is_the_start() -> None:
     solution = integrate(problem(oscillator, [1.0, 2.0]), np.array([3.0]), rtol=1e-6)
     assert solution.x.tolist() == [[1.0, 2.0]]
@@ -322,6 +337,20 @@ def test_vibrations_are_not_taken_for_stiff(order: int, rtol: float, zeta: float
     solution = integrate(p, np.array([0.0, 150.0]), rtol=rtol, order=order, detect_stiffness=True)
     assert solution.status == "done"
     assert solution.stats["steps"] > 600
+
+
+@pytest.mark.parametrize(("alive", "status"), [(1.0, "done"), (0.0, "stiff")])
+def test_a_run_is_stiff_once_nothing_fast_is_alive(alive: float, status: str) -> None:
+    """A fast vibration that soon dies away limits the steps; a slower one may stay, and every method must follow it."""
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0], dx[1] = x[1], -900.0 * x[0]
+        dx[2], dx[3] = x[3], -1e6 * x[2] - 600.0 * x[3]
+
+    p = problem(rhs, [alive, 0.0, 1e-3, 0.0], nominal=np.array([1.0, 30.0, 1e-3, 1.0]))
+    solution = integrate(p, np.array([0.0, 150.0]), rtol=1e-8, order=8, detect_stiffness=True)
+    assert solution.status == status
+    assert solution.stats["steps"] > 20_000 if alive else solution.t_last < 1.0
 
 
 def test_stiff_run_near_its_end_is_finished() -> None:

@@ -105,6 +105,16 @@ def test_backlash_oscillator(order: int, rtol: float) -> None:
     assert np.array_equal(np.abs(solution.modes[clear, 0]) > 0.0, position[clear])
 
 
+@pytest.mark.parametrize(("order", "rtol", "most"), [(5, 1e-5, 40.0), (8, 1e-5, 38.0), (8, 1e-9, 80.0)])
+def test_a_phase_that_comes_again_begins_with_the_step_that_suited_it(order: int, rtol: float, most: float) -> None:
+    """Evaluations from one event to the next, few of them for steps that are rejected or too small."""
+    p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=backlash_update, modes=slice(0, 1))
+    stats = integrate(p, np.array([0.0, 30.0]), rtol=rtol, order=order).stats
+    assert stats["events"] == 221
+    assert stats["rhs"] < most * stats["events"]
+    assert stats["rejected"] < 10
+
+
 def test_events_are_located_to_rounding() -> None:
     """At every event the state is on the root, on its far side, whatever the tolerance."""
     found: list[float] = []
@@ -120,6 +130,14 @@ def test_events_are_located_to_rounding() -> None:
     assert len(found) == 22
     assert min(found) > 0.0
     assert max(found) < 3e-14
+
+
+def test_late_times_cost_no_accuracy() -> None:
+    """What rounding takes from the time, 1e-11 s here, is not lost at each step and event, but only in the samples' times."""
+    p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=backlash_update, modes=slice(0, 1))
+    times = 1e5 + np.linspace(0.0, 30.0, 311)
+    solution = integrate(p, times, rtol=1e-11, order=8)
+    assert solution.x[:, 0] == pytest.approx(backlash_exact(times - 1e5, 12.0), abs=1e-9)
 
 
 def test_roots_that_cross_together_are_handled_together() -> None:
@@ -245,6 +263,30 @@ def test_sample_on_a_root_holds_the_limit_from_the_right() -> None:
     solution = integrate(bouncing(), np.array([0.0, impact - 1e-9, impact, 1.0]), rtol=1e-8)
     assert solution.x[1, 1] == pytest.approx(-9.81 * impact, rel=1e-6)
     assert solution.x[2, 1] == pytest.approx(0.8 * 9.81 * impact, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [5, 8])
+def test_samples_within_rounding_of_a_root_hold_the_limit_from_the_right(order: int) -> None:
+    """A root is located a few units of rounding beside the time that a user would write down."""
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0] = 1.0
+
+    def roots(t: float, x: Any, g: Any, data: Any) -> None:
+        for k in range(40):
+            g[k] = x[0] - (k + 0.5) / 7.0
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        jumped = sum(fired[k] > 0 for k in range(40))
+        data[0] += jumped
+        return int(jumped > 0)
+
+    p = problem(rhs, [0.0], roots=roots, n_roots=40, update=update, modes=slice(0, 1))
+    events = (np.arange(40) + 0.5) / 7.0
+    for share, passed in ((-1e-12, 0.0), (-1e-15, 1.0), (0.0, 1.0), (1e-15, 1.0)):
+        times = np.concatenate(([0.0], events * (1.0 + share), [6.0]))
+        solution = integrate(p, times, rtol=1e-6, order=order)
+        assert solution.modes[1:-1, 0].tolist() == (np.arange(40) + passed).tolist()
 
 
 def test_chattering_is_reported() -> None:
