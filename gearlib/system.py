@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import pickle
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearlib.analysis.summary import summary
+from gearlib.arguments import name_list, real, shown
 from gearlib.codegen.layout import Shared, lay_out
 from gearlib.codegen.native import rhs_source
 from gearlib.codegen.numbers import numbers_of
@@ -73,14 +73,11 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
     >>> system.simulate(t_end=2.0, samples=3)["load.w"]
     array([0., 2., 4.])
     """
-    if outputs is not None and (isinstance(outputs, str) or not isinstance(outputs, Iterable)):
-        raise ArgumentError(
-            f"outputs is a list of names, such as {[outputs] if isinstance(outputs, str) else ['load.w']}; got {outputs!r}"
-        )
+    chosen = None if outputs is None else tuple(name_list("outputs", outputs, "load.w"))
     model = flatten(component)
     parameters = model.parameters.defaults
     structure = analyse(model, numbers_of(model, parameters, 0.0))
-    return System(structure, None if outputs is None else tuple(outputs), component)
+    return System(structure, chosen, component)
 
 
 def simulate(component: Component, t_end: float, **options: Any) -> Result:
@@ -186,7 +183,8 @@ class System:
     def simulate(
         self, t_end: float, *, t_start: float = 0.0, samples: int | None = None, times: ArrayLike | None = None,
         method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None, parameters: Mapping[str, float] | None = None,
-        start: Mapping[str, float] | str | None = None, inputs: Mapping[str, Any] | None = None, progress: bool = False,
+        start: Mapping[str, float] | str | None = None, inputs: Mapping[str, Any] | None = None, max_step: float | None = None,
+        progress: bool = False,
     ) -> Result:  # fmt: skip
         """Integrate from ``t_start`` to ``t_end``.
 
@@ -211,6 +209,9 @@ class System:
             Start values for this run, by path; or a search for a steady state.
         inputs : mapping, optional
             Of unbound inputs: a number, a function of time, or a `Table`.
+        max_step : float, optional
+            Longest step, s; where time drives the scene, two sample intervals by default and at most a hundredth of the run, so that
+            no longer pulse is stepped over.
         progress : bool
             Whether to print what is done.
 
@@ -223,12 +224,14 @@ class System:
         ArgumentError, NameLookupError, BoundError, StartError, SolverError
             Each names what was found and what was expected.
         """
+        t_start = real("t_start", t_start, "a finite number of seconds")
+        t_end = real("t_end", t_end, "a finite number of seconds")
         grid = output_times(t_start, t_end, samples, times, len(self.states))
-        check_options(method, rtol)
+        check_options(method, rtol, max_step)
         numbers = self._parameters(parameters)
         signals = self._signals(inputs)
         return self._run(
-            self._scene, Request(float(t_start), grid, method, rtol, atol, numbers, start, tuple(signals), progress)
+            self._scene, Request(float(t_start), grid, method, rtol, atol, numbers, start, tuple(signals), progress, max_step)
         )
 
     def _run(self, scene: Scene, asked: Request) -> Result:
@@ -240,7 +243,7 @@ class System:
             refuse_jumps(self._structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
         begin = self._start(scene, parameters, float(grid[0]), asked.start, signals, numbers)
         absolute = absolute_tolerance(asked.atol, len(scene.states))
-        run = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute)
+        run = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, max_step=asked.max_step)
         if asked.progress:
             print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
         parts = integrate_through(run, asked.method, self._charts)
@@ -298,10 +301,9 @@ class System:
         """
         from gearlib.analysis.linearize import linearize, operating_point, state_space
 
-        if isinstance(inputs, str) or isinstance(outputs, str):
-            raise ArgumentError("inputs and outputs are lists of names, such as ['torque.tau']")
-        chosen_inputs = list(self.inputs if inputs is None else inputs)
-        chosen = list(outputs if outputs is not None else (self.outputs if self.outputs is not None else self.states))
+        default = self.outputs if self.outputs is not None else self.states
+        chosen_inputs = name_list("inputs", self.inputs if inputs is None else inputs, "torque.tau")
+        chosen = name_list("outputs", default if outputs is None else outputs, "load.w")
         states = needed_states(self._structure, self._nodes(chosen))
         scene, numbers, point = operating_point(self, states, at, parameters)
         model = linearize(scene, numbers, chosen_inputs, chosen, point)
@@ -329,9 +331,9 @@ class System:
                 name = str(name)
                 valid = [n for n in table.names if "#" not in n and not n.startswith("start(")]
                 raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
-            if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-                raise ArgumentError(f"parameter {name} is {value!r} ({type(value).__name__}); expected a number")
-            chosen[k] = float(value)
+            if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+                raise ArgumentError(f"parameter {name} is {shown(value)} ({type(value).__name__}); expected a number")
+            chosen[k] = real(f"parameter {name}", value) if isinstance(value, int) else float(value)
         result = table.evaluate(chosen)
         check_bounds(table, result)
         if self._structure.redundant:
@@ -359,10 +361,7 @@ class System:
                 hint = "it is bound in the model, or no input" if bound else nearest(name, names)
                 raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
             if not (isinstance(value, Table) or callable(value)):
-                if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
-                    raise ArgumentError(
-                        f"input {name} is {value!r}; expected a finite number, a function of time or a gl.Table"
-                    )
+                given[name] = real(f"input {name}", value, "a finite number, a function of time or a gl.Table")
         signals = [given.get(name, 0.0) for name in names]
         plain = [callable(signal) and not isinstance(signal, Table) for signal in signals]
         return [Function(name, s) if function else s for name, s, function in zip(names, signals, plain, strict=True)]
@@ -372,13 +371,11 @@ class System:
         numbers: Numbers | None = None,
     ) -> Start:  # fmt: skip
         overrides: dict[int, float] = {}
-        if start is not None and start != "steady" and not isinstance(start, Mapping):
-            raise ArgumentError(f"start is {start!r}; expected a mapping of start values, or 'steady'")
+        if not (start is None or isinstance(start, Mapping) or (isinstance(start, str) and start == "steady")):
+            raise ArgumentError(f"start is {shown(start)}; expected a mapping of start values, or 'steady'")
         if isinstance(start, Mapping):
             for name, value in start.items():
-                if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
-                    raise ArgumentError(f"start of {name} is {value!r}; expected a finite number")
-                overrides[start_variable(self._model, name)] = float(value)
+                overrides[start_variable(self._model, name)] = real(f"start of {name}", value)
         inputs = values(signals, np.array([t]))[:, 0]
         inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
         begin = start_values(scene, parameters, inputs, t, overrides)

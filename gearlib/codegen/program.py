@@ -138,6 +138,15 @@ class Program:
         return tuple(itertools.starmap(slice, itertools.pairwise(ends)))
 
     @cached_property
+    def on_time(self) -> bool:
+        """Whether anything depends on time itself."""
+        return any(
+            b.kernel.on_time
+            for s in self.steps
+            for b in ([s] if isinstance(s, Batch) else s.residuals if isinstance(s, Newton) else ())
+        )
+
+    @cached_property
     def iterated(self) -> tuple[Newton, ...]:
         """The blocks that take several iterations."""
         return tuple(s for s in self.steps if isinstance(s, Newton) and not s.linear)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.arguments import real
 from gearlib.errors import ArgumentError, nearest
 from gearlib.solve.methods import METHODS
 
@@ -32,6 +33,7 @@ class Request:
     start: Mapping[str, float] | str | None
     signals: tuple[Any, ...]
     progress: bool
+    max_step: float | None
 
 
 def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None, states: int = 0) -> Floats:
@@ -82,8 +84,11 @@ def _check_times(grid: bytes, t_start: float, t_end: float) -> None:
         raise ArgumentError(f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {times[0]:g} .. {times[-1]:g}")
 
 
-def check_options(method: str, rtol: float) -> None:
-    """Raise `ArgumentError` for an unknown method or a tolerance out of range."""
+def check_options(method: str, rtol: float, max_step: float | None) -> None:
+    """Raise `ArgumentError` for an unknown method, a tolerance or a step out of range."""
+    number = isinstance(max_step, (int, float, np.number)) and not isinstance(max_step, bool)
+    if max_step is not None and not (number and max_step > 0.0):
+        raise ArgumentError(f"max_step is {max_step!r}; expected a positive number of seconds, or None")
     if method not in METHODS:
         raise ArgumentError(f"there is no method {method!r}; {nearest(str(method), METHODS)}")
     if isinstance(rtol, bool) or not isinstance(rtol, (int, float, np.number)) or not 1e-13 <= rtol <= 0.1:

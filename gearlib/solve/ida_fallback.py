@@ -111,6 +111,8 @@ class _Driver:
         }
         if self.jac is None:
             del options["jacfn"]
+        if asked.problem.longest_step < np.inf:
+            options["max_step"] = asked.problem.longest_step
         if matrix.kind == "band":
             options |= {"lband": matrix.lower, "uband": matrix.upper}
         if matrix.pattern is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -125,6 +126,8 @@ def _attach(solver: Solver, state: _Run, asked: Request, differential: Floats, p
     t, user_data = float(asked.times[0]), frame.ctypes.data
     solver.create(compiled.residual.address, t, user_data, asked.rtol, asked.atol[permuted], differential)
     solver.sundials.IDASetNonlinConvCoef(solver.mem, asked.newton)
+    if asked.problem.longest_step < math.inf:
+        solver.sundials.IDASetMaxStep(solver.mem, asked.problem.longest_step)
     if matrix.pattern is not None:
         starts, rows = matrix.pattern
         frame["matrix"], frame["pattern"], frame["starts"] = solver.use_sparse(len(rows))

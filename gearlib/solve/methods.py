@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import sys
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
@@ -44,6 +45,20 @@ class Run:
     rtol: float
     atol: Floats | None
     modes: Floats | None = None  # relations and discrete variables to begin with, where a run goes on
+    max_step: float | None = None  # s
+
+    @property
+    def longest_step(self) -> float:
+        """Where time drives the scene, two sample intervals by default: a pulse between two steps would not be noticed."""
+        if self.max_step is not None:
+            return self.max_step
+        scene = self.scene
+        driven = scene.program.on_time or (scene.relations is not None and scene.relations.program.on_time)
+        if driven or any(callable(s) and not isinstance(s, Table) for s in self.signals):
+            return (
+                min(2.0 * float(np.diff(self.times).max(initial=0.0)), 0.01 * float(self.times[-1] - self.times[0])) or math.inf
+            )
+        return math.inf
 
 
 @dataclass(frozen=True)
@@ -339,7 +354,7 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
-        time_events=_time_events(run, t0, float(run.times[-1])),
+        time_events=_time_events(run, t0, float(run.times[-1])), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
     )  # fmt: skip
     return problem, keep

@@ -55,6 +55,7 @@ class Problem:
     update: Native | None = None
     modes: slice = field(default_factory=lambda: slice(0, 0))  # the part of data that events change; recorded with every sample
     time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
+    longest_step: float = float("inf")  # s
     state_names: tuple[str, ...] = ()  # for messages
     root_names: tuple[str, ...] = ()
     unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing

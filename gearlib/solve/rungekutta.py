@@ -174,7 +174,7 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
     frame.n_times, frame.n_stops, frame.n_timed, frame.capacity = n_times, stops.size, n_timed, capacity
     frame.n_modes, frame.first_mode = n_modes, first_mode
     frame.rtol, frame.t, frame.span = rtol, times[0], times[-1] - times[0]
-    frame.h_max = 0.1 * frame.span
+    frame.h_max = min(0.1 * frame.span, problem.longest_step)
     return _Run(
         frame, whole, parts["x"][:n], parts["data"], parts["times"], parts["out"].reshape(n_times, n),
         parts["modes"].reshape(n_times, n_modes), parts["log_t"], parts["log_root"].view(np.int64),

@@ -66,6 +66,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "IDASetNonlinConvCoef": (_int, [_pointer, _double]),
     "IDASetMaxOrd": (_int, [_pointer, _int]),
     "IDASetMaxNumSteps": (_int, [_pointer, _long]),
+    "IDASetMaxStep": (_int, [_pointer, _double]),
     "IDASetStopTime": (_int, [_pointer, _double]),
     "IDARootInit": (_int, [_pointer, _int, _pointer]),
     "IDACalcIC": (_int, [_pointer, _int, _double]),
