@@ -86,8 +86,7 @@ def _check_times(grid: bytes, t_start: float, t_end: float) -> None:
 
 def check_options(method: str, rtol: float, max_step: float | None) -> None:
     """Raise `ArgumentError` for an unknown method, a tolerance or a step out of range."""
-    number = isinstance(max_step, (int, float, np.number)) and not isinstance(max_step, bool)
-    if max_step is not None and not (number and max_step > 0.0):
+    if max_step is not None and not real("max_step", max_step, "a positive number of seconds, or None") > 0.0:
         raise ArgumentError(f"max_step is {max_step!r}; expected a positive number of seconds, or None")
     if method not in METHODS:
         raise ArgumentError(f"there is no method {method!r}; {nearest(str(method), METHODS)}")

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gearlib.solve.ida_request import Outcome, Request, failure, refused, request
+from gearlib.solve.ida_request import ERROR_TEST, Outcome, Request, failure, refused, request, with_less_safety
 from gearlib.solve.problem import Problem, Solution
 from gearlib.solve.rungekutta import PATIENCE
 from gearlib.solve.sundials import UnavailableError, load
@@ -102,14 +102,23 @@ def integrate(
     asked = request(problem, times, rtol, atol, max_steps, linear_solver)
     if may_leave:
         asked = replace(asked, patience=PATIENCE)
+    road, outcome = _run(asked, native)
+    while outcome.status == ERROR_TEST and (eased := with_less_safety(asked, outcome.worst_state)) is not None:
+        asked = eased
+        road, outcome = _run(asked, native)
+    if outcome.status < 0 and not (may_leave and outcome.x_failed is not None and refused(asked, outcome)):
+        raise failure(asked, outcome)
+    return _solution(asked, outcome, road)
+
+
+def _run(asked: Request, native: bool) -> tuple[str, Outcome]:
+    """The road taken, and what it brought back."""
     road, outcome = _native(asked) if native else ("scikit-sundae: asked for", None)
     if outcome is None:
         from gearlib.solve import ida_fallback
 
         outcome = ida_fallback.run(asked)
-    if outcome.status < 0 and not (may_leave and outcome.x_failed is not None and refused(asked, outcome)):
-        raise failure(asked, outcome)
-    return _solution(asked, outcome, road)
+    return road, outcome
 
 
 def _native(asked: Request) -> tuple[str, Outcome | None]:

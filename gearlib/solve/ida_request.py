@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,7 @@ FINEST = 1e-15  # a relative tolerance below a few units of rounding error is re
 
 # How a run ends, beside IDA's own return values (-1 to -99): 0 done, and
 RHS_FAILED, UPDATE_FAILED, UNSETTLED, CHATTER, STEP_LIMIT, ROOTS_FAILED, START_FAILED = -101, -102, -103, -104, -105, -106, -107
+ERROR_TEST = -3  # fails again and again, with ever smaller steps: one of the former
 STALLED = -108  # IDA only warns when t + h is no more than t
 CHUNK = 1000  # steps after which IDA hands back: for Ctrl-C, and to see whether t still moves
 # Where the right-hand side is looked at before the first step, in shares of the time to the next stop: far, near and very near,
@@ -41,6 +42,7 @@ class Request:
     times: Floats
     rtol: float  # as handed to IDA
     atol: Floats
+    full_atol: Floats  # what the caller asked for
     matrix: MatrixPlan
     max_steps: int
     time_events: Floats  # those after the start
@@ -126,12 +128,25 @@ def request(
         times=t,
         rtol=max(SAFETY * rtol, FINEST),
         atol=np.array(np.broadcast_to(SAFETY * absolute, (n,))),
+        full_atol=np.broadcast_to(absolute, (n,)),
         matrix=plan(problem, linear_solver),
         max_steps=min(max_steps, 2**31 - 1),
         time_events=events[events > t[0]],
         data=np.array(problem.data, dtype=np.float64),
         modes=slice(start, max(start, stop)),
     )
+
+
+def with_less_safety(asked: Request, state: int) -> Request | None:
+    """The request with all of the absolute tolerance that was asked for in one state; None where it has that.
+
+    A state that passes through zero among large ones carries their rounding, which may be more than a fiftieth of its tolerance.
+    """
+    if state < 0 or asked.atol[state] >= asked.full_atol[state]:
+        return None
+    atol = asked.atol.copy()
+    atol[state] = asked.full_atol[state]
+    return replace(asked, atol=atol, data=np.array(asked.problem.data, dtype=np.float64))
 
 
 def refused(asked: Request, outcome: Outcome) -> bool:
