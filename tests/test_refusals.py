@@ -10,7 +10,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import AttributeNameError, BindingError, BoundError, DeclarationError, ModelError, SolverError
+from gearlib.errors import AttributeNameError, BalanceError, BindingError, BoundError, DeclarationError, ModelError, SolverError
 
 
 def leaf(equations: Callable[[Any], Any], **declarations: Any) -> gl.Component:
@@ -159,3 +159,31 @@ def test_a_connector_is_no_variable() -> None:
         gl.compile(FlangeAsVariable())
     with pytest.raises(DeclarationError, match=r"<Flange FlangeInEquation\.flange> == 1 is no equation: both sides must be"):
         gl.compile(FlangeInEquation())
+
+
+class Warm(gl.Component):
+    """Two shafts side by side whose losses have nowhere to go."""
+
+    together = gl.Structural(False, "whether the heat ports are connected to each other")
+
+    def assemble(self) -> list[gl.Connection]:
+        self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        self.one, self.other = (gp.SpringDamper(c=10.0, d=1.0, use_heat_port=True) for _ in range(2))
+        links = [gl.connect(self.a.flange_b, s.flange_a) for s in (self.one, self.other)]
+        links += [gl.connect(s.flange_b, self.b.flange_a) for s in (self.one, self.other)]
+        return links + ([gl.connect(self.one.heat_port, self.other.heat_port)] if self.together else [])
+
+
+def test_a_heat_port_that_is_left_open_is_named_first() -> None:
+    said = r"Nothing determines {0}\.heat_port\.T: connect {0}\.heat_port to a component that does, or leave it switched off "
+    said += r"\(use_heat_port=False of {0}\)\. "
+    with pytest.raises(
+        BalanceError, match=r"^the model is not balanced\. " + said.format("one") + said.format("other") + "over-"
+    ):
+        gl.compile(Warm())
+    with pytest.raises(BalanceError, match=r"^the model is not balanced\. " + said.format("one") + "over-determined"):
+        gl.compile(Warm(together=True))
+    with pytest.raises(
+        BalanceError, match=r"balanced\. Nothing determines heat_port\.T: .*use_heat_port=False of SpringDamper\)"
+    ):
+        gl.compile(gp.SpringDamper(c=10.0, d=1.0, use_heat_port=True))

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.analysis.arguments import check_system
 from gearlib.analysis.modes import Modes, modes
+from gearlib.arguments import increasing, real, reals, shown
 from gearlib.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -147,10 +149,9 @@ def campbell(
     >>> [(round(c.speed, 9), c.order) for c in diagram.crossings]
     [(10.0, 'mesh, 2 teeth')]
     """
-    grid = np.array(speeds, float)
-    if grid.ndim != 1 or len(grid) < 2 or not np.isfinite(grid).all() or (np.diff(grid) <= 0).any():
-        raise ArgumentError("speeds must be an increasing sequence of two or more finite numbers, rad/s")
-    named = dict(orders) if isinstance(orders, Mapping) else {f"{order:g}": float(order) for order in orders}
+    check_system(system)
+    grid = increasing("speeds", speeds, 2, ", rad/s")
+    named = _named(orders)
 
     def at_speed(speed: float) -> Modes:
         point = at(speed) if callable(at) else at
@@ -169,6 +170,17 @@ def campbell(
     ]
     found = {(c.order, c.mode, round(c.speed, 9)): c for c in crossings}
     return Campbell(grid, frequencies, damping, named, tuple(sorted(found.values(), key=lambda c: c.speed)))
+
+
+def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
+    """The orders by name."""
+    if isinstance(orders, Mapping):
+        return {str(name): real(f"order {name}", order) for name, order in orders.items()}
+    expected = "events for each revolution: a sequence of numbers, or a mapping of names to numbers, such as {'mesh': 21}"
+    found = reals("orders", orders, expected)
+    if found.ndim != 1:
+        raise ArgumentError(f"orders is {shown(orders)}; expected {expected}")
+    return {f"{order:g}": order for order in found.tolist()}
 
 
 def _followed(runs: Sequence[Modes]) -> tuple[Floats, Floats]:

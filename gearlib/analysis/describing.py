@@ -8,9 +8,22 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.arguments import real, reals, shown
 from gearlib.errors import ArgumentError
 
 Floats = NDArray[np.float64]
+
+
+def _check_spring(c: float, b: float, preload: float) -> None:
+    if not real("c", c, "a positive stiffness") > 0:
+        raise ArgumentError(f"c is {c!r}; expected a positive stiffness")
+    real("preload", preload, "a finite force")
+    _check_backlash(b)
+
+
+def _check_backlash(b: float) -> None:
+    if not real("b", b, "a backlash that is not negative") >= 0:
+        raise ArgumentError(f"b is {b!r}; expected a backlash that is not negative")
 
 
 def _first(z: Floats) -> Floats:
@@ -72,11 +85,17 @@ def backlash_describing_function(
     >>> float(backlash_describing_function(0.4, 0.0)[1])
     0.0
     """
-    a, m = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(mean, float))
-    if not ((a > 0).all() and np.isfinite(a).all() and np.isfinite(m).all()):
-        raise ArgumentError("amplitude must be positive, and amplitude and mean finite")
-    if not (b >= 0 and np.isfinite([b, c, c_gap]).all()):
-        raise ArgumentError(f"b is {b!r}; expected a backlash that is not negative, and finite stiffnesses")
+    a, m = reals("amplitude", amplitude, "positive numbers"), reals("mean", mean, "finite numbers")
+    c, c_gap = real("c", c), real("c_gap", c_gap)
+    if not (a > 0).all():
+        raise ArgumentError(f"amplitude is {shown(amplitude)}; expected positive numbers")
+    _check_backlash(b)
+    try:
+        a, m = np.broadcast_arrays(a, m)
+    except ValueError:
+        raise ArgumentError(
+            f"amplitude and mean have the shapes {a.shape} and {m.shape}; expected one that fits both"
+        ) from None
     above, below = (b / 2 - m) / a, (b / 2 + m) / a
     N1 = c_gap + (c - c_gap) * (_first(above) + _first(below))
     F0 = c_gap * m + (c - c_gap) * a * (_mean(above) - _mean(below))
@@ -107,6 +126,7 @@ class PreloadedBacklash(control.DescribingFunctionNonlinearity):  # type: ignore
     """
 
     def __init__(self, c: float, b: float, preload: float) -> None:
+        _check_spring(c, b, preload)
         super().__init__()
         self.c, self.b, self.preload = c, b, preload
 
@@ -139,8 +159,9 @@ def mean_deflection(amplitude: float, preload: float, *, c: float, b: float) -> 
     """
     from scipy.optimize import brentq
 
-    if not (c > 0 and amplitude > 0):
-        raise ArgumentError(f"amplitude is {amplitude!r} and c is {c!r}; expected positive numbers")
+    if not real("amplitude", amplitude, "a positive number") > 0:
+        raise ArgumentError(f"amplitude is {amplitude!r}; expected a positive number")
+    _check_spring(c, b, preload)
     reach = abs(preload) / c + b / 2 + amplitude
 
     def excess(m: float) -> float:
@@ -172,6 +193,6 @@ def equivalent_stiffness(amplitude: ArrayLike, preload: float = 0.0, *, c: float
     >>> equivalent_stiffness([0.1, 0.4, 50.0], 20.0, c=100.0, b=1.0).round(1)
     array([100. ,  70.5,  98.7])
     """
-    grid = np.asarray(amplitude, float)
+    grid = reals("amplitude", amplitude, "positive numbers")
     means = np.array([mean_deflection(float(x), preload, c=c, b=b) for x in grid.ravel()]).reshape(grid.shape)
     return np.asarray(backlash_describing_function(grid, means, c=c, b=b)[1])

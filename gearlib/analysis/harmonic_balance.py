@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gearlib.analysis.arguments import check_system
 from gearlib.analysis.balance import Balance
 from gearlib.analysis.continuation import Path, follow
 from gearlib.analysis.first_motion import Forced
 from gearlib.analysis.harmonic_response import HarmonicBalance
 from gearlib.analysis.periods import Driven, Floats, fourier
 from gearlib.analysis.response import _unit
+from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.errors import ArgumentError
@@ -102,10 +104,17 @@ def harmonic_balance(
     >>> bool(np.allclose(response.amplitude("body.phi"), 1 / np.abs(1 - w**2 + 0.2j * w), rtol=1e-9))
     True
     """
+    check_system(system)
     _check_numbers(start, end, harmonics, step, points)
-    task = Forced(system, frequency, dict(parameters or {}), dict(inputs or {}), harmonics, dict(turning or {}))
+    if frequency is not None:
+        one_name("frequency", frequency, "mesh.w")
+    parameters = by_name("parameters", parameters, "a mapping of paths to numbers")
+    inputs = by_name("inputs", inputs, "a mapping of paths to numbers, or functions of phase and frequency")
+    turning = by_name("turning", turning, "a mapping of states to periods of 2 pi, such as {'mesh.turned': 1.0}")
+    guess = by_name("guess", guess, "a mapping of start values by path")
+    task = Forced(system, frequency, parameters, inputs, harmonics, turning)
     default = system.outputs if system.outputs is not None else tuple(n for n in system.states if n not in task.turning)
-    names = list(outputs if outputs is not None else default)
+    names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
     scene = task.scene(names)
     switching = scene.relations is not None
     count = samples if samples is not None else max(256 if switching else 64, 8 * harmonics)
@@ -117,9 +126,8 @@ def harmonic_balance(
 
 
 def _check_numbers(start: float, end: float, harmonics: int, step: float, points: int) -> None:
-    numbers = (start, end, step)
-    if any(isinstance(n, bool) or not isinstance(n, (int, float, np.number)) or not np.isfinite(n) for n in numbers):
-        raise ArgumentError(f"start, end and step are {start!r}, {end!r} and {step!r}; expected finite numbers")
+    for name, value in (("start", start), ("end", end), ("step", step)):
+        real(name, value)
     if not (start > 0 and end > 0 and start != end):
         raise ArgumentError(f"start and end are {start!r} and {end!r}; expected two different positive frequencies, rad/s")
     if isinstance(harmonics, bool) or not isinstance(harmonics, int) or harmonics < 1:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.analysis.held import remaining
+from gearlib.arguments import shown
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import Prepared, evaluate, prepare
 from gearlib.codegen.program import Program
@@ -65,8 +66,8 @@ def operating_point(
     numbers = system._parameters(parameters)
     scene = system._scenes.setdefault(states, Scene(system._structure, states))
     signals = [0.0] * len(system.inputs)
-    if not (at is None or at == "steady" or isinstance(at, Mapping)):
-        raise ArgumentError(f"at is {at!r}; expected start values by path, 'steady', or (result, time)")
+    if not (at is None or (isinstance(at, str) and at == "steady") or isinstance(at, Mapping)):
+        raise ArgumentError(f"at is {shown(at)}; expected start values by path, 'steady', or (result, time)")
     begin = system._start(scene, numbers, 0.0, at, signals)
     known = dict(zip(states, begin.states.tolist(), strict=True))
     return scene, numbers, Point(0.0, known, np.array(signals, float), begin.guess)

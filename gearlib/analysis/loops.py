@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.analysis.linearize import label
+from gearlib.analysis.arguments import described, is_system
+from gearlib.analysis.linearize import LinearModel, label
 from gearlib.analysis.poles import Poles, poles
+from gearlib.arguments import real, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 
 Floats = NDArray[np.float64]
@@ -173,8 +175,9 @@ def as_loop(
     ArgumentError, NameLookupError
         No such signal, or several and none chosen.
     """
-    if loop is not None and (isinstance(loop, str) or len(loop) != 2):
-        raise ArgumentError(f"loop is {loop!r}; expected (input, output)")
+    if loop is not None and (isinstance(loop, str) or not isinstance(loop, Sequence) or len(loop) != 2):
+        raise ArgumentError(f"loop is {shown(loop)}; expected (input, output)")
+    gain = real("gain", gain)
     if is_system(model):
         chosen = (None, None) if loop is None else ([loop[0]], [loop[1]])
         model = model.linearize(inputs=chosen[0], outputs=chosen[1], at=at, parameters=parameters, sparse=True)
@@ -186,20 +189,22 @@ def as_loop(
     return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, inputs[j], outputs[i])
 
 
-def is_system(model: Any) -> bool:
-    """Whether a model is a compiled one, and not yet linear."""
-    from gearlib.system import System
+def check_linear(model: Any) -> None:
+    """Raise `ArgumentError` for anything but a linear model."""
+    if isinstance(model, LinearModel):
+        return
+    import control
 
-    return isinstance(model, System)
+    if not isinstance(model, (control.StateSpace, control.TransferFunction)):
+        raise ArgumentError(f"expected a System, StateSpace, TransferFunction or LinearModel, got {described(model)}")
 
 
 def matrices(model: Any) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
     """A, B, C, D as full arrays, and the names of inputs and outputs."""
+    check_linear(model)
     if not hasattr(model, "A"):
         import control
 
-        if not isinstance(model, control.TransferFunction):
-            raise ArgumentError(f"{type(model).__name__} is no System, StateSpace, TransferFunction or LinearModel")
         model = control.ss(model)
     parts = [np.asarray(m.toarray() if hasattr(m, "toarray") else m, float) for m in (model.A, model.B, model.C, model.D)]
     if getattr(model, "dt", None):

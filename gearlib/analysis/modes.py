@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.analysis.arguments import check_system
 from gearlib.analysis.energies import Family, energies, families
 from gearlib.analysis.held import remaining
 from gearlib.analysis.linearize import operating_point, slots_at
 from gearlib.analysis.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
+from gearlib.arguments import shown
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import prepare
 from gearlib.codegen.sensitivity import sensitivity
@@ -50,7 +52,7 @@ class Modes:
     preloads : int or None
         Poles at 0 that are no motion but a constant preload locked into a loop of meshes (not counted for large systems).
     decays : array
-        Poles (1/s) of motions that die away without oscillating; for large systems those found on the way.
+        Poles (1/s) of motions that die away without oscillating; for large systems those that are not much faster than the modes.
     """
 
     eigenvalues: Complexes
@@ -128,8 +130,8 @@ class Modes:
         return np.array(result)
 
     def _check(self, mode: int) -> None:
-        if not -len(self) <= mode < len(self):
-            raise ArgumentError(f"there is no mode {mode}; there are {len(self)}, from 0")
+        if isinstance(mode, bool) or not isinstance(mode, (int, np.integer)) or not -len(self) <= mode < len(self):
+            raise ArgumentError(f"there is no mode {shown(mode)}; there are {len(self)}, from 0")
 
     @cached_property
     def _families(self) -> list[Family]:
@@ -274,6 +276,7 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
        0              0    0.00000   b 75 %, a 25 %
        1       0.31831    0.00000   a 75 %, b 25 %                      shaft 100 %
     """
+    check_system(system)
     if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1):
         raise ArgumentError(f"count is {count!r}; expected a whole number, 1 or more")
     structure = system._structure

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.analysis.arguments import check_result
+from gearlib.arguments import one_name, real
 from gearlib.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -39,7 +41,7 @@ class OrderSpectrum:
     def at(self, order: float) -> float:
         """The amplitude at the nearest line; above the highest one an error, since the samples do not show what is there."""
         highest = float(self.orders[-1])
-        if not 0 <= order <= highest + 0.5 * float(self.orders[1] if len(self.orders) > 1 else 0.0):
+        if not 0 <= real("order", order) <= highest + 0.5 * float(self.orders[1] if len(self.orders) > 1 else 0.0):
             raise ArgumentError(
                 f"order {order:g} is not in this spectrum of {self.name}, which goes from 0 to {highest:.4g}; give a higher "
                 "max_order, or sample the run more often"
@@ -89,6 +91,8 @@ class OrderWaterfall:
         """Draw amplitudes as colours over order and speed (over time where the speed does not grow); returns the axes."""
         import matplotlib.pyplot as plt
 
+        if not real("decibels", decibels, "a positive range, dB") > 0:
+            raise ArgumentError(f"decibels is {decibels!r}; expected a positive range, dB")
         if axes is None:
             _, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
         monotonic = (np.diff(self.speeds) > 0).all() or (np.diff(self.speeds) < 0).all()
@@ -166,7 +170,7 @@ def order_waterfall(
     """
     if isinstance(revolutions, bool) or not isinstance(revolutions, (int, np.integer)) or revolutions < 1:
         raise ArgumentError(f"revolutions is {revolutions!r}; expected a whole number, 1 or more")
-    if not 0 <= overlap <= 0.95:
+    if not 0 <= real("overlap", overlap, "a number from 0 to 0.95") <= 0.95:
         raise ArgumentError(f"overlap is {overlap!r}; expected a number from 0 to 0.95")
     time, angle, signal = _prepared(result, name, reference, None, None)
     total = (angle[-1] - angle[0]) / (2 * np.pi)
@@ -185,6 +189,11 @@ def _prepared(
     """Time, growing angle, and signal in the interval."""
     from scipy.interpolate import make_interp_spline
 
+    check_result(result)
+    for what, limit in (("t_start", t_start), ("t_end", t_end)):
+        if limit is not None:
+            real(what, limit, "a finite number of seconds")
+    name, reference = one_name("name", name, "load.w"), one_name("reference", reference, "motor.phi")
     time, signal, motion = result.time, result[name], result[reference]
     inside = (time >= (time[0] if t_start is None else t_start)) & (time <= (time[-1] if t_end is None else t_end))
     time, signal, motion = time[inside], signal[inside], motion[inside]

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.analysis.arguments import check_axes
 from gearlib.analysis.loops import Loop, as_loop
 from gearlib.analysis.margins import Margins, margins
 from gearlib.analysis.poles import poles
+from gearlib.arguments import increasing
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -72,6 +74,7 @@ def nyquist_plot(
     m = margins(chosen)
     if axes is None:
         _, axes = plt.subplots(1, 2, figsize=(11, 5), layout="constrained")
+    check_axes(axes, 2)
     bound = _view(chosen, omega, curve)
     for ax in axes:
         ax.plot(curve.real, curve.imag, color=CURVE, lw=1.4, label="L(jω), ω > 0")
@@ -176,6 +179,7 @@ def nichols_plot(
     m = margins(chosen)
     if axes is None:
         _, axes = plt.subplots(figsize=(8, 5.5), layout="constrained")
+    check_axes(axes, 1)
     phase, level = np.degrees(np.unwrap(np.angle(curve))), 20 * np.log10(np.maximum(np.abs(curve), 1e-300))
     phase += 360 * np.round((-90 - phase[0]) / 360)
     axes.plot(phase, level, color=CURVE, lw=1.4, label="L(jω)")
@@ -261,6 +265,7 @@ def bode_plot(
     m = margins(chosen)
     if axes is None:
         _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 6), layout="constrained")
+    check_axes(axes, 2)
     phase = np.degrees(np.unwrap(np.angle(curve)))
     phase += 360 * np.round((-90 - phase[0]) / 360)
     level, hertz = 20 * np.log10(np.maximum(np.abs(curve), 1e-300)), omega / (2 * np.pi)
@@ -332,10 +337,11 @@ def root_locus_plot(
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     m = margins(chosen)
-    factors = np.asarray(gains, float) if gains is not None else _gains(chosen, m)
+    factors = increasing("gains", gains, 1) if gains is not None else _gains(chosen, m)
     paths = _paths(chosen, factors)
     if axes is None:
         _, axes = plt.subplots(figsize=(8, 6), layout="constrained")
+    check_axes(axes, 1)
     colours = plt.get_cmap("viridis")(np.linspace(0, 0.85, len(paths.T)))
     for path, colour in zip(paths.T, colours, strict=True):
         axes.plot(path.real, path.imag, color=colour, lw=1.2)

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gearlib.analysis.circulation import Branch, Circulation, circulations
+from gearlib.arguments import one_name
 from gearlib.errors import NameLookupError, nearest
 
 if TYPE_CHECKING:
@@ -49,15 +50,20 @@ class PowerFlow:
         Independent speeds of the train.
     name : str
         Of the model.
+    shared : tuple of str
+        Flanges whose torque equilibrium leaves open, since parallel paths (planets) could be preloaded against each other. They have
+        the torques of a train that was put together without preload: shared by stiffness, equally by equal planets (load sharing
+        factor 1); rigid paths take the smallest torques.
     """
 
     flanges: tuple[FlangePower, ...]
     mobility: int
     name: str = ""
+    shared: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> FlangePower:
         """A flange by its path."""
-        found = self._by_name.get(name)
+        found = self._by_name.get(one_name("the flange", name, "motor.flange_b"))
         if found is None:
             raise NameLookupError(f"the model has no flange '{name}'; {nearest(str(name), self._by_name)}")
         return found
@@ -162,7 +168,8 @@ class PowerFlow:
         return pandas.DataFrame(table, columns=["flange", "speed", "torque", "power"]).set_index("flange")
 
     def __str__(self) -> str:
-        return "\n".join([self._title, "", *_table(self._shown, self._scales), *self._left_out, "", *self._balance])
+        lines = [self._title, "", *_table(self._shown, self._scales), *self._left_out, *self._sharing, "", *self._balance]
+        return "\n".join(lines)
 
     @property
     def _title(self) -> str:
@@ -195,6 +202,16 @@ class PowerFlow:
         return (
             [f"({count} flanges of bodies that pass on their torque, or of parts without any, are left out)"] if count else []
         )
+
+    @property
+    def _sharing(self) -> list[str]:
+        if not self.shared:
+            return []
+        named = ", ".join(self.shared[:3]) + (", ..." if len(self.shared) > 3 else "")
+        return [
+            f"(equilibrium leaves {len(self.shared)} torques open: {named}; they are those of parallel paths without preload,",
+            " which share the load by stiffness, equally among equal planets)",
+        ]
 
     @property
     def _balance(self) -> list[str]:

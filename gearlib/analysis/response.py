@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.analysis.arguments import check_axes, check_system, is_system
 from gearlib.analysis.linearize import input_names
-from gearlib.analysis.loops import is_system, matrices
+from gearlib.analysis.loops import check_linear, matrices
+from gearlib.arguments import name_list, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 
 if TYPE_CHECKING:
@@ -54,6 +56,8 @@ class FrequencyResponse:
 
     def __getitem__(self, key: str | tuple[str, str]) -> Complexes:
         """Of an output (and an input, where there are several)."""
+        if isinstance(key, tuple) and len(key) != 2:
+            raise ArgumentError(f"response[{shown(key)}]: expected response[output] or response[output, input]")
         output, given = key if isinstance(key, tuple) else (key, None)
         for name, valid in ((output, self.outputs), *(((given, self.inputs),) if given is not None else ())):
             if name not in valid:
@@ -80,6 +84,7 @@ class FrequencyResponse:
 
         if axes is None:
             _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 5.5), height_ratios=[2, 1], layout="constrained")
+        check_axes(axes, 2)
         for i, output in enumerate(self.outputs):
             for j, given in enumerate(self.inputs):
                 label = output if len(self.inputs) == 1 else f"{output} / {given}"
@@ -110,7 +115,7 @@ def frequency_response(
 
     Parameters
     ----------
-    model : System, control.StateSpace or LinearModel
+    model : System, control.StateSpace, control.TransferFunction or LinearModel
     omega : array
         Angular frequencies, rad/s.
     inputs, outputs : sequences of str, optional
@@ -138,9 +143,10 @@ def frequency_response(
     >>> abs(response["load.w"])
     array([0.5 , 0.05])
     """
-    grid = np.atleast_1d(np.array(omega, float))
-    if grid.ndim != 1 or not len(grid) or not np.isfinite(grid).all() or (grid < 0).any():
-        raise ArgumentError("omega must be a sequence of finite numbers that are not negative, rad/s")
+    expected = "a sequence of finite numbers that are not negative, rad/s"
+    grid = np.atleast_1d(reals("omega", omega, expected))
+    if grid.ndim != 1 or not len(grid) or (grid < 0).any():
+        raise ArgumentError(f"omega is {shown(omega)}; expected {expected}")
     units: tuple[str, ...] = ()
     per = ""
     if is_system(model):
@@ -151,15 +157,16 @@ def frequency_response(
         per = sources.pop() if len(sources) == 1 else ""
     elif inputs is not None or outputs is not None or at is not None or parameters:
         raise ArgumentError("inputs, outputs, at and parameters belong to a System; a linear model has them already")
-    if model.A.shape[0] > MOST_DENSE:
-        values, names = _sparse(model, grid), (tuple(model.inputs), tuple(model.outputs))
+    check_linear(model)
+    if hasattr(model, "A") and model.A.shape[0] > MOST_DENSE:
+        values, signals = _sparse(model, grid), (tuple(model.inputs), tuple(model.outputs))
     else:
         A, B, C, D, ins, outs = matrices(model)
-        values, names = _dense(A, B, C, D, grid), (tuple(ins), tuple(outs))
+        values, signals = _dense(A, B, C, D, grid), (tuple(ins), tuple(outs))
     if not np.isfinite(values).all():
         w = grid[~np.isfinite(values).all(axis=(0, 1))][0]
         raise ArgumentError(f"the model has a pole at {w:g} rad/s: the response there is infinite")
-    return FrequencyResponse(grid, values, *names, units or ("",) * len(names[1]), per)
+    return FrequencyResponse(grid, values, *signals, units or ("",) * len(signals[1]), per)
 
 
 def _unit(system: System, name: str) -> str:
@@ -229,9 +236,8 @@ def transmission_error_response(
     ArgumentError
         The system has no such inputs, or one has another unit.
     """
-    weights = (
-        dict(meshes) if isinstance(meshes, Mapping) else dict.fromkeys(_error_inputs(system) if meshes is None else meshes, 1.0)
-    )
+    check_system(system)
+    weights = _weights(_error_inputs(system) if meshes is None else meshes)
     if not weights:
         raise ArgumentError("the system has no input for a transmission error (e_rate or e of a mesh)")
     units = {name: _unit(system, name) for name in weights}
@@ -242,6 +248,16 @@ def transmission_error_response(
     factors = np.array([w * (1j * each.omega if units[n] == "m/s" else np.ones(len(each.omega))) for n, w in weights.items()])
     values = np.einsum("oiw,iw->ow", each.values, factors)[:, None, :]
     return FrequencyResponse(each.omega, values, ("transmission error",), each.outputs, each.units, "m")
+
+
+def _weights(meshes: Any) -> dict[str, complex]:
+    """Amplitudes by the path of the input."""
+    if not isinstance(meshes, Mapping):
+        return dict.fromkeys(name_list("meshes", meshes, "mesh.e_rate"), 1.0)
+    for name, weight in meshes.items():
+        if not (isinstance(weight, (complex, np.complexfloating)) and np.isfinite(weight)):
+            real(f"the amplitude of {name} in meshes", weight, "a finite number, which may be complex")
+    return dict(meshes)
 
 
 def _error_inputs(system: System) -> list[str]:

@@ -1,8 +1,7 @@
 """Eigenvalues and eigenvectors of a train's matrix: all of a small one, the lowest of a large sparse one.
 
 A train has poles at 0 in two ways: it turns freely, or a loop of meshes carries a constant preload. Both are told apart by whether
-anything moves. In large trains there may be hundreds of them, so that a search for the eigenvalues nearest to 0 would find nothing
-else. The sparse search therefore looks for the largest values of ``x / (x - s)^2``, which maps 0 to 0 and falls as 1/x beyond s.
+anything moves. In large trains there may be hundreds of them, so they are counted beforehand, and the search passes them by.
 """
 
 from __future__ import annotations
@@ -14,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.analysis.elimination import factorise
+from gearlib.analysis.lowest import lowest
 from gearlib.analysis.poles import deflate
 from gearlib.errors import SolverError
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+MOST_FULL = 4000  # states up to which all eigenvalues are computed where the lowest alone cannot be made sure of
 
 
 @dataclass(frozen=True)
@@ -104,50 +105,30 @@ def _ordered(values: Complexes, vectors: Complexes, free: Complexes, preloads: i
 
 
 def sparse_spectrum(A: Any, speeds: Any, count: int, chained: bool = True) -> Spectrum:
-    """The lowest modes of a large matrix, by ARPACK on the mapped matrix; ``chained`` where angles are states.
+    """The lowest modes of a large matrix, and the decays that are not faster; ``chained`` where angles are states.
 
     Raises
     ------
     SolverError
-        The search did not converge.
+        The lowest modes could not be told for sure, and the matrix is too large for a full one.
     """
     import scipy.sparse as sparse
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
 
     A = sparse.csc_matrix(A)
-    n = A.shape[0]
-    size = np.sqrt(abs(A.diagonal()).max() ** 2 + abs(A.multiply(A.T)).max())  # about the highest frequency
-    wanted = min(2 * count + 8, n - 2)
-    shift = size / n
-    eye = sparse.identity(n, format="csc")
-    start = np.random.default_rng(0).normal(size=n)
-    for _ in range(12):
-        solve = splu(A - shift * eye).solve
-
-        def mapped(x: Any, solve: Any = solve) -> Any:
-            return solve(solve(A @ x))
-
-        try:
-            _, vectors = eigs(LinearOperator((n, n), mapped, dtype=float), k=wanted, which="LM", v0=A @ start, tol=1e-12)
-        except ArpackError as error:
-            raise SolverError(f"the search for the lowest {count} modes did not converge: {error}") from None
-        product = A @ vectors
-        values = (vectors.conj() * product).sum(axis=0) / (np.abs(vectors) ** 2).sum(axis=0)
-        lowest = float(np.abs(values).min())
-        if shift < 0.7 * lowest:
-            break
-        shift = min(lowest, shift) / 4
-    residual = np.linalg.norm(product - vectors * values, axis=0) / np.linalg.norm(product, axis=0)
-    good = residual < 1e-5
-    free = _free_motions(A, speeds, chained)
-    found = _ordered(values[good], vectors[:, good], free, None, count)
-    if len(found.values) < count and wanted < n - 2:
-        return _more(A, speeds, count, found)
-    return found
+    free, at_zero = _free_motions(A, speeds, chained)
+    found = lowest(A, count, at_zero)
+    if found is not None:
+        return _ordered(found.values, found.vectors, free, None, count)
+    if A.shape[0] > MOST_FULL:
+        raise SolverError(
+            f"the lowest {count} modes of {A.shape[0]} states could not be told from all others: decays without oscillation lie "
+            f"between them, or there are fewer; ask for a smaller count, or for a part of the train ({MOST_FULL} states have all theirs)"
+        )
+    return dense_spectrum(A.toarray(), speeds.toarray() if hasattr(speeds, "toarray") else speeds, count)
 
 
-def _free_motions(A: Any, speeds: Any, chained: bool) -> Complexes:
-    """Motions at 0 of a large matrix, from its sparse elimination; where angles are states, with chains of two."""
+def _free_motions(A: Any, speeds: Any, chained: bool) -> tuple[Complexes, int]:
+    """Free motions of a large matrix, and the number of its poles at 0, from its sparse elimination: chains have up to two if chained."""
     import scipy.sparse as sparse
 
     n = A.shape[0]
@@ -157,9 +138,8 @@ def _free_motions(A: Any, speeds: Any, chained: bool) -> Complexes:
         zero = np.linalg.qr(found.directions(min(looks, most))[:n])[0]
         free = scale[:, None] * _free(zero, speeds @ sparse.diags(scale))
         if free.shape[1] < looks:
-            break
+            return free, most
         looks *= 4
-    return free
 
 
 def without_preloads(A: Any, speeds: Any, free: Complexes) -> tuple[Complexes, bool]:
@@ -173,10 +153,3 @@ def without_preloads(A: Any, speeds: Any, free: Complexes) -> tuple[Complexes, b
     terms = size @ np.abs(alone) + 1e-6 * largest[:, None] * np.abs(alone).max(axis=0, initial=0.0)
     possible = bool((np.abs(A @ alone) <= 1e-6 * terms).all())
     return (alone if possible else free), possible
-
-
-def _more(A: Any, speeds: Any, count: int, found: Spectrum) -> Spectrum:
-    """Where decays took the places of modes: the full spectrum, if that can be afforded."""
-    if A.shape[0] > 4000:
-        return found
-    return dense_spectrum(A.toarray(), speeds.toarray() if hasattr(speeds, "toarray") else speeds, count)

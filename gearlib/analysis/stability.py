@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from gearlib.analysis.arguments import is_system
 from gearlib.analysis.gain_range import gains_in_words, stable_gains
-from gearlib.analysis.loops import Loop, as_loop, is_system
+from gearlib.analysis.loops import Loop, as_loop, check_linear
 from gearlib.analysis.margins import Margins, margins
 from gearlib.analysis.nyquist import NyquistCount, nyquist_count
 from gearlib.analysis.poles import MEANING, Poles, Verdict, poles
+from gearlib.arguments import real
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,6 +199,9 @@ def stability(
     >>> report.verdict, report.loop.verdict, round(report.loop.margins.gain_margin, 9)
     ('marginal', 'stable', 2.0)
     """
+    if not is_system(model):
+        check_linear(model)
+    real("gain", gain)
     name = getattr(model, "name", None) or type(model).__name__
     if loop is not None:
         chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gearlib.analysis.arguments import check_system
 from gearlib.analysis.power import FlangePower, PowerFlow
+from gearlib.analysis.sharing import shared
 from gearlib.analysis.steady_motion import CONTRADICTION, VALUE, Given, Motion, kinematics, refuse_contradiction, solve
+from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
@@ -27,7 +31,8 @@ def power_flow(
 
     Nothing accelerates, so inertia takes no torque; springs and meshes turn with their deflections constant, as if rigid. Unbound
     inputs that are not given are found: give the speed of the drive and the torque of the load, and the drive's torque follows.
-    A bound input that is a function of time counts as zero unless it is given.
+    A bound input that is a function of time counts as zero unless it is given. Parallel paths that could be preloaded against each
+    other, such as planets with meshes of their own, share the load by their stiffness, equal planets equally (`PowerFlow.shared`).
 
     Parameters
     ----------
@@ -70,13 +75,20 @@ def power_flow(
     >>> flow["gear.flange_b"].speed, flow["gear.flange_a"].torque, flow.input_power
     (20.0, 10.0, 1000.0)
     """
+    check_system(system)
     model = system._structure.model
     numbers = system._parameters(parameters)
     given = _given(model, speeds, torques)
     motion = solve(model, numbers, given)
     refuse_contradiction(motion, given)
-    flanges = tuple(_flanges(model, motion))
-    return PowerFlow(flanges, mobility(system, parameters=parameters), system.name)
+    ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
+    places = np.unique(np.array(ports, np.int64))
+    if (motion.undetermined[places] > UNDETERMINED).any():
+        motion = shared(model, numbers, given, motion, places)
+        refuse_contradiction(motion, given)
+    _refuse_open(model, motion)
+    paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
+    return PowerFlow(tuple(_flanges(model, motion)), mobility(system, parameters=parameters), system.name, paths)
 
 
 def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -> int:
@@ -96,6 +108,7 @@ def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -
     >>> gl.mobility(gl.compile(Differential()))
     2
     """
+    check_system(system)
     model = system._structure.model
     moving = sorted({int(model.representative[v]) for _, v, _, _ in _mechanical(model) if model.sign[v]})
     speeds = model.n_variables + np.array(moving, np.int64)
@@ -146,10 +159,10 @@ def speed_ratio(
     >>> gl.speed_ratio(system, "unit.sun", "unit.ring", held=["unit.carrier"])
     -2.0
     """
-    if isinstance(held, str):
-        raise ArgumentError(f"held is a list of names, such as [{held!r}]")
+    check_system(system)
+    held = name_list("held", held, "unit.carrier")
     model = system._structure.model
-    given = _given(model, {driving: 1.0, **dict.fromkeys(held, 0.0)}, None)
+    given = _given(model, {one_name("driving", driving, "unit.sun"): 1.0, **dict.fromkeys(held, 0.0)}, None)
     variable, order, sign = _speed(model, driven)
     place = variable + order * model.n_variables
     wanted = np.array([place, *(g.variable + g.order * model.n_variables for g in given)])
@@ -207,10 +220,9 @@ def _speed(model: FlatModel, name: str) -> tuple[int, int, int]:
 
 def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mapping[str, float] | None) -> list[Given]:
     found = []
-    for what, mapping in (("speed", speeds or {}), ("torque", torques or {})):
-        for name, value in mapping.items():
-            if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
-                raise ArgumentError(f"{what} {name} is {value!r}; expected a finite number")
+    for what, given in (("speed", speeds), ("torque", torques)):
+        for name, value in by_name(f"{what}s", given, "a mapping of paths to numbers, such as {'motor.flange': 100}").items():
+            value = real(f"{what} {name}", value)
             if what == "speed":
                 variable, order, sign = _speed(model, name)
             else:
@@ -219,29 +231,54 @@ def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mappin
             if sign == 0 and value != 0.0:
                 raise ArgumentError(f"{name} is always zero; a torque needs a source that is connected, such as gp.Torque")
             if sign:
-                found.append(Given(name, variable, order, sign * float(value)))
+                found.append(Given(name, variable, order, sign * value))
     return found
 
 
-def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
+def _refuse_open(model: FlatModel, motion: Motion) -> None:
+    """Raise an error where a speed, or the torque of a drive or load, stays open. Torques inside the train may: they are shared."""
     n = model.n_variables
+    ports = _mechanical(model)
+    alone = Counter(i for i, _, _, _ in ports)  # components with one flange drive, load or hold the train
+    inputs = {int(model.representative[v]) for v in model.inputs}
+    open_ = [f"input {model.name(v)}" for v in sorted(inputs) if motion.undetermined[v] > UNDETERMINED]
+    for i, potential, flow, flange in ports:
+        path = model.instances[i].path
+        p, f = int(model.representative[potential]), int(model.representative[flow])
+        name = f"{path + '.' if path else ''}{flange}"
+        if model.sign[potential] and motion.undetermined[p + n] > UNDETERMINED:
+            open_.append(f"speed of {name}")
+        turns = model.sign[potential] and motion.rates[p] != 0.0
+        if alone[i] == 1 and turns and model.sign[flow] and motion.undetermined[f] > UNDETERMINED:
+            open_.append(f"torque of {name}")
+    if open_:
+        more = f" and {len(open_) - 4} more" if len(open_) > 4 else ""
+        raise ArgumentError(f"too little is given: the {', '.join(open_[:4])}{more} stay open; give more speeds or torques")
+
+
+def _shared_names(model: FlatModel, torques: set[int]) -> tuple[str, ...]:
+    """Flanges of basic components whose torque equilibrium alone leaves open."""
+    composite = {i.path.rsplit(".", depth)[0] for i in model.instances for depth in range(1, i.path.count(".") + 1)}
+    found = []
+    for i, _, flow, flange in _mechanical(model):
+        path = model.instances[i].path
+        if path not in composite and model.sign[flow] and int(model.representative[flow]) in torques:
+            found.append(f"{path + '.' if path else ''}{flange}")
+    return tuple(found)
+
+
+def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
     composite = {i.path.rsplit(".", depth)[0] for i in model.instances for depth in range(1, i.path.count(".") + 1)}
     composite.add("")
     alone = len(model.instances) == 1
-    rows, open_ = [], []
+    rows = []
     for i, potential, flow, flange in _mechanical(model):
         path = model.instances[i].path
         p, f = int(model.representative[potential]), int(model.representative[flow])
-        for place, sign, what in ((p + n, model.sign[potential], "speed"), (f, model.sign[flow], "torque")):
-            if sign and motion.undetermined[place] > UNDETERMINED:
-                open_.append(f"{what} of {path + '.' if path else ''}{flange}")
         speed = float(motion.rates[p]) * int(model.sign[potential])
         torque = float(motion.constants[f]) * int(model.sign[flow])
         shaft = p if model.sign[potential] else -1
         sliding = (declared := model.declaration(potential)) is not None and declared.unit == "m"
         leaf = alone or path not in composite
         rows.append(FlangePower(path, flange, speed, torque, speed * torque, shaft, leaf, sliding))
-    if open_:
-        more = f" and {len(open_) - 4} more" if len(open_) > 4 else ""
-        raise ArgumentError(f"too little is given: the {', '.join(open_[:4])}{more} stay open; give more speeds or torques")
     return rows

@@ -55,6 +55,7 @@ class Motion:
     residual: Floats  # of each row, relative
     factors: Factors
     owner: Callable[[int], str]
+    modes: Floats  # flags of events
 
 
 def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) -> Floats:
@@ -174,10 +175,10 @@ def _group(
 def solve(model: FlatModel, parameters: Floats, given: Sequence[Given]) -> Motion:
     """The steady motion by Newton's method, from rest or, where that fails, from the guesses of the model."""
     n = model.n_variables
-    motion = _newton(model, parameters, given, np.zeros(2 * n))
+    motion = newton(model, parameters, given, np.zeros(2 * n))
     if (motion.residual > CONTRADICTION).any() and any(not group.template.linear for group in model.groups):
         guess = _guessed(model, parameters, given)
-        other = _newton(model, parameters, given, guess)
+        other = newton(model, parameters, given, guess)
         if not (other.residual > CONTRADICTION).any():
             return other
     return motion
@@ -196,7 +197,7 @@ def _guessed(model: FlatModel, parameters: Floats, given: Sequence[Given]) -> Fl
     return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
 
 
-def _newton(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
+def newton(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
     """Newton's method for the unknowns, inside an iteration for the flags of events (which side of a lossy gear drives)."""
     n = model.n_variables
     modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else initial_modes(model)
@@ -216,7 +217,7 @@ def _newton(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Flo
     rows = assemble(model, parameters, given, x[:n], x[n:], modes)
     factors = _factors(rows.matrix, last)
     contradiction = factors.contradiction(rows.residual, x)
-    return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner)
+    return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, modes)
 
 
 def _factors(matrix: Any, last: Factors | None) -> Factors:

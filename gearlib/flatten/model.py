@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import NameLookupError, nearest
 from gearlib.flatten.templates import Column, Template, parse_column
-from gearlib.language.declarations import Parameter, Variable
+from gearlib.language.declarations import Connector, Parameter, Variable
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -31,6 +31,7 @@ class Instance:
     first_variable: int
     first_parameter: int
     derivatives: Mapping[str, str] = field(default_factory=dict)  # other names of derivatives, such as {"a": "der(w)"}
+    connectors: Mapping[str, Connector] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 
+from gearlib.solve.ida_frame import FRAME
 from gearlib.solve.ida_pointers import call, call_for_address, doubles, ints, longs
 from gearlib.solve.ida_request import (
     CHATTER,
@@ -28,7 +29,7 @@ from gearlib.solve.ida_request import (
     STEP_LIMIT,
     UNSETTLED,
     UPDATE_FAILED,
-)
+)  # fmt: skip
 from gearlib.solve.kept import keep
 
 # How `drive` ends, beside the failures of `ida_request`: all samples taken, back for a breath, event log full.
@@ -39,36 +40,6 @@ NEGATIVE_ZERO = -1e-300  # what an event function that is exactly zero is taken 
 _numba: Any = numba  # some of its versions declare types, and not those that its functions take
 carray, types = _numba.carray, _numba.types
 
-_addresses = [
-    "rhs", "jac", "roots", "update",  # the model
-    "array_pointer", "solve", "reinit", "calc_ic", "get_ic", "root_info", "set_stop", "set_max_steps", "get_steps",  # SUNDIALS
-    "mem", "yy", "yp",
-    "data", "index", "x", "f", "y", "dy", "differential", "order", "atol", "probe",
-    "values", "matrix", "position", "diagonal", "pattern", "pattern_source", "starts", "starts_source",
-    "fired", "sides", "g", "times", "out", "modes_out", "time_events", "event_times", "event_roots", "scratch", "counter",
-]  # fmt: skip
-_integers = [
-    "n", "nnz", "n_diagonal", "n_pattern", "n_roots", "n_algebraic", "n_times", "n_time_events", "n_modes", "first_mode",
-    "event_capacity", "started", "sample", "next_event", "events", "burst", "burst_limit", "max_steps", "flag",
-    "n_rhs", "n_jac", "steps", "attempts", "restarts", "refused", "patience", "bad_state",
-]  # fmt: skip
-_reals = [
-    "t",
-    "origin",
-    "t_end",
-    "window",
-    "burst_start",
-    "ic_span",
-    "attempt_time",
-    "bad_time",
-    "rtol",
-    "first_reach",
-    "slack",
-]
-
-FRAME = np.dtype(
-    [(name, np.int64) for name in _addresses + _integers] + [(name, np.float64) for name in _reals],
-)
 _frame = types.CPointer(_numba.from_dtype(FRAME))
 _int, _long, _double = types.int32, types.int64, types.float64
 EPS = float(np.finfo(np.float64).eps)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import math
-import sys
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
@@ -19,7 +17,8 @@ from numpy.typing import NDArray
 from gearlib.codegen.evaluate import owner_of
 from gearlib.codegen.layout import Shared
 from gearlib.codegen.native import NativeScene
-from gearlib.errors import ArgumentError, GearlibError, SolverError
+from gearlib.errors import ArgumentError, SolverError
+from gearlib.solve.feed import Keep, feed
 from gearlib.solve.initialize import Start
 from gearlib.solve.lti import linear_form, time_conditions
 from gearlib.solve.problem import Native, Problem, Solution
@@ -283,44 +282,7 @@ def _names_of_time_events(run: Run) -> dict[float, str]:
     return {t: "; ".join(dict.fromkeys(names)) for t, names in found.items()}
 
 
-class _Keep:
-    """Holds Python callbacks alive during a run, and what they raised."""
-
-    def __init__(self) -> None:
-        self.callbacks: list[Any] = []
-        self.problem: BaseException | None = None
-
-    @contextmanager
-    def listening(self) -> Iterator[None]:
-        """Keep an interrupt, too, that comes where a callback begins or ends, so that Python would report and forget it."""
-        before = sys.unraisablehook
-
-        def lost(unraisable: Any) -> None:
-            if isinstance(unraisable.exc_value, KeyboardInterrupt):
-                self.problem = unraisable.exc_value
-            else:
-                before(unraisable)
-
-        sys.unraisablehook = lost
-        try:
-            yield
-        finally:
-            sys.unraisablehook = before
-
-    def failure(self) -> BaseException | None:
-        if self.problem is None or isinstance(self.problem, GearlibError) or not isinstance(self.problem, Exception):
-            return self.problem
-        return SolverError(f"the run was stopped by {type(self.problem).__name__}: {self.problem}")
-
-
-@dataclass(frozen=True)
-class _Wrapped:
-    """A native function with Python inputs written into its data first."""
-
-    address: int
-
-
-def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
+def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
     scene = run.scene
     native: NativeScene = scene.native_with_jacobian if jacobian else scene.native
     t0 = float(run.times[0])
@@ -329,7 +291,7 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
     flags = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])
     modes = flags[:, 0] if run.modes is None else run.modes
     data = scene.data(native, run.numbers, inputs, modes, scene.guess(program, run.start.guess))
-    keep = _Keep()
+    keep = Keep()
     functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
     index = native.index
     tables = [(k, s) for k, s in enumerate(run.signals) if isinstance(s, Table)]
@@ -341,7 +303,7 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, _Keep]:
 
     def wrap(name: str, third: Any) -> Native | None:
         function = functions[name]
-        return _feed(function, native.shared, moving, keep, third) if function is not None and moving else function
+        return feed(function, native.shared, moving, keep, third) if function is not None and moving else function
 
     double = ctypes.POINTER(ctypes.c_double)
     fired = ctypes.POINTER(ctypes.c_int32)
@@ -382,24 +344,3 @@ def _time_events(run: Run, t0: float, t1: float) -> Floats:
         found += [times_of_breakpoints(c, t0, t1) for _, c in conditions]
     times = found[0] if len(found) == 1 else np.unique(np.concatenate(found))
     return times[(times > t0) & (times < t1)]
-
-
-def _feed(
-    function: Any, shared: Shared, moving: Sequence[tuple[int, Callable[[float], float]]], keep: _Keep, third: Any
-) -> _Wrapped:
-    double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
-    kind = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, double, third, double, whole)
-    native = kind(function.address)
-
-    def call(t: float, x: Any, out: Any, data: Any, index: Any) -> int:
-        try:
-            for k, signal in moving:
-                data[shared.inputs + k] = signal(t)
-            return -1 if keep.problem is not None else int(native(t, x, out, data, index))
-        except BaseException as problem:  # it must not cross the native frames, and an interrupt must not be lost there
-            keep.problem = problem
-            return -1
-
-    callback = kind(call)
-    keep.callbacks += [callback, native]
-    return _Wrapped(ctypes.cast(callback, ctypes.c_void_p).value or 0)

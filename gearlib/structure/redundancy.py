@@ -175,8 +175,25 @@ def _split(loops: Sequence[Sequence[str]]) -> str:
     )
 
 
-def _explain(model: FlatModel, rows: Rows, balance: Balance) -> str:
+def _left_open(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
+    """Connectors whose potential is in no equation, with the likely fix."""
+    used = {v for e in range(len(rows.place)) for v, _ in rows.columns(e, 0)}
     text = []
+    for v in balance.undetermined:
+        if model.potential[v] and v not in used:
+            alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
+            name = min(alike, key=lambda n: n.count("."))
+            connector = name.rpartition(".")[0]
+            owner, _, local = connector.rpartition(".")
+            instance = next(i for i in model.instances if i.path == owner)
+            switch = instance.connectors[local].when
+            off = f", or leave it switched off ({switch}=False of {owner or instance.kind})" if switch else ""
+            text.append(f"Nothing determines {name}: connect {connector} to a component that does{off}.")
+    return text[:3]
+
+
+def _explain(model: FlatModel, rows: Rows, balance: Balance) -> str:
+    text = _left_open(model, rows, balance)
     if balance.surplus:
         text.append(
             f"over-determined: {len(balance.excess_equations)} equations for {len(balance.excess_variables)} variables, "

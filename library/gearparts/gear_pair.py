@@ -25,6 +25,10 @@ N_PER_MM_UM = 1e9  # N/(mm um) in N/m2
 LIGHT = 1e5  # N/m; below this load per face width the contact is softer
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
 @dataclass(frozen=True)
 class GearPair:
     """A pinion (1) that meshes with a wheel (2), both involute and cylindrical.
@@ -79,8 +83,15 @@ class GearPair:
     def __post_init__(self) -> None:
         for name in ("z_1", "z_2", "m_n", "width", "alpha_n", "h_aP", "h_fP", "blank", "line_load"):
             value = getattr(self, name)
-            if not (isinstance(value, Real) and float(value) > 0):
+            largest = math.inf if name == "line_load" else 1e300
+            if not (_is_number(value) and 0 < value <= largest):
                 raise BoundError(f"GearPair.{name} is {value!r}; expected a positive number")
+        for name in ("z_1", "z_2"):
+            if not float(getattr(self, name)).is_integer():
+                raise BoundError(f"GearPair.{name} is {getattr(self, name)!r}; expected a whole number of teeth")
+        for name in ("x_1", "x_2", "beta"):
+            if not (_is_number(getattr(self, name)) and abs(getattr(self, name)) < 1e150):
+                raise BoundError(f"GearPair.{name} is {getattr(self, name)!r}; expected a finite number")
         if self.internal and self.z_2 <= self.z_1:
             raise BoundError(f"GearPair: a ring of {self.z_2} teeth around a pinion of {self.z_1}; expected z_2 > z_1")
         if not abs(self.beta) < math.pi / 2:
@@ -194,7 +205,16 @@ class GearPair:
         return 2 * math.pi * (1 / self.z_1 + self.sense / self.z_2) / math.cos(self.beta_b) * distance
 
     def efficiency(self, mu: float) -> float:
-        """Of the mesh alone, with a mean friction coefficient ``mu``."""
+        """Of the mesh alone, with a mean friction coefficient ``mu``.
+
+        Raises
+        ------
+        BoundError
+            A negative coefficient, or one so large that the mesh would lose more than all power.
+        """
+        if not (_is_number(mu) and 0 <= mu * self.loss_factor < 1):
+            expected = f"expected a mean friction coefficient from 0 on, below {1 / self.loss_factor:.3g}"
+            raise BoundError(f"GearPair.efficiency: mu is {mu!r}; {expected}, at which all power is lost")
         return 1 - mu * self.loss_factor
 
     @property

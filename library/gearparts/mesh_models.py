@@ -11,10 +11,13 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
+import sympy
+
 import gearlib as gl
+from gearlib.errors import BoundError
 from gearparts.interfaces import Dissipative, Flange, TwoFlanges
 from gearparts.mesh_phase import checked_period, periodic, stretches, wrapped
-from gearparts.tables import Rows, check_rows
+from gearparts.tables import Rows, check_rows, is_finite
 
 STIFFNESS = ("constant", "sinusoidal", "rectangular", "fourier", "table")
 EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
@@ -255,9 +258,21 @@ def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> A
     r_a, r_b : float or expression
         Base radii, m.
 
+    Raises
+    ------
+    BoundError
+        A number that is out of range.
+
     Examples
     --------
     >>> float(mesh_damping(0.05, 2e8, 0.001, 0.05, 0.016, 0.1))
     800.0
     """
+    for name, value in {"zeta": zeta, "c": c, "J_a": J_a, "r_a": r_a, "J_b": J_b, "r_b": r_b}.items():
+        if isinstance(value, sympy.Expr):
+            continue
+        may_be_zero = name in ("zeta", "c")
+        if not (is_finite(value) and (value > 0 or (may_be_zero and value == 0))):
+            expected = "a finite number from 0 on" if may_be_zero else "a positive finite number"
+            raise BoundError(f"mesh_damping: {name} is {value!r}; expected {expected}")
     return 2 * zeta * gl.sqrt(c / (r_a**2 / J_a + r_b**2 / J_b))

@@ -114,6 +114,10 @@ def test_cai_s_stiffness_of_helical_teeth_rises_and_falls_smoothly() -> None:
         ({"z_1": 20, "z_2": 30, "x_1": -3.0}, r"do not reach each other|no pressure angle fits"),
         ({"z_1": 20, "z_2": 30, "m_n": math.nan}, r"GearPair\.m_n is nan"),
         ({"z_1": "20", "z_2": 30}, r"GearPair\.z_1 is '20'; expected a positive number"),
+        ({"z_1": 20.5, "z_2": 30}, r"GearPair\.z_1 is 20\.5; expected a whole number of teeth"),
+        ({"z_1": 20, "z_2": 30, "x_2": "0"}, r"GearPair\.x_2 is '0'; expected a finite number"),
+        ({"z_1": 20, "z_2": 30, "beta": None}, r"GearPair\.beta is None; expected a finite number"),
+        ({"z_1": 20, "z_2": 30, "width": math.inf}, r"GearPair\.width is inf; expected a positive number"),
     ],
 )
 def test_impossible_pairs_are_refused(given: dict[str, float], message: str) -> None:
@@ -129,3 +133,25 @@ def test_too_few_samples_are_refused() -> None:
     for mean in (math.nan, -1.0, 0.0):
         with pytest.raises(ArgumentError, match="mean="):
             gp.cai_stiffness(DIN, mean=mean)
+
+
+@pytest.mark.parametrize("mu", [math.nan, -1.0, 50.0, "0.06", None])
+def test_friction_that_no_mesh_has_is_refused(mu: object) -> None:
+    with pytest.raises(BoundError, match=r"efficiency: mu is .*; expected a mean friction coefficient from 0 on, below \d"):
+        DIN.efficiency(mu)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("J_a", 0.0, "a positive finite number"),
+        ("r_b", "0.1", "a positive finite number"),
+        ("c", math.nan, "a finite number from 0 on"),
+        ("zeta", -0.05, "a finite number from 0 on"),
+    ],
+)
+def test_damping_of_an_impossible_mesh_is_refused(name: str, value: object, expected: str) -> None:
+    pair = {"zeta": 0.05, "c": 2e8, "J_a": 0.001, "r_a": 0.05, "J_b": 0.016, "r_b": 0.1}
+    with pytest.raises(BoundError, match=f"mesh_damping: {name} is {value!r}; expected {expected}"):
+        gp.mesh_damping(**{**pair, name: value})
+    assert gp.mesh_damping(**{**pair, "zeta": 0}) == 0

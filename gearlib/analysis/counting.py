@@ -1,0 +1,68 @@
+"""How many eigenvalues of a sparse matrix a disc holds, by the argument principle.
+
+The phase of det(z - A), from a sparse LU decomposition, turns by as many whole turns along the edge of the disc as there are eigenvalues
+inside. With the eigenvalues that are known divided out it changes slowly, and what is left counts those that are missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Complexes = NDArray[np.complex128]
+WIDEST = 0.04  # step along the edge of a disc, rad
+
+
+def missing_inside(S: Any, radius: float, values: Complexes, at_zero: int) -> int | None:
+    """How many eigenvalues within a radius are neither among ``values`` (in conjugate pairs) nor the ``at_zero`` ones at 0.
+
+    None where an eigenvalue lies so near the edge that the phase cannot be followed.
+    """
+    import scipy.sparse as sparse
+    from scipy.sparse.linalg import splu
+
+    eye = sparse.identity(S.shape[0], format="csc")
+
+    def phase(angle: float) -> float:
+        z = radius * np.exp(1j * angle)
+        lu = splu((z * eye - S).tocsc())
+        found = np.angle(lu.U.diagonal()).sum() + np.pi * _cycles(lu.perm_r)
+        return float(found - np.angle(z - values).sum() - at_zero * angle)
+
+    try:
+        turned = _follow(phase, 0.5 / (len(values) + 10))
+    except RuntimeError:  # z is exactly an eigenvalue
+        return None
+    return None if turned is None else round(turned / np.pi)
+
+
+def _cycles(permutation: Any) -> int:
+    """Number of cycles; with the length it gives the sign."""
+    import scipy.sparse as sparse
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(permutation)
+    graph = sparse.csr_matrix((np.ones(n), permutation, np.arange(n + 1)), shape=(n, n))
+    return int(connected_components(graph, directed=True, connection="weak", return_labels=False))
+
+
+def _follow(phase: Callable[[float], float], step: float) -> float | None:
+    """Change of a phase, known up to whole turns, from 0 to pi: each sample must lie near what the last three lead to expect."""
+    angles, phases = [0.0], [phase(0.0)]
+    while angles[-1] < np.pi:
+        angle = min(angles[-1] + step, np.pi)
+        x, y = np.array(angles[-3:]), np.array(phases[-3:])
+        expected = sum(y[i] * np.prod((angle - np.delete(x, i)) / (x[i] - np.delete(x, i))) for i in range(len(x)))
+        off = (phase(angle) - expected + np.pi) % (2 * np.pi) - np.pi
+        if abs(off) > 0.4:
+            step /= 3
+            if step < 1e-9:
+                return None
+            continue
+        angles.append(angle)
+        phases.append(float(expected + off))
+        step = min(step * (1.5 if abs(off) < 0.1 else 1.0 if abs(off) < 0.25 else 0.7), WIDEST)
+    return phases[-1] - phases[0]

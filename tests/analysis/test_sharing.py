@@ -1,0 +1,124 @@
+"""Power flow of trains whose parallel paths (planets) could be preloaded against each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearparts.lossy import LossyGear
+
+
+class Rig(gl.Component):
+    """A single-loop train between a drive and a load."""
+
+    kind = gl.Structural("PX")
+    planet_meshes = gl.Structural("separate")
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load = gp.Torque(), gp.Torque()
+        self.train = {"XP": gp.XPTrain, "PX": gp.PXTrain, "XX": gp.XXTrain}[self.kind](planet_meshes=self.planet_meshes)
+        return [
+            gl.connect(self.drive.flange, self.train.flange_in),
+            gl.connect(self.load.flange, self.train.flange_out),
+        ]
+
+
+R_s, R_p, R_1, R_2, m_22 = 0.03, 0.045, 0.03, 0.1, 1.25
+GEOMETRY = {
+    "PX": {"R_s": R_s, "R_p": R_p, "R_r": R_s + 2 * R_p, "R_h": R_s + R_p, "R_1": R_1, "R_2": R_2, "m_22": m_22, "m_18": 1.0, "m_19": 1.0},
+    "XX": {"R_s1": R_s, "R_p1": R_p},
+}  # fmt: skip
+k = (R_s + 2 * R_p) / R_s
+RATIO = {"PX": (1 + k) / (1 + k * R_1 / (R_2 * m_22)), "XX": (1 + k) / (1 + k / (1 + k))}  # input over output: Willis
+
+
+@pytest.mark.parametrize("kind", ["XP", "PX", "XX"])
+def test_planets_with_meshes_of_their_own(kind: str) -> None:
+    T, w = 100.0, 7.0
+    system = gl.compile(Rig(kind=kind))
+    values = {f"train.{name}": value for name, value in GEOMETRY.get(kind, {}).items()}
+    assert gl.mobility(system) == 1
+    flow = system.power_flow(speeds={"load.flange": w}, torques={"load.tau": -T}, parameters=values)
+    ratio = gl.speed_ratio(system, "drive.flange", "load.flange", parameters=values)
+    assert ratio == pytest.approx(RATIO.get(kind, ratio), rel=1e-12)
+    assert flow["drive.flange"].speed == pytest.approx(ratio * w, rel=1e-12)
+    assert flow["drive.flange"].torque == pytest.approx(-T / ratio, rel=1e-12)
+    assert flow.efficiency == pytest.approx(1.0, rel=1e-12)
+    assert flow.imbalance < 1e-12
+    lumped = gl.compile(Rig(kind=kind, planet_meshes="lumped"))
+    other = lumped.power_flow(speeds={"load.flange": w}, torques={"load.tau": -T}, parameters=values)
+    assert flow["drive.flange"].torque == pytest.approx(other["drive.flange"].torque, rel=1e-12)
+    assert not other.shared
+    for unit in ("first", "second") if kind == "XX" else ("x_unit",):
+        for side in ("sun", "ring"):
+            torques = [flow[f"train.{unit}.{side}_meshes[{k}].flange_a"].torque for k in range(3)]
+            assert torques == pytest.approx([torques[0]] * 3, rel=1e-11)
+            assert abs(torques[0]) > 1.0
+            assert f"train.{unit}.{side}_meshes[0].flange_a" in flow.shared
+    assert "which share the load by stiffness, equally among equal planets" in str(flow)
+
+
+class Parallel(gl.Component):
+    """Two layshafts, each with two meshes; the second path has meshes of other stiffness, and a lossy gear where asked for."""
+
+    c = gl.Structural((2e7, 5e7, 8e7, 3e7))
+    lossy = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load = gp.Torque(), gp.Torque()
+        self.first, self.last = gp.Inertia(J=0.01), gp.Inertia(J=0.04)
+        self.middle = [gp.Inertia(J=0.002), gp.Inertia(J=0.002)]
+        mesh = {"r_a": 0.05, "r_b": 0.1, "d": 3e4}
+        self.front = [gp.ExternalMesh(c=self.c[0], **mesh), gp.ExternalMesh(c=self.c[1], **mesh)]
+        self.rear = [gp.ExternalMesh(c=self.c[2], **mesh), gp.ExternalMesh(c=self.c[3], **mesh)]
+        table = ((0.0, 0.9, 0.8, 0.0, 0.0),) if self.lossy else ((0.0, 1.0, 1.0, 0.0, 0.0),)
+        self.gear = [LossyGear(ratio=1.0, loss_table=table) if self.lossy else gp.IdealGear(ratio=1.0) for _ in range(2)]
+        links = [gl.connect(self.drive.flange, self.first.flange_a), gl.connect(self.last.flange_b, self.load.flange)]
+        for front, body, gear, rear in zip(self.front, self.middle, self.gear, self.rear, strict=True):
+            links += [
+                gl.connect(self.first.flange_b, front.flange_a), gl.connect(front.flange_b, body.flange_a),
+                gl.connect(body.flange_b, gear.flange_a), gl.connect(gear.flange_b, rear.flange_a),
+                gl.connect(rear.flange_b, self.last.flange_a),
+            ]  # fmt: skip
+        return links
+
+
+def stiffness(c_front: float, c_rear: float) -> float:
+    """Of a path as seen at the load, N.m/rad. A torque T there is a force 10 T at the rear pair, T / 2 and so 5 T at the front one."""
+    return 1 / (5**2 / c_front + 10**2 / c_rear)
+
+
+def test_paths_of_different_stiffness_share_by_stiffness_and_as_a_long_run_does() -> None:
+    c = (2e7, 5e7, 8e7, 3e7)
+    system = gl.compile(Parallel())
+    T, w = 120.0, 5.0
+    flow = system.power_flow(speeds={"last.w": w}, torques={"load.tau": -T})
+    k = [stiffness(c[0], c[2]), stiffness(c[1], c[3])]
+    expected = [T * x / sum(k) for x in k]
+    assert [-flow[f"rear[{i}].flange_b"].torque for i in range(2)] == pytest.approx(expected, rel=1e-11)
+    assert flow["drive.flange"].torque == pytest.approx(-T / 4, rel=1e-12)
+    start = {"first.w": 4 * w, "last.w": w, **{f"{m}[{i}].q": 0.0 for m in ("front", "rear") for i in range(2)}}
+    run = system.simulate(0.5, samples=3, inputs={"load.tau": -T, "drive.tau": T / 4}, start=start)
+    assert [-run[f"rear[{i}].flange_b.tau"][-1] for i in range(2)] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("T", [120.0, -120.0])
+def test_lossy_paths(T: float) -> None:
+    """Equal deflections at the front follow from the stiffness of the rest: hand calculation with the side that drives."""
+    system = gl.compile(Parallel(lossy=True, c=(4e7, 4e7, 4e7, 4e7)))
+    flow = system.power_flow(speeds={"last.w": 5.0}, torques={"load.tau": -T})
+    eta = 0.9 if T > 0 else 1 / 0.8
+    assert flow["drive.flange"].torque == pytest.approx(-T / 4 / eta, rel=1e-12)
+    assert [-flow[f"rear[{i}].flange_b"].torque for i in range(2)] == pytest.approx([T / 2, T / 2], rel=1e-11)
+    assert flow.efficiency == pytest.approx(0.9 if T > 0 else 0.8, rel=1e-12)
+
+
+def test_what_stays_open_outside_is_still_an_error() -> None:
+    system = gl.compile(Rig())
+    with pytest.raises(gl.GearlibError, match=r"too little is given: the input drive\.tau, input load\.tau, torque of drive"):
+        system.power_flow(speeds={"load.flange": 7.0})
+    with pytest.raises(gl.GearlibError, match="the speed of"):
+        system.power_flow(torques={"load.tau": -5.0})
