@@ -232,8 +232,8 @@ def _continue(run: Run, first: Solution, why: str) -> Outcome:
     modes = np.vstack([first.modes[:done], rest.relations[1:]])
     stats = dict(rest.stats)
     stats["why"] = f"{why}; explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s and handed over to IDA"
-    stats["steps"] = int(first.stats.get("steps", 0)) + int(rest.stats.get("steps", 0))
-    stats["rhs"] = int(first.stats.get("rhs", 0)) + int(rest.stats.get("rhs", 0))
+    for counted in ("steps", "rhs"):  # scikit-sundae cannot tell the steps
+        stats[counted] = None if rest.stats.get(counted) is None else int(first.stats[counted]) + int(rest.stats[counted])
     return Outcome(states, modes, [*_events(run, first), *rest.events], stats, rest.left)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import NameLookupError
+from gearlib.errors import ArgumentError, NameLookupError
 
 c = gl.connect
 
@@ -78,7 +78,6 @@ def test_histories_are_not_shared_with_the_caller() -> None:
         ("load", "'load' is a component, no variable; name one of its variables: load.flange_a.phi"),
         ("load.J", r"the model has no variable 'load\.J'"),
         ("der(der(load.ww))", r"the model has no variable 'load\.ww'; did you mean 'load\.w'"),
-        (0, "0 is no name; names are text"),
     ],
 )
 def test_unknown_names(name: Any, message: str) -> None:
@@ -86,6 +85,11 @@ def test_unknown_names(name: Any, message: str) -> None:
         RESULT[name]
     assert "typo" not in RESULT
     assert 3 not in RESULT
+
+
+def test_a_number_is_no_name() -> None:
+    with pytest.raises(ArgumentError, match=r"result\[0\]: expected one name, such as result\['load\.w'\]"):
+        RESULT[0]  # type: ignore[index]
 
 
 def test_data_frame() -> None:
