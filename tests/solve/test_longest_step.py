@@ -81,5 +81,5 @@ def test_a_release_in_every_half_period(method: str) -> None:
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, math.nan, "1", True])
 def test_a_limit_that_is_none(free: gl.System, wrong: Any) -> None:
-    with pytest.raises(ArgumentError, match="max_step is .*expected a positive number of seconds"):
+    with pytest.raises(ArgumentError, match=r"max_step is .*expected a positive number of seconds"):
         free.simulate(1.0, max_step=wrong)
