@@ -27,8 +27,9 @@ def in_band(name: str, method: str, rtol: float) -> bool:
     # At 1e-12 IDA takes half a million steps, each of which rounds the pinion's angle, 160 rad in the end, by some 1e-14: they add up
     # to 1e-11 rad, and the flanks meet 2e-14 s early or late, which is 1e-10 of the deflection.
     above = 300.0 if (name, method) == ("M3", "ida") and rtol < 5e-12 else 100.0
-    # The fan's loop is more accurate than asked for: its shaft's deflection is held to the tolerance, its speeds are judged.
-    below = 0.005 if name == "M2" else 0.01
+    # The fan's loop is more accurate than asked for: its shaft's deflection is held to the tolerance, its speeds are judged; and its
+    # torque is a function of time, so that no step is longer than two samples.
+    below = 0.003 if name == "M2" else 0.01
     found = ratio(name, method, rtol)
     assert below < found < above, f"{name}, {method}, rtol {rtol:.0e}: error / rtol = {found:.3g}"
     return True
