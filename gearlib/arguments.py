@@ -7,7 +7,7 @@ expected.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,21 @@ def shown(value: Any) -> str:
     except ValueError:  # Python writes no number of more than 4300 digits
         return "a number of very many digits"
     return text if len(text) <= LONG else f"{text[: LONG - 20]} ..."
+
+
+def finite(said: Callable[[], str], value: Any) -> float:
+    """The value as a float, or an `ArgumentError` that begins with what is ``said`` of it, where it is no finite number.
+
+    >>> finite(lambda: "the function returned", 2)
+    2.0
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"{said()} {shown(value)}; expected a number") from None
+    if not math.isfinite(number):
+        raise ArgumentError(f"{said()} {number}; expected a finite number")
+    return number
 
 
 def real(name: str, value: Any, expected: str = "a finite number") -> float:

@@ -138,13 +138,7 @@ class System:
         return self._structure.model
 
     def _node(self, name: str, what: str = "variable") -> Node:
-        base, order = self._model.column(name)
-        variable = self._model.variable(base, what)
-        node = (int(self._model.representative[variable]), order)
-        if not (self._model.sign[variable] == 0 or self._structure.computes(node)):
-            why = "needs the derivative of an input" if order else "does not occur in the model's equations"
-            raise NameLookupError(f"{name} {why}, so it cannot be an {what}{f'; {base} can' if order else ''}")
-        return node
+        return self._structure.named(name, what, (f"cannot be an {what}", "can"))[0]
 
     def _nodes(self, outputs: Iterable[str]) -> list[Node]:
         """What has to be computed for some outputs: all but those that are always zero, as the torque of a free flange is."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gearlib.analysis.balance import Balance, rigid_motions
 from gearlib.analysis.periods import Driven, fourier
-from gearlib.arguments import shown
+from gearlib.arguments import finite
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.solve.scene import Scene, needed_states
 
@@ -146,13 +146,7 @@ class Forced:
 
 
 def _finite(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ArgumentError(f"the input {name} returned {shown(value)}; expected a number") from None
-    if not np.isfinite(number):
-        raise ArgumentError(f"the input {name} returned {number}; expected a finite number")
-    return number
+    return finite(lambda: f"the input {name} returned", value)
 
 
 def _refuse_memory(scene: Scene) -> None:

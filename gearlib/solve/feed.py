@@ -45,7 +45,7 @@ class Keep:
 
 @dataclass(frozen=True)
 class Wrapped:
-    """A native function with Python inputs written into its data first."""
+    """A native function that has inputs written into its data first."""
 
     address: int
 

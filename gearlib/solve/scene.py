@@ -16,7 +16,6 @@ from gearlib.codegen.layout import fill
 from gearlib.codegen.modes import Relations, relations_of
 from gearlib.codegen.native import NativeScene, compile_scene
 from gearlib.codegen.program import Batch, Newton, Program
-from gearlib.errors import NameLookupError
 from gearlib.flatten.model import FlatModel
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
@@ -86,14 +85,7 @@ class Scene:
             The model has no such variable, or its equations do not contain it.
         """
         if name not in self._named:
-            model = self.model
-            base, order = model.column(name)
-            variable = model.variable(base)
-            node, sign = (int(model.representative[variable]), order), int(model.sign[variable])
-            if sign and not self.structure.computes(node):
-                why = "needs the derivative of an input" if order else "does not occur in the model's equations"
-                raise NameLookupError(f"{name} {why}, so it is not computed{f'; {base} is' if order else ''}")
-            self._named[name] = node, sign
+            self._named[name] = self.structure.named(name, "variable", ("is not computed", "is"))
         return self._named[name]
 
     def missing(self, node: Node) -> tuple[Node, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.arguments import finite
 from gearlib.errors import ArgumentError
 
 
@@ -92,13 +92,7 @@ class Function:
             value = self.function(t)
         except Exception as problem:
             raise ArgumentError(f"{self._at(t, 'raised')} {type(problem).__name__}: {problem}") from problem
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            raise ArgumentError(f"{self._at(t, 'returned')} {value!r}; expected a number") from None
-        if not math.isfinite(number):
-            raise ArgumentError(f"{self._at(t, 'returned')} {number}; expected a finite number")
-        return number
+        return finite(lambda: self._at(t, "returned"), value)
 
     def _at(self, t: float, did: str) -> str:
         name = getattr(self.function, "__name__", repr(self.function))

@@ -7,7 +7,6 @@ the addresses of the model's functions, and of each table the input's place, the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numba
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.native import TABLES, NativeScene
+from gearlib.solve.feed import Wrapped
 from gearlib.solve.ida_pointers import call, doubles, inline, longs
 from gearlib.solve.kept import keep
 from gearlib.solve.table import Table
@@ -78,16 +78,9 @@ def _update(t: float, x: int, out: int, data: int, index: int) -> Any:
 _shells = {name: keep(inner, _decorate) for name, inner in zip(FUNCTIONS, (_rhs, _jac, _roots, _update), strict=True)}
 
 
-@dataclass(frozen=True)
-class Shell:
-    """A native function that feeds the tables first."""
-
-    address: int
-
-
 def fed(
     native: NativeScene, data: Floats, tables: Sequence[tuple[int, Table]]
-) -> tuple[dict[str, Shell | None], Floats, Integers]:
+) -> tuple[dict[str, Wrapped | None], Floats, Integers]:
     """The functions of a scene with tables as inputs, and the two blocks that they work on.
 
     Parameters
@@ -107,6 +100,6 @@ def fed(
     index[TABLES] = len(native.index)
     knots = [part for _, table in tables for part in (table.t, table.y)]
     shells = {
-        name: None if f is None else Shell(int(_shells[name].address)) for name, f in zip(FUNCTIONS, functions, strict=True)
+        name: None if f is None else Wrapped(int(_shells[name].address)) for name, f in zip(FUNCTIONS, functions, strict=True)
     }
     return shells, np.concatenate([data, *knots]), index

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearlib.errors import LoopError, ModelError, SingularError
+from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
 from gearlib.flatten.model import FlatModel
 from gearlib.structure.derivatives import Determined
 from gearlib.structure.incidence import Entries, Node
@@ -45,6 +45,31 @@ class Structure:
         dependence, solved = self.dependence, self.choice.solved_by
         given = node[1] == 0 and node[0] in dependence.given
         return given or node in dependence.is_state or node in solved or (isinstance(solved, Determined) and solved.knows(node))
+
+    def named(self, name: str, what: str, refusal: tuple[str, str]) -> tuple[Node, int]:
+        """The node that a name stands for, and its sign (0: always zero).
+
+        Parameters
+        ----------
+        name : str
+            A variable's path, or "der(path)".
+        what : str
+            What it is to be, in messages.
+        refusal : pair of str
+            What a variable cannot be that the equations do not give, and what the one without derivatives can.
+
+        Raises
+        ------
+        NameLookupError
+            The model has no such variable, or its equations do not give it.
+        """
+        base, order = self.model.column(name)
+        variable = self.model.variable(base, what)
+        node, sign = (int(self.model.representative[variable]), order), int(self.model.sign[variable])
+        if sign and not self.computes(node):
+            why = "needs the derivative of an input" if order else "does not occur in the model's equations"
+            raise NameLookupError(f"{name} {why}, so it {refusal[0]}{f'; {base} {refusal[1]}' if order else ''}")
+        return node, sign
 
     @cached_property
     def switching(self) -> frozenset[int]:
