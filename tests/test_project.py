@@ -100,11 +100,6 @@ def test_top_level_folders_are_the_five() -> None:
     assert folders - BUILT == FOLDERS
 
 
-def test_no_source_file_is_longer_than_400_lines() -> None:
-    lengths = {module_name(path): len(path.read_text(encoding="utf-8").splitlines()) for path in SOURCES}
-    assert {name: length for name, length in lengths.items() if length > 400} == {}
-
-
 def test_no_file_names_a_path_of_one_machine() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()[:100]}"
