@@ -55,7 +55,9 @@ def imported_by(package: str) -> Iterator[tuple[str, str]]:
 def text_files() -> Iterator[Path]:
     suffixes = {".py", ".md", ".rst", ".toml", ".cff", ".txt", ".csv", ".json", ".mo", ".yml", ".yaml", ""}
     generated = {"_build", "gallery", "api", *BUILT}
-    paths = [*ROOT.iterdir(), *(path for folder in [*sorted(FOLDERS), ".ci"] for path in (ROOT / folder).rglob("*"))]
+    # In a git worktree .git is a file, which holds a path.
+    paths = [p for p in ROOT.iterdir() if p.name != ".git"]
+    paths += [path for folder in [*sorted(FOLDERS), ".ci"] for path in (ROOT / folder).rglob("*")]
     for path in paths:
         if path.is_file() and path.suffix in suffixes and not generated & set(path.relative_to(ROOT).parts):
             yield path
