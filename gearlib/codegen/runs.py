@@ -35,9 +35,7 @@ def has_runs(batch: Batch) -> bool:
     if len(batch) < SHORTEST or not kernel.columns or kernel.relations or (batch.argument_signs == 0).any():
         return False
     rest = rest_of(kernel)
-    if rest.on_time or rest.relations or any(c for k in _coefficients(kernel) for c in (*k.columns, *k.relations)):
-        return False
-    if any(k.on_time for k in _coefficients(kernel)):
+    if rest.on_time or rest.relations or any(k.columns or k.relations or k.on_time for k in _coefficients(kernel)):
         return False
     starts = starts_of_runs(np.column_stack([batch.targets, batch.arguments]))
     return len(batch) >= SHORTEST * len(starts)

@@ -1,0 +1,38 @@
+"""Loops over consecutive slots are for linear equations only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+
+c = gl.connect
+
+
+class Hub(gl.Component):
+    """A body that drives n equal branches through springs and gears with losses; all is shared evenly."""
+
+    n = gl.Structural(12)
+
+    def assemble(self) -> list[Any]:
+        losses = ((0.0, 0.9, 0.8, 0.1, 0.1),)
+        self.torque, self.hub = gp.Torque(tau=0.5 * self.n), gp.Inertia(J=0.1 * self.n)
+        self.shaft = [gp.SpringDamper(c=100.0, d=1.0) for _ in range(self.n)]
+        self.gear = [gp.LossyGear(ratio=2.0, loss_table=losses) for _ in range(self.n)]
+        self.load = [gp.Inertia(J=1.0) for _ in range(self.n)]
+        links = [c(self.torque.flange, self.hub.flange_a)]
+        for shaft, gear, load in zip(self.shaft, self.gear, self.load, strict=True):
+            links += [c(self.hub.flange_b, shaft.flange_a), c(shaft.flange_b, gear.flange_a), c(gear.flange_b, load.flange_a)]
+        return links
+
+
+@pytest.mark.parametrize("n", [9, 12])
+@pytest.mark.parametrize("method", ["rk", "ida"])
+def test_a_hub_with_many_lossy_gears_moves_as_one_branch_with_its_share(n: int, method: str) -> None:
+    one = gl.simulate(Hub(n=1), 1.0, samples=3, rtol=1e-8)
+    many = gl.simulate(Hub(n=n), 1.0, samples=3, rtol=1e-8, method=method)
+    for mine, other in (("hub.w", "hub.w"), ("gear[0].loss_power", "gear[0].loss_power"), (f"load[{n - 1}].w", "load[0].w")):
+        assert many[mine] == pytest.approx(one[other], rel=1e-5)
