@@ -233,7 +233,7 @@ def state_space(model: LinearModel, name: str | None = None) -> Any:
     Raises
     ------
     ArgumentError
-        Two signals that would have one name, or a model without inputs in a shape that python-control does not take.
+        Two signals that would have one name.
     """
     import control
 
@@ -248,11 +248,15 @@ def state_space(model: LinearModel, name: str | None = None) -> Any:
                 alike = f"the {what}s {other} and {path} both become '{label(path)}' in python-control; sparse=True keeps paths"
                 raise ArgumentError(f"the {what} {path} is named twice" if other == path else alike)
             first[label(path)] = path
-    if not model.inputs and 1 in (len(model.states), len(model.outputs)):
-        raise ArgumentError(
-            "python-control takes no model without inputs here; name an input (bound ones may be), or use sparse=True"
-        )
-    return control.ss(
-        array(model.A), array(model.B), array(model.C), array(model.D), states=list(model.states), name=name,
-        inputs=[label(n) for n in model.inputs], outputs=[label(n) for n in model.outputs], remove_useless_states=False,
+    B, D = array(model.B), array(model.D)
+    if not model.inputs:  # python-control takes such a model in some shapes only; an input is put in, and taken out again
+        B, D = np.zeros((len(model.states), 1)), np.zeros((len(model.outputs), 1))
+    result = control.ss(
+        array(model.A), B, array(model.C), D, states=list(model.states), name=name,
+        inputs=[label(n) for n in model.inputs] or ["none"], outputs=[label(n) for n in model.outputs],
+        remove_useless_states=False,
     )  # fmt: skip
+    if not model.inputs:
+        result.B, result.D = B[:, :0], D[:, :0]
+        result.set_inputs([])
+    return result

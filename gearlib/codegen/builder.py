@@ -246,7 +246,9 @@ class Builder:
             name, order = columns[c]
             j = where[name]
             argument_signs[:, a] = group.signs[rows, j]
-            arguments[:, a] = np.where(argument_signs[:, a] == 0, 0, self.table[order, group.variables[rows, j]])
+            used = argument_signs[:, a] != 0
+            arguments[:, a] = 0
+            arguments[used, a] = self.table[order, group.variables[rows[used], j]] if used.any() else 0
         own = {name: j for j, name in enumerate(group.template.parameters)}
         parameters = group.parameters[rows][:, [own[template.parameters[p]] for p in kernel.parameters]]
         continuous = g < len(self.model.groups)

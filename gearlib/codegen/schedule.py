@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.codegen.program import Batch, Linear, Newton, Step
+from gearlib.errors import ModelError
 
 Integers = NDArray[np.int64]
+UNSEEN, WAITING = -1, -2  # of a step without a level: whether it waits for its arguments
 
 
 def schedule(batches: Sequence[Batch], others: Sequence[Linear | Newton], n_slots: int, n_known: int) -> tuple[Step, ...]:
@@ -80,7 +82,7 @@ def renumber(steps: Sequence[Step], n_slots: int, n_known: int) -> tuple[Integer
 
 
 def _levels(arguments: Sequence[Sequence[int]], maker: Sequence[int], n_known: int) -> list[int]:
-    level = [-1] * len(arguments)
+    level = [UNSEEN] * len(arguments)
     for start in range(len(arguments)):
         stack = [start]
         while stack:
@@ -89,10 +91,13 @@ def _levels(arguments: Sequence[Sequence[int]], maker: Sequence[int], n_known: i
                 stack.pop()
                 continue
             before = [maker[a] for a in arguments[s] if a >= n_known]
-            open_ = [m for m in before if level[m] < 0]
-            if open_:
-                stack += open_
-            else:
+            open_ = [m for m in before if m < 0 or level[m] < 0]
+            if not open_:
                 level[s] = 1 + max((level[m] for m in before), default=0)
                 stack.pop()
+            elif any(m < 0 or level[m] == WAITING for m in open_):
+                raise ModelError("an unknown is computed from itself, or from one that no equation determines")
+            else:
+                level[s] = WAITING
+                stack += open_
     return level

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -24,12 +25,10 @@ from gearlib.flatten.model import (
     StartValues,
     UpdateGroup,
 )
+from gearlib.flatten.specialise import Raw, simplified
 from gearlib.flatten.templates import Template
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
-
-# template, variables, signs, parameters, owners
-Raw = list[tuple[Template, Integers, Integers, Integers, Integers]]
 
 
 def flatten(component: Component) -> FlatModel:
@@ -62,15 +61,14 @@ def flatten(component: Component) -> FlatModel:
         members = [s for s in sums if len(s.variables) == kind]
         variables = np.array([s.variables for s in members], np.int64)
         signs = np.array([s.signs for s in members], np.int64)
-        raw.append((sum_template(kind), variables, signs, np.empty((len(members), 0), np.int64), np.full(len(members), -1)))
+        none = np.empty((len(members), 0), np.int64)
+        raw.append(Raw(sum_template(kind), variables, signs, none, np.full(len(members), -1)))
     equalities += [(s.variables[0], s.variables[1], -s.signs[0] * s.signs[1]) for s in sums if len(s.variables) == 2]
     equalities += zeros
     own = attributes_of(tree, n_variables)
-    left, right, sign = (
-        (np.array(x, np.int64) for x in zip(*equalities, strict=True)) if equalities else (np.empty(0, np.int64),) * 3
-    )
     own.rank[tree.inputs] = -1  # what is given represents all that equals it
-    aliases = unite(n_variables, left, right, sign, own.rank)
+    n_equations = len(equalities) + sum(map(len, raw))
+    raw, equalities, aliases = _without_aliases(raw, equalities, n_variables, own.rank)
     rep = aliases.representative
     _refuse_equal_inputs(tree, aliases)
     merged = merge(own, rep, tree.choices)
@@ -78,7 +76,7 @@ def flatten(component: Component) -> FlatModel:
     counts = Counts(
         len(tree.instances),
         n_variables,
-        sum(len(g) for g in groups) + len(equalities),
+        n_equations,
         n_sets,
         len(equalities) - aliases.redundant,
     )
@@ -92,6 +90,43 @@ def flatten(component: Component) -> FlatModel:
         np.array(tree.inputs, np.int64), rep, aliases.sign, merged.preference, merged.potential, merged.flow, merged.nominal,
         tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases),
     )  # fmt: skip
+
+
+def _without_aliases(
+    raw: list[Raw], equalities: list[tuple[int, int, int]], n_variables: int, rank: Integers
+) -> tuple[list[Raw], list[tuple[int, int, int]], Aliases]:
+    """Equations in which each variable stands once, all equalities among them, and the aliases.
+
+    Where two variables of an equation are one, another equality may be left of it, which makes one of more variables.
+    """
+    while True:
+        left, right, sign = np.array(equalities, np.int64).reshape(-1, 3).T
+        aliases = unite(n_variables, left, right, sign, rank)
+        kept: list[Raw] = []
+        changed: list[Raw] = []
+        for group in raw:
+            for rows, template in simplified(group, aliases):
+                if template is not group.template:
+                    changed.append(group.take(rows, template))
+                else:
+                    kept.append(group if len(rows) == len(group) else group.take(rows, template))
+        if not changed:
+            return raw, equalities, aliases
+        equalities += [(0, 0, 1) for piece in changed if piece.template.residual == 0 for _ in range(len(piece))]  # as x = x
+        raw = [*kept, *_separated((piece for piece in changed if piece.template.residual != 0), equalities)]
+
+
+def _separated(pieces: Iterable[Raw], equalities: list[tuple[int, int, int]]) -> list[Raw]:
+    """The equations that are no aliases; those that are go to the equalities."""
+    raw: list[Raw] = []
+    for piece in pieces:
+        if piece.template.alias is None:
+            raw.append(piece)
+        else:
+            i, j, sign = piece.template.alias
+            rows = zip(piece.variables.tolist(), piece.signs.tolist(), strict=True)
+            equalities += [(v[i], v[j], sign * s[i] * s[j]) if j >= 0 else (v[i], -1, sign) for v, s in rows]
+    return raw
 
 
 def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
@@ -162,9 +197,7 @@ def _parameter_levels(tree: Tree) -> dict[int, int]:
     return level
 
 
-def _equations(tree: Tree) -> tuple[Raw, list[tuple[int, int, int]]]:
-    raw: Raw = []
-    equalities: list[tuple[int, int, int]] = []
+def _equations(tree: Tree) -> tuple[list[Raw], list[tuple[int, int, int]]]:
     first_variable = np.array([i.first_variable for i in tree.instances], np.int64)
     first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
     blocks: list[tuple[Template, Integers, Integers, Integers]] = []
@@ -186,13 +219,9 @@ def _equations(tree: Tree) -> tuple[Raw, list[tuple[int, int, int]]]:
                 np.array([r[0] for r in rows], np.int64),
             )
         )
-    for template, variables, parameters, who in blocks:
-        if template.alias is None:
-            raw.append((template, variables, np.ones_like(variables), parameters, who))
-        else:
-            i, j, sign = template.alias
-            equalities += [(row[i], row[j] if j >= 0 else -1, sign) for row in variables.tolist()]
-    return raw, equalities
+    pieces = [Raw(template, v, np.ones_like(v), parameters, who) for template, v, parameters, who in blocks]
+    equalities: list[tuple[int, int, int]] = []
+    return _separated(pieces, equalities), equalities
 
 
 def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int, int]:
@@ -228,11 +257,11 @@ def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int
     return sums, equalities, len(sets), n_variables
 
 
-def _group(raw: tuple[Template, Integers, Integers, Integers, Integers], aliases: Aliases, tree: Tree) -> EquationGroup:
-    template, variables, signs, parameters, owners = raw
-    held = np.array([_held(template, tree, int(i)) for i in owners] if template.held else [], np.int64)
+def _group(raw: Raw, aliases: Aliases, tree: Tree) -> EquationGroup:
+    template, variables = raw.template, raw.variables
+    held = np.array([_held(template, tree, int(i)) for i in raw.owners] if template.held else [], np.int64)
     return EquationGroup(
-        template, aliases.representative[variables], signs * aliases.sign[variables], parameters, owners,
+        template, aliases.representative[variables], raw.signs * aliases.sign[variables], raw.parameters, raw.owners,
         held.reshape(len(variables), len(template.held)),
     )  # fmt: skip
 
@@ -259,6 +288,7 @@ def _discretes(tree: Tree, aliases: Aliases) -> Discretes:
         variables = np.array([r[1] for r in rows], np.int64).reshape(n, -1)
         parameters = np.array([r[2] for r in rows], np.int64).reshape(n, -1)
         owners, targets = np.array([r[0] for r in rows], np.int64), np.array([r[3] for r in rows], np.int64)
-        group = _group((template, variables, np.ones_like(variables), parameters, owners), aliases, tree)
-        updates.append(UpdateGroup(group, targets, reinit))
+        every = Raw(template, variables, np.ones_like(variables), parameters, owners)
+        for some, fitting in simplified(every, aliases):
+            updates.append(UpdateGroup(_group(every.take(some, fitting), aliases, tree), targets[some], reinit))
     return Discretes(tuple(tree.discrete_names), np.array(tree.discrete_starts), tuple(updates))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearlib.flatten.model import EquationGroup, FlatModel
-from gearlib.structure.incidence import Floats, Integers, Node
+from gearlib.structure.incidence import Floats, Node
 
 # (group, column of its template) -> that partial derivative of each row
 PartialValues = Callable[[int, int], Floats]
@@ -50,29 +50,15 @@ class Rows:
 
 
 def _columns(group: EquationGroup) -> list[list[Node]]:
-    """What stands in each row of a group, cancelled where two locals are one variable."""
+    """What stands in each row of a group. (No variable stands twice, see `gearlib.flatten.specialise`.)"""
     template = group.template
     if not template.columns:
         return [[] for _ in range(len(group))]
     parts = [[(v, order) for v in group.variables[:, j].tolist()] for j, order in template.local_columns]
     rows = [list(r) for r in zip(*parts, strict=True)]
-    odd = np.flatnonzero((group.signs == 0).any(axis=1) | _repeats(group.variables))
-    for i in odd.tolist():
-        weight: dict[Node, float] = {}
-        for (j, order), partial in zip(template.local_columns, template.partials, strict=True):
-            sign = int(group.signs[i, j])
-            if sign:
-                node = (int(group.variables[i, j]), order)
-                number = partial.number if partial.number is not None else np.pi  # a parameter: cancels with nothing
-                weight[node] = weight.get(node, 0.0) + sign * number
-        rows[i] = [node for node, w in weight.items() if w != 0.0]
+    for i in np.flatnonzero((group.signs == 0).any(axis=1)).tolist():
+        rows[i] = [node for node, (j, _) in zip(rows[i], template.local_columns, strict=True) if group.signs[i, j]]
     return rows
-
-
-def _repeats(variables: Integers) -> np.ndarray:
-    ordered = np.sort(variables, axis=1)
-    result: np.ndarray = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
-    return result
 
 
 def some(items: list[str]) -> str:

@@ -1,0 +1,121 @@
+"""A template where some of its variables are one, or always zero, or where a parameter is absent.
+
+A spring whose two flanges lie on one rigid set has ``phi_rel = phi - phi``, which is zero whatever ``phi`` is; neither matching nor
+code may see a ``phi`` in it. A body with ``J = 0`` states that its torques cancel, and says nothing of its acceleration. So the
+symbols are put in, the equation is simplified, and what is left is a template of its own: one for each such pattern of a class.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import sympy
+
+from gearlib.errors import SingularError
+from gearlib.flatten.aliases import Aliases, Integers
+from gearlib.flatten.templates import Relation, Template, column_symbol, make_template
+
+# of each local: the first one that is the same variable (-1: always zero), and its sign relative to that
+Pattern = tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Raw:
+    """Equations of one template, over variables before aliases are removed."""
+
+    template: Template
+    variables: Integers
+    signs: Integers
+    parameters: Integers
+    owners: Integers
+
+    def __len__(self) -> int:
+        return len(self.variables)
+
+    def take(self, rows: Integers, template: Template) -> Raw:
+        """Some of the rows, with another template over a part of the same locals and parameters."""
+        columns = [self.template.locals.index(name) for name in template.locals]
+        parameters = [self.template.parameters.index(name) for name in template.parameters]
+        return Raw(
+            template, self.variables[rows][:, columns], self.signs[rows][:, columns], self.parameters[rows][:, parameters],
+            self.owners[rows],
+        )  # fmt: skip
+
+
+@lru_cache(maxsize=10_000)
+def specialised(template: Template, pattern: Pattern, absent: frozenset[str] = frozenset()) -> Template:
+    """The template over the first local of each variable, without the absent parameters.
+
+    Raises
+    ------
+    SingularError
+        It divides by what is then zero.
+    """
+    table = {sympy.Symbol(name, real=True): sympy.S.Zero for name in absent}
+    where = {name: j for j, name in enumerate(template.locals)}
+    for name, order in (*template.columns, *template.relation_columns):
+        lead, sign = pattern[where[name]]
+        if lead != where[name]:
+            table[column_symbol((name, order))] = sign * column_symbol((template.locals[lead], order)) if lead >= 0 else 0
+    residual = sympy.sympify(template.residual).xreplace(table)
+    relations: list[Relation] = []
+    known = {}
+    for i, relation in enumerate(template.relations):
+        g = sympy.sympify(relation.g).xreplace(table)
+        symbol = sympy.Symbol(f"relation_{i}", real=True)
+        if g.is_number:  # decided once and for all
+            holds = bool(g < 0 if relation.negated else g > 0) or (not relation.strict and g == 0)
+            known[symbol] = sympy.Integer(holds)
+        else:
+            known[symbol] = sympy.Symbol(f"relation_{len(relations)}", real=True)
+            relations.append(Relation(g, relation.strict, relation.negated))
+    residual = residual.xreplace(known)
+    if residual.has(sympy.zoo, sympy.nan, sympy.oo, sympy.S.NegativeInfinity):
+        raise SingularError(f"{template.label} divides by zero")
+    return make_template(template.label, residual, template.parameters, tuple(relations), template.held)
+
+
+def by_pattern(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Pattern]]:
+    """The rows in which a local stands for the variable of another one, or for zero, by how; the others do not occur."""
+    if raw.variables.shape[1] == 0:
+        return []
+    representative, sign = aliases.representative[raw.variables], raw.signs * aliases.sign[raw.variables]
+    apart = np.where(sign == 0, -1 - np.arange(representative.shape[1]), representative)  # zeros are not the same variable
+    ordered = np.sort(apart, axis=1)
+    special = np.flatnonzero((sign == 0).any(axis=1) | (ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    found: dict[Pattern, list[int]] = {}
+    for i in special.tolist():
+        first: dict[int, int] = {}
+        pattern = []
+        signs = sign[i].tolist()
+        for j, v in enumerate(representative[i].tolist()):
+            lead = first.setdefault(v, j) if signs[j] else -1
+            pattern.append((lead, signs[j] * signs[lead] if signs[j] else 0))
+        found.setdefault(tuple(pattern), []).append(i)
+    return [(np.array(rows, np.int64), pattern) for pattern, rows in found.items()]
+
+
+def merged(template: Template, pattern: Pattern) -> Template:
+    """The template where locals are one variable. Those that are always zero stay, unless an alias is left without them.
+
+    An unconnected flange makes a torque zero in many equations, which are the same but for that.
+    """
+    without = specialised(template, pattern) if template.linear else None
+    if without is not None and (without.alias is not None or not without.columns):
+        return without
+    kept = tuple((j, 1) if lead < 0 else (lead, sign) for j, (lead, sign) in enumerate(pattern))
+    return template if all(lead == j for j, (lead, _) in enumerate(kept)) else specialised(template, kept)
+
+
+def simplified(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Template]]:
+    """The templates that fit the rows' variables, each with its rows."""
+    pieces: list[tuple[Integers, Template]] = []
+    rest = np.ones(len(raw), bool)
+    for rows, pattern in by_pattern(raw, aliases):
+        template = merged(raw.template, pattern)
+        if template is not raw.template:
+            rest[rows] = False
+            pieces.append((rows, template))
+    return [(np.flatnonzero(rest), raw.template), *pieces] if rest.any() or not pieces else pieces

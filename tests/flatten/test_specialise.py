@@ -1,0 +1,106 @@
+"""Variables that are one, or zero, are put into an equation before anything else is done with it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.codegen.schedule import _levels
+from gearlib.errors import ModelError
+from gearlib.flatten.specialise import specialised
+from gearlib.flatten.templates import template_of
+
+c = gl.connect
+
+ACROSS: dict[str, Any] = {
+    "spring": lambda: gp.Spring(c=10.0),
+    "damper": lambda: gp.Damper(d=1.0),
+    "spring_damper": lambda: gp.SpringDamper(c=10.0, d=1.0),
+    "backlash": lambda: gp.ElastoBacklash(c=1.0, d=1.0, b=0.1),
+    "sensor": lambda: gp.RelSpeedSensor(),
+    "angle_sensor": lambda: gp.RelAngleSensor(),
+    "clutch": lambda: gp.Clutch(fn_max=1.0, f_normalized=1.0),
+    "one_way": lambda: gp.OneWayClutch(fn_max=1.0, f_normalized=1.0),
+    "body": lambda: gp.Inertia(J=1.0),
+    "unit_gear": lambda: gp.IdealGear(ratio=1.0),
+    "disc": lambda: gp.Disc(delta_phi=0.0),
+}
+
+
+class Across(gl.Component):
+    """Two bodies that are rigidly one, and a part from the one to the other."""
+
+    part = gl.Structural("spring")
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.a, self.b = gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+        self.s = ACROSS[self.part]()
+        return [
+            c(self.torque.flange, self.a.flange_a), c(self.a.flange_b, self.b.flange_a),
+            c(self.s.flange_a, self.a.flange_a), c(self.s.flange_b, self.b.flange_b),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("part", ACROSS)
+def test_a_part_across_one_rigid_set_is_inert(part: str) -> None:
+    system = gl.compile(Across(part=part))
+    inertia = 4.0 if part == "body" else 3.0
+    for method in ("auto", "rk", "ida"):
+        result = system.simulate(1.0, samples=3, start={"a.w": 2.0}, inputs={"torque.tau": 6.0}, method=method)
+        assert result["b.w"] == pytest.approx(2.0 + 6.0 / inertia * result.time, rel=1e-6)
+    model = system.linearize(["torque.tau"], ["a.w"], sparse=True)
+    assert np.asarray(model.B.sum()) == pytest.approx(1 / inertia)
+    assert gl.mobility(system) == 1
+
+
+def test_symbols_are_put_in_and_relations_decided() -> None:
+    a, b, k = (sympy.Symbol(name, real=True) for name in "abk")
+    equation = gl.Eq(a, k * (a - b) + gl.Piecewise((1, a - b > 0), (2, True)))
+    template = template_of(equation, "Leaf: law", lambda name: name == "k")
+    one = specialised(template, ((0, 1), (0, 1)))
+    assert (one.columns, one.parameters, one.relations) == ((("a", 0),), (), ())
+    assert one.residual == a - 2
+    opposite = specialised(template, ((0, 1), (0, -1)))
+    assert opposite.columns == (("a", 0),) and len(opposite.relations) == 1
+    assert specialised(template, ((0, 1), (1, 1)), frozenset({"k"})).residual.free_symbols >= {a}
+
+
+class Opposite(gl.Component):
+    """``2 T = k (flange_a.tau - flange_b.tau)`` where one torque is the other's negative."""
+
+    flange_a = gp.Flange()
+    flange_b = gp.Flange()
+    k = gl.Parameter("1", "a factor", default=1.0)
+    T = gl.Variable("N.m", "half of it")
+    d = gl.Variable("rad", "twist")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.d, self.flange_b.phi - self.flange_a.phi),
+            gl.Eq(self.flange_b.tau, 5.0 * self.d),
+            gl.Eq(self.flange_a.tau, -self.flange_b.tau),
+            gl.Eq(2 * self.T, self.k * (self.flange_b.tau - self.flange_a.tau)),
+        ]
+
+
+def test_a_coefficient_that_is_a_parameter_cancels_only_where_it_does() -> None:
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.wall, self.s, self.b = gp.Fixed(), Opposite(), gp.Inertia(J=1.0, start={"phi": 0.1})
+            return [c(self.wall.flange, self.s.flange_a), c(self.s.flange_b, self.b.flange_a)]
+
+    result = gl.simulate(Train(), 1.0, samples=11, rtol=1e-10)
+    assert result["s.T"] == pytest.approx(0.5 * np.cos(np.sqrt(5.0) * result.time), abs=1e-7)
+
+
+def test_an_order_of_computation_that_goes_in_a_circle_is_an_error_not_a_loop_without_end() -> None:
+    with pytest.raises(ModelError, match="computed from itself"):
+        _levels([[1], [0]], [0, 1], 0)
+    with pytest.raises(ModelError, match="that no equation determines"):
+        _levels([[1]], [0, -1], 0)
+    assert _levels([[], [0], [0, 1]], [0, 1, 2], 0) == [1, 2, 3]
