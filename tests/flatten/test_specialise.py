@@ -66,7 +66,8 @@ def test_symbols_are_put_in_and_relations_decided() -> None:
     assert (one.columns, one.parameters, one.relations) == ((("a", 0),), (), ())
     assert one.residual == a - 2
     opposite = specialised(template, ((0, 1), (0, -1)))
-    assert opposite.columns == (("a", 0),) and len(opposite.relations) == 1
+    assert opposite.columns == (("a", 0),)
+    assert len(opposite.relations) == 1
     assert specialised(template, ((0, 1), (1, 1)), frozenset({"k"})).residual.free_symbols >= {a}
 
 
