@@ -1,0 +1,124 @@
+"""The differential campaign: `python -m tests.stress.campaign linear 1000` judges a thousand random trains, each within a time limit.
+
+Prints every train that falls short, reduced to as few parts as still do, and counts at the end. ``--first`` sets the first seed,
+``--seconds`` the time limit, ``--keep`` leaves the trains as they were drawn, ``--into`` adds the counts to a JSON file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from tests.stress.described import Train, shrunk
+from tests.stress.linear_campaign import judge_linear
+from tests.stress.linear_draw import linear_train
+from tests.stress.verdicts import HANG, RIGHT, Verdict
+
+FAMILIES: dict[str, tuple[Callable[[int], Train], Callable[[Train, int], Verdict]]] = {
+    "linear": (linear_train, judge_linear),
+}
+
+
+def judge(family: str, seed: int, train: Train | None = None) -> Verdict:
+    """The verdict on one train."""
+    draw, judged = FAMILIES[family]
+    return judged(draw(seed) if train is None else train, seed)
+
+
+def _work(pipe: Connection) -> None:
+    while True:
+        family, seed, train = pipe.recv()
+        pipe.send(judge(family, seed, train))
+
+
+class Worker:
+    """A process that judges; one that exceeds its time is ended, and another takes over."""
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        self._begin()
+
+    def _begin(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_work, args=(theirs,), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.warm = False
+
+    def __call__(self, family: str, seed: int, train: Train | None = None) -> Verdict:
+        self.pipe.send((family, seed, train))
+        # the first train of a process imports, and may compile what all later ones find in the cache
+        if self.pipe.poll(self.seconds + (0 if self.warm else 120)):
+            self.warm = True
+            try:
+                verdict: Verdict = self.pipe.recv()
+                return verdict
+            except EOFError:
+                self._begin()
+                return Verdict(HANG, "the process died")
+        self.process.kill()
+        self.process.join()
+        self._begin()
+        return Verdict(HANG, f"no end within {self.seconds:g} s")
+
+
+def fails_alike(worker: Worker, family: str, seed: int, first: Verdict, train: Train) -> bool:
+    """Whether a train falls short in the same way; of refusals and exceptions, with the same beginning."""
+    try:
+        verdict = worker(family, seed, train)
+    except Exception:
+        return False
+    return verdict.kind == first.kind and verdict.detail.split(":")[0] == first.detail.split(":")[0]
+
+
+def campaign(family: str, first: int, count: int, seconds: float, keep: bool, into: Path | None) -> Counter[str]:
+    """Judge trains and print those that fall short."""
+    counts: Counter[str] = Counter()
+    worker, begin = Worker(seconds), time.perf_counter()
+    for seed in range(first, first + count):
+        verdict = worker(family, seed)
+        counts[verdict.kind] += 1
+        if verdict.short:
+            print(f"\n{family} {seed}: {verdict.kind}: {verdict.detail}", flush=True)
+            if not keep:
+                train = FAMILIES[family][0](seed)
+                small = shrunk(train, partial(fails_alike, worker, family, seed, verdict))
+                print(f"{len(small.parts)} of {len(train.parts)} parts: {worker(family, seed, small).detail}")
+                print("\n".join(f"    {part}" for part in small.parts), flush=True)
+                print(f"    angles {small.angles}, speeds {small.speeds}", flush=True)
+        elif (seed - first) % 500 == 499:
+            print(f"{family} {seed}: {dict(counts)}", file=sys.stderr, flush=True)
+    worker.process.kill()
+    print(f"\n{family}: {dict(counts)} in {time.perf_counter() - begin:.0f} s")
+    if into is not None:
+        whole: dict[str, Any] = json.loads(into.read_text()) if into.exists() else {}
+        whole[family] = dict(Counter(whole.get(family, {})) + counts)
+        into.write_text(json.dumps(whole, indent=1))
+    return counts
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("family", choices=sorted(FAMILIES))
+    parser.add_argument("count", type=int)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--keep", action="store_true")
+    parser.add_argument("--into", type=Path)
+    given = parser.parse_args()
+    counts = campaign(given.family, given.first, given.count, given.seconds, given.keep, given.into)
+    return int(any(Verdict(kind).short for kind in counts)) if counts[RIGHT] else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

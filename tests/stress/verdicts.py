@@ -1,0 +1,72 @@
+"""What became of a train: right, rightly refused, or one of the ways to fall short."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import gearlib as gl
+
+Floats = NDArray[np.float64]
+
+RIGHT, REFUSED, UNCLEAR = "right", "rightly refused", "unclear"  # in the end, or as the reference itself says
+WRONG, UNDUE, RAW, ANSWERED, HANG = "WRONG", "REFUSED UNDULY", "RAW EXCEPTION", "ANSWERED WITHOUT REASON", "HANG"
+SHORT = (WRONG, UNDUE, RAW, ANSWERED, HANG)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A kind, and what there is to say about it."""
+
+    kind: str
+    detail: str = ""
+
+    @property
+    def short(self) -> bool:
+        return self.kind in SHORT
+
+
+def attempted(action: Callable[[], Verdict], refusal: str | None) -> Verdict:
+    """The verdict of an action; a refusal is right where the reference knows a reason for one."""
+    try:
+        return action()
+    except gl.GearlibError as error:
+        said = f"{type(error).__name__}: {error}"
+        return Verdict(UNDUE, said) if refusal is None else Verdict(REFUSED, f"{refusal} | {said}")
+    except Exception as error:
+        import traceback
+
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        return Verdict(RAW, f"{type(error).__name__}: {error} ({last.filename.rsplit('/', 1)[-1]}:{last.lineno})")
+
+
+def distance(found: Mapping[str, Floats], right: Mapping[str, Floats], unit_of: Mapping[str, str]) -> tuple[float, str]:
+    """The largest error of any variable over the largest value of any variable of its unit, and where it is."""
+    sizes: dict[str, float] = {}
+    for name, values in right.items():
+        sizes[unit_of[name]] = max(sizes.get(unit_of[name], 1e-3), float(np.abs(values).max(initial=0.0)))
+    worst, where = 0.0, "nothing"
+    for name, values in right.items():
+        error = np.abs(found[name] - values) / sizes[unit_of[name]]
+        k = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
+        if not error[k] <= worst:
+            worst = float(error[k]) if np.isfinite(error[k]) else np.inf
+            where = f"{name} is {found[name][k]:.10g}, right is {values[k]:.10g} (sample {k})"
+    return worst, where
+
+
+def converging(
+    run: Callable[[float], Mapping[str, Any]], right: Mapping[str, Floats], units: Mapping[str, str], label: str
+) -> Verdict:
+    """Whether a run's error follows the tolerance: what is too far away must come near with a finer one."""
+    worst, where = distance(run(1e-8), right, units)
+    if worst <= 1e-5:
+        return Verdict(RIGHT)
+    finer, there = distance(run(1e-11), right, units)
+    if finer <= max(1e-7, 0.03 * worst) and finer <= 1e-5:
+        return Verdict(RIGHT)
+    return Verdict(WRONG, f"{label}: error {worst:.1e}, finer {finer:.1e}: {there if finer > 1e-5 else where}")
