@@ -18,13 +18,18 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from tests.stress.analyses_campaign import analysed_train, judge_analyses
 from tests.stress.described import Train, shrunk
+from tests.stress.hybrid_campaign import judge_hybrid
+from tests.stress.hybrid_draw import hybrid_train
 from tests.stress.linear_campaign import judge_linear
 from tests.stress.linear_draw import linear_train
 from tests.stress.verdicts import HANG, RIGHT, Verdict
 
 FAMILIES: dict[str, tuple[Callable[[int], Train], Callable[[Train, int], Verdict]]] = {
     "linear": (linear_train, judge_linear),
+    "hybrid": (hybrid_train, judge_hybrid),
+    "analyses": (analysed_train, judge_analyses),
 }
 
 

@@ -387,7 +387,7 @@ class HybridTrain:
                 t, x = end, found.y[:, -1]
                 if found.status == 1:
                     events.append(t)
-                    for (function, sense, action), hit in zip(watched, found.t_events, strict=True):
+                    for (*_, action), hit in zip(watched, found.t_events, strict=True):
                         if len(hit):
                             x = action(t, x)
                     if len(events) > MOST_EVENTS:

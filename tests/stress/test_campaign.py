@@ -1,0 +1,124 @@
+"""The differential campaign in small, and the references' own tests against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.stress.campaign import FAMILIES, judge
+from tests.stress.described import Part, Signal, Train, shrunk
+from tests.stress.hybrid_reference import HybridTrain
+from tests.stress.linear_campaign import right_values
+from tests.stress.linear_draw import linear_train
+from tests.stress.linear_reference import LinearTrain
+
+TIMES = np.linspace(0.0, 1.0, 7)
+
+
+def part(name: str, kind: str, *at: int, **values: object) -> Part:
+    return Part(name, kind, at, tuple(values.items()))
+
+
+# ---------------------------------------------------------------- the references
+
+
+def test_linear_reference_against_a_vibration_in_closed_form() -> None:
+    """Two bodies, a spring, a gear without inertia and a step of torque: phi_rel = (tau / c) (J_b / (J_a + J_b)) (cos(w t) - 1)."""
+    train = Train(
+        (
+            part("a", "Inertia", 0, 0, J=2.0),
+            part("s", "Spring", 0, 1, c=50.0),
+            part("g", "IdealGear", 1, 2, ratio=2.0),
+            part("b", "Inertia", 2, 3, J=12.0),  # 3 at the spring
+            part("t", "Torque", 0, tau=Signal(steps=((0.25, 4.0),))),
+        ),
+        (0.0,), (0.0,),
+    )  # fmt: skip
+    solved = LinearTrain(train)
+    values, _ = right_values(solved, TIMES)
+    w = np.sqrt(50 * (1 / 2 + 1 / 3))
+    since = np.maximum(TIMES - 0.25, 0)
+    assert values["s.phi_rel"] == pytest.approx(4.0 / 50 * 3 / 5 * (np.cos(w * since) - 1), abs=1e-12)
+    assert 2 * values["a.w"] + 3 * 2 * values["b.w"] == pytest.approx(4.0 * since, abs=1e-12)
+    assert values["g.flange_b.tau"] == pytest.approx(2 * values["s.tau"], abs=1e-12)
+
+
+def test_linear_reference_knows_what_is_not_determined() -> None:
+    """Two equal gears side by side: the motion is determined, the share of each gear is not."""
+    gears = tuple(part(f"g{k}", "IdealGear", 0, 1, ratio=2.0) for k in range(2))
+    train = Train((part("a", "Inertia", 0, 0, J=1.0), *gears, part("b", "Inertia", 1, 2, J=4.0)), (0.0,), (1.0,))
+    solved = LinearTrain(train)
+    assert solved.problems == []
+    assert not any(name.startswith("g") for name in right_values(solved, TIMES)[0])
+    assert LinearTrain(train.without("b")).problems == []
+    loose = Train((part("a", "Inertia", 0, 0, J=0.0),), (0.0,), (0.0,))
+    assert LinearTrain(loose).problems == ["a motion without inertia, damping or stiffness"]
+    twice = Train((part("f", "Fixed", 0, phi0=0.0), part("h", "Fixed", 0, phi0=1.0)), (0.0,), (0.0,))
+    assert LinearTrain(twice).problems == ["the prescribed angles contradict each other"]
+
+
+def test_massless_bodies_jump_and_creep_in_the_linear_reference() -> None:
+    """Springs in series with a massless body between; a damper and a spring without a body: exp(-c t / d)."""
+    train = Train(
+        (
+            part("ground", "Fixed", 0, phi0=0.0),
+            part("s1", "Spring", 0, 1, c=10.0),
+            part("m", "Inertia", 1, 2, J=0.0),
+            part("s2", "Spring", 1, 3, c=30.0),
+            part("d", "Damper", 3, 0, d=2.5),
+        ),
+        (0.0, 0.0, 0.0, 1.0), (0.0,),
+    )  # fmt: skip
+    values, _ = right_values(LinearTrain(train), TIMES)
+    assert values["s1.phi_rel"] == pytest.approx(0.75 * np.exp(-7.5 / 2.5 * TIMES), abs=1e-12)
+
+
+def test_switching_reference_slides_sticks_and_breaks_away() -> None:
+    """A body slides to rest in 0.2 s, sticks, and breaks away when a growing torque exceeds the friction."""
+    train = Train(
+        (
+            part("a", "Inertia", 0, 0, J=0.5),
+            part("f", "BearingFriction", 0, 0, tau_pos=((0.0, 2.0),)),
+            part("t", "Torque", 0, tau=Signal(slope=4.0)),
+        ),
+        (0.0,), (1.0,),
+    )  # fmt: skip
+    found = HybridTrain(train).solve(TIMES)
+    # 0.5 w' = 4 t - 2 until w = 0: w = 1 - 4 t + 4 t**2 = (1 - 2 t)**2; then at rest from 0.5 on, where the torque is 2
+    expected = np.where(TIMES < 0.5, (1 - 2 * TIMES) ** 2, 4 * (TIMES - 0.5) ** 2)
+    assert found.values["a.w"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_switching_reference_bounces() -> None:
+    """A body that meets a stop at 1 rad turns back with half its speed."""
+    stop = part("k", "Kicked", 0, J=1.0, phi_stop=1.0, restitution=0.5, moment=5.0, kick=0.0)
+    found = HybridTrain(Train((stop,), (0.0,), (2.0,))).solve(TIMES)
+    assert found.values["k.phi"] == pytest.approx(np.where(TIMES < 0.5, 2 * TIMES, 1.5 - TIMES), abs=1e-10)
+    assert found.events == pytest.approx([0.5])
+
+
+def test_a_description_shrinks_to_what_matters() -> None:
+    train = linear_train(0)
+    name = train.parts[-1].name
+    small = shrunk(train, lambda t: any(p.name == name for p in t.parts))
+    assert [p.name for p in small.parts] == [name]
+    assert eval(repr(small), {"Train": Train, "Part": Part, "Signal": Signal}) == small
+
+
+# ---------------------------------------------------------------- gearlib against them
+
+
+@pytest.mark.parametrize(
+    ("family", "seed"), [("linear", 3), ("linear", 14), ("linear", 17), ("hybrid", 1), ("hybrid", 4), ("analyses", 6)]
+)
+def test_a_few_trains(family: str, seed: int) -> None:
+    verdict = judge(family, seed)
+    assert not verdict.short, f"{family} {seed}: {verdict.kind}: {verdict.detail}"
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("first", range(0, 500, 50))
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_many_trains(family: str, first: int) -> None:
+    short = [f"{family} {seed}: {v.kind}: {v.detail}" for seed in range(first, first + 50) if (v := judge(family, seed)).short]
+    assert not short, "\n".join(short)
