@@ -14,23 +14,34 @@ from gearlib.errors import SolverError
 
 Floats = NDArray[np.float64]
 RIGID = 1e-9  # relative singular value of a motion that nothing holds back
+SMALL = 1e-3  # of its scale: a state that vibrates less counts as if it did so much
+KEPT = 1e-6  # of a unit direction: what a kept quantity says less of, it does not determine
 UNBALANCED = 1e-7  # of the sizes of the rates: a mean that nothing can balance
 
 
 @dataclass(frozen=True, eq=False)
 class Rigid:
-    """Motions that nothing holds back (a free-turning train), and sums of the rates that no state has an influence on.
+    """Sums of the rates that no state has an influence on, and what determines the means in their place.
+
+    Such a sum is a quantity that the train keeps: the momentum of one that turns freely, the preload of a loop of meshes. Its mean
+    stays as it starts. Where that does not determine the means (an angle, the phase of a mesh), the motion that nothing holds back
+    stays where it starts.
 
     Attributes
     ----------
-    motions, sums : arrays (states, number)
-        Orthonormal, in scaled states.
+    sums : array (states, number)
+        Orthonormal, in scaled rates.
+    rows : array (number, states)
+        Combinations of the scaled means that stay as they are in ``means``.
+    chained : int
+        How many of them are motions: these are multipliers of 1 besides those of the sums.
     means : array (states,)
-        Of the states; their part along the motions stays as it is here.
+        Of the states.
     """
 
-    motions: Floats
     sums: Floats
+    rows: Floats
+    chained: int
     means: Floats
 
 
@@ -135,16 +146,46 @@ class Balance:
             )
 
     def _held(self, z: Floats, rest: Floats, by_z: Floats, by_w: Floats) -> tuple[Floats, Floats, Floats]:
-        """Replace the equations that are redundant by ones that hold the rigid motions where they are."""
-        motions, sums = self.rigid.motions, self.rigid.sums
-        if motions.shape[1]:
+        """Replace the equations that are redundant by ones that keep what the train keeps."""
+        rows, sums = self.rigid.rows, self.rigid.sums
+        if len(rows):
             n = len(self.scale)
             keep = np.eye(n) - sums @ sums.T
-            rest[0] = keep @ rest[0] + sums @ (motions.T @ (z[:n] - self.rigid.means / self.scale))
+            rest[0] = keep @ rest[0] + sums @ (rows @ (z[:n] - self.rigid.means / self.scale))
             by_z[:n] = keep @ by_z[:n]
-            by_z[:n, :n] += sums @ motions.T
+            by_z[:n, :n] += sums @ rows
             by_w[0] = keep @ by_w[0]
         return rest.ravel(), by_z, by_w.ravel()
+
+    def error(self, z: Floats, omega: float) -> tuple[float, float]:
+        """How far the motion is off in time, over a state's vibration: at its own harmonics, and with those left out.
+
+        The rates are evaluated at other moments, and transformed to more harmonics than the motion has. What the train, linearised
+        about its mean, would make of the difference is the correction that is missing.
+        """
+        driven, c = self.driven(omega), self.coefficients(z)
+        many = 2 * self.harmonics + 8
+        found = moments(driven, c, max(self.samples + self.samples // 2 + 1, 8 * many))
+        basis = fourier(found.phase, many)
+        f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.modes)
+        padded = np.zeros((2 * many + 1, len(self.scale)))
+        padded[: len(c)] = c / self.scale
+        rest = turn(many) @ padded - self._back(found.phase, found.weights, basis) @ (f / self.scale[:, None]).T / omega
+        rest[0] += driven.growth / self.scale
+        mean = np.tensordot(found.weights, slopes, 1) * self.scale / self.scale[:, None] / omega
+        k = np.arange(1, many + 1)
+        swings = 1j * k[:, None, None] * np.eye(len(mean)) - mean
+        try:
+            missing = np.linalg.solve(swings, (rest[1::2] - 1j * rest[2::2])[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:
+            return np.inf, np.inf
+        constant = np.linalg.lstsq(mean, rest[0], rcond=1e-9)[0]
+        wave = np.exp(1j * np.outer(2 * np.pi * np.arange(4 * many) / (4 * many), k))
+        low = (wave[:, : self.harmonics] @ missing[: self.harmonics]).real - constant
+        high = (wave[:, self.harmonics :] @ missing[self.harmonics :]).real
+        x = fourier(found.phase, self.harmonics) @ (c / self.scale)
+        size = np.maximum(np.ptp(x, axis=0) / 2, SMALL)
+        return float((np.abs(low) / size).max()), float((np.abs(low + high) / size).max())
 
     def multipliers(self, z: Floats, omega: float) -> NDArray[np.complex128]:
         """Floquet multipliers of the motion; those of rigid motions and of the phase (1) are left out."""
@@ -153,13 +194,13 @@ class Balance:
         cuts = jumps(driven, c, found, self._step(c))
         all_ = multipliers(driven, c, found, cuts, self.samples)
         order = np.argsort(np.abs(all_ - 1.0))
-        free = self.rigid.motions.shape[1] + bool(driven.growth.any())  # turning and speeding up go together
+        free = len(self.rigid.rows) + self.rigid.chained
         result: NDArray[np.complex128] = all_[np.sort(order[free:])]
         return result
 
 
 def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats) -> Rigid:
-    """Find them: directions in which no rate depends on the states, wherever these are.
+    """Find them: combinations of rates that depend on no state, wherever the states are.
 
     The states are drawn at random over many decades, so that a coupling that has play at one of them is closed at others.
     """
@@ -173,14 +214,28 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
         _, slopes = driven.linear_rates(phase, x, driven.modes(phase, x))
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * scale / scale[:, None] / driven.omega
     if not len(slopes):
-        return Rigid(np.empty((n, 0)), np.empty((n, 0)), means)
-    motions, sums = _kernel(slopes.reshape(-1, n)), _kernel(np.swapaxes(slopes, 1, 2).reshape(-1, n))
+        return Rigid(np.empty((n, 0)), np.empty((0, n)), 0, means)
+    sums = _kernel(np.swapaxes(slopes, 1, 2).reshape(-1, n))
     turning = np.eye(n)[:, driven.growth != 0]  # where in its period a mesh starts is a matter of choice
-    number = min(motions.shape[1] + turning.shape[1], sums.shape[1])
-    if number < turning.shape[1]:
+    if sums.shape[1] < turning.shape[1]:
         raise _other_speed(driven)
-    held = np.hstack([turning, motions])[:, :number]
-    return Rigid(held, sums[:, :number], means)
+    # With everything in contact the means are left open along as few directions as they ever are.
+    rest = min((_kernel(slope) for slope in slopes), key=lambda directions: directions.shape[1])
+    rows, chained = np.empty((0, n)), 0
+    # The frequency tells how fast a mesh turns, so that its phase is what is open; a kept quantity comes before what is merely held.
+    for candidates, kept in ((turning, False), (sums, True), (_kernel(slopes.reshape(-1, n)), False)):
+        left, sizes, right = np.linalg.svd(candidates.T @ rest)
+        rank = min(int((sizes > KEPT).sum()), sums.shape[1] - len(rows))
+        rows = np.vstack([rows, left[:, :rank].T @ candidates.T])
+        rest = rest @ right[rank:].T
+        chained += 0 if kept else rank
+    if len(rows) < sums.shape[1]:
+        name = driven.scene.state_names[int(np.argmax(np.abs(rest).max(axis=1, initial=0.0)))] if rest.size else "a state"
+        raise SolverError(
+            f"the mean of {name} is undetermined: nothing in the train holds it, and no quantity that it keeps does; add a load or a "
+            "support, or leave out outputs that need it"
+        )
+    return Rigid(sums, rows, chained, means)
 
 
 def _kernel(matrix: Floats) -> Floats:

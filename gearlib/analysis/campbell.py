@@ -34,7 +34,7 @@ class Crossing:
     order : str
         Name of the excitation.
     mode : int
-        Which mode, counted from 0.
+        Which mode, as `modes` numbers them at the operating point of that speed, free motions included: ``modes.draw(mode)`` shows it.
     frequency : float
         Hz.
     damping : float
@@ -58,6 +58,10 @@ class Campbell:
         Of the reference shaft, rad/s.
     frequencies, damping : arrays (speeds, modes)
         Hz, and ratios; modes are followed by the likeness of their shapes.
+    modes : array of int (speeds, modes)
+        Numbers of these modes in `modes` at each speed; free motions have numbers, too, and are left out here.
+    conditions : tuple of str
+        The operating points in words, such as "open: mesh m".
     orders : dict of str to float
         Events for each revolution of the reference shaft.
     crossings : tuple of Crossing
@@ -67,8 +71,10 @@ class Campbell:
     speeds: Floats
     frequencies: Floats
     damping: Floats
+    modes: NDArray[np.int64]
     orders: dict[str, float]
     crossings: tuple[Crossing, ...]
+    conditions: tuple[str, ...] = ()
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The crossings."""
@@ -85,7 +91,8 @@ class Campbell:
             f"{c.speed * RPM:12.6g}   {c.order:<20}  {c.mode:4d}   {c.frequency:13.6g}  {c.damping:9.5f}"
             for c in self.crossings
         ]
-        return "\n".join(lines if self.crossings else ["no order meets a natural frequency in this range of speed"])
+        lines = lines if self.crossings else ["no order meets a natural frequency in this range of speed"]
+        return "\n".join([*lines, *([f"Operating point: {'; '.join(self.conditions)}."] if self.conditions else [])])
 
     def plot(self, *, axes: Any = None) -> Any:
         """Draw the diagram; returns the matplotlib axes."""
@@ -98,7 +105,9 @@ class Campbell:
         for k in range(self.frequencies.shape[1]):
             axes.plot(rpm, self.frequencies[:, k], color="black", lw=1.2, label="natural frequencies" if not k else None)
             start = (rpm[0], self.frequencies[0, k])
-            axes.annotate(f"{k}", start, xytext=(-3, 0), textcoords="offset points", fontsize=8, ha="right", va="center")
+            axes.annotate(
+                f"{self.modes[0, k]}", start, xytext=(-3, 0), textcoords="offset points", fontsize=8, ha="right", va="center"
+            )
         for k, (name, order) in enumerate(self.orders.items()):
             axes.plot(rpm, order * self.speeds / (2 * np.pi), color=f"C{k}", lw=1, ls="--", label=f"{name} (order {order:g})")
         if self.crossings:
@@ -129,7 +138,7 @@ def campbell(
         Events for each revolution of the reference shaft: 1 for unbalance, the number of teeth for a mesh on that shaft, times
         its speed ratio for another one.
     count : int, optional
-        How many modes, from the lowest; free motions are left out.
+        How many modes that oscillate, from the lowest.
     at, parameters
         Operating point and parameters as for `System.linearize`, or functions of the speed that give them: where natural
         frequencies depend on speed or load, they are computed at every speed.
@@ -160,16 +169,19 @@ def campbell(
 
     varies = callable(at) or callable(parameters)
     runs = [at_speed(w) for w in grid] if varies else [at_speed(float(grid[0]))] * len(grid)
-    frequencies, damping = _followed(runs)
+    places = _followed(runs)
+    frequencies = np.array([r.frequencies[p] for r, p in zip(runs, places, strict=True)])
+    damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])
     at_each = at_speed if varies else None
     crossings = [
-        _crossing(at_each, grid, frequencies, damping, int(i), k, name, order)
+        _crossing(at_each, grid, frequencies, damping, places, int(i), k, name, order)
         for name, order in named.items()
         for k in range(frequencies.shape[1])
         for i in np.flatnonzero(np.diff(np.sign(frequencies[:, k] - order * grid / (2 * np.pi))))
     ]
     found = {(c.order, c.mode, round(c.speed, 9)): c for c in crossings}
-    return Campbell(grid, frequencies, damping, named, tuple(sorted(found.values(), key=lambda c: c.speed)))
+    said = tuple(dict.fromkeys(text for run in runs for text in run.conditions))
+    return Campbell(grid, frequencies, damping, places, named, tuple(sorted(found.values(), key=lambda c: c.speed)), said)
 
 
 def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
@@ -183,8 +195,8 @@ def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
     return {f"{order:g}": order for order in found.tolist()}
 
 
-def _followed(runs: Sequence[Modes]) -> tuple[Floats, Floats]:
-    """Frequencies and damping with each mode in its own column."""
+def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
+    """Numbers of the modes at each speed, with each mode in its own column."""
     from scipy.optimize import linear_sum_assignment
 
     n = min(len(r) - r.free for r in runs)
@@ -205,28 +217,26 @@ def _followed(runs: Sequence[Modes]) -> tuple[Floats, Floats]:
         near = np.abs(np.log(runs[i - 1].frequencies[places[i - 1]][:, None] / f[None, :]))
         _, chosen = linear_sum_assignment(near - likeness)
         places[i] = runs[i].free + chosen
-    frequencies = np.array([r.frequencies[p] for r, p in zip(runs, places, strict=True)])
-    damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])
-    return frequencies, damping
+    return places
 
 
 def _crossing(
-    at_speed: Callable[[float], Modes] | None, grid: Floats, frequencies: Floats, damping: Floats, i: int, k: int,
-    name: str, order: float,
+    at_speed: Callable[[float], Modes] | None, grid: Floats, frequencies: Floats, damping: Floats,
+    places: NDArray[np.int64], i: int, k: int, name: str, order: float,
 ) -> Crossing:  # fmt: skip
     """Between two speeds: exact where frequencies are constant, otherwise by iteration with the modes at each speed."""
     gap = frequencies[i : i + 2, k] - order * grid[i : i + 2] / (2 * np.pi)
     speed = float(grid[i] + (grid[i + 1] - grid[i]) * gap[0] / (gap[0] - gap[1]))
-    f, ratio = float(frequencies[i, k]), float(damping[i, k])
+    f, ratio, mode = float(frequencies[i, k]), float(damping[i, k]), int(places[i, k])
     if at_speed is not None:
         from scipy.optimize import brentq
 
-        def nearest(w: float) -> tuple[float, float]:
+        def nearest(w: float) -> tuple[float, float, int]:
             found = at_speed(w)
             expected = np.interp(w, grid[i : i + 2], frequencies[i : i + 2, k])
             j = found.free + int(np.argmin(np.abs(found.frequencies[found.free :] - expected)))
-            return float(found.frequencies[j]), float(found.damping[j])
+            return float(found.frequencies[j]), float(found.damping[j]), j
 
         speed = float(brentq(lambda w: nearest(w)[0] - order * w / (2 * np.pi), grid[i], grid[i + 1], xtol=1e-10 * grid[i + 1]))
-        f, ratio = nearest(speed)
-    return Crossing(speed, name, k, f, ratio)
+        f, ratio, mode = nearest(speed)
+    return Crossing(speed, name, mode, f, ratio)

@@ -32,7 +32,7 @@ class Path:
     folds : tuple of int
         Numbers of the points at which w turns back.
     complete : bool
-        Whether the branch left the interval; False where it ran out of points.
+        Whether the branch left the interval; False where it ran out of points, or where one was not accepted.
     """
 
     z: Floats
@@ -52,7 +52,8 @@ class _Spot:
 
 
 def follow(
-    equations: Equations, z: Floats, start: float, end: float, step: float, points: int, skipped: int = 0
+    equations: Equations, z: Floats, start: float, end: float, step: float, points: int, skipped: int = 0,
+    accept: Callable[[Floats, float], bool] = lambda z, w: True,
 ) -> Path:  # fmt: skip
     """Follow a branch from a solution ``z`` at ``start`` until ``w`` leaves the interval or ``points`` are found.
 
@@ -70,6 +71,8 @@ def follow(
         Largest number of points.
     skipped : int
         So many of the first unknowns do not count in lengths.
+    accept : callable, optional
+        Told every point but the first, ``accept(z, w)``; where it says no, the branch ends after that point.
 
     Raises
     ------
@@ -108,8 +111,12 @@ def follow(
             if fold is not None:
                 folds.append(len(spots))
                 spots.append(fold)
+                if len(spots) == points:
+                    break
         spot = new
         spots.append(spot)
+        if not accept(spot.y[:-1], walk.place(spot.y)):
+            break
         length = min(length * (1.5 if new.iterations <= 3 else 1.0 if new.iterations <= 5 else 0.6), step)
     return _path(walk, spots, folds, False)
 

@@ -19,7 +19,10 @@ def draw_mode(modes: Modes, mode: int, axes: Any = None) -> Any:
     import matplotlib.pyplot as plt
 
     motions = modes.motions(mode)
-    shares = [(name, modes.kinetic[mode, k], modes.potential[mode, k]) for k, name in enumerate(modes.components)]
+    why = modes.not_given.get(mode)
+    shares = [
+        (name, modes.kinetic[mode, k], modes.potential[mode, k]) for k, name in enumerate([] if why else modes.components)
+    ]
     motions, left_out = _largest(motions, lambda m: abs(m[2]))
     shares, energy_left_out = _largest(shares, lambda s: max(s[1], s[2]))
     if axes is None:
@@ -27,6 +30,10 @@ def draw_mode(modes: Modes, mode: int, axes: Any = None) -> Any:
         _, axes = plt.subplots(1, 2, figsize=(10, height), layout="constrained")
     _motion_bars(axes[0], motions, left_out)
     _energy_bars(axes[1], shares, energy_left_out)
+    if why:
+        axes[1].text(
+            0.5, 0.5, f"not given:\n{why}", transform=axes[1].transAxes, ha="center", va="center", fontsize=8, wrap=True
+        )
     f, ratio = modes.frequencies[mode], modes.damping[mode]
     what = f"{f:.5g} Hz, damping ratio {ratio:.3g}" if f else "free motion"
     axes[0].figure.suptitle(f"Mode {mode}: {what}")

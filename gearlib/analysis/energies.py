@@ -9,7 +9,9 @@ connectors, the component's dynamic stiffness along the mode is ``d(s) = x* f(s)
 
 and with them the kinetic energy ``m w^2 / 4`` and the potential energy ``k / 4`` (means over a period). For a component with
 motions of its own inside, the same two formulas are the energy theorem of reactance networks: exact without damping, and of second
-order in it otherwise. A constraint does no work, so gears, grounds and kinematics come out as zero.
+order in it otherwise. What a component with both stores cannot be told from its flanges: a spring and a damper in series would get
+a negative mass. Such motions show in the second derivative, which is ``2 m`` without them, and with the share of what is lost
+it tells how far the two energies may be off. A constraint does no work, so gears, grounds and kinematics come out as zero.
 
 References
 ----------
@@ -168,8 +170,8 @@ def _given(model: FlatModel, instance: Instance) -> set[int]:
     }
 
 
-def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats, Floats]:
-    """Kinetic and potential energy (J, means over a period) of a family's components.
+def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats, Floats, Floats]:
+    """Kinetic and potential energy (J, means over a period) of a family's components, and how far they may be off.
 
     Parameters
     ----------
@@ -181,22 +183,30 @@ def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats
     """
     s = 1j * omega
     n = family.unknown.shape[1]
-    L, slope = family.L[-1].astype(complex), np.zeros(family.L.shape[1:], complex)
-    for part in family.L[-2::-1]:  # Horner's scheme for the polynomial and its derivative
+    L, slope, bend = family.L[-1].astype(complex), np.zeros(family.L.shape[1:], complex), np.zeros(family.L.shape[1:], complex)
+    for part in family.L[-2::-1]:  # Horner's scheme for the polynomial, its derivative and half of its second one
+        bend = bend * s + slope
         slope = slope * s + L
         L = L * s + part
     given = amplitude[family.given]
     inverse, scale = _pseudo_inverse(L[:, :, :n])
     unknown = -_solve(inverse, scale, np.einsum("irc,ic->ir", L[:, :, n:], given))
-    change = np.einsum("irc,ic->ir", slope, np.concatenate([unknown, given], axis=1))
-    change = -_solve(inverse, scale, change)
-    d, derivative = np.zeros(len(given), complex), np.zeros(len(given), complex)
+    both = np.concatenate([unknown, given], axis=1)
+    change = -_solve(inverse, scale, np.einsum("irc,ic->ir", slope, both))
+    second = np.einsum("irc,ic->ir", slope[:, :, :n], change) + np.einsum("irc,ic->ir", bend, both)
+    second = -_solve(inverse, scale, second)
+    d, derivative, half = (np.zeros(len(given), complex) for _ in range(3))
     for flow, potential, sign in family.pairs:
         x = np.conj(given[:, potential - n]) * sign
         d += x * unknown[:, flow]
         derivative += x * change[:, flow]
+        half += x * second[:, flow]
     m = derivative.imag / (2 * omega)
-    return m * omega**2 / 4, (d.real + m * omega**2) / 4
+    kinetic, potential_ = m * omega**2 / 4, (d.real + m * omega**2) / 4
+    inside = np.abs(half - m) * omega**2 / 4
+    stored = np.maximum(np.abs(kinetic) + np.abs(potential_), inside)
+    lost = np.divide(np.abs(d.imag) / 4, stored, out=np.zeros(len(d)), where=stored > 0)
+    return kinetic, potential_, inside * np.minimum(lost, 1.0) ** 2
 
 
 def _pseudo_inverse(L: Complexes) -> tuple[Complexes, tuple[Floats, Floats]]:

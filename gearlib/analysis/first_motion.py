@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +14,13 @@ from gearlib.analysis.balance import Balance, rigid_motions
 from gearlib.analysis.periods import Driven, fourier
 from gearlib.arguments import finite
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
-from gearlib.solve.scene import Scene, needed_states
+from gearlib.solve.scene import Scene, needed_states, node_name
 
 if TYPE_CHECKING:
     from gearlib.system import System
 
 Floats = NDArray[np.float64]
+SINGULAR = 1e-14  # of the largest singular value: a smaller one is rounding
 SETTLE = 100  # periods of a run that looks for a first motion
 
 
@@ -64,7 +65,31 @@ class Forced:
         return scene
 
     def values(self, omega: float) -> dict[str, float]:
-        return self.parameters if self.frequency is None else {**self.parameters, self.frequency: omega}
+        if self.frequency is None:
+            return self.parameters
+        return {**self.parameters, self.frequency: omega / (2 * np.pi) if self._in_hertz else omega}
+
+    @cached_property
+    def _in_hertz(self) -> bool:
+        """Whether the frequency's parameter is declared in Hz."""
+        for instance in self.system._model.instances:
+            for name, declared in instance.parameters.items():
+                if (f"{instance.path}.{name}" if instance.path else name) == self.frequency:
+                    return declared.unit == "Hz"
+        return False
+
+    def repeating(self) -> tuple[str, ...]:
+        """The states but those that only add up what others do: absolute angles and phases of meshes, which may grow."""
+        structure = self.system._structure
+        names = {node_name(structure.model, s): s for s in structure.states}
+        left = []
+        for name in self.system.states:
+            v, k = names[name]
+            follows = needed_states(structure, [(v, k + 1)])
+            others = [(u, j + 1) for u, j in structure.states if (u, j) != (v, k)]
+            if name not in self.turning and not (follows and (v, k) not in {*follows, *needed_states(structure, others)}):
+                left.append(name)
+        return tuple(left or [n for n in self.system.states if n not in self.turning])
 
     def driven(self, scene: Scene) -> Callable[[float], Driven]:
         """The scene at a frequency; the last ones are kept."""
@@ -102,8 +127,13 @@ class Forced:
     def _check_inputs(self) -> None:
         self.system._signals({name: 0.0 if callable(g) else g for name, g in self.inputs.items()})
 
-    def first(self, scene: Scene, omega: float, samples: int, guess: Mapping[str, float] | None) -> First:
-        """A periodic motion at the first frequency: by Newton's method from the start values, or from the end of a run."""
+    def first(
+        self, scene: Scene, omega: float, samples: int, guess: Mapping[str, float] | None, known: Floats | None = None
+    ) -> First:
+        """A periodic motion at the first frequency: by Newton's method from the start values, or from the end of a run.
+
+        ``known`` are the coefficients of an approximation with fewer harmonics.
+        """
         system = self.system
         driven = self.driven(scene)
         numbers = system._parameters(self.values(omega))
@@ -113,21 +143,25 @@ class Forced:
         means = system._start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
         size = (2 * self.harmonics + 1, len(scene.states))
         for tried in (omega, 1.2345678 * omega):  # forcing whose frequency is fixed may repeat at one by chance
-            _check_forcing(driven(tried), means)
+            _check_forcing(driven(tried), means, self.frequency)
         varies = self.frequency is not None or any(callable(g) for g in self.inputs.values())
         nominal = np.maximum(scene.nominal, 1e-300)
         rigid = rigid_motions(driven(omega), means, nominal, nominal)
         balance = Balance(driven, self.harmonics, samples, nominal, rigid, varies)
         c = np.zeros(size)
         c[0] = means
+        if known is not None:
+            c[: len(known)] = known
         z = _newton(balance, balance.unknowns(c), omega)
         if z is None and not self.turning:
             z = _newton(balance, balance.unknowns(self._settled(scene, omega, samples, guess)), omega)
         if z is None:
+            _refuse_undetermined(balance, balance.unknowns(c), omega)
             raise SolverError(
                 f"no periodic motion was found at {omega:g} rad/s, neither from the start values nor from a run over {SETTLE} "
                 "periods; start where the response is small or linear, or give a guess of the means"
             )
+        _refuse_undetermined(balance, z, omega)
         return _rescaled(balance, z, driven(omega), nominal)
 
     def _settled(self, scene: Scene, omega: float, samples: int, guess: Mapping[str, float] | None) -> Floats:
@@ -163,9 +197,9 @@ def _refuse_memory(scene: Scene) -> None:
         raise ArgumentError(f"the system has a memory ({names}), which harmonic balance cannot take; simulate it")
 
 
-def _check_forcing(driven: Driven, means: Floats) -> None:
+def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
     """The rates must change over a period, and repeat after it."""
-    phase = 2 * np.pi * np.arange(16) / 16 + 0.1
+    phase = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # no round number, at which something may switch
     x = means[:, None] + driven.growth[:, None] * phase
     once = driven.rates(phase, x, driven.modes(phase, x))
     x = x + 2 * np.pi * driven.growth[:, None]
@@ -183,14 +217,33 @@ def _check_forcing(driven: Driven, means: Floats) -> None:
     if (off > 1e-6).any():
         worst = names[int(np.argmax(off))]
         raise ArgumentError(
-            f"der({worst}) does not repeat after 2 pi / {driven.omega:g} rad/s; name the parameter that is the forcing frequency "
-            "(frequency=...), and make all functions of time repeat with it"
+            f"der({worst}) does not repeat after 2 pi / {driven.omega:g} rad/s; "
+            + (
+                "name the parameter that is the forcing frequency (frequency=...), and make all functions of time repeat with it"
+                if frequency is None
+                else f"{frequency} was set to that frequency, and something varies with time otherwise: a frequency that does not follow "
+                f"from it, a ramp, or {frequency} counts in Hz and is not declared so"
+            )
         )
     if (np.ptp(once, axis=1) <= 1e-12 * size).all():
         raise ArgumentError(
             "nothing varies over the period: bind an input to a function of the phase, give frequency=..., or, where the phase of a "
             "mesh excites the train, turning={'mesh.turned': 1.0}"
         )
+
+
+def _refuse_undetermined(balance: Balance, z: Floats, omega: float) -> None:
+    """A motion whose mean nothing determines, such as the place of an unloaded wheel in its gap, is none that could be followed."""
+    _, matrix, _ = balance.equations(z, omega)
+    _, sizes, directions = np.linalg.svd(matrix)
+    if sizes[-1] > SINGULAR * sizes[0]:
+        return
+    scene = balance.driven(omega).scene
+    size = np.abs(directions[-1].reshape(-1, len(scene.states)) * balance.scale / scene.nominal).max(axis=0)
+    raise SolverError(
+        f"at {omega:g} rad/s the mean of {scene.state_names[int(np.argmax(size))]} is undetermined: it can have other values with the "
+        "same motion, as inside a gap that stays open. Load the train so that its teeth touch, or give a guess of the means with contact"
+    )
 
 
 def _newton(balance: Balance, z: Floats, omega: float) -> Floats | None:

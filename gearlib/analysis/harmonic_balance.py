@@ -17,20 +17,22 @@ from gearlib.analysis.response import _unit
 from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import Prepared, evaluate, prepare
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, SolverError
 from gearlib.solve.scene import Scene
 
 if TYPE_CHECKING:
     from gearlib.system import System
 
+HARMONICS = (4, 8, 16, 32, 64)  # numbers that are tried
+OFF = 1e-2  # of the vibration: an error at the motion's own harmonics that is none of the harmonics left out
 Input = float | Callable[[float, float], float]
 
 
 def harmonic_balance(
-    system: System, start: float, end: float, *, frequency: str | None = None, harmonics: int = 1, samples: int | None = None,
+    system: System, start: float, end: float, *, frequency: str | None = None, harmonics: int | None = None, samples: int | None = None,
     outputs: Sequence[str] | None = None, inputs: Mapping[str, Input] | None = None, turning: Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None, guess: Mapping[str, float] | None = None, step: float = 0.02,
-    points: int = 2000,
+    points: int = 2000, accuracy: float = 5e-3,
 ) -> HarmonicBalance:  # fmt: skip
     """Follow the periodic response of a forced system over its forcing frequency.
 
@@ -49,8 +51,9 @@ def harmonic_balance(
     frequency : str, optional
         A parameter that is the forcing's angular frequency, where the forcing is written in the model; all functions of time must
         repeat with it.
-    harmonics : int
-        Number of harmonics.
+    harmonics : int, optional
+        Number of harmonics. By default as many as the accuracy takes at every point; what was reached is in the result's ``error``.
+        A number that is given is taken as it is: one harmonic is the describing function, which may be far off.
     samples : int, optional
         Moments of a period at which the system is evaluated (at least 64, and 8 for each harmonic; 256 where something switches).
     outputs : sequence of str, optional
@@ -69,6 +72,8 @@ def harmonic_balance(
         Largest step of the continuation, over the length of the interval.
     points : int
         Largest number of points.
+    accuracy : float
+        Where the number of harmonics is not given: largest error of a state's waveform over its vibration.
 
     Returns
     -------
@@ -80,7 +85,7 @@ def harmonic_balance(
         What is forced does not repeat with the frequency, or nothing is forced; a system with memory.
     SolverError
         No periodic motion was found at ``start`` (or there is none, because a free-turning train speeds up), or a step became too
-        small.
+        small; the mean of a state is undetermined; or the equations do not hold in time to the accuracy asked for.
 
     References
     ----------
@@ -105,32 +110,64 @@ def harmonic_balance(
     True
     """
     check_system(system)
-    _check_numbers(start, end, harmonics, step, points)
+    _check_numbers(start, end, harmonics, step, points, accuracy)
     if frequency is not None:
         one_name("frequency", frequency, "mesh.w")
     parameters = by_name("parameters", parameters, "a mapping of paths to numbers")
     inputs = by_name("inputs", inputs, "a mapping of paths to numbers, or functions of phase and frequency")
     turning = by_name("turning", turning, "a mapping of states to periods of 2 pi, such as {'mesh.turned': 1.0}")
     guess = by_name("guess", guess, "a mapping of start values by path")
-    task = Forced(system, frequency, parameters, inputs, harmonics, turning)
-    default = system.outputs if system.outputs is not None else tuple(n for n in system.states if n not in task.turning)
-    names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
-    scene = task.scene(names)
-    switching = scene.relations is not None
+    cases = HARMONICS if harmonics is None else (harmonics,)
+    known = None
+    for count_ in cases:
+        task = Forced(system, frequency, parameters, inputs, count_, turning)
+        default = system.outputs if system.outputs is not None else task.repeating()
+        names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
+        scene = task.scene(names)
+        count = _samples(samples, count_, scene.relations is not None)
+        first = task.first(scene, float(start), count, guess, known)
+        known = first.balance.coefficients(first.z)
+        watch = _Watch(first.balance, accuracy if harmonics is None else np.inf)
+        if not watch(first.z, float(start)):
+            continue
+        path = follow(first.balance.equations, first.z, float(start), float(end), float(step), points, len(scene.states), watch)
+        if watch.worst <= watch.accuracy:
+            return _result(task, scene, first.balance, path, names)
+    raise SolverError(
+        f"{count_} harmonics leave an error of {watch.worst:.2g} of the vibration at {watch.where:g} rad/s, more than "
+        f"accuracy={accuracy:g}; ask for less, or take that many with harmonics=..."
+    )
+
+
+def _samples(samples: int | None, harmonics: int, switching: bool) -> int:
     count = samples if samples is not None else max(256 if switching else 64, 8 * harmonics)
     if isinstance(count, bool) or not isinstance(count, int) or count < 2 * harmonics + 2:
         raise ArgumentError(f"samples is {samples!r}; {harmonics} harmonics need a whole number from {2 * harmonics + 2} on")
-    first = task.first(scene, float(start), count, guess)
-    path = follow(first.balance.equations, first.z, float(start), float(end), float(step), points, len(scene.states))
-    return _result(task, scene, first.balance, path, names)
+    return count
 
 
-def _check_numbers(start: float, end: float, harmonics: int, step: float, points: int) -> None:
-    for name, value in (("start", start), ("end", end), ("step", step)):
+class _Watch:
+    """Accepts points whose motion obeys the equations in time."""
+
+    def __init__(self, balance: Balance, accuracy: float) -> None:
+        self.balance, self.accuracy = balance, accuracy
+        self.worst, self.where = 0.0, 0.0
+
+    def __call__(self, z: Floats, omega: float) -> bool:
+        _, error = self.balance.error(z, omega)
+        if not error <= self.worst:
+            self.worst, self.where = error, omega
+        return bool(error <= self.accuracy)
+
+
+def _check_numbers(start: float, end: float, harmonics: int | None, step: float, points: int, accuracy: float) -> None:
+    for name, value in (("start", start), ("end", end), ("step", step), ("accuracy", accuracy)):
         real(name, value)
+    if not 0 < accuracy < 1:
+        raise ArgumentError(f"accuracy is {accuracy!r}; expected an error over the vibration, above 0 and below 1")
     if not (start > 0 and end > 0 and start != end):
         raise ArgumentError(f"start and end are {start!r} and {end!r}; expected two different positive frequencies, rad/s")
-    if isinstance(harmonics, bool) or not isinstance(harmonics, int) or harmonics < 1:
+    if harmonics is not None and (isinstance(harmonics, bool) or not isinstance(harmonics, int) or harmonics < 1):
         raise ArgumentError(f"harmonics is {harmonics!r}; expected a whole number, 1 or more")
     if not 0 < step <= 1 or isinstance(points, bool) or not isinstance(points, int) or points < 2:
         raise ArgumentError(f"step is {step!r} and points is {points!r}; expected 0 < step <= 1 and a whole number from 2 on")
@@ -148,6 +185,7 @@ def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: lis
     prepared = None
     coefficients: list[Floats] = []
     multipliers = []
+    errors = []
     count = balance.samples
     phase = 2 * np.pi * np.arange(count) / count
     basis = fourier(phase, balance.harmonics)
@@ -163,9 +201,16 @@ def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: lis
             _check_repeating(names, slots[rows], driven, x, prepared, rows)
         coefficients.append(back @ (signs[:, None] * slots[rows]).T)
         multipliers.append(balance.multipliers(z, float(omega)))
+        low, error = balance.error(z, float(omega))
+        if not low <= OFF:
+            raise SolverError(
+                f"at {omega:g} rad/s the motion that was found does not obey the equations between the {count} samples of a period "
+                f"(off by {low:.2g} of its vibration); take more samples"
+            )
+        errors.append(error)
     units = tuple(_unit(system, name) for name in names)
     return HarmonicBalance(
-        path.w, np.array(coefficients), np.array(multipliers), path.folds, tuple(names), units, path.complete
+        path.w, np.array(coefficients), np.array(multipliers), path.folds, tuple(names), units, path.complete, np.array(errors)
     )
 
 

@@ -34,6 +34,9 @@ class HarmonicBalance:
     outputs, units : tuple of str
     complete : bool
         Whether the branch reached the end of the interval (or came back to its start).
+    error : array (points,)
+        How far the waveform is off for the harmonics that were left out, over the vibration of the state where it is most: the
+        residual in time, passed through the train linearised about its mean.
     """
 
     omega: Floats
@@ -43,6 +46,7 @@ class HarmonicBalance:
     outputs: tuple[str, ...]
     units: tuple[str, ...]
     complete: bool
+    error: Floats
 
     def __len__(self) -> int:
         return len(self.omega)
@@ -51,7 +55,7 @@ class HarmonicBalance:
         span = f"{len(self)} points, {self.omega.min():g} .. {self.omega.max():g} rad/s" if len(self) else "no points"
         folds = f", folds at {', '.join(f'{w:.6g}' for w in self.fold_omega)} rad/s" if self.folds else ", no folds"
         part = "" if self.complete else ", incomplete"
-        return f"<HarmonicBalance of {', '.join(self.outputs)}: {span}, {self.harmonics} harmonics{folds}{part}>"
+        return f"<HarmonicBalance of {', '.join(self.outputs)}: {span}, {self.reached}{folds}{part}>"
 
     @property
     def frequencies(self) -> Floats:
@@ -63,6 +67,12 @@ class HarmonicBalance:
     def harmonics(self) -> int:
         """Number of harmonics."""
         return int(self.coefficients.shape[1]) // 2
+
+    @property
+    def reached(self) -> str:
+        """Number of harmonics, and the largest error that they leave, in words."""
+        harmonics = f"{self.harmonics} harmonic{'s' if self.harmonics > 1 else ''}"
+        return f"{harmonics}, waveform within {self.error.max():.1g}" if len(self) else harmonics
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -116,7 +126,7 @@ class HarmonicBalance:
         """Frequency (rad/s), stability, and mean and amplitudes of all outputs, a row per point."""
         import pandas
 
-        table: dict[str, Any] = {"omega": self.omega, "stable": self.stable}
+        table: dict[str, Any] = {"omega": self.omega, "stable": self.stable, "error": self.error}
         for output in self.outputs:
             table[f"{output}, mean"] = self.mean(output)
             table |= {f"{output}, harmonic {k}": self.amplitude(output, k) for k in range(1, self.harmonics + 1)}
@@ -148,7 +158,7 @@ class HarmonicBalance:
         ax.set_ylabel(
             f"amplitude of {name}{f', harmonic {harmonic}' if self.harmonics > 1 else ''}{f', {unit}' if unit else ''}"
         )
-        ax.set_title(f"Harmonic balance, {self.harmonics} harmonic{'s' if self.harmonics > 1 else ''}")
+        ax.set_title(f"Harmonic balance, {self.reached}")
         ax.grid(alpha=0.3)
         ax.legend(fontsize=8)
         return ax

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.analysis.arguments import check_system
+from gearlib.analysis.condition import conditions, described, matters_elsewhere
 from gearlib.analysis.energies import Family, energies, families
 from gearlib.analysis.held import remaining
 from gearlib.analysis.linearize import operating_point, slots_at
@@ -21,7 +22,7 @@ from gearlib.codegen.evaluate import prepare
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
-from gearlib.language.declarations import Potential
+from gearlib.language.declarations import Flow, Potential
 from gearlib.solve.scene import needed_states, node_name
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
@@ -34,6 +35,19 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 MOST_DENSE = 500  # states up to which all eigenvalues are computed
+UNSURE = 1e-3  # of a mode's energy: shares that may be off by more are not given
+NEGATIVE = 1e-6  # of a mode's energy: an energy below is no rounding
+
+
+@dataclass(frozen=True, eq=False)
+class _Shares:
+    """Of the components that keep energy in some mode: shares in percent, which of them move, and why modes have none."""
+
+    numbers: list[int]
+    kinetic: Floats
+    potential: Floats
+    bodies: NDArray[np.bool_]
+    unknown: dict[int, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +65,12 @@ class Modes:
         Free motions: ways to turn with no spring strained.
     preloads : int or None
         Poles at 0 that are no motion but a constant preload locked into a loop of meshes (not counted for large systems).
+    positions : tuple of str
+        States on which nothing depends, each a pole at 0 that is neither: the phase of a mesh, a place inside an open gap.
+    gaps : dict of int to str
+        Free motions that are relative motions across something open, and across what.
+    conditions : tuple of str
+        The operating point in words, such as "open: mesh m".
     decays : array
         Poles (1/s) of motions that die away without oscillating; for large systems those that are not much faster than the modes.
     """
@@ -61,6 +81,9 @@ class Modes:
     free: int
     preloads: int | None
     decays: Floats
+    positions: tuple[str, ...]
+    gaps: dict[int, str]
+    conditions: tuple[str, ...]
     _model: FlatModel
     _rows: Any  # (variables, states): amplitude of each representative variable ...
     _orders: Any  # ... in this order of its derivative, -1 where it is not known
@@ -140,45 +163,76 @@ class Modes:
     @cached_property
     def components(self) -> tuple[str, ...]:
         """Components that keep energy in some mode, in the order of the model."""
-        return tuple(self._model.instances[i].path for i in self._energies[0])
+        return tuple(self._model.instances[i].path for i in self._energies.numbers)
 
     @cached_property
-    def _energies(self) -> tuple[list[int], Floats, Floats]:
+    def _energies(self) -> _Shares:
         numbers = [i for family in self._families for i in family.instances]
-        kinetic = np.zeros((len(self), len(numbers)))
-        potential = np.zeros_like(kinetic)
+        kinetic, potential, off = (np.zeros((len(self), len(numbers))) for _ in range(3))
         for mode, value in enumerate(self.eigenvalues):
             amplitude = self.amplitudes(mode)
             parts = [energies(family, amplitude, abs(self._s(mode))) for family in self._families]
             if parts:
-                kinetic[mode] = np.concatenate([p[0] for p in parts])
-                potential[mode] = np.concatenate([p[1] for p in parts]) if value else 0.0
+                kinetic[mode], potential[mode], off[mode] = (np.concatenate(kind) for kind in zip(*parts, strict=True))
+                potential[mode] *= bool(value)
+        unknown = self._unknown_shares(numbers, kinetic, potential, off)
         for table in (kinetic, potential):
+            np.maximum(table, 0.0, out=table)  # what is less is rounding, or is not given
             total = table.sum(axis=1, keepdims=True)
-            np.divide(100 * table, total, out=table, where=np.abs(total) > 0)
-            table[:, np.abs(table).max(axis=0, initial=0.0) < 1e-5] = 0.0  # percent: rounding of components that keep none
+            np.divide(100 * table, total, out=table, where=total > 0)
+            table[:, table.max(axis=0, initial=0.0) < 1e-5] = 0.0  # percent: rounding of components that keep none
         order = [k for k in np.argsort(numbers) if kinetic[:, k].any() or potential[:, k].any()]
-        return [numbers[k] for k in order], kinetic[:, order], potential[:, order]
+        kinetic, potential = kinetic[:, order], potential[:, order]
+        bodies = np.asarray(kinetic.any(axis=0), bool)
+        for table in (kinetic, potential):
+            table[list(unknown)] = np.nan
+        return _Shares([numbers[k] for k in order], kinetic, potential, bodies, unknown)
+
+    def _unknown_shares(self, numbers: list[int], kinetic: Floats, potential: Floats, off: Floats) -> dict[int, str]:
+        """Modes of which no shares can be given, and why."""
+        unknown: dict[int, str] = {}
+        if not numbers:
+            return unknown
+        for mode in range(len(self)):
+            total = max(np.abs(kinetic[mode]).sum(), np.abs(potential[mode]).sum())
+            paths = [
+                self._model.instances[numbers[int(k)]].path
+                for k in (off[mode].argmax(), kinetic[mode].argmin(), potential[mode].argmin())
+            ]
+            if off[mode].sum() > UNSURE * total:
+                unknown[mode] = (
+                    f"{paths[0]} stores energy and damps inside, which its equations at the flanges do not tell apart"
+                )
+            elif kinetic[mode].min() < -NEGATIVE * total:
+                unknown[mode] = f"the kinetic energy of {paths[1]} is negative"
+            elif potential[mode].min() < -NEGATIVE * total:
+                unknown[mode] = f"the potential energy of {paths[2]} is negative: its stiffness pushes away"
+        return unknown
 
     @property
     def kinetic(self) -> Floats:
-        """Share of each component in the mode's kinetic energy, percent, shape (modes, components)."""
-        return self._energies[1]
+        """Share of each component in the mode's kinetic energy, 0 to 100 percent, shape (modes, components); NaN where `not_given`."""
+        return self._energies.kinetic
 
     @property
     def potential(self) -> Floats:
-        """Share of each component in the mode's potential energy, percent, shape (modes, components); 0 for free motions."""
-        return self._energies[2]
+        """Share of each component in the mode's potential energy, 0 to 100 percent; 0 for free motions, NaN where `not_given`."""
+        return self._energies.potential
+
+    @property
+    def not_given(self) -> dict[int, str]:
+        """Modes of which no shares of energy are given, and the reason."""
+        return self._energies.unknown
 
     def motions(self, mode: int) -> list[tuple[str, str, complex]]:
         """Amplitudes of the bodies: (component, "rad" or "m", amplitude) of those that keep kinetic energy in some mode."""
         self._check(mode)
         result = []
-        for number, shares in zip(self._energies[0], self.kinetic.T, strict=True):
+        for number, moves in zip(self._energies.numbers, self._energies.bodies, strict=True):
             instance = self._model.instances[number]
             own = [(n, d.unit) for n, d in instance.variables.items() if isinstance(d, Potential) and d.unit in ("rad", "m")]
             first = [(n, unit) for n, unit in own if n.split(".")[0] == own[0][0].split(".")[0]]
-            if shares.any():
+            if moves:
                 value = self.shape(mode, *(f"{instance.path}.{n}" if instance.path else n for n, _ in first))
                 labels = [n.rsplit(".", 1)[1] for n, _ in first]
                 for (_, unit), label, amplitude in zip(first, labels, value, strict=True):
@@ -205,6 +259,12 @@ class Modes:
         for k, (kinetic, potential) in enumerate(most):
             line = f"{k:4d}  {self.frequencies[k]:13.6g}  {self.damping[k]:9.5f}   {kinetic:{width}}  {potential}"
             lines.append(line.rstrip())
+        lines += [f"Shares of energy of mode {k} are not given: {why}." for k, why in self.not_given.items()]
+        lines += [f"Mode {k} is a free relative motion across {across}." for k, across in self.gaps.items()]
+        if self.positions:
+            lines.append(f"Nothing depends on {', '.join(self.positions)}.")
+        if self.conditions:
+            lines.append(f"Operating point: {'; '.join(self.conditions)}.")
         if self.preloads:
             are = "pole at 0 is a constant preload" if self.preloads == 1 else "poles at 0 are constant preloads"
             lines.append(f"Besides these, {self.preloads} {are}, locked into loops of meshes.")
@@ -221,7 +281,7 @@ class Modes:
         from gearlib.analysis.draw_mode import draw_mode
 
         self._check(mode)
-        return draw_mode(self, mode, axes)
+        return draw_mode(self, int(mode) % len(self), axes)
 
     def animate(self, mode: int, *, frames: int = 48, degrees: float = 40.0) -> Any:
         """Animate a mode over one period: every body swings about its place. Returns a matplotlib ``FuncAnimation``.
@@ -239,7 +299,7 @@ class Modes:
         from gearlib.analysis.animate_mode import animate_mode
 
         self._check(mode)
-        return animate_mode(self, mode, frames, degrees)
+        return animate_mode(self, int(mode) % len(self), frames, degrees)
 
 
 def modes(system: System, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None) -> Modes:
@@ -295,26 +355,63 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
     for v, k in nodes.items():
         if (v, k) in program.slots:
             orders[v], pick[v] = k, program.slots[v, k]
-    rows, names = d[pick], tuple(node_name(structure.model, s) for s in states)
+    rows, kept = d[pick], states
     left = remaining(structure, prepared, point.t, slots, flags, A)
     if left is not None:
-        A, rows, names = A[left.keep] @ left.basis, rows @ left.basis, tuple(names[i] for i in left.keep)
+        A, rows, kept = A[left.keep] @ left.basis, rows @ left.basis, tuple(states[i] for i in left.keep)
     angles = any(k == 0 and structure.model.potential[v] for v, k in states)
-    spectrum = _spectrum(A, rows, orders, count, angles)
-    free, alone = without_preloads(A, rows[np.flatnonzero(orders == 1)], spectrum.free)
+    speeds, forces = rows[np.flatnonzero(orders == 1)], rows[_forces(structure.model, orders)]
+    spectrum = _spectrum(A, speeds, forces, count, angles)
+    free, alone = without_preloads(A, speeds, spectrum.free)
+    unused, words = _unused(A, speeds, forces), conditions(scene, numbers, point)
     return Modes(
-        np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([free, spectrum.vectors]), names,
-        spectrum.free.shape[1], spectrum.preloads, spectrum.decays, structure.model, rows, orders,
+        np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([free, spectrum.vectors]),
+        tuple(node_name(structure.model, s) for s in kept), spectrum.free.shape[1], spectrum.preloads, spectrum.decays,
+        tuple(described(structure, kept[i]) for i in unused), _gaps(structure, kept, A, free, unused, words.open),
+        words.said, structure.model, rows, orders,
         lambda: families(structure, prepared, slots, flags, point.t), not alone,
     )  # fmt: skip
 
 
-def _spectrum(A: Any, rows: Any, orders: Any, count: int | None, angles: bool) -> Spectrum:
+def _forces(model: FlatModel, orders: Any) -> Any:
+    """Variables that are flows of connectors, as far as their amplitudes are known."""
+    flows = [
+        int(model.representative[v])
+        for instance in model.instances
+        for v, declared in enumerate(instance.variables.values(), instance.first_variable)
+        if isinstance(declared, Flow) and model.sign[v]
+    ]
+    found = np.unique(np.array(flows, np.int64))
+    return found[orders[found] == 0]
+
+
+def _unused(A: Any, speeds: Any, forces: Any) -> list[int]:
+    """States that no rate, speed or force depends on."""
+    total = sum(np.asarray(abs(m).sum(axis=0)).ravel() for m in (A, speeds, forces))
+    return np.flatnonzero(total == 0).tolist()
+
+
+def _gaps(
+    structure: Structure, kept: tuple[Node, ...], A: Any, free: Complexes, unused: Sequence[int], open_: frozenset[str]
+) -> dict[int, str]:
+    """Free motions that change a deflection on which nothing depends here, since its component is open."""
+    owners = {i: structure.model.name(kept[i][0]).rsplit(".", 1)[0] for i in unused}
+    gaps = [i for i in unused if owners[i] in open_ and matters_elsewhere(structure, kept, kept[i])]
+    result = {}
+    if gaps:
+        moved, terms = np.abs(np.asarray(A[gaps] @ free)), np.asarray(abs(A[gaps]) @ np.abs(free))
+        for mode in range(free.shape[1]):
+            across = [owners[i] for i, m, t in zip(gaps, moved[:, mode], terms[:, mode], strict=True) if m > 1e-9 * t]
+            if across:
+                result[mode] = ", ".join(across)
+    return result
+
+
+def _spectrum(A: Any, speeds: Any, forces: Any, count: int | None, angles: bool) -> Spectrum:
     """All modes of a small matrix, the lowest of a large one."""
-    speeds = rows[np.flatnonzero(orders == 1)]
     if A.shape[0] <= MOST_DENSE:
-        full = [m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (A, speeds)]
-        return dense_spectrum(full[0], full[1], count)
+        full = [m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (A, speeds, forces)]
+        return dense_spectrum(full[0], full[1], count, full[2])
     return sparse_spectrum(A, speeds, 20 if count is None else count, angles)
 
 

@@ -1,7 +1,8 @@
 """Eigenvalues and eigenvectors of a train's matrix: all of a small one, the lowest of a large sparse one.
 
-A train has poles at 0 in two ways: it turns freely, or a loop of meshes carries a constant preload. Both are told apart by whether
-anything moves. In large trains there may be hundreds of them, so they are counted beforehand, and the search passes them by.
+A train has poles at 0 in three ways: it turns freely, a loop of meshes carries a constant preload, or nothing depends on a position (the
+phase of a mesh, a place inside an open gap). They are told apart by whether anything moves, and by whether a force acts. In
+large trains there may be hundreds of them, so they are counted beforehand, and the search passes them by.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from gearlib.errors import SolverError
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+ACTING = 1e-9  # of the largest speed or force: what is less is rounding
 MOST_FULL = 4000  # states up to which all eigenvalues are computed where the lowest alone cannot be made sure of
 
 
@@ -43,8 +45,8 @@ class Spectrum:
     decays: Floats
 
 
-def dense_spectrum(A: Floats, speeds: Floats, count: int | None) -> Spectrum:
-    """All eigenvalues; ``speeds`` (variables, states) tells free motions from preloads."""
+def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats | None = None) -> Spectrum:
+    """All eigenvalues; ``speeds`` (variables, states) tells free motions from what rests, and ``forces`` preloads from positions."""
     from scipy.linalg import eig, matrix_balance
 
     n = len(A)
@@ -59,11 +61,29 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None) -> Spectrum:
         w = vectors[:, k]
         at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
         full[:, k] = others @ w + zero @ at_zero
+    zero_ = zero
     full, zero = _unscaled(full, scale, permutation), _unscaled(zero, scale, permutation)
     free = _free(zero, speeds)
-    # In a chain a motion appears twice, as a place and as a speed.
-    preloads = zero.shape[1] - free.shape[1] - sum(chains[1:])
+    still = zero_[:, : chains[0]] if chains else zero_  # with no rate at all; in a chain a motion is a place and a speed
+    rates, acting = (np.asarray(rows)[:, permutation] * scale for rows in (speeds, speeds if forces is None else forces))
+    preloads = 0 if forces is None else _preloads(still, rates, acting)
     return _ordered(values, full, free, preloads, count)
+
+
+def _preloads(still: Floats, speeds: Floats, forces: Floats) -> int:
+    """How many independent directions among those that stay for ever have forces and no speeds."""
+
+    def seen(rows: Floats) -> tuple[int, Floats]:
+        """How many directions the rows tell apart, and the directions, those told apart first."""
+        size = np.abs(rows).max(initial=0.0)
+        if not size or not still.shape[1]:
+            return 0, still
+        _, sizes, turn = np.linalg.svd(rows @ still / size)
+        return int((sizes > ACTING).sum()), still @ turn.T
+
+    moving, still = seen(speeds)
+    still = still[:, moving:]
+    return seen(forces)[0]
 
 
 def _unscaled(vectors: Any, scale: Floats, permutation: Any) -> Any:

@@ -13,6 +13,7 @@ from gearlib.analysis.arguments import is_system
 from gearlib.analysis.gain_range import gains_in_words, stable_gains
 from gearlib.analysis.loops import Loop, as_loop, check_linear
 from gearlib.analysis.margins import Margins, margins
+from gearlib.analysis.modes import MOST_DENSE, Modes, modes
 from gearlib.analysis.nyquist import NyquistCount, nyquist_count
 from gearlib.analysis.poles import MEANING, Poles, Verdict, poles
 from gearlib.arguments import real
@@ -84,11 +85,17 @@ class StabilityReport:
     name : str
     poles : Poles
     loop : LoopReport or None
+    conditions : tuple of str
+        The operating point of a System in words, such as "open: mesh m".
+    at_zero : str
+        What the poles at 0 of a System are, where that was found out.
     """
 
     name: str
     poles: Poles
     loop: LoopReport | None = None
+    conditions: tuple[str, ...] = ()
+    at_zero: str = ""
 
     @property
     def eigenvalues(self) -> Any:
@@ -108,7 +115,7 @@ class StabilityReport:
     def __str__(self) -> str:
         lines = [
             f"{self.name}: {MEANING[self.verdict]}",
-            *(f"  {text}" for text in motions(self.poles)),
+            *(f"  {text}" for text in [*motions(self.poles, self.at_zero), *self.conditions]),
             "",
             *pole_table(self.poles),
         ]
@@ -117,13 +124,13 @@ class StabilityReport:
         return "\n".join(lines)
 
 
-def motions(found: Poles) -> list[str]:
+def motions(found: Poles, at_zero: str = "") -> list[str]:
     """What the poles mean, in words: free turning, growth, vibration without damping, and the slowest and least damped of the rest."""
     values, words = found.values, []
     if found.at_zero:
         poles_at = "1 pole" if found.at_zero == 1 else f"{found.at_zero} poles"
         chain = ", in chains: with a speed that stays, an angle grows" if len(found.chains) > 1 else ""
-        words.append(f"{poles_at} at 0: the train turns freely, or a loop of meshes keeps a preload{chain}")
+        words.append(f"{poles_at} at 0: {at_zero or 'the train turns freely, or a loop of meshes keeps a preload'}{chain}")
     for value in values[(values.real > 0) & (values.imag >= 0)][:4]:
         what = f"a vibration at {abs(value.imag) / (2 * np.pi):.6g} Hz" if value.imag else "a motion without vibration"
         words.append(f"{what} grows e-fold in {1 / value.real:.4g} s")
@@ -203,11 +210,29 @@ def stability(
         check_linear(model)
     real("gain", gain)
     name = getattr(model, "name", None) or type(model).__name__
+    said: tuple[str, ...] = ()
+    at_zero = ""
+    if is_system(model) and len(model.states) <= MOST_DENSE:
+        found = modes(model, at=at, parameters=parameters)
+        said, at_zero = found.conditions, _at_zero(found)
     if loop is not None:
         chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
-        return StabilityReport(name, chosen.open_poles, LoopReport(chosen))
+        return StabilityReport(name, chosen.open_poles, LoopReport(chosen), said, at_zero)
     if is_system(model):
         model = model.linearize(inputs=[], at=at, parameters=parameters, sparse=True)
     if not hasattr(model, "A"):
         model = as_loop(model)
-    return StabilityReport(name, poles(model.A))
+    return StabilityReport(name, poles(model.A), None, said, at_zero)
+
+
+def _at_zero(found: Modes) -> str:
+    """What a system's poles at 0 are."""
+    words = []
+    if found.free:
+        words.append("the train turns freely" + (f" in {found.free} ways" if found.free > 1 else ""))
+    words += [f"a free relative motion across {gap}" for gap in dict.fromkeys(found.gaps.values())]
+    if found.preloads:
+        words.append("loops of meshes keep preloads" if found.preloads > 1 else "a loop of meshes keeps a preload")
+    if found.positions:
+        words.append(f"nothing depends on {', '.join(found.positions)}")
+    return "; ".join(words)

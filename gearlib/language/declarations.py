@@ -5,6 +5,7 @@ A declaration is a descriptor: on the class it is itself, inside ``equations`` a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, overload
 
@@ -89,6 +90,9 @@ class Variable(Declaration):
         Start value unless something fixes another.
     start : float, optional
         Start value that is fixed.
+    words : mapping of float to str, optional
+        What its values mean, ``{0: "open: mesh {}", 1: "in contact: mesh {}"}`` with a place for the component's path: linear
+        analyses say so of their operating point. 0 stands for what transmits no force.
     """
 
     unit: str = "1"
@@ -97,6 +101,7 @@ class Variable(Declaration):
     nominal: float = 1.0
     guess: float = 0.0
     start: float | None = None
+    words: Mapping[float, str] | None = None
 
     def __post_init__(self) -> None:
         _check_text(self)

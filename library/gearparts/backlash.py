@@ -8,6 +8,7 @@ import gearlib as gl
 from gearparts.interfaces import Compliant, Dissipative
 
 NO_BACKLASH = 1e-10  # rad
+CONTACT = {0.0: "open: coupling {}", 1.0: "in contact: coupling {}", -1.0: "in contact, driven backwards: coupling {}"}
 
 
 class BacklashCoupling(Compliant, Dissipative):
@@ -19,6 +20,7 @@ class BacklashCoupling(Compliant, Dissipative):
     phi_rel0 = gl.Parameter("rad", "angle in the middle of the gap", default=0.0)
     tau_c = gl.Variable("N.m", "torque of the spring")
     tau_d = gl.Variable("N.m", "torque of the damper, where it acts in full")
+    touching = gl.Variable("1", "the same as contact; 1 where there is no gap", words=CONTACT)
     has_gap = gl.Discrete("whether there is a backlash at all; otherwise it is a spring and a damper")
     contact = gl.Discrete("1 above the gap, -1 below it, 0 inside")
 
@@ -35,6 +37,7 @@ class BacklashCoupling(Compliant, Dissipative):
             gl.Eq(self.tau, gl.Piecewise((self.tau_c + self.tau_d, whole), (0, inside), (contact_torque, True))),
             gl.Eq(self.has_gap, self.b > NO_BACKLASH),
             gl.Eq(self.contact, gl.Piecewise((1, above), (-1, below), (0, True))),
+            gl.Eq(self.touching, gl.Piecewise((1, whole), (self.contact, True))),
             gl.Eq(self.loss_power, (self.tau - self.tau_c) * self.w_rel),
             *self.heat_equations(),
         ]

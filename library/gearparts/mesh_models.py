@@ -20,6 +20,12 @@ from gearparts.mesh_phase import checked_period, periodic, stretches, wrapped
 from gearparts.tables import Rows, check_rows, is_finite
 
 STIFFNESS = ("constant", "sinusoidal", "rectangular", "fourier", "table")
+CONTACT = {
+    0.0: "open: mesh {}",
+    1.0: "in contact: mesh {}",
+    -1.0: "in contact, driven backwards: mesh {}",
+    2.0: "in contact on both flanks: mesh {}",
+}
 EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
 
 
@@ -69,6 +75,11 @@ class DetailedMesh(TwoFlanges, Dissipative):
     q = gl.Variable("m", "deflection along the line of action", state="prefer", nominal=1e-6)
     v = gl.Variable("m/s", "rate of deflection")
     f = gl.Variable("N", "force along the line of action; acts against a positive turn of flange_a")
+    contact = gl.Variable(
+        "1",
+        "1: pressed by a positive turn of flange_a, -1: by a negative one, 0: open, 2: both flanks are pressed",
+        words=CONTACT,
+    )
     turned = gl.Variable("rad", "mesh phase beyond phase0", state="prefer", start=0.0)
     phase = gl.Variable("rad", "mesh phase", state="never")
     phase_in_stiffness = gl.Variable("rad", "table: phase within the period of stiffness_table", state="never")
@@ -107,6 +118,7 @@ class DetailedMesh(TwoFlanges, Dissipative):
             gl.Eq(self.v, self.r_a * self.w_a + r_b * self.w_b + self.e_rate + slope * phase_rate),
             gl.Eq(self.c_now, self.c * stiffness),
             gl.Eq(self.f, force),
+            gl.Eq(self.contact, self._contact()),
             *self._friction(turns_against),
             gl.Eq(self.flange_a.tau, self.r_a * self.f + (self.tau_friction_a if self.friction else 0)),
             gl.Eq(self.flange_b.tau, r_b * self.f + (self.tau_friction_b if self.friction else 0)),
@@ -158,12 +170,22 @@ class DetailedMesh(TwoFlanges, Dissipative):
         if not self.backlash:
             return self.c_now * self.q + damping, damping * self.v
         half = self.b / 2
-        drive, coast = self.q > half, self.q < -half
+        drive, coast = self._flanks()
         force = gl.Piecewise((self.c_now * (self.q - half) + damping, drive), (0, True)) + gl.Piecewise(
             (self.c_now * (self.q + half) + damping, coast), (0, True)
         )
         flanks = gl.Piecewise((1, drive), (0, True)) + gl.Piecewise((1, coast), (0, True))
         return force, flanks * damping * self.v
+
+    def _flanks(self) -> tuple[Any, Any]:
+        """Whether each flank is in contact. One of them includes the edge of the gap: without a gap there is always contact."""
+        return self.q >= self.b / 2, self.q < -self.b / 2
+
+    def _contact(self) -> Any:
+        if not self.backlash:
+            return 1
+        drive, coast = self._flanks()
+        return gl.no_event(gl.Piecewise((2, sympy.And(drive, coast)), (1, drive), (-1, coast), (0, True)))
 
     def _friction(self, turns_against: int) -> list[gl.Eq]:
         """The sliding of the pairs in contact, and the torques of their friction."""

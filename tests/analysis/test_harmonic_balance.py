@@ -54,6 +54,7 @@ class GearPair(gl.Component):
     """A spur gear pair that turns freely under balanced torques, with backlash and damping in contact only."""
 
     w = gl.Parameter("rad/s", "mesh frequency", default=1e4)
+    E = gl.Parameter("m", "transmission error", default=8e-6)
     tau = gl.Parameter("N.m", "torque on the pinion", default=100.0)
     tau_load = gl.Parameter("N.m", "torque on the wheel", default=200.0)
 
@@ -61,7 +62,7 @@ class GearPair(gl.Component):
         self.pinion, self.wheel = gp.Inertia(J=0.001, start={"w": 100.0}), gp.Inertia(J=0.016)
         self.mesh = DetailedExternalMesh(
             backlash=True, r_a=0.05, r_b=0.1, c=2e8, d=mesh_damping(0.05, 2e8, 0.001, 0.05, 0.016, 0.1), b=100e-6,
-            e_rate=-8e-6 * self.w * gl.sin(self.w * gl.time), start={"q": 60e-6},
+            e_rate=-self.E * self.w * gl.sin(self.w * gl.time), start={"q": 60e-6},
         )  # fmt: skip
         self.drive, self.load = gp.Torque(tau=self.tau), gp.Torque(tau=self.tau_load)
         return [
@@ -132,7 +133,7 @@ def closed_folds(F_a: float) -> np.ndarray:
 @pytest.mark.parametrize(("F_a", "number"), [(0.05, 2), (0.1, 4)])
 def test_one_harmonic_is_the_closed_form(oscillator: gl.System, F_a: float, number: int) -> None:
     """A stronger force drives the mass on to the other flank, where the spring stiffens: two more folds."""
-    response = gl.harmonic_balance(oscillator, 1.5, 0.3, frequency="w", parameters={"F_a": F_a})
+    response = gl.harmonic_balance(oscillator, 1.5, 0.3, frequency="w", harmonics=1, parameters={"F_a": F_a})
     A, w = response.amplitude("q"), response.omega
     N = np.array([stiffness(a) for a in A])
     assert np.hypot(N - w**2, 2 * ZETA * w) * A == pytest.approx(F_a, rel=1e-9)
@@ -177,7 +178,7 @@ def test_duffing_is_its_closed_form() -> None:
     """``(1 + 3/4 alpha A**2 - w**2)**2 + (2 zeta w)**2 = (F / A)**2`` (Nayfeh and Mook, "Nonlinear Oscillations", 4.1)."""
     system, F = gl.compile(Duffing()), 0.2
     force = {"F": lambda phase, w: F * np.cos(phase)}
-    response = gl.harmonic_balance(system, 0.3, 2.5, inputs=force)
+    response = gl.harmonic_balance(system, 0.3, 2.5, inputs=force, harmonics=1)
     A, w = response.amplitude("x"), response.omega
     N = 1 + 0.75 * A**2
     assert np.hypot(N - w**2, 2 * ZETA * w) * A == pytest.approx(F, rel=1e-9)
@@ -437,3 +438,151 @@ class Sticking(gl.Component):
 def test_memory_is_refused() -> None:
     with pytest.raises(gl.GearlibError, match="memory"):
         gl.harmonic_balance(gl.compile(Sticking()), 1.0, 2.0, inputs={"torque.tau": lambda phase, w: np.cos(phase)})
+
+
+class Planets(gl.Component):
+    """A planetary set with a mesh with backlash for every planet at the sun and at the ring, under a common transmission error."""
+
+    planets = gl.Structural(2)
+    w = gl.Parameter("rad/s", default=9000.0)
+    E = gl.Parameter("m", default=2e-5)
+    tau = gl.Parameter("N.m", default=100.0)
+
+    def assemble(self) -> list[gl.Connection]:
+        gap = (("backlash", True), ("b", 100e-6))
+        self.drive, self.load, self.ground = gp.Torque(tau=self.tau), gp.Damper(d=10.0), gp.Fixed()
+        self.x = gp.PlanetaryUnit(
+            planet_meshes="separate", Z_s=24, Z_p=36, Z_r=96, planets=self.planets, R_s=0.03, R_p=0.045, I_s=0.0015, I_r=0.151,
+            I_h=0.0491, I_spin=0.0094, I_orbit=0.0094, K_ring=1.8e8, C_ring=2000.0, K_sun=1.8e8, C_sun=2000.0, sun_details=gap,
+            ring_details=gap, e_rate=-self.E * self.w * gl.sin(self.w * gl.time),
+        )  # fmt: skip
+        return [
+            gl.connect(self.drive.flange, self.x.sun),
+            gl.connect(self.x.ring, self.ground.flange),
+            gl.connect(self.x.carrier, self.load.flange_a),
+            gl.connect(self.load.flange_b, self.ground.flange),
+        ]
+
+
+@pytest.mark.parametrize("planets", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("E", [1e-8, 2e-5])
+def test_planetary_sets_with_backlash(planets: int, E: float) -> None:
+    """Means are those of the train at rest while nothing parts; the motion is the orbit that a run has from there, also where it does."""
+    system = gl.compile(Planets(planets=planets), outputs=["x.sun_meshes[0].q", "x.ring_meshes[0].q", "load.w_rel"])
+    rest = system.simulate(3.0, samples=2, parameters={"E": 0.0})
+    guess = {name: float(rest[name][-1]) for name in system.states}
+    found = gl.harmonic_balance(
+        system, 9000.0, 8990.0, frequency="w", guess=guess, parameters={"E": E}, outputs=[*system.states, "load.w_rel"], step=1.0,
+        points=2, accuracy=2e-2,
+    )  # fmt: skip
+    assert found.error.max() < 2e-2
+    assert found.mean("load.w_rel")[0] == pytest.approx(rest["load.w_rel"][-1], rel=1e-6)
+    still = 1e-6 * np.abs(rest["x.sun_meshes[0].q"][-1])
+    start = {name: float(found.waveform(name, 0, 2)[1][0]) for name in system.states}
+    period = 2 * np.pi / found.omega[0]
+    run = system.simulate(period, samples=65, start=start, parameters={"E": E, "w": found.omega[0]}, rtol=1e-10)
+    parted = False
+    for name in system.states:
+        wave = found.waveform(name, 0, 64)[1]
+        if E < 1e-6:
+            assert found.mean(name)[0] == pytest.approx(rest[name][-1], rel=1e-6, abs=still)
+        elif name.endswith(".q"):
+            parted |= bool(np.abs(wave).min() < 50e-6)
+        assert np.abs(run[name][:-1] - wave).max() < 2e-2 * np.ptp(wave) / 2 + 1e-9 * np.abs(wave).max()
+    assert parted == (E > 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_gear_pairs_have_the_orbits_of_runs(pair: gl.System, seed: int) -> None:
+    """Above and below the resonance, lightly and heavily loaded; the number of harmonics follows from the accuracy."""
+    rng = np.random.default_rng(seed)
+    tau = 10 ** rng.uniform(1, 2.5)
+    begin = float(rng.choice([1.6, 1.4, 0.45]) * NATURAL)
+    found = gl.harmonic_balance(
+        pair, begin, begin * 0.98, frequency="w", parameters={"tau": tau, "tau_load": 2 * tau}, step=1.0, points=2, accuracy=1e-2,
+        outputs=list(pair.states),
+    )  # fmt: skip
+    assert found.error.max() < 1e-2
+    start = {name: float(found.waveform(name, 1, 2)[1][0]) for name in pair.states}
+    values = {"tau": tau, "tau_load": 2 * tau, "w": float(found.omega[1])}
+    run = pair.simulate(2 * np.pi / found.omega[1], samples=129, start=start, parameters=values, rtol=1e-10)
+    for name in pair.states:
+        wave = found.waveform(name, 1, 128)[1]
+        assert np.abs(run[name][:-1] - wave).max() < 2e-2 * np.ptp(wave) / 2
+
+
+def test_harmonics_follow_from_the_accuracy(pair: gl.System) -> None:
+    """One harmonic puts the end of the branch of large motions at 0.567; it is at 0.7198."""
+    options: dict[str, Any] = {"frequency": "w", "step": 0.05, "parameters": {"E": 3e-6}}
+    system = gl.compile(GearPair(), outputs=["mesh.q"])
+    found = gl.harmonic_balance(system, 1.5 * NATURAL, 0.5 * NATURAL, **options)
+    assert found.fold_omega / NATURAL == pytest.approx([0.7198, 0.8876], abs=2e-4)
+    assert found.harmonics > 1
+    assert found.error.max() <= 5e-3
+    assert f"{found.harmonics} harmonics, waveform within 0.00" in repr(found)
+    between = [k for k in range(len(found)) if found.folds[0] < k < found.folds[1]]
+    outside = [k for k in range(len(found)) if k < found.folds[0] - 1 or k > found.folds[1] + 1]
+    assert not found.stable[between[1:-1]].any()
+    assert found.stable[outside].all()
+    one = gl.harmonic_balance(system, 1.5 * NATURAL, 0.5 * NATURAL, harmonics=1, **options)
+    assert one.fold_omega[0] / NATURAL == pytest.approx(0.567, abs=1e-3)
+    assert one.error.max() > 0.05
+    with pytest.raises(gl.GearlibError, match=r"64 harmonics leave an error of .* more than accuracy=1e-09"):
+        gl.harmonic_balance(system, 0.9 * NATURAL, 0.88 * NATURAL, accuracy=1e-9, **options)
+
+
+def test_a_motion_between_the_samples_is_refused() -> None:
+    """With few samples the equations may hold at them and nowhere else."""
+    drive = {"F": lambda phase, w: np.cos(phase) + 0.9 * np.cos(9 * phase)}
+    with pytest.raises(gl.GearlibError, match="between the 8 samples of a period .* take more samples"):
+        gl.harmonic_balance(gl.compile(Duffing()), 0.3, 0.31, inputs=drive, harmonics=3, samples=8)
+
+
+def test_a_mean_that_nothing_determines_is_refused_by_name() -> None:
+    """Unloaded gears shake inside their gap wherever they are; what a train keeps determines the rest."""
+
+    class Loose(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.torque, self.a, self.z = gp.Torque(), gp.Inertia(J=0.01), gp.Inertia(J=0.1)
+            self.mesh = gp.DetailedExternalMesh(r_a=0.05, r_b=0.1, c=1e8, d=500.0, b=1e-3, backlash=True)
+            self.f, self.g, self.ground = gp.Damper(d=0.1), gp.Damper(d=0.1), gp.Fixed()
+            return [
+                gl.connect(self.torque.flange, self.a.flange_a, self.g.flange_a),
+                gl.connect(self.a.flange_b, self.mesh.flange_a),
+                gl.connect(self.mesh.flange_b, self.z.flange_a),
+                gl.connect(self.z.flange_b, self.f.flange_a),
+                gl.connect(self.f.flange_b, self.g.flange_b, self.ground.flange),
+            ]
+
+    system = gl.compile(Loose(), outputs=["mesh.q", "a.w"])
+    shake = {"torque.tau": lambda phase, w: 1e-2 * np.cos(phase)}
+    with pytest.raises(gl.GearlibError, match=r"the mean of mesh\.q is undetermined"):
+        gl.harmonic_balance(system, 100.0, 110.0, inputs=shake)
+    loaded = {"torque.tau": lambda phase, w: 5.0 + 1e-2 * np.cos(phase)}
+    found = gl.harmonic_balance(system, 100.0, 110.0, inputs=loaded)
+    wheel = 5.0 / (0.1 + 0.1 / 4)  # rad/s of the pinion; the wheel's damper counts by the square of the ratio
+    assert found.mean("a.w") == pytest.approx(wheel, rel=1e-9)
+    assert found.mean("mesh.q") == pytest.approx(5e-4 + 0.1 * wheel / 2 / 0.1 / 1e8, rel=1e-9)
+    without = gl.harmonic_balance(gl.compile(Loose()), 100.0, 110.0, inputs=loaded)  # phases and angles are left out
+    assert not any("turned" in name or name.endswith("phi") for name in without.outputs)
+
+
+def test_a_frequency_in_hertz() -> None:
+    """It is converted where it is declared so; where it is not, the message says what varies otherwise."""
+
+    class Shaken(Duffing):
+        f = gl.Parameter("Hz", default=1.0)
+        g = gl.Parameter("1/s", default=1.0)
+
+        def equations(self) -> list[gl.Eq]:
+            spring = self.x + 2 * ZETA * self.v
+            return [
+                gl.Eq(gl.der(self.x), self.v),
+                gl.Eq(gl.der(self.v), gl.cos(2 * gl.pi * self.f * self.g * gl.time) - spring + 0 * self.F),
+            ]
+
+    system = gl.compile(Shaken())
+    found = gl.harmonic_balance(system, 0.3, 0.5, frequency="f", outputs=["x"])
+    assert found.amplitude("x") == pytest.approx(1 / np.abs(1 - found.omega**2 + 2j * ZETA * found.omega), rel=1e-9)
+    with pytest.raises(gl.GearlibError, match=r"g was set to that frequency, and .* counts in Hz"):
+        gl.harmonic_balance(system, 0.3, 0.5, frequency="g")

@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.linalg import eig, eigh, eigh_tridiagonal
 
 import gearlib as gl
 import gearparts as gp
+from gearparts.interfaces import TwoFlanges
 from tests.analysis.random_trains import Train, draw, matrices
 
 
@@ -146,6 +148,108 @@ def test_component_with_inside_bodies_and_springs_is_split() -> None:
         assert found.kinetic[k, share] == pytest.approx(100 * (x[0] ** 2 + 2 * x[1] ** 2), abs=1e-7)
         stretched = 50 * (x[0] - x[1]) ** 2
         assert found.potential[k, share] == pytest.approx(100 * stretched / squares[k], abs=1e-7)
+
+
+class Series(TwoFlanges):
+    """A spring and a damper in series, in one component."""
+
+    c = gl.Parameter("N.m/rad")
+    d = gl.Parameter("N.m.s/rad")
+    slip = gl.Variable("rad", state="prefer")
+
+    def equations(self) -> list[gl.Eq]:
+        tau = self.c * (self.flange_b.phi - self.flange_a.phi - self.slip)
+        return [
+            gl.Eq(self.flange_b.tau, tau),
+            gl.Eq(self.flange_a.tau, -self.flange_b.tau),
+            gl.Eq(self.d * gl.der(self.slip), tau),
+        ]
+
+
+class Link(gl.Component):
+    """Two bodies, a spring, and a spring and a damper in series beside it: as one component, or as two."""
+
+    whole = gl.Structural(True)
+    c = gl.Parameter("N.m/rad", default=300.0)
+    d = gl.Parameter("N.m.s/rad", default=20.0)
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b, self.s = gp.Inertia(J=1.0), gp.Inertia(J=2.0), gp.Spring(c=100.0)
+        links = [gl.connect(self.a.flange_b, self.s.flange_a), gl.connect(self.s.flange_b, self.b.flange_a)]
+        if self.whole:
+            self.series = Series(c=self.c, d=self.d)
+            return [
+                *links,
+                gl.connect(self.a.flange_a, self.series.flange_a),
+                gl.connect(self.series.flange_b, self.b.flange_b),
+            ]
+        self.spring, self.damper = gp.Spring(c=self.c), gp.Damper(d=self.d)
+        return [
+            *links,
+            gl.connect(self.a.flange_a, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.damper.flange_a),
+            gl.connect(self.damper.flange_b, self.b.flange_b),
+        ]
+
+
+def test_shares_of_energy_are_from_0_to_100_percent_or_not_given() -> None:
+    """What a component stores that also damps inside does not follow from its flanges; as two parts it does."""
+    found, parts = gl.modes(gl.compile(Link())), gl.modes(gl.compile(Link(whole=False)))
+    assert found.eigenvalues == pytest.approx(parts.eigenvalues, rel=1e-10)
+    assert list(found.not_given) == [1]
+    assert "series stores energy and damps inside" in str(found)
+    assert np.isnan(found.kinetic[1]).all()
+    assert np.isnan(found.potential[1]).all()
+    assert found.kinetic[0].sum() == pytest.approx(100)
+    assert [name for name, _, _ in found.motions(1)] == ["a", "b"]
+    axes = found.draw(-1)
+    assert axes[0].figure.get_suptitle().startswith("Mode 1:")
+    assert any("not given" in text.get_text() for text in axes[1].texts)
+    plt.close("all")
+    # by hand: the twist of the part's spring is d s / (c + d s) of the whole one
+    s = parts.eigenvalues[1]
+    twist = abs(20 * s / (300 + 20 * s)) ** 2
+    assert parts.not_given == {}
+    shares = [parts.potential[1, parts.components.index(name)] for name in ("s", "spring")]
+    assert shares == pytest.approx(100 * np.array([100.0, 300 * twist]) / (100 + 300 * twist), rel=1e-9)
+    assert parts.kinetic[1, parts.components.index("a")] == pytest.approx(100 * 2 / 3, rel=1e-9)
+    for d in (1e-4, 1e6):  # a damper that hardly carries, or hardly gives: what it stores is known
+        found, parts = (gl.modes(gl.compile(Link(whole=w)), parameters={"d": d}) for w in (True, False))
+        assert found.not_given == {}
+        bodies = [found.components.index(name) for name in ("a", "b", "s")]
+        for mine, theirs in ((found.kinetic, parts.kinetic), (found.potential, parts.potential)):
+            assert mine[1, bodies] == pytest.approx(theirs[1, [parts.components.index(n) for n in ("a", "b", "s")]], abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_shares_lie_in_their_range_whatever_the_damping(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for _ in range(4):
+        values = {"c": 10 ** rng.uniform(0, 4), "d": 10 ** rng.uniform(-3, 4)}
+        for whole in (True, False):
+            found = gl.modes(gl.compile(Link(whole=whole)), parameters=values)
+            for table in (found.kinetic, found.potential):
+                given = table[[k for k in range(len(found)) if k not in found.not_given]]
+                assert ((given >= 0) & (given <= 100 + 1e-9)).all()
+                assert all(np.isnan(table[k]).all() for k in found.not_given)
+            assert whole or not found.not_given
+
+
+def test_shapes_have_the_signs_of_their_variables(chain: Callable[..., gl.System]) -> None:
+    """Of the two ends of a spring: the torques are opposite, and the twist is the difference of the angles, whichever is the alias."""
+    found = gl.modes(chain(n=3), parameters={"c": 100.0})
+    for mode in (1, 2):
+        for k in (0, 1):
+            a, b, twist, tau = found.shape(
+                mode, f"shaft[{k}].flange_a.phi", f"shaft[{k}].flange_b.phi", f"shaft[{k}].phi_rel", f"shaft[{k}].tau"
+            )
+            at_a, at_b = found.shape(mode, f"shaft[{k}].flange_a.tau", f"shaft[{k}].flange_b.tau")
+            left, right = found.shape(mode, f"body[{k}].flange_b.tau", f"body[{k + 1}].flange_a.tau")
+            assert twist == pytest.approx(b - a, rel=1e-9)
+            assert tau == pytest.approx(100.0 * (1 + 0.2 * k) * twist, rel=1e-9)
+            assert [at_b, at_a, left, right] == pytest.approx([tau, -tau, tau, -tau], rel=1e-9)
+        ends = found.shape(mode, "body[0].flange_a.phi", "body[0].w", "der(body[0].flange_b.phi)")
+        assert ends[1:] == pytest.approx(found.eigenvalues[mode] * ends[:1].repeat(2), rel=1e-9)
 
 
 def test_two_free_shafts_and_a_preload_are_told_apart() -> None:

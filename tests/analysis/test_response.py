@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -125,8 +126,9 @@ def test_large_model_uses_sparse_matrices(chain: Callable[..., gl.System]) -> No
 def test_response_says_what_is_wrong(paper: gl.System, chain: Callable[..., gl.System]) -> None:
     with pytest.raises(gl.GearlibError, match="has a pole at 0 rad/s"):
         gl.frequency_response(chain(n=2), [0.0], ["torque.tau"], ["body[1].w"])
-    with pytest.raises(gl.GearlibError, match="finite numbers that are not negative"):
-        gl.frequency_response(paper, [-1.0])
+    for grid in ([-1.0], [-1.0, 1.0], [1.0, -1.0], [0.0, -1e-300]):
+        with pytest.raises(gl.GearlibError, match="finite numbers that are not negative"):
+            gl.frequency_response(paper, grid)
     with pytest.raises(gl.GearlibError, match="has no 'w'; Valid names: w_in"):
         gl.frequency_response(paper, [1.0], ["tau_in"], ["w_in"])["w"]
     with pytest.raises(gl.GearlibError, match=r"w_in is in rad/s; a transmission error is in m"):
@@ -154,6 +156,60 @@ def test_campbell_follows_modes_that_depend_on_speed(chain: Callable[..., gl.Sys
     )
     assert diagram.frequencies[:, 0] == pytest.approx(w_0 * np.sqrt(1 + diagram.speeds**2 / 100) / (2 * np.pi), rel=1e-11)
     assert [c.speed for c in diagram.crossings] == pytest.approx([w_0 / np.sqrt(9 - w_0**2 / 100)], rel=1e-8)
+
+
+def test_crossings_are_numbered_as_modes(chain: Callable[..., gl.System]) -> None:
+    """The number of a crossing is that of `modes` at its speed, whatever turns freely, and however modes change places."""
+    system = chain(n=4)
+
+    def values(w: float) -> dict[str, float]:
+        return {"J": 1.0, "c": 100 * (1 + w**2 / 100)}
+
+    def opened(w: float) -> dict[str, float]:
+        return {"pair.q": 6e-5 if w < 15 else 0.0}
+
+    class Two(gl.Component):
+        """A rotor whose frequency falls past that of another one, and gears that part."""
+
+        k = gl.Parameter("N.m/rad", default=100.0)
+
+        def assemble(self) -> list[Any]:
+            self.f, self.a, self.b = gp.Fixed(), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            self.s, self.t = gp.Spring(c=self.k), gp.Spring(c=150.0)
+            self.pinion, self.wheel = gp.Inertia(J=0.01), gp.Inertia(J=0.1)
+            self.pair = gp.DetailedExternalMesh(r_a=0.05, r_b=0.1, c=1e6, d=0.0, b=1e-4, backlash=True)
+            return [
+                gl.connect(self.f.flange, self.s.flange_a, self.t.flange_a),
+                gl.connect(self.s.flange_b, self.a.flange_a),
+                gl.connect(self.t.flange_b, self.b.flange_a),
+                gl.connect(self.pinion.flange_b, self.pair.flange_a),
+                gl.connect(self.pair.flange_b, self.wheel.flange_a),
+            ]
+
+    two = gl.compile(Two())
+    moving: list[tuple[gl.System, Any, Any]] = [
+        (system, None, values),
+        (two, opened, lambda w: {"k": 300.0 - 10 * w}),
+        (two, {"pair.q": 0.0}, None),
+    ]
+    for found, at, parameters in moving:
+        diagram = gl.campbell(found, np.linspace(1.0, 20.0, 9), {"a": 0.7, "b": 1.3, "c": 3.0}, at=at, parameters=parameters)
+        assert diagram.crossings
+        for crossing in diagram.crossings:
+            point = at(crossing.speed) if callable(at) else at
+            there = gl.modes(found, at=point, parameters=parameters(crossing.speed) if parameters else None)
+            assert there.frequencies[crossing.mode] == pytest.approx(crossing.frequency, rel=1e-7)
+            assert there.damping[crossing.mode] == pytest.approx(crossing.damping, abs=1e-9)
+            axes = there.draw(crossing.mode)
+            assert f"Mode {crossing.mode}: {crossing.frequency:.5g} Hz" in axes[0].figure.get_suptitle()
+            plt.close(axes[0].figure)
+        for k, speed in enumerate(diagram.speeds):
+            point = at(speed) if callable(at) else at
+            there = gl.modes(found, at=point, parameters=parameters(speed) if parameters else None)
+            assert there.frequencies[diagram.modes[k]] == pytest.approx(diagram.frequencies[k], rel=1e-12)
+    labels = {text.get_text() for text in diagram.plot().texts}
+    assert labels == {str(n) for n in diagram.modes[0]}
+    plt.close("all")
 
 
 def test_campbell_wants_growing_speeds(paper: gl.System) -> None:
@@ -189,6 +245,31 @@ def test_orders_of_a_run_up_are_found_though_the_speed_changes() -> None:
     assert waterfall.speeds == pytest.approx(30 + 20 * waterfall.times, rel=1e-3)
     line = waterfall.amplitudes[:, np.flatnonzero(waterfall.orders == 17.0)[0]]
     assert line == pytest.approx(3.0, rel=1e-4)
+
+
+def test_orders_of_a_run_that_does_not_start_at_angle_0() -> None:
+    """A spectrum of amplitudes does not know where the angle is counted from, nor the sense of turning, nor the clock."""
+
+    class Shifted(RunUp):
+        phi0 = gl.Parameter("rad", default=0.0)
+        sense = gl.Parameter("1", default=1.0)
+
+        def assemble(self) -> list[Any]:
+            self.torque = gp.Torque(tau=2.0 * self.sense)
+            self.rotor = gp.Inertia(J=0.1, start={"w": 30.0 * self.sense, "phi": self.phi0})
+            return [gl.connect(self.torque.flange, self.rotor.flange_a)]
+
+    system = gl.compile(Shifted(), outputs=["signal", "rotor.phi", "rotor.w"])
+    for phi0, sense, begin in ((5.0, 1.0, 0.0), (-123.0, 1.0, 7.0), (40.0, -1.0, 0.0)):
+        run = system.simulate(begin + 2.0, t_start=begin, samples=20_001, rtol=1e-10, parameters={"phi0": phi0, "sense": sense})
+        for reference in ("rotor.phi", "rotor.w"):
+            spectrum = gl.order_spectrum(run, "signal", reference, max_order=50)
+            assert [spectrum.at(k) for k in (0, 17)] == pytest.approx([4, 3], rel=5e-3)
+            assert spectrum.at(28) < 1e-3
+            late = gl.order_spectrum(run, "signal", reference, t_start=begin + 1.0, max_order=50)
+            assert late.at(17) == pytest.approx(3, rel=5e-3)
+        waterfall = gl.order_waterfall(run, "signal", "rotor.phi", revolutions=4, max_order=50)
+        assert waterfall.amplitudes[:, np.flatnonzero(waterfall.orders == 17.0)[0]] == pytest.approx(3.0, rel=1e-3)
 
 
 def test_orders_that_the_samples_cannot_show_are_refused() -> None:

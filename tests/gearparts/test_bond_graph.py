@@ -207,6 +207,37 @@ def test_names_of_the_class() -> None:
     assert parameters_of(Motor) == ["J", "K", "L", "R_a", "b"]
 
 
+@pytest.mark.parametrize("numbers", [(1, 2, 3, 4, 5, 6), (6, 5, 4, 3, 2, 1), (2, 6, 1, 5, 3, 4)])
+def test_both_ports_of_a_transformer_are_flanges(numbers: tuple[int, ...]) -> None:
+    """A gear with a body at each end: speeds, torques and ports do not depend on how the bonds are numbered."""
+    into, left, inside, outside, right, out = numbers
+    one, two, gear = One("left"), One("right"), TF("m")
+    graph = BondGraph(
+        (into, Se(), one), (left, one, I("J_a")), (inside, one, gear), (outside, gear, two), (right, two, I("J_b")),
+        (out, Se(), two), name="gear",
+    )  # fmt: skip
+    Gear = gp.from_bond_graph(graph, ports={"first": into, "second": out})
+
+    class Drive(gl.Component):
+        def assemble(self) -> Any:
+            self.gear = Gear(J_a=0.2, J_b=0.3, m=2.0)
+            self.t, self.s, self.load = gp.Torque(tau=1.0), gp.Torque(tau=0.5), gp.Inertia(J=0.7)
+            return [gl.connect(self.t.flange, self.gear.first), gl.connect(self.gear.second, self.load.flange_a, self.s.flange)]
+
+    run = gl.simulate(Drive(), 2.0, samples=3)
+    rate = (1.0 + 2 * 0.5) / (0.2 + 4 * (0.3 + 0.7))  # of the first shaft; the second one turns twice as fast
+    assert run[f"gear.f_{into}"] == pytest.approx(rate * run.time, rel=1e-9)
+    assert run["load.w"] == pytest.approx(2 * rate * run.time, rel=1e-9)
+    assert run["gear.second.tau"] == pytest.approx(np.full(3, 0.5 - 0.7 * 2 * rate), rel=1e-9)
+    for ports in ({"first": into, "second": left}, {"first": out, "second": outside}):
+        with pytest.raises(ArgumentError, match=f"port 'second': bond {ports['second']} has no source without a value"):
+            gp.from_bond_graph(graph, ports=ports)
+    with pytest.raises(ArgumentError, match=f"two ports are on the same bond: first on {out}, second on {out}"):
+        gp.from_bond_graph(graph, ports={"first": out, "second": out})
+    with pytest.raises(ArgumentError, match=f"port 'second': bond {left} has no source"):
+        gp.from_bond_graph(graph, ports={"first": into}, translational_ports={"second": left})
+
+
 def test_wrong_ports_and_names_are_reported() -> None:
     graph = motor_graph()
     with pytest.raises(ArgumentError, match=r"DC motor: port 'shaft': bond 6 has no source without a value; such bonds: 1, 8"):

@@ -116,6 +116,20 @@ def test_two_universal_joints_in_mirror_arrangement_run_evenly() -> None:
     assert r["a.w"] == pytest.approx(20.0 + 2.0 * r.time, abs=1e-6)
 
 
+@pytest.mark.parametrize("rows", [3, 4, 12])
+def test_palmgren_s_table_has_the_rows_that_were_asked_for(rows: int) -> None:
+    """From 0 to w_max, with one where the law has its corner if that is on the way: three rows are the least."""
+    table = gp.palmgren_friction(0.06, f_0=2.0, viscosity=30e-6, w_max=200.0, rows=rows)
+    corner = 2000 / 30 * np.pi / 30
+    assert [w for w, _ in table] == pytest.approx([0.0, *np.linspace(corner, 200.0, rows - 1)], rel=1e-12)
+    level = 160e-10 * 2.0 * 60.0**3
+    assert [tau for _, tau in table[:2]] == pytest.approx([level, 1e-10 * 2.0 * 2000 ** (2 / 3) * 60.0**3], rel=1e-9)
+    assert table[-1][1] == pytest.approx(1e-10 * 2.0 * (30 * 200.0 * 30 / np.pi) ** (2 / 3) * 60.0**3, rel=1e-12)
+    slow = gp.palmgren_friction(0.06, f_0=2.0, viscosity=30e-6, w_max=5.0, rows=rows)
+    assert [w for w, _ in slow] == pytest.approx(np.linspace(0, 5.0, rows), rel=1e-12)
+    assert [tau for _, tau in slow] == pytest.approx([level] * rows, rel=1e-12)
+
+
 def test_palmgren_s_friction_worked_by_hand() -> None:
     # 60 mm, f_0 = 2, 30 mm2/s: at 1500 1/min nu n = 45000, M_0 = 1e-7 * 2 * 45000**(2/3) * 216000 = 54.66 N.mm; M_1 = 60 N.mm
     w = 1500 * math.pi / 30

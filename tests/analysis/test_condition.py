@@ -1,0 +1,153 @@
+"""Backlash in linear analyses: open, closed and without a gap, against matrices by hand and free vibration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import gearlib as gl
+import gearparts as gp
+
+C, D = 1e8, 400.0  # of the contact: N/m, N.s/m
+
+
+class Held(gl.Component):
+    """Two bodies, each on a spring to the ground, with a mesh or a coupling that has backlash between them."""
+
+    J_a = gl.Parameter("kg.m2", default=0.01)
+    J_b = gl.Parameter("kg.m2", default=0.1)
+    k_a = gl.Parameter("N.m/rad", default=2e4)
+    k_b = gl.Parameter("N.m/rad", default=5e4)
+    b = gl.Parameter("1", default=0.0)
+    twist = gl.Parameter("rad", "of the second spring where it has no torque", default=0.0)
+    contact = gl.Structural("mesh")
+
+    def assemble(self) -> list[gl.Connection]:
+        self.t, self.t_b, self.ground = gp.Torque(), gp.Torque(), gp.Fixed()
+        self.a, self.z = gp.Inertia(J=self.J_a), gp.Inertia(J=self.J_b)
+        self.s, self.s_b = gp.SpringDamper(c=self.k_a, d=0.1), gp.SpringDamper(c=self.k_b, d=0.2, phi_rel0=self.twist)
+        if self.contact == "mesh":
+            self.m: Any = gp.DetailedExternalMesh(r_a=0.05, r_b=0.1, c=C, d=D, b=self.b, backlash=True)
+        else:
+            self.m = gp.ElastoBacklash2(c=C / 1e3, d=D / 1e3, b=self.b)
+        return [
+            gl.connect(self.t.flange, self.a.flange_a),
+            gl.connect(self.a.flange_b, self.m.flange_a, self.s.flange_b),
+            gl.connect(self.m.flange_b, self.z.flange_a, self.s_b.flange_b),
+            gl.connect(self.z.flange_b, self.t_b.flange),
+            gl.connect(self.s.flange_a, self.s_b.flange_a, self.ground.flange),
+        ]
+
+
+def by_hand(values: dict[str, float], row: Any, c: float, d: float) -> tuple[Any, Any]:
+    """A of the states q, phi_a, phi_b, w_a, w_b with q' = row w, and the column of a torque on a."""
+    J = np.array([values["J_a"], values["J_b"]])
+    A = np.zeros((5, 5))
+    A[0, 3:] = row
+    A[1, 3] = A[2, 4] = 1.0
+    A[3:, 0] = -row * c / J
+    A[3:, 1:3] = -np.diag([values["k_a"], values["k_b"]]) / J[:, None]
+    A[3:, 3:] = -(np.diag([0.1, 0.2]) + d * np.outer(row, row)) / J[:, None]
+    B = np.zeros(5)
+    B[3] = 1 / J[0]
+    return A, B
+
+
+@pytest.fixture(scope="module", params=["mesh", "coupling"])
+def held(request: pytest.FixtureRequest) -> gl.System:
+    return gl.compile(Held(contact=request.param))
+
+
+@pytest.mark.parametrize("state", ["open", "closed", "no gap"])
+@pytest.mark.parametrize("seed", range(3))
+def test_all_linear_analyses_are_free_vibration(held: gl.System, state: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mesh = "m.q" in held.states
+    deflection, row = ("m.q", np.array([0.05, 0.1])) if mesh else ("m.phi_rel", np.array([-1.0, 1.0]))
+    c, d = (C, D) if mesh else (C / 1e3, D / 1e3)
+    b = 0.0 if state == "no gap" else 10 ** rng.uniform(-4, -3) * (1.0 if mesh else 10.0)
+    press = float(rng.choice([-1.0, 1.0]) * b * rng.uniform(0.3, 1.0)) if state == "closed" else 0.0  # beyond the edge
+    values = {"J_a": 10 ** rng.uniform(-2, -1), "J_b": 10 ** rng.uniform(-2, 0), "k_a": 10 ** rng.uniform(3, 5),
+              "k_b": 10 ** rng.uniform(3, 5), "b": b}  # fmt: skip
+    torques = c * press * row
+    q0 = press + np.sign(press) * b / 2 if press else b * rng.uniform(-0.3, 0.3)
+    acts = state != "open"
+    A, B = by_hand(values, row, c * acts, d * acts)
+    at = {deflection: q0, "s.phi_rel": 0.0, "s_b.phi_rel": 0.0} if mesh else {deflection: q0, "s.phi_rel": 0.0}
+    values["twist"] = 0.0 if mesh else q0  # the angle of a coupling is that between its flanges, a mesh counts from contact
+    right = np.linalg.eigvals(A)
+    ringing = np.sort_complex(right[right.imag > 1e-6 * np.abs(right)])
+
+    found = gl.modes(held, at=at, parameters=values)
+    assert found.eigenvalues == pytest.approx(ringing[np.argsort(np.abs(ringing))], rel=1e-8)
+    assert (found.free, found.preloads) == (0, int(acts and mesh))
+    thing = "mesh m" if mesh else "coupling m"
+    said = {
+        "open": "open: ",
+        "closed": "in contact, driven backwards: " if press < 0 else "in contact: ",
+        "no gap": "in contact: ",
+    }
+    assert found.conditions == (said[state] + thing,)
+    assert any(text.startswith(f"{deflection} (") for text in found.positions) == (state == "open" and mesh)
+    report = gl.stability(held, at=at, parameters=values)
+    assert said[state] + thing in str(report)
+    assert np.sort_complex(report.eigenvalues[report.eigenvalues.imag > 0]) == pytest.approx(ringing, rel=1e-8)
+
+    model = held.linearize(["t.tau"], ["a.w"], at=at, parameters=values, sparse=True)
+    mine = np.linalg.eigvals(model.A.toarray() if hasattr(model.A, "toarray") else model.A)
+    assert np.sort_complex(mine[mine.imag > 1e-6 * np.abs(mine)]) == pytest.approx(ringing, rel=1e-8)
+    omega = np.abs(ringing)
+    response = gl.frequency_response(held, omega, ["t.tau"], ["a.w"], at=at, parameters=values)
+    expected = [np.linalg.solve(1j * w * np.eye(5) - A, B)[3] for w in omega]
+    assert response["a.w"] == pytest.approx(np.array(expected), rel=1e-8)
+
+    kick = 1e-3 * (b or 1e-4) * omega.max()  # far from the edges
+    run = held.simulate(
+        10 / omega.max(), samples=11, rtol=1e-10, parameters=values, start={**at, "a.w": kick / row[0], "z.w": 0.0},
+        inputs={"t.tau": torques[0], "t_b.tau": torques[1]},
+    )  # fmt: skip
+    x = np.array([expm(A * t) @ [0, 0, 0, kick / row[0], 0] for t in run.time])
+    assert run[deflection] - q0 == pytest.approx(x[:, 0], abs=1e-6 * np.abs(x[:, 0]).max())
+    assert run["z.w"] == pytest.approx(x[:, 4], abs=1e-6 * np.abs(x[:, 3:]).max())
+
+
+class Free(gl.Component):
+    """A pair of gears with nothing else."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.a, self.z = gp.Inertia(J=0.01), gp.Inertia(J=0.1)
+        self.m = gp.DetailedExternalMesh(r_a=0.05, r_b=0.1, c=C, d=D, b=1e-4, backlash=True)
+        return [gl.connect(self.a.flange_b, self.m.flange_a), gl.connect(self.m.flange_b, self.z.flange_a)]
+
+
+def test_what_moves_across_an_open_mesh_is_called_so() -> None:
+    system = gl.compile(Free())
+    found = gl.modes(system, at={"m.q": 0.0})
+    assert (len(found), found.free, found.preloads) == (2, 2, 0)
+    assert set(found.gaps.values()) == {"m"}
+    text = str(found)
+    assert "is a free relative motion across m." in text
+    assert "m.turned (mesh phase beyond phase0)" in text
+    assert "open: mesh m" in text
+    assert "preload" not in text
+    assert "preload" not in str(gl.stability(system, at={"m.q": 0.0}))
+    closed = gl.modes(system, at={"m.q": 6e-5})
+    assert (len(closed), closed.free, closed.preloads, closed.gaps) == (2, 1, 0, {})
+    assert "open" not in str(closed)
+    diagram = gl.campbell(system, [1.0, 1e5], [1.0], at={"m.q": 6e-5})
+    assert [c.frequency for c in diagram.crossings] == pytest.approx([closed.frequencies[1]])
+    assert not gl.campbell(system, [1.0, 1e5], [1.0], at={"m.q": 0.0}).crossings
+    assert "open: mesh m" in str(gl.campbell(system, [1.0, 1e5], [1.0], at={"m.q": 0.0}))
+
+
+def test_contact_follows_a_run() -> None:
+    system = gl.compile(Free())
+    run = system.simulate(1e-3, samples=41, start={"m.q": 4e-5, "a.w": 2.0, "z.w": 0.0})
+    assert {0.0, 1.0} == set(run["m.contact"])
+    for k in (1, 20, 40):
+        at = (run, float(run.time[k]))
+        word = {1.0: "in contact: mesh m", 0.0: "open: mesh m", -1.0: "in contact, driven backwards: mesh m"}
+        assert gl.modes(system, at=at).conditions == (word[run["m.contact"][k]],)
