@@ -473,9 +473,9 @@ def test_planetary_sets_with_backlash(planets: int, E: float) -> None:
     guess = {name: float(rest[name][-1]) for name in system.states}
     found = gl.harmonic_balance(
         system, 9000.0, 8990.0, frequency="w", guess=guess, parameters={"E": E}, outputs=[*system.states, "load.w_rel"], step=1.0,
-        points=2, accuracy=2e-2,
+        points=2, accuracy=1e-2,
     )  # fmt: skip
-    assert found.error.max() < 2e-2
+    assert found.error.max() < 1e-2
     assert found.mean("load.w_rel")[0] == pytest.approx(rest["load.w_rel"][-1], rel=1e-6)
     still = 1e-6 * np.abs(rest["x.sun_meshes[0].q"][-1])
     start = {name: float(found.waveform(name, 0, 2)[1][0]) for name in system.states}
@@ -511,9 +511,9 @@ def test_random_gear_pairs_have_the_orbits_of_runs(pair: gl.System, seed: int) -
         assert np.abs(run[name][:-1] - wave).max() < 2e-2 * np.ptp(wave) / 2
 
 
-def test_harmonics_follow_from_the_accuracy(pair: gl.System) -> None:
+def test_harmonics_follow_from_the_accuracy(oscillator: gl.System) -> None:
     """One harmonic puts the end of the branch of large motions at 0.567; it is at 0.7198."""
-    options: dict[str, Any] = {"frequency": "w", "step": 0.05, "parameters": {"E": 3e-6}}
+    options: dict[str, Any] = {"frequency": "w", "step": 0.1, "parameters": {"E": 3e-6}}
     system = gl.compile(GearPair(), outputs=["mesh.q"])
     found = gl.harmonic_balance(system, 1.5 * NATURAL, 0.5 * NATURAL, **options)
     assert found.fold_omega / NATURAL == pytest.approx([0.7198, 0.8876], abs=2e-4)
@@ -528,13 +528,13 @@ def test_harmonics_follow_from_the_accuracy(pair: gl.System) -> None:
     assert one.fold_omega[0] / NATURAL == pytest.approx(0.567, abs=1e-3)
     assert one.error.max() > 0.05
     with pytest.raises(gl.GearlibError, match=r"64 harmonics leave an error of .* more than accuracy=1e-09"):
-        gl.harmonic_balance(system, 0.9 * NATURAL, 0.88 * NATURAL, accuracy=1e-9, **options)
+        gl.harmonic_balance(oscillator, 0.9, 0.88, frequency="w", accuracy=1e-9)
 
 
 def test_a_motion_between_the_samples_is_refused() -> None:
     """With few samples the equations may hold at them and nowhere else."""
     drive = {"F": lambda phase, w: np.cos(phase) + 0.9 * np.cos(9 * phase)}
-    with pytest.raises(gl.GearlibError, match="between the 8 samples of a period .* take more samples"):
+    with pytest.raises(gl.GearlibError, match=r"between the 8 samples of a period .* take more samples"):
         gl.harmonic_balance(gl.compile(Duffing()), 0.3, 0.31, inputs=drive, harmonics=3, samples=8)
 
 
@@ -563,7 +563,7 @@ def test_a_mean_that_nothing_determines_is_refused_by_name() -> None:
     wheel = 5.0 / (0.1 + 0.1 / 4)  # rad/s of the pinion; the wheel's damper counts by the square of the ratio
     assert found.mean("a.w") == pytest.approx(wheel, rel=1e-9)
     assert found.mean("mesh.q") == pytest.approx(5e-4 + 0.1 * wheel / 2 / 0.1 / 1e8, rel=1e-9)
-    without = gl.harmonic_balance(gl.compile(Loose()), 100.0, 110.0, inputs=loaded)  # phases and angles are left out
+    without = gl.harmonic_balance(gl.compile(Loose()), 100.0, 110.0, inputs=loaded, points=2)  # phases and angles are left out
     assert not any("turned" in name or name.endswith("phi") for name in without.outputs)
 
 
