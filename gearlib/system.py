@@ -22,12 +22,13 @@ from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
 from gearlib.solve.arguments import Request, absolute_tolerance, check_options, output_times
 from gearlib.solve.charts import Charts, integrate_through
-from gearlib.solve.initialize import Start, start_values, start_variable, steady_state
+from gearlib.solve.initialize import Start, start_values, start_variable
 from gearlib.solve.jumps import refuse_jumps
 from gearlib.solve.methods import Run
 from gearlib.solve.part import Part
 from gearlib.solve.result import Result
 from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
+from gearlib.solve.steady import steady_state
 from gearlib.solve.table import Function, Table, values
 from gearlib.structure.analysis import Structure, analyse, confirm, discrete_nodes
 from gearlib.structure.incidence import Node

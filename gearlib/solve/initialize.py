@@ -16,15 +16,12 @@ from gearlib.codegen.program import Program
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import NameLookupError, StartError
 from gearlib.flatten.model import FlatModel
-from gearlib.solve.scene import Numbers, Scene, modes_at_start, node_name
+from gearlib.solve.scene import Scene, modes_at_start, node_name
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
-Rates = Callable[[Floats], tuple[Floats, Floats]]  # of the states, and their derivatives
 TOLERANCE = 1e-8
-FARTHEST = 1e15  # of a state over its nominal value: what goes beyond has no steady state
-STEADY = 1e-8  # rate of a state over the largest term in it
 
 
 @dataclass(frozen=True)
@@ -231,75 +228,6 @@ def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
     if len(chosen):
         result[chosen] = np.linalg.lstsq(matrix[:, chosen], rhs, rcond=None)[0]
     return result
-
-
-def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
-    """States at which nothing accelerates: all derivatives vanish, but those of angles that nothing depends on.
-
-    Such angles keep their start values: the train turns through them at a constant speed. Newton's method starts at the start
-    values; where it fails (inside a gap no torque depends on anything), again from where linearly implicit Euler steps lead.
-
-    Raises
-    ------
-    StartError
-        There is none (a train without load under a torque), or the iteration does not find it.
-    """
-    still = np.flatnonzero([s not in scene.structure.angles for s in scene.states])
-    if not len(still):
-        return start.states.copy()
-    places, scale = scene.program.output_slots[still], np.maximum(scene.nominal, 1e-300)
-    guess, now, u = scene.guess(scene.program, start.guess), np.array([t]), inputs[:, None]
-
-    def rates(x: Floats) -> tuple[Floats, Floats]:
-        flags = scene.modes(numbers, now, x[:, None], u)
-        slots = evaluate(numbers.main, now, x[:, None], u, flags, guess)[:, 0]
-        gradient = _dense(sensitivity(numbers.main, t, slots, flags[:, 0], range(len(x)))[places])
-        return slots[places], gradient[:, still] * scale[still]
-
-    def newton(x: Floats) -> tuple[Floats, Floats]:
-        for _ in range(60):
-            rate, gradient = rates(x)
-            row = np.maximum(np.abs(gradient).max(axis=1), 1e-300)
-            step, *_ = np.linalg.lstsq(gradient / row[:, None], -rate / row, rcond=1e-12)
-            x = x.copy()
-            x[still] += step * scale[still]
-            if np.max(np.abs(step)) <= 1e-12 * max(1.0, float(np.max(np.abs(x / scale)))):
-                break
-        rate, gradient = rates(x)
-        row = np.maximum(np.abs(gradient).max(axis=1), 1e-300)
-        return x, np.abs(rate) / row / max(1.0, float(np.max(np.abs(x / scale)[still])))
-
-    found, left = newton(start.states)
-    if not left.max() <= STEADY:
-        there = _carried(rates, start.states, still, scale)
-        again, remains = newton(there)
-        if remains.max() <= STEADY:
-            return again
-        worst = int(np.argmax(left))
-        raise StartError(
-            f"no steady state was found: der({node_name(scene.model, scene.states[still[worst]])}) stays at "
-            f"{rates(found)[0][worst]:g}; a train that is driven needs a load that grows with its speed"
-        )
-    return found
-
-
-def _carried(rates: Rates, x: Floats, still: NDArray[np.int64], scale: Floats) -> Floats:
-    """Where growing, linearly implicit Euler steps lead."""
-    h = 0.0
-    for _ in range(200):
-        rate, gradient = rates(x)
-        if not h:  # where nothing depends on the states, the rates themselves say what a small step is
-            steepest = float(np.abs(gradient / scale[still][:, None]).max())
-            h = 0.1 / max(steepest or float(np.abs(rate / scale[still]).max()), 1e-300)
-        h *= 1.3
-        if not (np.isfinite(rate).all() and np.isfinite(gradient).all()):
-            break
-        step = np.linalg.lstsq(np.eye(len(still)) / h - gradient / scale[still][:, None], rate / scale[still], rcond=None)[0]
-        if not np.abs(x[still] / scale[still] + step).max() < FARTHEST:
-            break
-        x = x.copy()
-        x[still] += step * scale[still]
-    return x
 
 
 def _dense(matrix: object) -> Floats:

@@ -1,0 +1,338 @@
+"""Steady states: what of a motion may grow, and the search for states in which nothing else changes.
+
+A motion is steady if every state grows at a constant rate and the equations do not notice it: ``x(t) = x + v t`` with ``f(x) = v``
+where ``f`` is the same along ``v``. The directions along which it is (turning of the whole train, phases of meshes that nothing
+varies with, slip of an open clutch) are the symmetries of the equations, `gearlib.codegen.invariance`. In the other directions all
+rates must vanish. They are searched by pseudo-transient continuation: linearly implicit Euler steps from the start values, which
+follow the motion of a run as long as the equations are nonlinear on the way and grow to Newton's steps at the end. So of several
+steady states it is the one that the train goes to.
+
+References
+----------
+C. T. Kelley, D. E. Keyes, "Convergence analysis of pseudo-transient continuation", SIAM Journal on Numerical Analysis 35 (1998)
+508-523, doi 10.1137/S0036142996304796
+
+P. Deuflhard, "Newton Methods for Nonlinear Problems", Springer, 2004, section 6.4 (steps as long as the correction contracts).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.codegen.builder import build
+from gearlib.codegen.evaluate import evaluate, prepare
+from gearlib.codegen.invariance import symmetries
+from gearlib.codegen.modes import relations_of
+from gearlib.codegen.sensitivity import sensitivity
+from gearlib.errors import SolverError, StartError
+from gearlib.solve.initialize import Start
+from gearlib.solve.scene import Numbers, Scene, node_name
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import reach
+
+Floats = NDArray[np.float64]
+CONTRACTS = 0.5  # a correction over the step before it: the step follows the implicit equation
+AIM = 0.1  # contraction that the length of the next step aims at
+LONGER, SHORTER = 100.0, 0.05  # most that a step's length changes by
+LONGEST = 1e10  # step times the largest rate of the linearised equations: what is slower by more counts as not moving
+MOST_STEPS = 400
+NEAR = 1e-4  # change of the states at which Newton's method takes over
+SETTLED = 1e-9  # last correction of a state over its size
+LATER = 1e3  # by how much the angle that turns fastest has grown, in nominal values, when the motion is looked at again
+ROUNDING = 1e3  # unit roundoffs, of the terms in an equation, that count as zero
+SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """The equations of a steady state at one moment: rates of the states in scaled directions that may not grow.
+
+    Attributes
+    ----------
+    grows : array, shape (states, symmetries)
+        Orthonormal directions, in nominal values of the states, in which these may grow.
+    """
+
+    scene: Scene
+    numbers: Numbers
+    begin: Start
+    inputs: Floats
+    t: float
+    grows: Floats
+
+    @cached_property
+    def scale(self) -> Floats:
+        return np.maximum(self.scene.nominal, 1e-300)
+
+    @cached_property
+    def held(self) -> Floats:
+        """Orthonormal directions in which nothing may change; single states where these are."""
+        n, k = self.grows.shape
+        if not k:
+            return np.eye(n)
+        whole, _ = np.linalg.qr(self.grows, mode="complete")
+        single = np.abs(self.grows).max(axis=1) == 0
+        if (np.abs(self.grows) > 0).sum() == k:
+            return np.eye(n)[:, single]
+        return np.asarray(whole[:, k:], float)
+
+    def rates(self, x: Floats) -> tuple[Floats, Floats]:
+        """Scaled rates of all states, and their derivatives.
+
+        Raises
+        ------
+        SolverError
+            They cannot be computed there.
+        """
+        slots, flags = self._evaluated(x)
+        places = self.scene.program.output_slots
+        slopes = _dense(sensitivity(self.numbers.main, self.t, slots, flags, range(len(x)))[places])
+        f, gradient = slots[places] / self.scale, slopes * self.scale / self.scale[:, None]
+        if not (np.isfinite(f).all() and np.isfinite(gradient).all()):
+            raise SolverError(f"the rates of {self.scene.model.name(self.scene.states[0][0])} and others are not finite")
+        return f, gradient
+
+    def largest(self, gradient: Floats) -> float:
+        """The largest entry of the held equations, 1/s: no time constant is shorter than its inverse by much."""
+        return float(np.abs(self.held.T @ gradient @ self.held).max(initial=0.0))
+
+    def noise(self, x: Floats) -> Floats:
+        """Rounding in the scaled rates: of every term in their equations."""
+        slots, flags = self._evaluated(x)
+        program, n = self.scene.program, len(x)
+        first = n + len(program.inputs)
+        added = [(k, k - first, float(slots[k])) for k in range(first, len(slots)) if slots[k]]
+        slopes = _dense(sensitivity(self.numbers.main, self.t, slots, flags, range(n), added)[program.output_slots])
+        terms = np.abs(slopes[:, :n]) @ np.abs(x) + np.abs(slopes[:, n:]).sum(axis=1)
+        return np.asarray(ROUNDING * np.finfo(float).eps * terms / self.scale, float)
+
+    def _evaluated(self, x: Floats) -> tuple[Floats, Floats]:
+        scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
+        flags = scene.modes(self.numbers, now, column, inputs)
+        guess = scene.guess(scene.program, self.begin.guess)
+        return evaluate(self.numbers.main, now, column, inputs, flags, guess)[:, 0], flags[:, 0]
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a search ended: the states, and whether they are steady."""
+
+    x: Floats
+    steady: bool
+    free: bool = False  # the equations leave something open there that would have to change
+
+
+def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
+    """States at which nothing accelerates, and nothing changes but what no equation depends on, such as the angles of the train.
+
+    What grows keeps its start value. Of several steady states it is the one that the motion from the start values goes to.
+
+    Raises
+    ------
+    StartError
+        There is none, or the search does not find it; says what goes on changing, and why.
+    """
+    if not scene.states:
+        return start.states.copy()
+    search = Search(scene, numbers, start, inputs, t, growing(scene, numbers))
+    end = _found(search)
+    if not end.steady:
+        raise StartError(f"no steady state was found: {_reason(search, end)}")
+    return end.x
+
+
+def growing(scene: Scene, numbers: Numbers) -> Floats:
+    """Directions in which the states may grow steadily, orthonormal in nominal values, shape (states, how many).
+
+    A speed that nothing depends on is no such direction: the angle whose rate it is would grow ever faster. That angle counts
+    whether or not the scene integrates it.
+    """
+    structure, states = scene.structure, set(scene.states)
+    rates: list[Node] = [(v, k + 1) for v, k in scene.states]
+    for v, k in structure.states:
+        if (v, k) not in states and k == 0 and ((v, k) in structure.angles or structure.model.potential[v]):
+            if reach(structure.dependence, [(v, 1)], dynamic=False, events=True)[1] <= states:
+                rates.append((v, 1))
+    program = build(structure, rates, scene.states, dynamic=True)
+    prepared = prepare(program, structure, numbers.parameters)
+    events = None
+    if scene.relations is not None:
+        relations = relations_of(structure, program)
+        events = relations, prepare(relations.program, structure, numbers.parameters)
+    return symmetries(prepared, [program.slots[node] for node in rates], events, np.maximum(scene.nominal, 1e-300))
+
+
+def _found(search: Search) -> End:
+    """Newton's method for a linear scene; pseudo-transient continuation, closed by it, for the others."""
+    x, program = search.begin.states.copy(), search.scene.program
+    f, gradient = search.rates(x)
+    if program.is_linear and search.scene.relations is None and (end := _closed(search, x)).steady:
+        return end
+    fastest = max(search.largest(gradient), float(np.abs(search.held.T @ f).max(initial=0.0)), 1e-300)
+    step, stalled = 0.1 / fastest, 0
+    for _ in range(MOST_STEPS):
+        longest = LONGEST / max(search.largest(gradient), 1e-6 * fastest)
+        step = min(step, longest)
+        solved = _implicit(search, gradient, step)
+        change = solved(f)
+        try:
+            ahead, slopes = search.rates(x + search.scale * change)
+        except SolverError:
+            step *= SHORTER
+            continue
+        correction = solved(ahead - f - gradient @ change)
+        contraction = float(np.abs(correction).max()) / max(float(np.abs(change).max()), 1e-300)
+        if contraction > CONTRACTS:
+            step *= max(AIM / contraction, SHORTER)
+            continue
+        before, x, f, gradient = f, x + search.scale * change, ahead, slopes
+        if step == longest or (np.abs(change) <= NEAR * np.abs(x / search.scale)).all():
+            end = _closed(search, x)
+            if end.steady:
+                return end
+            left, last = (np.abs(search.held.T @ rates).max(initial=0.0) for rates in (f, before))
+            stalled = stalled + 1 if step == longest and left > 0.5 * last else 0
+            if stalled > 5:
+                break
+        step *= min(AIM / max(contraction, 1e-12), LONGER)
+    return replace(_closed(search, x), x=x)
+
+
+def _implicit(search: Search, gradient: Floats, step: float) -> Callable[[Floats], Floats]:
+    """Linearly implicit Euler: the change in the held directions that scaled rates cause in a step."""
+    from scipy.linalg import lu_factor, lu_solve
+
+    held = search.held
+    factors = lu_factor(np.eye(held.shape[1]) / step - held.T @ gradient @ held, check_finite=False)
+    return lambda rates: np.asarray(held @ lu_solve(factors, held.T @ rates, check_finite=False), float)
+
+
+def _closed(search: Search, x: Floats) -> End:
+    """Newton's method to rounding, and whether what it comes to is steady.
+
+    It is where the rates vanish up to the rounding of their own terms, each for itself, or would after a change of the states
+    that is small beside these. Changes that no equation asks for are not made.
+    """
+    last, free = np.inf, False
+    for _ in range(30):
+        try:
+            f, gradient = search.rates(x)
+            equations = _Equations(search, gradient)
+            change = equations.change(f)
+            size = float(np.abs(change).max())
+            if size <= SETTLED * float(np.abs(x / search.scale).max()) or size >= 0.5 * last:
+                noise = search.noise(x)
+                free = not equations.hold(f, noise)
+                small = np.abs(change) <= SETTLED * np.abs(x / search.scale) + equations.largest_change(noise)
+                if free or not small.all():
+                    break
+                x = x + search.scale * change
+                return End(x, _goes_on(search, x))
+            x, last = x + search.scale * change, size
+        except SolverError:
+            break
+    return End(x, False, free)
+
+
+def _goes_on(search: Search, x: Floats) -> bool:
+    """Whether the motion is as steady later, when what may grow has grown."""
+    turned = search.grows @ (search.grows.T @ search.rates(x)[0])
+    if not turned.any():
+        return True
+    later = x + search.scale * turned * (LATER / float(np.abs(turned).max()))
+    f, gradient = search.rates(later)
+    change = _Equations(search, gradient).change(f)
+    return bool((np.abs(change) <= NEAR * np.abs(x / search.scale).max()).all())
+
+
+class _Equations:
+    """The held rates, linear in a change of the states: as many as are independent."""
+
+    def __init__(self, search: Search, gradient: Floats) -> None:
+        self._held = search.held
+        matrix = self._held.T @ gradient @ self._held
+        self._row = np.abs(matrix).max(axis=1, initial=0.0)
+        self._row[self._row == 0] = 1.0
+        self._column = np.abs(matrix / self._row[:, None]).max(axis=0, initial=0.0)
+        self._column[self._column == 0] = 1.0
+        left, self._sizes, right = np.linalg.svd(matrix / self._row[:, None] / self._column)
+        rank = int((self._sizes > SINGULAR * self._sizes.max(initial=1e-300)).sum())
+        self._left, self._right, self._rest = left[:, :rank], right[:rank].T, left[:, rank:]
+        self._sizes = self._sizes[:rank]
+
+    def change(self, f: Floats) -> Floats:
+        """The least change of the states that makes the held rates vanish, or those of them that can."""
+        solved = self._right @ ((self._left.T @ (self._held.T @ f / self._row)) / self._sizes)
+        return -np.asarray(self._held @ (solved / self._column), float)
+
+    def hold(self, f: Floats, noise: Floats) -> bool:
+        """Whether what no change of the states has an effect on vanishes."""
+        left, noise = self._held.T @ f / self._row, np.abs(self._held.T) @ noise / self._row
+        return bool((np.abs(self._rest.T @ left) <= np.abs(self._rest.T) @ noise).all())
+
+    def largest_change(self, noise: Floats) -> Floats:
+        """What rounding in the rates may change the states by."""
+        solved = np.abs(self._right) @ ((np.abs(self._left.T) @ (np.abs(self._held.T) @ noise / self._row)) / self._sizes)
+        return np.asarray(np.abs(self._held) @ (solved / self._column), float)
+
+
+def _reason(search: Search, end: End) -> str:
+    """What goes on changing, and why."""
+    scene = search.scene
+    try:
+        f = search.rates(end.x)[0]
+    except SolverError as problem:
+        return f"{problem}; give start values near it: guess={{...}}"
+    left = np.abs(search.held @ (search.held.T @ f))
+    worst = int(np.argmax(left))
+    where = f"der({node_name(scene.model, scene.states[worst])}) stays at {f[worst] * search.scale[worst]:g}"
+    cyclic = _cyclic(search, end.x)
+    if cyclic:
+        names = [node_name(scene.model, scene.states[i]) for i in cyclic]
+        return (
+            f"the equations vary with {', '.join(names)}, which would grow for ever, and repeat every turn of two pi; such a train has a "
+            "periodic motion instead. Run it until it repeats, and take a moment of that run, or use gearlib.harmonic_balance"
+        )
+    if end.free:
+        return (
+            f"{where}, and no speed, angle or deflection has an effect on that; a load is missing there that grows with the speed (a "
+            "damper to the housing, a fan, a speed-dependent torque), or the torques must balance"
+        )
+    return (
+        f"{where} where the search ended; no state is known near it at which the loads balance the drive. Start nearer to one "
+        "(guess={...}), or run the train to see where it goes"
+    )
+
+
+def _cyclic(search: Search, x: Floats) -> list[int]:
+    """Angles that the rates are periodic in and that grow in an otherwise steady motion."""
+    scene, model = search.scene, search.scene.model
+    found = []
+    for i, (v, k) in enumerate(scene.states):
+        declared = model.declaration(v)
+        if k or declared is None or declared.unit != "rad" or not (search.grows[i] == 0).all():
+            continue
+        turn = np.zeros(len(x))
+        turn[i] = 2 * np.pi
+        try:
+            f, there = search.rates(x)[0], search.rates(x + turn)[0]
+        except SolverError:
+            continue
+        if np.abs(there - f).max() <= NEAR * np.abs(f).max():
+            found.append(i)
+    if not found:
+        return []
+    more = np.linalg.qr(np.hstack([search.grows, np.eye(len(x))[:, found]]))[0]
+    other = replace(search, grows=more)
+    f = other.rates(_found(other).x)[0]
+    return [i for i in found if abs(f[i]) > NEAR * np.abs(f).max()]
+
+
+def _dense(matrix: Any) -> Floats:
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, float)
