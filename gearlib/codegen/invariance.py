@@ -60,7 +60,8 @@ def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relatio
         wide.append(here)
     kept = _null_space(np.vstack(wide))[:n]
     left, sizes, _ = np.linalg.svd(kept, full_matrices=False)
-    return np.asarray(left[:, sizes > INDEPENDENT], float)
+    found = left[:, sizes > INDEPENDENT]
+    return np.where(np.abs(found) > INDEPENDENT, found, 0.0)
 
 
 class _Carried:

@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +28,11 @@ from gearlib.codegen.builder import build
 from gearlib.codegen.evaluate import evaluate, prepare
 from gearlib.codegen.invariance import symmetries
 from gearlib.codegen.modes import relations_of
+from gearlib.codegen.program import Newton
 from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import SolverError, StartError
 from gearlib.solve.initialize import Start
+from gearlib.solve.methods import Run, integrate
 from gearlib.solve.scene import Numbers, Scene, node_name
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
@@ -42,10 +43,18 @@ AIM = 0.1  # contraction that the length of the next step aims at
 LONGER, SHORTER = 100.0, 0.05  # most that a step's length changes by
 LONGEST = 1e10  # step times the largest rate of the linearised equations: what is slower by more counts as not moving
 MOST_STEPS = 400
-NEAR = 1e-4  # change of the states at which Newton's method takes over
+ACROSS = 1e-3  # step times the largest rate that was met: so short a step may cross a jump
+RUNS = (0.1, 1.0, 10.0, 100.0, 1000.0)  # s
+STIFF = 1e3  # step times the largest rate that is beyond the fast part of the motion
+NEAR, LOCAL = (
+    1e-4,
+    0.1,
+)  # change of the states in a step at which Newton's method is tried, and the most that it may change them by
 SETTLED = 1e-9  # last correction of a state over its size
 LATER = 1e3  # by how much the angle that turns fastest has grown, in nominal values, when the motion is looked at again
 ROUNDING = 1e3  # unit roundoffs, of the terms in an equation, that count as zero
+NOTHING = 1e-15  # of the largest derivative of a rate: what is below is rounding
+LOCKED = 1e3  # times the rounding of a rate, where no state has an effect on it: what sticks must not creep
 SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
 
 
@@ -76,47 +85,54 @@ class Search:
         n, k = self.grows.shape
         if not k:
             return np.eye(n)
-        whole, _ = np.linalg.qr(self.grows, mode="complete")
-        single = np.abs(self.grows).max(axis=1) == 0
-        if (np.abs(self.grows) > 0).sum() == k:
-            return np.eye(n)[:, single]
-        return np.asarray(whole[:, k:], float)
+        moving = self.grows.any(axis=1)
+        if moving.sum() == k:
+            return np.eye(n)[:, ~moving]
+        whole = np.linalg.qr(self.grows[moving], mode="complete")[0][:, k:]
+        held = np.zeros((n, n - k))
+        held[moving, : whole.shape[1]] = whole
+        held[~moving, whole.shape[1] :] = np.eye(n - int(moving.sum()))
+        return held
 
     def rates(self, x: Floats) -> tuple[Floats, Floats]:
-        """Scaled rates of all states, and their derivatives.
+        """Scaled rates of all states, zero where they are rounding, and their derivatives.
 
         Raises
         ------
         SolverError
             They cannot be computed there.
         """
-        slots, flags = self._evaluated(x)
-        places = self.scene.program.output_slots
-        slopes = _dense(sensitivity(self.numbers.main, self.t, slots, flags, range(len(x)))[places])
-        f, gradient = slots[places] / self.scale, slopes * self.scale / self.scale[:, None]
+        f, gradient, noise = self.equations(x)
+        return np.where(np.abs(f) <= noise, 0.0, f), gradient
+
+    def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
+        """Scaled rates, their derivatives, and what rounding of every term in their equations adds to them."""
+        scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
+        flags = scene.modes(self.numbers, now, column, inputs)
+        program, n = scene.program, len(x)
+        slots = evaluate(self.numbers.main, now, column, inputs, flags, scene.guess(program, self.begin.guess))[:, 0]
+        size = np.abs(slots)
+        for step in program.steps:
+            if isinstance(step, Newton):  # solved to the accuracy of the largest
+                size[step.unknowns] = size[step.unknowns].max()
+        first = n + len(program.inputs)
+        places = first + np.flatnonzero(size[first:])
+        added = [(k, i, w) for i, (k, w) in enumerate(zip(places.tolist(), size[places].tolist(), strict=True))]
+        slopes = sensitivity(self.numbers.main, self.t, slots, flags[:, 0], range(n), added)[program.output_slots]
+        slopes = np.asarray(slopes.toarray() if hasattr(slopes, "toarray") else slopes, float)
+        terms = np.abs(slopes[:, :n]) @ np.abs(x) + np.abs(slopes[:, n:]).sum(axis=1)
+        f, gradient = slots[program.output_slots] / self.scale, slopes[:, :n] * self.scale / self.scale[:, None]
         if not (np.isfinite(f).all() and np.isfinite(gradient).all()):
-            raise SolverError(f"the rates of {self.scene.model.name(self.scene.states[0][0])} and others are not finite")
-        return f, gradient
+            worst = int(np.argmin(np.isfinite(f) & np.isfinite(gradient).all(axis=1)))
+            raise SolverError(f"der({node_name(scene.model, scene.states[worst])}) cannot be computed")
+        noise = ROUNDING * np.finfo(float).eps * terms / self.scale
+        stuck = np.abs(gradient).max(axis=1) <= NOTHING * np.abs(gradient).max()
+        gradient[stuck] = 0.0
+        return f, gradient, np.where(stuck, LOCKED, 1.0) * noise
 
     def largest(self, gradient: Floats) -> float:
         """The largest entry of the held equations, 1/s: no time constant is shorter than its inverse by much."""
         return float(np.abs(self.held.T @ gradient @ self.held).max(initial=0.0))
-
-    def noise(self, x: Floats) -> Floats:
-        """Rounding in the scaled rates: of every term in their equations."""
-        slots, flags = self._evaluated(x)
-        program, n = self.scene.program, len(x)
-        first = n + len(program.inputs)
-        added = [(k, k - first, float(slots[k])) for k in range(first, len(slots)) if slots[k]]
-        slopes = _dense(sensitivity(self.numbers.main, self.t, slots, flags, range(n), added)[program.output_slots])
-        terms = np.abs(slopes[:, :n]) @ np.abs(x) + np.abs(slopes[:, n:]).sum(axis=1)
-        return np.asarray(ROUNDING * np.finfo(float).eps * terms / self.scale, float)
-
-    def _evaluated(self, x: Floats) -> tuple[Floats, Floats]:
-        scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
-        flags = scene.modes(self.numbers, now, column, inputs)
-        guess = scene.guess(scene.program, self.begin.guess)
-        return evaluate(self.numbers.main, now, column, inputs, flags, guess)[:, 0], flags[:, 0]
 
 
 @dataclass(frozen=True)
@@ -142,6 +158,9 @@ def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t
         return start.states.copy()
     search = Search(scene, numbers, start, inputs, t, growing(scene, numbers))
     end = _found(search)
+    if not end.steady and not end.free and scene.relations is not None:
+        ran = _run_to_rest(search, replace(end, x=start.states))
+        end = ran if ran.steady else end
     if not end.steady:
         raise StartError(f"no steady state was found: {_reason(search, end)}")
     return end.x
@@ -188,20 +207,45 @@ def _found(search: Search) -> End:
             continue
         correction = solved(ahead - f - gradient @ change)
         contraction = float(np.abs(correction).max()) / max(float(np.abs(change).max()), 1e-300)
-        if contraction > CONTRACTS:
+        fastest = max(fastest, search.largest(slopes))
+        if contraction > CONTRACTS and step * fastest > ACROSS:
             step *= max(AIM / contraction, SHORTER)
             continue
         before, x, f, gradient = f, x + search.scale * change, ahead, slopes
-        if step == longest or (np.abs(change) <= NEAR * np.abs(x / search.scale)).all():
+        size = float(np.abs(x / search.scale).max())
+        if step == longest or (step * search.largest(gradient) > STIFF and np.abs(change).max() <= NEAR * size):
             end = _closed(search, x)
-            if end.steady:
+            if end.steady and (step == longest or np.abs((end.x - x) / search.scale).max() <= LOCAL * size):
                 return end
             left, last = (np.abs(search.held.T @ rates).max(initial=0.0) for rates in (f, before))
             stalled = stalled + 1 if step == longest and left > 0.5 * last else 0
             if stalled > 5:
                 break
-        step *= min(AIM / max(contraction, 1e-12), LONGER)
+        step *= min(max(AIM / max(contraction, 1e-12), SHORTER), LONGER)
     return replace(_closed(search, x), x=x)
+
+
+def _run_to_rest(search: Search, end: End) -> End:
+    """The search where steps across events do not lead to it (friction that comes to rest): a run of growing length."""
+    scene, left = search.scene, np.inf
+    for seconds in RUNS:
+        begin = replace(search.begin, states=end.x)
+        span = np.array([search.t, search.t + seconds])
+        signals = tuple(search.inputs[: len(scene.model.inputs)].tolist())
+        try:
+            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None), "ida")
+            if outcome.left is not None:
+                return end
+            end = _closed(search, outcome.states[-1])
+            if end.steady:
+                return end
+            end, last = replace(end, x=outcome.states[-1]), left
+            left = float(np.abs(search.held.T @ search.rates(end.x)[0]).max())
+        except SolverError:
+            return end
+        if seconds >= 10.0 and left > 0.5 * last:
+            break
+    return end
 
 
 def _implicit(search: Search, gradient: Floats, step: float) -> Callable[[Floats], Floats]:
@@ -222,12 +266,11 @@ def _closed(search: Search, x: Floats) -> End:
     last, free = np.inf, False
     for _ in range(30):
         try:
-            f, gradient = search.rates(x)
+            f, gradient, noise = search.equations(x)
             equations = _Equations(search, gradient)
             change = equations.change(f)
             size = float(np.abs(change).max())
             if size <= SETTLED * float(np.abs(x / search.scale).max()) or size >= 0.5 * last:
-                noise = search.noise(x)
                 free = not equations.hold(f, noise)
                 small = np.abs(change) <= SETTLED * np.abs(x / search.scale) + equations.largest_change(noise)
                 if free or not small.all():
@@ -332,7 +375,3 @@ def _cyclic(search: Search, x: Floats) -> list[int]:
     other = replace(search, grows=more)
     f = other.rates(_found(other).x)[0]
     return [i for i in found if abs(f[i]) > NEAR * np.abs(f).max()]
-
-
-def _dense(matrix: Any) -> Floats:
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, float)
