@@ -21,7 +21,8 @@ from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
-TOLERANCE = 1e-8
+ROUNDING = 1e-13  # of the terms of a start value: what it may miss
+ITERATED = 1e-10  # the same, where equations are solved by iteration
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,11 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
             if value != 0.0:
                 raise StartError(f"start of {model.name(v)} is {value:g}, but it is always zero")
             continue
-        if rep in fixed and abs(fixed[rep][0] - sign * value) > TOLERANCE * max(1.0, abs(value)):
+        if rep in fixed and abs(fixed[rep][0] - sign * value) > ROUNDING * abs(value):
             other = fixed[rep][1]
             raise StartError(
                 f"start values contradict each other: {other} and {model.name(v)} are one variable (up to its sign), but are "
-                f"fixed at {fixed[rep][0]:g} and {sign * value:g}"
+                f"fixed at {fixed[rep][0]:{_digits(fixed[rep][0], sign * value)}} and {sign * value:{_digits(fixed[rep][0], sign * value)}}"
             )
         fixed[rep] = (sign * value, model.name(v))
     return fixed
@@ -161,33 +162,43 @@ def _satisfy(
                 fixed.pop(structure.states[needed[0]][0])
     scale = here.nominal[free] if free else np.empty(0)
     moved: set[int] = set()
+    accuracy = ROUNDING if program.is_linear else ITERATED
+    last = np.inf
     for _ in range(30):
-        slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
-        error = slots[slots_of, 0] - wanted
+        slots = evaluate(prepared, now, x[:, None], u, flags, start)
+        found = slots[slots_of, 0]
+        error, gradient = found - wanted, gradients(slots)
         if not moved and free:
-            gradient = gradients(slots)
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
-        if (np.abs(error) <= 1e-12 * np.maximum(1.0, np.abs(wanted))).all() or not free:
+        # an error is measured by the terms that it is left of, not by other values: at 1e9 rad, 3 rad are no rounding
+        terms = np.abs(gradient) @ np.abs(x) + np.abs(found - gradient @ x) + np.abs(wanted)
+        wrong = ~(np.abs(error) <= accuracy * terms)
+        worst = float(np.abs(error).max())
+        if (not wrong.any() and not worst < 0.1 * last) or not free:
             break
-        gradient = gradients(slots)
+        last = worst
         step = _basic_solution(gradient[:, free] * scale, -error) * scale
-        x[free] += step
         if not step.any():
             break
+        x[free] += step
         flags = settle(x)
-    slots = evaluate(prepared, np.array([t]), x[:, None], u, flags, start)
-    error = slots[slots_of, 0] - wanted
-    bad = np.flatnonzero(~(np.abs(error) <= TOLERANCE * np.maximum(1.0, np.abs(wanted))))
+    bad = np.flatnonzero(wrong)
     if len(bad):
         i = int(bad[0])
+        name, digits = fixed[others[i][0]][1], _digits(found[i], wanted[i])
         rest = [fixed[v][1] for v in fixed if v != others[i][0]]
         others_text = f"the other fixed values ({', '.join(rest[:6])}{', ...' if len(rest) > 6 else ''}) and " if rest else ""
         raise StartError(
-            f"start values contradict each other: {fixed[others[i][0]][1]} is fixed at {wanted[i]:g}, but {others_text}the equations "
-            f"make it {slots[slots_of[i], 0]:g}; fix fewer, or give some of them as guess={{...}}"
-            + _follows(structure, fixed[others[i][0]][1], gradients(slots)[i])
+            f"start values contradict each other: {name} is fixed at {wanted[i]:{digits}}, but {others_text}the equations "
+            f"make it {found[i]:{digits}}; fix fewer, or give some of them as guess={{...}}"
+            + _follows(structure, name, gradient[i])
         )
     return moved
+
+
+def _digits(one: float, other: float) -> str:
+    """A format in which two numbers differ."""
+    return next((style for style in (".6g", ".9g", ".12g") if f"{one:{style}}" != f"{other:{style}}"), ".17g")
 
 
 def _follows(structure: Structure, name: str, gradient: Floats) -> str:

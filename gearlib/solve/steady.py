@@ -53,6 +53,8 @@ NEAR, LOCAL = (
 SETTLED = 1e-9  # last correction of a state over its size
 LATER = 1e3  # by how much the angle that turns fastest has grown, in nominal values, when the motion is looked at again
 ROUNDING = 1e3  # unit roundoffs, of the terms in an equation, that count as zero
+UNSTABLE = 1e-9  # growth of a motion over the largest rate that is more than rounding
+LARGEST_EXAMINED = 400  # states
 NOTHING = 1e-15  # of the largest derivative of a rate: what is below is rounding
 LOCKED = 1e3  # times the rounding of a rate, where no state has an effect on it: what sticks must not creep
 SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
@@ -134,6 +136,14 @@ class Search:
         """The largest entry of the held equations, 1/s: no time constant is shorter than its inverse by much."""
         return float(np.abs(self.held.T @ gradient @ self.held).max(initial=0.0))
 
+    def longest_stable(self, gradient: Floats) -> float:
+        """A longer implicit step would follow a growing exponential to the wrong side."""
+        held = self.held.T @ gradient @ self.held
+        if held.shape[0] > LARGEST_EXAMINED:
+            return np.inf
+        growth = float(np.linalg.eigvals(held).real.max(initial=0.0))
+        return 0.5 / growth if growth > UNSTABLE * self.largest(gradient) else np.inf
+
 
 @dataclass(frozen=True)
 class End:
@@ -188,16 +198,27 @@ def growing(scene: Scene, numbers: Numbers) -> Floats:
 
 
 def _found(search: Search) -> End:
-    """Newton's method for a linear scene; pseudo-transient continuation, closed by it, for the others."""
+    """Newton's method for a linear scene; pseudo-transient continuation, closed by it, for the others.
+
+    A steady state that the motion leaves again is found only where the motion comes to no other.
+    """
     x, program = search.begin.states.copy(), search.scene.program
-    f, gradient = search.rates(x)
-    if program.is_linear and search.scene.relations is None and (end := _closed(search, x)).steady:
+    linear = program.is_linear and search.scene.relations is None
+    if linear and (end := _closed(search, x)).steady:
         return end
+    if not linear and (end := _continued(search, x, stable=True)).steady:
+        return end
+    return _continued(search, x, stable=False)
+
+
+def _continued(search: Search, x: Floats, stable: bool) -> End:
+    """Pseudo-transient continuation; steps that are ``stable`` follow a motion that runs away, and do not turn back."""
+    f, gradient = search.rates(x)
     fastest = max(search.largest(gradient), float(np.abs(search.held.T @ f).max(initial=0.0)), 1e-300)
     step, stalled = 0.1 / fastest, 0
     for _ in range(MOST_STEPS):
         longest = LONGEST / max(search.largest(gradient), 1e-6 * fastest)
-        step = min(step, longest)
+        step = min(step, longest, search.longest_stable(gradient) if stable else np.inf)
         solved = _implicit(search, gradient, step)
         change = solved(f)
         try:

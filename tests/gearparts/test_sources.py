@@ -170,6 +170,27 @@ FORCED = [
 ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("e0", "w0", "k"), [(0.1, 0.0, 10.0), (0.0, -2.0, 10.0), (0.3, 1.7, 2.5), (-0.2, 0.4, 40.0)])
+def test_move_returns_to_its_reference(e0: float, w0: float, k: float) -> None:
+    """Off it by e with e'' + 2 k e' + k^2 e = 0: e = (e0 + (w0 + k e0) t) exp(-k t), which neither overshoots early nor lags."""
+
+    class Deviating(gl.Component):
+        def assemble(self) -> Any:
+            signal = 0.3 * gl.sin(5 * gl.time + 1)
+            self.move = gp.Move(
+                phi_ref=signal, w_ref=gl.der(signal), a_ref=-25 * signal, k=k, start={"phi_error": e0, "w_error": w0}
+            )
+            self.body = gp.Inertia(J=2.0)
+            return [gl.connect(self.move.flange, self.body.flange_a)]
+
+    result = gl.simulate(Deviating(), t_end=2.0, samples=41, rtol=1e-10)
+    t, decay = result.time, np.exp(-k * result.time)
+    e, rate = (e0 + (w0 + k * e0) * t) * decay, (w0 - k * (w0 + k * e0) * t) * decay
+    assert result["move.phi_error"] == pytest.approx(e, abs=1e-9)
+    assert result["body.phi"] == pytest.approx(0.3 * np.sin(5 * t + 1) + e, abs=1e-9)
+    assert result["body.w"] == pytest.approx(1.5 * np.cos(5 * t + 1) + rate, abs=1e-8)
+
+
 @pytest.mark.parametrize(("source", "exact"), FORCED)
 def test_forced_motions(source: str, exact: bool) -> None:
     result = gl.simulate(Forced(source=source, exact=exact), t_end=2.0, samples=41, rtol=1e-10)

@@ -118,50 +118,37 @@ def test_summary_names_what_nothing_fixes() -> None:
     assert "nothing fixes them" not in geared({"start": {"w": 1.0}}, {}).summary()
 
 
-class Fan(gl.Component):
-    """A shaft with a spring in it, a driving torque and a load that grows with speed squared."""
+class Twisted(gl.Component):
+    """Two bodies and a spring; both angles and the spring's deflection have start values."""
+
+    rigid = gl.Structural(False)
+    a, b, twist = (gl.Parameter("rad", default=0.0) for _ in range(3))
 
     def assemble(self) -> list[Any]:
-        self.torque, self.motor, self.load = gp.Torque(), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
-        self.shaft = gp.SpringDamper(c=100.0, d=1.0)
-        self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-4.0, w_nominal=1.0, torque_direction=False)
-        return [
-            c(self.torque.flange, self.motor.flange_a),
-            c(self.motor.flange_b, self.shaft.flange_a),
-            c(self.shaft.flange_b, self.load.flange_a),
-            c(self.load.flange_b, self.fan.flange),
-        ]
+        self.left, self.right = gp.Inertia(J=1.0, start={"phi": self.a}), gp.Inertia(J=2.0, start={"phi": self.b})
+        if self.rigid:
+            return [c(self.left.flange_b, self.right.flange_a)]
+        self.spring = gp.SpringDamper(c=1e3, d=1.0, start={"phi_rel": self.twist})
+        return [c(self.left.flange_b, self.spring.flange_a), c(self.spring.flange_b, self.right.flange_a)]
 
 
-def test_steady_state() -> None:
-    system = gl.compile(Fan())
-    result = system.simulate(5.0, samples=6, start="steady", inputs={"torque.tau": 9.0})
-    assert result["motor.w"] == pytest.approx(np.full(6, 1.5), rel=1e-6)
-    assert result["shaft.phi_rel"] == pytest.approx(np.full(6, -0.09), rel=1e-6)
-    assert abs(result["der(motor.w)"]).max() < 1e-5
+@pytest.mark.parametrize("size", [1e-9, 1e-3, 1.0, 1e3, 1e9])
+def test_a_contradiction_is_measured_by_its_own_terms(size: float) -> None:
+    """One part in 1e8 is no rounding, at 1e9 rad no more than at 1e-9 rad; one in 1e15 is."""
+    for rigid in (False, True):
+        system = gl.compile(Twisted(rigid=rigid))
+        start(system, "left.phi", parameters={"a": size, "b": size * (1 + 1e-15)})
+        for factor in (1 + 3e-9, 1 + 1e-6, -1.0, 0.0):
+            with pytest.raises(StartError, match="start values contradict each other"):
+                start(system, "left.phi", parameters={"a": size, "b": size * factor})
 
 
-def test_steady_state_from_rest_where_the_load_has_no_slope() -> None:
-    """3 = 2 (w / 5)^2; at rest no torque depends on the speed."""
-
-    class Rotor(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.torque, self.rotor = gp.Torque(tau=3.0), gp.Inertia(J=1.0)
-            self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-2.0, w_nominal=5.0)
-            return [c(self.torque.flange, self.rotor.flange_a), c(self.rotor.flange_b, self.fan.flange)]
-
-    run = gl.compile(Rotor(), outputs=["rotor.w"]).simulate(1.0, samples=2, start="steady")
-    assert run["rotor.w"] == pytest.approx(np.full(2, 5 * np.sqrt(1.5)), rel=1e-9)
-
-
-def test_steady_state_that_does_not_exist() -> None:
-    class Free(gl.Component):
-        def assemble(self) -> list[Any]:
-            self.torque, self.load = gp.Torque(tau=1.0), gp.Inertia(J=1.0)
-            return [c(self.torque.flange, self.load.flange_a)]
-
-    with pytest.raises(StartError, match=r"no steady state was found: der\(load\.w\) stays at 1"):
-        gl.compile(Free()).simulate(1.0, start="steady")
+@pytest.mark.parametrize("twist", [1.2345678912345e-9, 1.2345678912345e-6, 0.3])
+def test_a_deflection_with_a_start_value_keeps_its_digits_at_large_angles(twist: float) -> None:
+    system = gl.compile(Twisted())
+    assert start(system, "spring.phi_rel", parameters={"a": 1e9, "b": 1e9 + twist, "twist": twist}) == [twist]
+    with pytest.raises(StartError, match=r"(left|right)\.phi is fixed at 100000000\d"):
+        start(system, "spring.phi_rel", parameters={"a": 1e9, "b": 1e9 + 3.0, "twist": twist})
 
 
 def test_a_nonlinear_constraint_moves_the_free_state() -> None:

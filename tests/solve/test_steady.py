@@ -1,0 +1,186 @@
+"""Steady states: what grows, what vanishes, which of several it is, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import StartError
+
+c = gl.connect
+
+
+def drag(tau: float, w: float) -> gp.LinearSpeedDependentTorque:
+    """A load of tau at the speed w, in proportion to the speed."""
+    return gp.LinearSpeedDependentTorque(tau_nominal=-tau, w_nominal=w, torque_direction=False)
+
+
+class Between(gl.Component):
+    """Torque, body, what is given between two bodies (side by side), body, load of 1 N.m at 3 rad/s: at 7 N.m it turns at 21 rad/s."""
+
+    links = gl.Structural(())
+    tau = gl.Parameter("N.m", default=7.0)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.a, self.b = gp.Torque(tau=self.tau), gp.Inertia(J=0.1), gp.Inertia(J=4.0)
+        self.load, self.links_ = drag(1.0, 3.0), [make() for make in self.links]
+        return [
+            c(self.torque.flange, self.a.flange_a),
+            c(self.a.flange_b, *(link.flange_a for link in self.links_)),
+            c(*(link.flange_b for link in self.links_), self.b.flange_a),
+            c(self.b.flange_b, self.load.flange),
+        ]
+
+
+LINKS = {
+    "spring": (lambda: gp.SpringDamper(c=1e3, d=1.0),),
+    "two springs": (lambda: gp.SpringDamper(c=1e3, d=1.0), lambda: gp.Spring(c=400.0)),
+    "spring, twisted spring and damper": (
+        lambda: gp.Spring(c=1e3),
+        lambda: gp.Spring(c=400.0, phi_rel0=0.01),
+        lambda: gp.Damper(d=1.0),
+    ),
+    "disc": (lambda: gp.Disc(delta_phi=0.45),),
+    "hardening spring": (lambda: gp.CubicSpringDamper(c=1e3, c_3=1e5, d=1.0),),
+    "gap": (lambda: gp.ElastoBacklash(c=1e3, d=1.0, b=0.1),),
+    "gap and spring": (lambda: gp.ElastoBacklash(c=1e3, d=1.0, b=0.1), lambda: gp.Spring(c=400.0)),
+    "clutch": (lambda: gp.Clutch(fn_max=100.0, f_normalized=1.0),),
+    "coupling": (lambda: gp.ElasticCoupling(J_a=0.1, J_b=0.2, c=1e3, d=1.0),),
+    "shaft": (lambda: gp.TorsionalShaft(segments=3, J=0.3, c=1e3, d=1.0),),
+}
+
+
+@pytest.mark.parametrize("kind", LINKS)
+def test_both_sides_turn_at_the_speed_of_the_load(kind: str) -> None:
+    run = gl.compile(Between(links=LINKS[kind])).simulate(5.0, start="steady", samples=3, rtol=1e-9)
+    for body in ("a", "b"):
+        assert run[f"{body}.w"] == pytest.approx(np.full(3, 21.0), rel=1e-6)
+        assert abs(run[f"der({body}.w)"]).max() < 1e-5
+
+
+class MeshPair(gl.Component):
+    """Torque on a pinion, a detailed mesh 1:2, a wheel with a damper to ground."""
+
+    backlash = gl.Structural(False)
+    stiffness = gl.Structural("constant")
+    tau = gl.Parameter("N.m", default=2.0)
+
+    def assemble(self) -> list[Any]:
+        self.t, self.a, self.z = gp.Torque(tau=self.tau), gp.Inertia(J=0.01), gp.Inertia(J=0.1)
+        self.m = gp.DetailedExternalMesh(
+            r_a=0.05, r_b=0.1, c=1e8, d=500.0, b=1e-4, backlash=self.backlash, stiffness=self.stiffness, c_amplitude=0.2
+        )
+        self.f, self.g = gp.Damper(d=0.1), gp.Fixed()
+        return [
+            c(self.t.flange, self.a.flange_a), c(self.a.flange_b, self.m.flange_a), c(self.m.flange_b, self.z.flange_a),
+            c(self.z.flange_b, self.f.flange_a), c(self.f.flange_b, self.g.flange),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("outputs", [None, ["z.w"], ["z.phi", "a.phi", "m.q"], ["m.f"]])
+@pytest.mark.parametrize("backlash", [False, True])
+def test_a_detailed_mesh_turns(outputs: list[str] | None, backlash: bool) -> None:
+    """2 N.m on r = 0.05 m press with 40 N on r = 0.1 m: 4 N.m against 0.1 w."""
+    run = gl.compile(MeshPair(backlash=backlash), outputs).simulate(1.0, start="steady", samples=3)
+    assert run["z.w"] == pytest.approx(np.full(3, -40.0), rel=1e-6)
+    assert run["m.f"] == pytest.approx(np.full(3, 40.0), rel=1e-4)
+
+
+def test_a_stiffness_that_varies_with_the_turning_has_no_steady_state() -> None:
+    system = gl.compile(MeshPair(stiffness="sinusoidal"))
+    with pytest.raises(StartError, match=r"no steady state was found: the equations vary with m\.turned.*periodic"):
+        system.simulate(1.0, start="steady")
+    still = system.simulate(1.0, start="steady", parameters={"tau": 0.0}, samples=2)
+    assert abs(still["z.w"]).max() < 1e-12
+
+
+@pytest.mark.parametrize("backlash", [False, True])
+def test_poles_are_those_of_the_teeth_in_contact(backlash: bool) -> None:
+    r"""Also where the search begins inside the open gap: those of a w' = T - r (c q + d q'), z w' = ..., q' = r w."""
+    J, r, load = np.array([0.01, 0.1]), np.array([0.05, 0.1]), np.diag([0.0, 0.1])
+    A = np.block([[(-500.0 * np.outer(r, r) - load) / J[:, None], (-1e8 * r / J)[:, None]], [r, np.zeros(1)]])
+    poles = np.asarray(gl.stability(gl.compile(MeshPair(backlash=backlash)), at="steady").eigenvalues)
+    turning = np.sort_complex(poles[abs(poles) > 1e-9])
+    assert turning == pytest.approx(np.sort_complex(np.linalg.eigvals(A)), rel=1e-6)
+
+
+def free(tau: float, load: list[Any]) -> gl.System:
+    """Torque, body, spring and damper, body, and loads on that."""
+
+    class Free(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.t, self.a, self.s, self.b = (
+                gp.Torque(tau=tau),
+                gp.Inertia(J=0.01),
+                gp.SpringDamper(c=1e4, d=0.1),
+                gp.Inertia(J=0.1),
+            )
+            self.loads = load
+            return [
+                c(self.t.flange, self.a.flange_a),
+                c(self.a.flange_b, self.s.flange_a),
+                c(self.s.flange_b, self.b.flange_a, *(one.flange for one in self.loads)),
+            ]
+
+    return gl.compile(Free())
+
+
+def test_without_a_load_there_is_none() -> None:
+    """2 N.m on 0.11 kg.m2 in all."""
+    with pytest.raises(StartError, match=r"der\((a|b)\.w\) stays at 18\.18.*a load is missing there"):
+        free(2.0, []).simulate(1.0, start="steady")
+    with pytest.raises(StartError, match=r"a load is missing there"):  # one that pushes as much as the drive
+        free(2.0, [gp.ConstantTorque(tau_constant=2.0)]).simulate(1.0, start="steady")
+
+
+@pytest.mark.parametrize("tau", [0.3, 1e-9, 3e5])
+def test_torques_that_balance_keep_the_speed(tau: float) -> None:
+    loads = [gp.ConstantTorque(tau_constant=-tau / 3), gp.ConstantTorque(tau_constant=-2 * tau / 3)]
+    system = free(tau, loads)
+    run = system.simulate(1.0, start="steady", samples=2)
+    assert run["a.w"] == pytest.approx(np.zeros(2), abs=1e-9 * tau)
+    assert run["s.phi_rel"] == pytest.approx(np.full(2, -tau / 1e4), rel=1e-9)
+    with pytest.raises(StartError, match="a load is missing"):
+        system.simulate(1.0, start="steady", parameters={"loads[1].tau_constant": -0.66 * tau})
+
+
+@pytest.mark.parametrize("nominal", [1e-3, 30.0, 1e6])
+def test_a_weak_load_is_found_without_a_guess(nominal: float) -> None:
+    """From rest, where a load that grows with the square of the speed has no slope: 2 = 1 (w / nominal)^2, and not -w."""
+    system = free(2.0, [gp.QuadraticSpeedDependentTorque(tau_nominal=-1.0, w_nominal=nominal)])
+    run = system.simulate(1.0, start="steady", samples=2)
+    assert run["b.w"] == pytest.approx(np.full(2, nominal * np.sqrt(2)), rel=1e-6)
+
+
+def test_of_several_it_is_the_one_that_the_motion_goes_to() -> None:
+    """A motor with 40 w / (100 + w^2) - 0.05 w against a constant load: a slow, an unstable and a fast steady state."""
+
+    class Motor(gl.Component):
+        flange = gp.Flange()
+        w = gl.Variable("rad/s", "speed")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(self.w, gl.der(self.flange.phi)),
+                gl.Eq(self.flange.tau, 0.05 * self.w - 40 * self.w / (100 + self.w**2)),
+            ]
+
+    class Train(gl.Component):
+        w0 = gl.Parameter("rad/s", default=0.0)
+
+        def assemble(self) -> list[Any]:
+            self.motor, self.body = Motor(), gp.Inertia(J=1.0, start={"w": self.w0})
+            self.drag = gp.ConstantTorque(tau_constant=-0.3)
+            return [c(self.motor.flange, self.body.flange_a), c(self.body.flange_b, self.drag.flange)]
+
+    system, ends = gl.compile(Train()), set()
+    for w0 in (-50.0, 0.0, 0.8, 0.9, 5.0, 100.0):
+        run = system.simulate(3000.0, samples=2, rtol=1e-9, parameters={"w0": w0})
+        found = system.simulate(1.0, start="steady", samples=2, parameters={"w0": w0})
+        assert found["body.w"][0] == pytest.approx(run["body.w"][-1], rel=1e-6), w0
+        ends.add(round(float(run["body.w"][-1]), 3))
+    assert len(ends) == 2
