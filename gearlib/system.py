@@ -205,8 +205,8 @@ class System:
         inputs : mapping, optional
             Of unbound inputs: a number, a function of time, or a `Table`.
         max_step : float, optional
-            Longest step, s; where time drives the scene, two sample intervals by default and at most a hundredth of the run, so that
-            no longer pulse is stepped over.
+            Longest step, s. No event that lasts longer is stepped over, and no pulse. By default a hundredth of the run where there are
+            comparisons of variables; where time drives the scene, that or two sample intervals, whichever is less.
         progress : bool
             Whether to print what is done.
 

@@ -22,8 +22,10 @@ from gearlib.solve.ida_request import (
     CHATTER,
     CHUNK,
     PROBES,
+    REACH,
     RHS_FAILED,
     ROOTS_FAILED,
+    SLOPE_OVER,
     STALLED,
     START_FAILED,
     STEP_LIMIT,
@@ -160,11 +162,58 @@ def event_values(s: Any, t: float, y: int, g: int) -> Any:
     return -1 if status != 0 else 0
 
 
+@_inner
+def take_sides(s: Any, t: float) -> Any:
+    """Take the signs of the event functions at (t, y) for their sides."""
+    if s.n_roots > 0:
+        if event_values(s, t, s.y, s.g) != 0:
+            return ROOTS_FAILED
+        g, sides = doubles(s.g, s.n_roots), ints(s.sides, s.n_roots)
+        for k in range(s.n_roots):
+            sides[k] = 1 if g[k] > 0.0 else -1
+    return 0
+
+
+@_inner
+def turning(s: Any, t: float, y: int, dy: int, g: int) -> None:
+    """The second half of the event functions: positive where one of the first half turns away from zero.
+
+    One that keeps its side at both ends of a step, but has left it in between, has an extremum there, at which its slope changes
+    sign. IDA locates that, and on the way there the crossing before it. Where the function cannot have left its side, its slope is
+    left out: its extrema would cost evaluations.
+    """
+    if s.attempt_time > s.step_end:
+        s.step_begin, s.step_end = s.step_end, s.attempt_time
+    h = s.step_end - s.step_begin if s.step_end > s.step_begin else 1e-3 * s.first_guess
+    dt = SLOPE_OVER * h
+    values, sides, later = doubles(g, 2 * s.n_roots), ints(s.sides, s.n_roots), doubles(s.later, s.n_roots)
+    for k in range(s.n_roots):
+        values[s.n_roots + k] = NEGATIVE_ZERO
+    if t + dt <= t:
+        return
+    here, slope, ahead = doubles(y, s.n), doubles(dy, s.n), doubles(s.probe, s.n)
+    for i in range(s.n):
+        ahead[i] = here[i] + dt * slope[i]
+    if event_values(s, t + dt, s.probe, s.later) != 0:
+        return
+    for k in range(s.n_roots):
+        rise = sides[k] * (later[k] - values[k]) / dt
+        if rise < 0.0 or rise * REACH * h > sides[k] * values[k]:
+            values[s.n_roots + k] = rise if rise != 0.0 else NEGATIVE_ZERO
+
+
 @_callback(_double, _long, _long, _long, _frame)
 def roots(t: float, yy: int, yp: int, g: int, user: Any) -> Any:
-    """The event functions, an ``IDARootFn``. None is ever exactly zero, which IDA would set aside until it moves."""
+    """The event functions and what finds pairs of their roots, an ``IDARootFn``.
+
+    None is ever exactly zero, which IDA would set aside until it moves.
+    """
     s = carray(user, 1)[0]
-    return event_values(s, s.origin + t, call_for_address(s.array_pointer, yy), g)
+    y = call_for_address(s.array_pointer, yy)
+    status = event_values(s, s.origin + t, y, g)
+    if status == 0:
+        turning(s, s.origin + t, y, call_for_address(s.array_pointer, yp), g)
+    return status
 
 
 @_inner
@@ -192,7 +241,7 @@ def restart(s: Any, t: float) -> Any:
     order = longs(s.order, n)
     for i in range(n):
         dy[i] = d[i] * f[i if s.order == 0 else order[i]]
-    s.origin, s.attempt_time = t, 0.0
+    s.origin, s.attempt_time, s.step_begin, s.step_end = t, 0.0, 0.0, 0.0
     s.flag = call(s.reinit, (s.mem, 0.0, s.yy, s.yp))
     if s.flag < 0:
         return s.flag
@@ -202,8 +251,8 @@ def restart(s: Any, t: float) -> Any:
         if s.flag < 0:
             return START_FAILED
         call(s.get_ic, (s.mem, s.yy, s.yp))
-    s.first_reach = 1000.0 * first_step(s, t)  # of which IDA takes a thousandth
-    return 0
+    s.first_reach = s.first_guess = 1000.0 * first_step(s, t)  # of which IDA takes a thousandth
+    return take_sides(s, t)
 
 
 @_inner
@@ -248,7 +297,7 @@ def first_step(s: Any, t: float) -> Any:
 @_inner
 def settle(s: Any, t: float, forced: bool) -> Any:
     """Event iteration at t and, where something changed or it is forced, a consistent restart."""
-    fired, sides, g = ints(s.fired, s.n_roots), ints(s.sides, s.n_roots), doubles(s.g, s.n_roots)
+    fired, sides, before = ints(s.fired, s.n_roots), ints(s.sides, s.n_roots), ints(s.before, s.n_roots)
     for _ in range(100):
         if s.update != 0:
             outcome = call(s.update, (t, natural(s, s.y), s.fired, s.data, s.index))
@@ -264,21 +313,18 @@ def settle(s: Any, t: float, forced: bool) -> Any:
             return 0
         watch = s.n_algebraic > 0 and s.n_roots > 0 and s.update != 0
         if watch:
-            if event_values(s, t, s.y, s.g) != 0:
+            if take_sides(s, t) != 0:
                 return ROOTS_FAILED
             for k in range(s.n_roots):
-                sides[k] = 1 if g[k] > 0.0 else -1
+                before[k] = sides[k]
         status = restart(s, t)
         if status < 0 or not watch:
             return status
         # The algebraic unknowns jump at an event; what they carry across zero is an event of the same instant.
-        if event_values(s, t, s.y, s.g) != 0:
-            return ROOTS_FAILED
         flips = 0
         for k in range(s.n_roots):
-            side = 1 if g[k] > 0.0 else -1
-            fired[k] = side if side != sides[k] else 0
-            flips += side != sides[k]
+            fired[k] = sides[k] if sides[k] != before[k] else 0
+            flips += sides[k] != before[k]
         if flips == 0:
             return 0
         forced = False
@@ -296,19 +342,47 @@ def log_event(s: Any, t: float, root: int) -> None:
 
 
 @_inner
-def located(s: Any, t: float) -> Any:
-    """Handle the roots that IDA found at t."""
+def happened(s: Any, t: float) -> Any:
+    """Handle the events at t: of the event functions that ``fired``."""
     if t - s.burst_start > s.window:
         s.burst_start, s.burst = t, 0
     s.burst += 1
-    call(s.root_info, (s.mem, s.fired))
-    fired = ints(s.fired, s.n_roots)
+    fired, sides = ints(s.fired, s.n_roots), ints(s.sides, s.n_roots)
     for k in range(s.n_roots):
         if fired[k] != 0:
+            sides[k] = fired[k]
             log_event(s, t, k)
     if s.burst > s.burst_limit:
         return CHATTER
     return settle(s, t, False)
+
+
+@_inner
+def located(s: Any, t: float) -> Any:
+    """Handle the roots that IDA found at t."""
+    call(s.root_info, (s.mem, s.fired))
+    fired = ints(s.fired, s.n_roots)
+    for k in range(s.n_roots):
+        if fired[k] != 0:
+            return happened(s, t)
+    return 0  # a function has come near to zero, and turns away
+
+
+@_inner
+def just_beyond(s: Any, t: float) -> Any:
+    """Handle the event functions that change their sign within rounding of the end, as one does that is meant to do so there."""
+    y, dy, ahead = doubles(s.y, s.n), doubles(s.dy, s.n), doubles(s.probe, s.n)
+    for i in range(s.n):
+        ahead[i] = y[i] + s.slack * dy[i]
+    if event_values(s, t + s.slack, s.probe, s.g) != 0:
+        return 0
+    fired, sides, g, found = ints(s.fired, s.n_roots), ints(s.sides, s.n_roots), doubles(s.g, s.n_roots), False
+    for k in range(s.n_roots):
+        fired[k] = 0
+        if g[k] * sides[k] < 0.0:
+            fired[k] = -sides[k]
+            found = True
+    return happened(s, t) if found else 0
 
 
 @_inner
@@ -382,6 +456,8 @@ def drive(user: Any) -> Any:
             elif s.next_event < s.n_time_events and target == stop:
                 s.t = stop
                 status = arrived(s, stop)
+            if status >= 0 and s.flag != IDA_ROOT_RETURN and s.n_roots > 0 and s.t >= s.t_end - tiny:
+                status = just_beyond(s, s.t)
         if status < 0:
             s.steps = steps_so_far(s)
             return status

@@ -22,8 +22,10 @@ from gearlib.solve.ida_request import (
     CHATTER,
     CHUNK,
     PROBES,
+    REACH,
     RHS_FAILED,
     ROOTS_FAILED,
+    SLOPE_OVER,
     STALLED,
     START_FAILED,
     STEP_LIMIT,
@@ -86,15 +88,17 @@ class _Driver:
 
         self.y, self.x, self.f = np.array(problem.x0, dtype=np.float64)[self.order], np.zeros(n), np.zeros(n)
         self.values, self.g = np.zeros(len(matrix.position)), np.zeros(self.n_roots)
-        self.fired = np.zeros(self.n_roots, dtype=np.int32)
-        self.out = np.empty((len(asked.times), n))
-        self.modes = np.empty((len(asked.times), asked.modes.stop - asked.modes.start))
+        self.fired, self.sides = np.zeros(self.n_roots, dtype=np.int32), np.zeros(self.n_roots)
+        self.out = np.full((len(asked.times), n), np.nan)
+        self.modes = np.full((len(asked.times), asked.modes.stop - asked.modes.start), np.nan)
         self.t, self.sample, self.next_event = float(asked.times[0]), 0, 0
         self.burst, self.burst_start = 0, self.t
         self.event_times: list[float] = []
         self.event_roots: list[int] = []
         self.n_rhs = self.n_jac = self.attempts = self.restarts = 0
-        self.attempt_time, self.bad_state, self.first_reach = np.nan, -1, 0.0
+        self.attempt_time, self.bad_state, self.first_reach, self.first_guess = np.nan, -1, 0.0, 0.0
+        self.step_begin = self.step_end = self.t
+        self.dy = np.zeros(n)
         self.bad_time: float | None = None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a sparse pattern with a Jacobian needs no differences
@@ -126,9 +130,12 @@ class _Driver:
 
             def events(t: float, y: Any, dy: Any, g: Any) -> None:
                 self._events(t, y)
-                g[:] = self.g
+                g[: self.n_roots] = self.g
+                g[self.n_roots :] = self._turning(t, y, dy, g[: self.n_roots])
 
-            options |= {"eventsfn": events, "num_events": self.n_roots}
+            functions: Any = events
+            functions.direction = [0] * self.n_roots + [1] * self.n_roots
+            options |= {"eventsfn": events, "num_events": 2 * self.n_roots}
         return options
 
     def _natural(self, y: Any) -> int:
@@ -187,18 +194,37 @@ class _Driver:
             raise _FailedError(ROOTS_FAILED)
         self.g[self.g == 0.0] = _NEGATIVE_ZERO
 
+    def _take_sides(self, t: float) -> None:
+        self._events(t, self.y)
+        self.sides = np.where(self.g > 0, 1.0, -1.0)
+
+    def _turning(self, t: float, y: Any, dy: Any, values: Any) -> Any:
+        if self.attempt_time > self.step_end:
+            self.step_begin, self.step_end = self.step_end, self.attempt_time
+        h = self.step_end - self.step_begin if self.step_end > self.step_begin else 1e-3 * self.first_guess
+        dt = SLOPE_OVER * h
+        if t + dt <= t or self.root_values(t + dt, self._natural(y + dt * dy), self.g.ctypes.data, *self.pointers) != 0:
+            return np.full(self.n_roots, _NEGATIVE_ZERO)
+        self.g[self.g == 0.0] = _NEGATIVE_ZERO
+        rise = self.sides * (self.g - values) / dt
+        counts = (rise < 0.0) | (rise * REACH * h > self.sides * values)
+        return np.where(counts & (rise != 0.0), rise, _NEGATIVE_ZERO)
+
     def _restart(self, t: float) -> None:
         self.restarts += 1
         if self._evaluate(t, self.y) != 0:
             raise _FailedError(RHS_FAILED)
         dy = self.differential * self.f[self.order]
-        self.attempt_time = t
+        self.attempt_time = self.step_begin = self.step_end = t
         try:
-            self.y = self.ida.init_step(t, self.y, dy).y
+            start = self.ida.init_step(t, self.y, dy)
+            self.y, self.dy = start.y, start.yp
         except RuntimeError as problem:  # scikit-sundae tells the reason only in words
             raise _FailedError(START_FAILED if "IDACalcIC" in str(problem) else -99) from problem
         self.attempt_time = t
-        self.first_reach = 1000 * self._first_step(t)
+        self.first_reach = self.first_guess = 1000 * self._first_step(t)
+        if self.n_roots:
+            self._take_sides(t)
 
     def _next_stop(self) -> float:
         events, end = self.asked.time_events, float(self.asked.times[-1])
@@ -236,14 +262,12 @@ class _Driver:
                 return
             watch = len(self.algebraic) > 0 and self.n_roots > 0 and self.update is not None
             if watch:
-                self._events(t, self.y)
-                before = self.g > 0
+                self._take_sides(t)
+                before = self.sides
             self._restart(t)
             if not watch:
                 return
-            self._events(t, self.y)
-            after = self.g > 0
-            self.fired[:] = np.where(after == before, 0, np.where(after, 1, -1))
+            self.fired[:] = np.where(self.sides == before, 0, self.sides)
             if not self.fired.any():
                 return
             forced = False
@@ -255,16 +279,29 @@ class _Driver:
         while self.sample > 0 and self.asked.times[self.sample - 1] >= t - self.asked.slack:  # as in ``ida_compiled``
             self.sample -= 1
 
-    def _located(self, t: float, fired: Any) -> None:
+    def _happened(self, t: float) -> None:
         if t - self.burst_start > self.asked.window:
             self.burst_start, self.burst = t, 0
         self.burst += 1
-        self.fired[:] = fired
         for k in np.flatnonzero(self.fired):
+            self.sides[k] = self.fired[k]
             self._log(t, int(k))
         if self.burst > BURST:
             raise _FailedError(CHATTER)
         self._settle(t, False)
+
+    def _located(self, t: float, fired: Any) -> None:
+        self.fired[:] = fired[: self.n_roots]
+        if self.fired.any():
+            self._happened(t)
+
+    def _just_beyond(self, t: float) -> None:
+        later = t + self.asked.slack
+        if self.root_values(later, self._natural(self.y + self.asked.slack * self.dy), self.g.ctypes.data, *self.pointers) == 0:
+            self.g[self.g == 0.0] = _NEGATIVE_ZERO
+            self.fired[:] = np.where(self.g * self.sides < 0, -self.sides, 0)
+            if self.fired.any():
+                self._happened(t)
 
     def _arrived(self, t: float) -> None:
         self.fired[:] = 0
@@ -308,7 +345,7 @@ class _Driver:
             target = min(target, self.t + max(self.first_reach, 1000 * EPS * abs(self.t)))
             self.first_reach = 0.0
         step = self.ida.step(target, method="normal", tstop=stop)
-        before, self.t, self.y = self.t, float(step.t), step.y
+        before, self.t, self.y, self.dy = self.t, float(step.t), step.y, step.yp
         if step.status == _TOO_MUCH_WORK:
             if self.t - before <= CHUNK * EPS * abs(self.t):
                 raise _FailedError(STALLED)
@@ -320,6 +357,8 @@ class _Driver:
         elif pending and target == stop:
             self.t = stop
             self._arrived(stop)
+        if self.n_roots and step.status != _ROOT_RETURN and self.t >= times[-1] - tiny:
+            self._just_beyond(self.t)
         return True
 
     def outcome(self, status: int) -> Outcome:

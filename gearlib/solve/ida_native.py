@@ -96,8 +96,9 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         f=np.zeros(n), y=y, dy=dy, differential=differential,
         order=np.empty(0) if matrix.order is None else matrix.order, atol=asked.atol[permuted], probe=np.zeros(n),
         values=np.zeros(len(matrix.position)), position=matrix.position, diagonal=matrix.diagonal,
-        fired=np.zeros(n_roots, dtype=np.int32), sides=np.zeros(n_roots, dtype=np.int32), g=np.zeros(n_roots),
-        times=asked.times, out=np.empty((samples, n)), modes_out=np.empty((samples, n_modes)),
+        fired=np.zeros(2 * n_roots, dtype=np.int32), sides=np.zeros(n_roots, dtype=np.int32),
+        before=np.zeros(n_roots, dtype=np.int32), g=np.zeros(n_roots), later=np.zeros(n_roots),
+        times=asked.times, out=np.full((samples, n), np.nan), modes_out=np.full((samples, n_modes), np.nan),
         time_events=asked.time_events, scratch=np.zeros(1), counter=np.zeros(1, dtype=np.int64),
     )  # fmt: skip
     state.log_space(_LOG + n_roots)
@@ -135,7 +136,8 @@ def _attach(solver: Solver, state: _Run, asked: Request, differential: Floats, p
         state.point(pattern_source=rows, starts_source=starts)
     else:
         frame["matrix"] = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
-    solver.attach(None if asked.problem.jac is None else compiled.jacobian.address, n_roots, compiled.roots.address)
+    directions = np.repeat(np.array([0, 1], np.int32), n_roots)  # the second half: functions that turn away from zero
+    solver.attach(None if asked.problem.jac is None else compiled.jacobian.address, compiled.roots.address, directions)
 
 
 def _outcome(solver: Solver, state: _Run, asked: Request, status: int) -> Outcome:

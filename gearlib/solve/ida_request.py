@@ -31,6 +31,9 @@ CHUNK = 1000  # steps after which IDA hands back: for Ctrl-C, and to see whether
 # Where the right-hand side is looked at before the first step, in shares of the time to the next stop: far, near and very near,
 # and no simple fractions, so that no periodic excitation returns to its value at all of them.
 PROBES = (7.32e-4, 6.18e-7, 4.14e-10)
+# A function that turns away from zero may have crossed it twice since the last step. Its slope is taken over a part of the step;
+# it matters where the line through value and slope, drawn backwards, meets zero within so many steps.
+SLOPE_OVER, REACH = 1e-6, 4.0
 BURST = 1000  # so many instants with events within `Request.window` are chattering
 
 

@@ -48,16 +48,23 @@ class Run:
 
     @property
     def longest_step(self) -> float:
-        """Where time drives the scene, two sample intervals by default: a pulse between two steps would not be noticed."""
+        """What no event and no pulse that lasts longer is stepped over by.
+
+        Where there are events that are searched for, a hundredth of the run by default; where time drives the scene, two sample
+        intervals as well: a pulse between two steps would not be noticed.
+        """
         if self.max_step is not None:
             return self.max_step
-        scene = self.scene
+        scene, share = self.scene, 0.01 * float(self.times[-1] - self.times[0]) or math.inf
         driven = scene.program.on_time or (scene.relations is not None and scene.relations.program.on_time)
         if driven or any(callable(s) and not isinstance(s, Table) for s in self.signals):
-            return (
-                min(2.0 * float(np.diff(self.times).max(initial=0.0)), 0.01 * float(self.times[-1] - self.times[0])) or math.inf
-            )
-        return math.inf
+            return min(2.0 * float(np.diff(self.times).max(initial=0.0)), share) or math.inf
+        return share if scene.relations is not None and not scene.relations.on_time.all() else math.inf
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing has a memory: no state, no discrete variable."""
+        return not self.scene.states and (self.scene.relations is None or not self.scene.relations.discretes)
 
 
 @dataclass(frozen=True)
@@ -96,7 +103,7 @@ def integrate(run: Run, method: str) -> Outcome:
     if method == "auto":
         outcome = _automatic(run)
     elif method == "exact":
-        form = _exact_form(run) if run.scene.states else None
+        form = None if run.still else _exact_form(run)
         if isinstance(form, str):
             raise ArgumentError(f"method='exact' needs a linear time-invariant scene: {form}; use method='auto', 'rk' or 'ida'")
         outcome = _exact(run, form, "asked for")
@@ -109,7 +116,7 @@ def integrate(run: Run, method: str) -> Outcome:
 
 
 def _automatic(run: Run) -> Outcome:
-    if not run.scene.states:
+    if run.still:
         return _exact(run, None, "there are no states")
     form = _exact_form(run)
     if not isinstance(form, str):
@@ -166,8 +173,10 @@ def _exact(run: Run, form: Any, why: str) -> Outcome:
 
 def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome:
     scene = run.scene
-    if not scene.states:
+    if run.still:
         return _exact(run, None, "there are no states")
+    if not scene.states:  # events only: any method steps from one to the next
+        method, why, hand_over = "rk", "there are no states, but discrete variables", False
     problem, keep = _problem(run, jacobian=method == "ida")
     try:
         with keep.listening() if keep.callbacks else nullcontext():
@@ -184,17 +193,17 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
 
 def _solved(run: Run, problem: Problem, method: str, hand_over: bool) -> Solution:
     """Hand a problem to an integrator."""
-    iterated = run.scene.program.iterated
+    iterated, atol = run.scene.program.iterated, run.atol if run.scene.states else None
     most, constrained = MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, any(s.constrained for s in iterated)
     if method == "ida":
         from gearlib.solve import ida
 
-        return ida.integrate(problem, run.times, rtol=run.rtol, atol=run.atol, max_steps=most, may_leave=constrained)
+        return ida.integrate(problem, run.times, rtol=run.rtol, atol=atol, max_steps=most, may_leave=constrained)
     from gearlib.solve import rungekutta
 
     order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
     return rungekutta.integrate(
-        problem, run.times, rtol=run.rtol, atol=run.atol, order=order, detect_stiffness=hand_over, max_steps=most,
+        problem, run.times, rtol=run.rtol, atol=atol, order=order, detect_stiffness=hand_over, max_steps=most,
         may_leave=constrained,
     )  # fmt: skip
 
@@ -255,7 +264,7 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
         modes = data[native.shared.relations :][: native.shared.n_relations]
         failure = SolverError(f"the right-hand side cannot be evaluated beyond t = {solution.t_last:.9g} s")
         left = Left(solution.t_last, solution.x_last, slots.copy(), modes.copy(), _explained(failure, run.scene))
-    return Outcome(solution.x, solution.modes, _events(run, solution), stats, left)
+    return Outcome(solution.x[:, : len(run.scene.states)], solution.modes, _events(run, solution), stats, left)
 
 
 def _events(run: Run, solution: Solution) -> list[Any]:
@@ -272,12 +281,9 @@ def _events(run: Run, solution: Solution) -> list[Any]:
 
 def _names_of_time_events(run: Run) -> dict[float, str]:
     """Component and equation of what switches at a time, all of them where there are several."""
-    from gearlib.solve.switches import times_of_breakpoints
-
-    begin, end = float(run.times[0]), float(run.times[-1])
     found: dict[float, list[str]] = {}
     for number, condition in time_conditions(run.scene, run.numbers):
-        for t in times_of_breakpoints(condition, begin, end).tolist():
+        for t in _switches(condition, float(run.times[0]), float(run.times[-1])).tolist():
             found.setdefault(t, []).append(run.scene.relation_names[number])
     return {t: "; ".join(dict.fromkeys(names)) for t, names in found.items()}
 
@@ -310,9 +316,10 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
     relations = scene.relations
     n_roots = int((~relations.on_time).sum()) if relations is not None else 0
     pattern = native.pattern
+    nothing = np.ones(0 if scene.states else 1)  # the integrators need a state: without any, one that stands still
     problem = Problem(
-        rhs=wrap("rhs", double), x0=run.start.states, data=data, index=index,  # type: ignore[arg-type]
-        differential=np.ones(len(scene.states), bool), nominal=scene.nominal, jac=wrap("jac", double),
+        rhs=wrap("rhs", double), x0=np.append(run.start.states, nothing), data=data, index=index,  # type: ignore[arg-type]
+        differential=np.ones(max(len(scene.states), 1), bool), nominal=np.append(scene.nominal, nothing), jac=wrap("jac", double),
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
@@ -329,18 +336,22 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
         return ""
     modes = data[shared.relations :][: shared.n_relations, None]
     inputs = data[shared.inputs :][: shared.n_inputs, None]
-    new = settle_once(scene.relations, run.numbers.relations, np.array([t]), x[:, None], inputs, modes)
+    new = settle_once(scene.relations, run.numbers.relations, np.array([t]), x[: len(scene.states), None], inputs, modes)
     places = np.flatnonzero((new != modes)[:, 0]).tolist()
     names = [scene.model.discretes.names[i - n] for i in places if i >= n]
     return ", ".join(names) or "; ".join(dict.fromkeys(scene.relation_names[i] for i in places))
 
 
-def _time_events(run: Run, t0: float, t1: float) -> Floats:
-    found = [breakpoints(run.signals)]
-    conditions = time_conditions(run.scene, run.numbers)
-    if conditions:
-        from gearlib.solve.switches import times_of_breakpoints
+def _switches(condition: Any, t0: float, t1: float) -> Floats:
+    """The times after ``t0`` at which a condition of time switches; what does so within rounding of the end does so there."""
+    from gearlib.solve.switches import rounding, times_of_breakpoints
 
-        found += [times_of_breakpoints(c, t0, t1) for _, c in conditions]
-    times = found[0] if len(found) == 1 else np.unique(np.concatenate(found))
-    return times[(times > t0) & (times < t1)]
+    return np.minimum(times_of_breakpoints(condition, t0, t1 + 2.0 * rounding(t0, t1)), t1)
+
+
+def _time_events(run: Run, t0: float, t1: float) -> Floats:
+    """Known times to step to exactly, after the start; at the end only where something may happen there."""
+    tables, conditions = breakpoints(run.signals), time_conditions(run.scene, run.numbers)
+    last = t1 if run.scene.relations is not None else math.nextafter(t1, t0)
+    tables = tables[(tables > t0) & (tables <= last)]
+    return np.unique(np.concatenate([tables, *(_switches(c, t0, t1) for _, c in conditions)])) if conditions else tables

@@ -18,11 +18,13 @@ from gearlib.solve.native_call import call_native, inner
 from gearlib.solve.rk_frame import doubles, ints
 from gearlib.solve.rk_stages import add_slope, dense_output, interpolate, last_stage
 
-__all__ = ["crossing", "flipped", "row", "slopes"]
+__all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
 
 OLD, NEW, SLOPE_OLD, SLOPE_NEW, LOW, HIGH, FREE = range(7)
 _ROUNDING = 4.4e-16
 AT_ONCE = 1e-9  # the part of a step after which a function that has left its side from the start is an event
+SLOPE_OVER = 1e-6  # the part of a step over which a slope is taken: a minimum is known to half of it
+LOOKS = 8  # at most for one minimum
 NEAR_START, NEAR_END = 0.05, 0.98  # outside these parts of a step the dense output is as accurate as the step
 
 
@@ -54,7 +56,7 @@ def flipped(s: Any, i: int) -> bool:
 @inner()
 def slopes(s: Any, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
     """Row j of ``g`` = time derivative of the event functions of row i, by a difference over a part of ``h`` along the solution."""
-    dt = 1e-4 * h
+    dt = SLOPE_OVER * h
     add_slope(x, dt, f, s.y, s.size)
     call_native(s.roots, t + dt, s.y, row(s, j), s.data, s.index)
     g, slope = doubles(row(s, i), s.n_roots), doubles(row(s, j), s.n_roots)
@@ -70,25 +72,48 @@ def _look(s: Any, t: float, h: float, theta: float, i: int) -> None:
 
 
 @inner()
-def _dip(s: Any, h: float) -> float:
-    """Where within the step a function that keeps its side at both ends may have crossed zero twice; 2 where none may.
+def _dip(s: Any, t: float, h: float) -> float:
+    """Where within the step a function that keeps its side at both ends has left it in between; 2 where none has.
 
-    Its cubic through both ends has a minimum, not far above zero compared with how steeply it gets there.
+    Each function that falls at the beginning and rises at the end has a minimum. The cubic through value and slope at both ends says
+    where; the dense output is looked at there, and with what it says the cubic of the remaining part says it better, until the
+    function has flipped, or the minimum is surely above zero compared with how steeply the function gets there. Row HIGH of ``g``
+    is taken at what is returned.
     """
-    n, first = s.n_roots, 2.0
+    n = s.n_roots
     side, old, new = ints(s.side, n), doubles(row(s, OLD), n), doubles(row(s, NEW), n)
     slope_old, slope_new = doubles(row(s, SLOPE_OLD), n), doubles(row(s, SLOPE_NEW), n)
+    free, high = doubles(row(s, FREE), n), doubles(row(s, HIGH), n)
     for k in range(n):
-        sign = side[k]
+        sign, left, right, last = side[k], 0.0, 1.0, -1.0
         a, b, da, db = sign * old[k], sign * new[k], sign * slope_old[k] * h, sign * slope_new[k] * h
-        if not (da < 0.0 and db > 0.0):
-            continue
-        c2, c3 = 3.0 * (b - a) - 2.0 * da - db, 2.0 * (a - b) + da + db
-        # the minimum is the root of da + 2 c2 theta + 3 c3 theta^2 where that rises through zero
-        theta = -da / (c2 + math.sqrt(max(c2 * c2 - 3.0 * c3 * da, 0.0)))
-        if 0.0 < theta < first and a + theta * (da + theta * (c2 + theta * c3)) < 0.1 * (db - da):
-            first = theta
-    return first
+        for _ in range(LOOKS):
+            if not (da < 0.0 and db > 0.0 and b > 0.0):
+                break
+            width = right - left
+            fall, rise = da * width, db * width
+            c2, c3 = 3.0 * (b - a) - 2.0 * fall - rise, 2.0 * (a - b) + fall + rise
+            # the minimum is the root of fall + 2 c2 u + 3 c3 u^2 where that rises through zero
+            u = -fall / (c2 + math.sqrt(max(c2 * c2 - 3.0 * c3 * fall, 0.0)))
+            if not (0.0 < u < 1.0 and a + u * (fall + u * (c2 + u * c3)) < 0.1 * (rise - fall)):
+                break
+            theta = left + u * width
+            if abs(theta - last) < _ROUNDING:
+                break
+            last = theta
+            dense_output(s, t, h)
+            _look(s, t, h, theta, FREE)
+            if flipped(s, FREE):
+                _copy(s, FREE, HIGH)
+                return theta
+            over = SLOPE_OVER * width
+            _look(s, t, h, theta + over, HIGH)
+            slope = sign * (high[k] - free[k]) / over
+            if slope < 0.0:
+                left, a, da = theta, sign * free[k], slope
+            else:
+                right, b, db = theta, sign * free[k], slope
+    return 2.0
 
 
 @inner()
@@ -149,16 +174,13 @@ def crossing(s: Any, t: float, h: float, error: float) -> tuple[int, float]:
         _copy(s, HIGH, LOW)
     else:
         _copy(s, OLD, LOW)
-    if flipped(s, NEW):
+    dip = _dip(s, t, h)
+    if dip < 1.0:
+        high = dip
+    elif flipped(s, NEW):
         _copy(s, NEW, HIGH)
     else:
-        high = _dip(s, h)
-        if high >= 1.0:
-            return 0, 1.0
-        dense_output(s, t, h)
-        _look(s, t, h, high, HIGH)
-        if not flipped(s, HIGH):
-            return 0, 1.0
+        return 0, 1.0
     dense_output(s, t, h)
     theta = _locate(s, t, h, low, high, _ROUNDING * (1.0 + abs(t) / h))
     if NEAR_START < theta < NEAR_END and error > (0.3 if s.order == 5 else 0.1):
@@ -166,6 +188,19 @@ def crossing(s: Any, t: float, h: float, error: float) -> tuple[int, float]:
     theta = _on_the_clock(s, t, h, theta)
     _take(s, t, h, theta)
     return 1, theta
+
+
+@inner()
+def just_beyond(s: Any, t: float, dt: float) -> bool:
+    """Whether an event function flips within ``dt`` after the end of the step, as one does that is meant to do so at ``t``; row NEW
+    of ``g`` is then taken there.
+    """
+    add_slope(s.x_new, dt, last_stage(s), s.y, s.size)
+    call_native(s.roots, t + dt, s.y, row(s, HIGH), s.data, s.index)
+    if not flipped(s, HIGH):
+        return False
+    _copy(s, HIGH, NEW)
+    return True
 
 
 @inner()

@@ -16,7 +16,7 @@ import numpy as np
 
 from gearlib.solve.kept import keep
 from gearlib.solve.native_call import call_native, inner
-from gearlib.solve.rk_events import NEW, OLD, SLOPE_NEW, SLOPE_OLD, crossing, row, slopes
+from gearlib.solve.rk_events import NEW, OLD, SLOPE_NEW, SLOPE_OLD, crossing, just_beyond, row, slopes
 from gearlib.solve.rk_frame import doubles, frame_at, ints, longs
 from gearlib.solve.rk_phases import adapt, begin_phase
 from gearlib.solve.rk_stages import dense_output, interpolate, last_stage, move, step_error, take_step
@@ -120,6 +120,7 @@ def _handle(s: Any, found: int, timed: bool) -> int:
         if found == 1 and (g[i] * side[i] < 0.0 or (side[i] == 0 and g[i] != 0.0)):
             fired[i] = np.sign(g[i])
             from_zero = from_zero and side[i] == 0
+    before = s.events
     if timed:
         _log(s, -1)
     logged = s.events
@@ -133,6 +134,9 @@ def _handle(s: Any, found: int, timed: bool) -> int:
             return UPDATE_FAILED
     if changed == 0 and from_zero:  # a function that merely starts from zero is not worth an entry
         s.events = logged
+    times = doubles(s.times, s.n_times)
+    while s.events > before and s.sample > 0 and times[s.sample - 1] >= s.t - LOCATED * max(abs(s.t), s.span):
+        s.sample -= 1  # a sample on an event holds the right-hand limit
     if changed != 0 or timed:  # or else the solution goes on as before
         begin_phase(s, changed != 0)
     if _restart(s) != 0:
@@ -226,6 +230,8 @@ def _step(s: Any, stop: float, end: float) -> int:
     t_new = stop if last_of_span and found == 0 else t + theta * h
     reached = t_new >= stop - ROUNDING * abs(stop)
     timed = reached and s.stop < s.n_timed
+    if found == 0 and reached and s.n_roots > 0 and stop == end and just_beyond(s, stop, LOCATED * max(abs(stop), s.span)):
+        found = 1
     _emit(s, t, t_new - (LOCATED if found == 1 or timed else ROUNDING) * abs(t_new), h)
     s.t = stop if reached else t_new
     _go_on(s)

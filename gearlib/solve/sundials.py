@@ -69,6 +69,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "IDASetMaxStep": (_int, [_pointer, _double]),
     "IDASetStopTime": (_int, [_pointer, _double]),
     "IDARootInit": (_int, [_pointer, _int, _pointer]),
+    "IDASetRootDirection": (_int, [_pointer, _pointer]),
     "IDACalcIC": (_int, [_pointer, _int, _double]),
     "IDAGetConsistentIC": (_int, [_pointer, _pointer, _pointer]),
     "IDASolve": (_int, [_pointer, _double, _pointer, _pointer, _pointer, _int]),
@@ -262,14 +263,18 @@ class Solver:
         values, rows = lib.SUNSparseMatrix_Data(self.matrix), lib.SUNSparseMatrix_IndexValues(self.matrix)
         return values, rows, lib.SUNSparseMatrix_IndexPointers(self.matrix)
 
-    def attach(self, jacobian: int | None, n_roots: int, roots: int) -> None:
-        """Hand the matrix, the Jacobian's address (None: difference quotients) and the event functions to IDA."""
+    def attach(self, jacobian: int | None, roots: int, directions: NDArray[np.int32]) -> None:
+        """Hand the matrix, the Jacobian's address (None: difference quotients) and the event functions to IDA.
+
+        Of each of these ``directions`` says which crossings are looked for: 1 the rising ones, 0 all.
+        """
         lib = self.sundials
         self._check(lib.IDASetLinearSolver(self.mem, self.linear_solver, self.matrix))
         if jacobian is not None:
             self._check(lib.IDASetJacFn(self.mem, jacobian))
-        if n_roots:
-            self._check(lib.IDARootInit(self.mem, n_roots, roots))
+        if len(directions):
+            self._check(lib.IDARootInit(self.mem, len(directions), roots))
+            self._check(lib.IDASetRootDirection(self.mem, directions.ctypes.data))
 
     def number(self, name: str, kind: Any = ctypes.c_double) -> Any:
         """A number that IDA keeps, by the name of the function that gives it."""

@@ -9,6 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ArgumentError
 
 METHODS = ["rk5", "rk8", "ida"]
 
@@ -324,3 +325,177 @@ def test_chattering_in_a_part_is_reported_with_its_path_and_time():
     for method in ("rk", "ida"):
         with pytest.raises(gl.GearlibError, match=r"events chatter at t ?= ?0\.5.* of loose"):
             gl.simulate(Model(), t_end=1.0, method=method)
+
+
+class Peak(gl.Component):
+    """A sine that is above ``top`` for 2 acos(top) once in each period."""
+
+    top = gl.Parameter("1", "what it must exceed", default=0.9999)
+    x = gl.Variable("1", "sine", start=0.0)
+    v = gl.Variable("1", "cosine", start=1.0)
+    above = gl.Discrete("how often it got above")
+    below = gl.Discrete("how often it got below -top")
+
+    def equations(self):
+        return [
+            gl.Eq(gl.der(self.x), self.v),
+            gl.Eq(gl.der(self.v), -self.x),
+            gl.When(self.x > self.top, gl.Eq(self.above, gl.pre(self.above) + 1)),
+            gl.When(self.x < -self.top, gl.Eq(self.below, gl.pre(self.below) + 1)),
+        ]
+
+
+@pytest.fixture(scope="module")
+def peak():
+    return gl.compile(Peak())
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("top", "coarsest"), [(0.9999, 1e-5), (0.99999, 1e-6), (0.999999, 1e-7), (1 - 1e-8, 1e-10)])
+@pytest.mark.parametrize("finer", [1.0, 1e-2, 1e-5])
+def test_short_events_are_found_at_every_tolerance_that_lets_the_solution_get_there(peak, method, top, coarsest, finer):
+    rtol = max(coarsest * finer, 1e-13)
+    result = peak.simulate(30.0, samples=2, method=method, rtol=rtol, parameters={"top": top})
+    assert (result["above"][-1], result["below"][-1]) == (5.0, 5.0)
+    begins = [t for t, name in result.events if name.endswith("when_0")][::2]
+    expected = [math.asin(top) + 2 * math.pi * k for k in range(5)]
+    assert begins == pytest.approx(expected, abs=0.3 * math.acos(top))
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_short_events_are_found_along_both_roads_to_ida(peak, native, monkeypatch):
+    from gearlib.solve import ida
+
+    road = ida.integrate
+    monkeypatch.setattr(ida, "integrate", lambda *a, **k: road(*a, **k, native=native))
+    result = peak.simulate(30.0, samples=2, method="ida", rtol=1e-8)
+    assert result.stats["road"].startswith("native" if native else "scikit-sundae")
+    assert (result["above"][-1], result["below"][-1]) == (5.0, 5.0)
+
+
+class Glance(gl.Component):
+    """A function that crosses and returns within one step, before another function crosses for good."""
+
+    x = gl.Variable("1", "time", start=0.0)
+    first = gl.Discrete("how often x (1 - x) exceeded 0.2499999")
+    second = gl.Discrete("how often x exceeded 0.6")
+
+    def equations(self):
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.When(self.x * (1 - self.x) > 0.2499999, gl.Eq(self.first, gl.pre(self.first) + 1)),
+            gl.When(self.x > 0.6, gl.Eq(self.second, gl.pre(self.second) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_short_event_is_not_hidden_by_another_one_in_the_same_step(method):
+    result = gl.simulate(Glance(), 1.0, samples=2, method=method, max_step=1.0)
+    assert [round(t, 3) for t, _ in result.events] == [0.5, 0.5, 0.6]
+
+
+class Burst(gl.Component):
+    """A fast oscillation that is seen by the condition only, of which no step knows."""
+
+    x = gl.Variable("1", "time", start=0.0)
+    n = gl.Discrete("how often")
+
+    def equations(self):
+        fast = gl.sin(2 * gl.pi * (50 * self.x - 0.3))
+        return [gl.Eq(gl.der(self.x), 1.0), gl.When(fast > 0, gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_lasts_longer_than_the_longest_step_is_found(method):
+    system = gl.compile(Burst())
+    assert system.simulate(1.0, method=method, max_step=0.005)["n"][-1] == 50.0
+    assert system.simulate(0.4, method=method)["n"][-1] == 20.0, "a hundredth of the run by default"
+
+
+class AtTheEnd(gl.Component):
+    """Everything that can happen at one second."""
+
+    x = gl.Variable("1", "time", start=0.0)
+    y = gl.Variable("1", "twice as much", start=0.0)
+    timed = gl.Discrete("events of time")
+    stated = gl.Discrete("events of x")
+
+    def equations(self):
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.Eq(gl.der(self.y), 2.0),
+            gl.When(gl.time >= 1.0, gl.Eq(self.timed, gl.pre(self.timed) + 1)),
+            gl.When(self.x > 1.0, gl.Eq(self.stated, gl.pre(self.stated) + 1), gl.reinit(self.y, -5.0)),
+        ]
+
+
+@pytest.mark.parametrize("method", [*METHODS, "auto"])
+@pytest.mark.parametrize("samples", [2, 7])
+def test_an_event_at_the_end_is_handled(method, samples):
+    result = gl.simulate(AtTheEnd(), 1.0, samples=samples, method=method)
+    assert (result["timed"][-1], result["stated"][-1]) == (1.0, 1.0)
+    assert result["y"][-1] == -5.0, "a sample on an event has the right-hand limit"
+    assert result["timed"][-2] == result["stated"][-2] == 0.0
+    assert {name for _, name in result.events} >= {"AtTheEnd: when_1"}
+    assert result.events[-1][0] == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("k", range(1, 12))
+def test_the_end_is_where_it_is_up_to_rounding(method, k):
+    """0.1 k added up and multiplied are different numbers; an event in time is at the end whichever is which."""
+
+    class At(gl.Component):
+        at = gl.Parameter("s", "when", default=1.0)
+        x = gl.Variable("1", "", start=0.0)
+        n = gl.Discrete("count")
+
+        def equations(self):
+            return [gl.Eq(gl.der(self.x), 1.0), gl.When(gl.time >= self.at, gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+    system, end, other = gl.compile(At()), k * 0.1, sum([0.1] * k)
+    assert system.simulate(end, samples=2, method=method, parameters={"at": other})["n"][-1] == 1.0
+    assert system.simulate(other, samples=2, method=method, parameters={"at": end})["n"][-1] == 1.0
+
+
+class AtTheStart(gl.Component):
+    """What stands exactly at its limit at the start."""
+
+    x = gl.Variable("1", "time", start=0.0)
+    leaves = gl.Discrete("becomes true right after the start")
+    holds = gl.Discrete("is true from the start on")
+    timed = gl.Discrete("is true from the start on, by the right-hand limit")
+
+    def equations(self):
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.When(self.x > 0.0, gl.Eq(self.leaves, gl.pre(self.leaves) + 1)),
+            gl.When(self.x >= 0.0, gl.Eq(self.holds, gl.pre(self.holds) + 1)),
+            gl.When(gl.time >= 0.0, gl.Eq(self.timed, gl.pre(self.timed) + 1)),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_event_at_the_start(method):
+    result = gl.simulate(AtTheStart(), 1.0, samples=3, method=method)
+    assert result["leaves"].tolist() == [1.0, 1.0, 1.0]
+    assert result["holds"].tolist() == result["timed"].tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("method", ["auto", "exact", "rk", "ida"])
+def test_a_discrete_variable_without_any_state(method):
+    class Counter(gl.Component):
+        y = gl.Variable("1", "ramp")
+        n = gl.Discrete("count")
+
+        def equations(self):
+            return [gl.Eq(self.y, 2 * gl.time), gl.When(self.y > 1.0, gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+    system = gl.compile(Counter())
+    if method == "exact":
+        with pytest.raises(ArgumentError, match="make events"):
+            system.simulate(1.0, method=method)
+    else:
+        result = system.simulate(1.0, times=[0, 0.25, 0.5, 0.75, 1.0], method=method, atol=1e-9)
+        assert result["n"].tolist() == [0, 0, 1, 1, 1]
+        assert result["y"].tolist() == [0, 0.5, 1, 1.5, 2]
