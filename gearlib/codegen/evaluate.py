@@ -212,6 +212,8 @@ def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relation
     n = len(step.unknowns)
     z = np.zeros(n) if guess is None else guess[step.unknowns].copy()
     for i in range(len(t)):
+        if step.linear:  # from nothing: a guess takes digits from what is small, and what is undetermined shall be zero
+            z = np.zeros(n)
         here, flags, now = slots[:, i : i + 1].copy(), relations[:, i : i + 1], t[i : i + 1]
         for iteration in range(50):
             here[step.unknowns, 0] = z

@@ -20,6 +20,7 @@ from gearlib.structure.incidence import Node
 Integers = NDArray[np.int64]
 
 
+LOST = 1e6  # times its solution, the change of a linear block leaves too few digits of it: it is solved once more from there
 ROUNDING = 1e-12  # change of an unknown that may be all rounding: of unknowns near zero no relative accuracy can be asked
 
 

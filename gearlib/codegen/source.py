@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gearlib.codegen.kernels import Kernel
 from gearlib.codegen.layout import Layout
 from gearlib.codegen.names import identifiers
-from gearlib.codegen.program import ROUNDING, Batch, Linear, Newton, Program
+from gearlib.codegen.program import LOST, ROUNDING, Batch, Linear, Newton, Program
 from gearlib.codegen.runs import coefficient_batches, has_runs, run_index, run_lines, starts_of_runs
 from gearlib.codegen.text import expression
 
@@ -297,7 +297,7 @@ def _newton(body: Body, step: Newton, memory: int) -> None:
     body.lines += [
         f"h, z = {body.array([n, step.lead, memory])}, {unknowns}",
         "q, lead = index[h], index[h + 1]",
-        f"for iteration in range({1 if step.linear else 25}):",
+        f"for iteration in range({2 if step.linear else 25}):",
         "    for k in range(q + q * q):",
         "        data[w + k] = 0.0",
     ]
@@ -312,7 +312,7 @@ def _newton(body: Body, step: Newton, memory: int) -> None:
         "    for k in range(q):",
         "        data[v + index[z + k]] -= data[w + k]",
         "        e, f = max(e, abs(data[w + k])), max(f, abs(data[v + index[z + k]]))",
-        f"    if e <= 1e-14 * f + 1e-300 or (iteration > 7 and e <= {ROUNDING}):",
+        f"    if e <= {LOST} * f:" if step.linear else f"    if e <= 1e-14 * f + 1e-300 or (iteration > 7 and e <= {ROUNDING}):",
         "        break",
     ]
     if not step.linear:

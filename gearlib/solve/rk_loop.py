@@ -38,6 +38,7 @@ DECAY_LEFT, VIBRATION_LEFT, FINER = 500, (20_000, 10_000), 0.15
 DECAY_SMOOTH, VIBRATION_SMOOTH = 100.0, 1.0
 ROUNDING = 8.9e-16
 LOCATED = 2.2e-14  # samples no further before an event are on the event: they hold the right-hand limit
+AT_START = 1e-16  # of the run: as near to the start as that, an event is at the start
 
 
 @inner()
@@ -135,7 +136,7 @@ def _handle(s: Any, found: int, timed: bool) -> int:
     if changed == 0 and from_zero:  # a function that merely starts from zero is not worth an entry
         s.events = logged
     times = doubles(s.times, s.n_times)
-    while s.events > before and s.sample > 0 and times[s.sample - 1] >= s.t - LOCATED * max(abs(s.t), s.span):
+    while s.events > before and s.sample > 0 and times[s.sample - 1] >= s.t - max(LOCATED * abs(s.t), AT_START * s.span):
         s.sample -= 1  # a sample on an event holds the right-hand limit
     if changed != 0 or timed:  # or else the solution goes on as before
         begin_phase(s, changed != 0)

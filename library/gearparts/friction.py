@@ -18,6 +18,11 @@ from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
 HYSTERESIS = 1e-4  # of a one-way clutch's break-away torque, relative
 ROUNDING = 1e-10  # an element that could slide, but is held by another one, stands exactly at its limit
+# Locked, the curve parameter is the torque, and the acceleration is nothing. Where the motion is prescribed, that leaves the torque
+# undetermined, and a motion that starts or passes through zero without a solution. With this compliance (rad/s2 per N.m) the torque
+# of a locked element is zero on a prescribed motion that rests, and beyond any limit on one that does not, so that the element slides.
+# Anywhere else it is less than the rounding of the acceleration.
+YIELD = 1e-25
 AT_REST = 1e-11  # rad/s: slower than that, what was at rest has not begun to move; a solver's rounding has no sign that means anything
 
 
@@ -48,7 +53,7 @@ class Friction(gl.Component):
         backward = gl.Or(gl.holds(self.start_backward), gl.equals(was, BACKWARD))
         ways = [(self.sa - tau0_max, forward), (self.sa + tau0_max, True)]
         return [
-            gl.Eq(gl.der(self.v), gl.Piecewise((0, locked), (self.sa, is_free), *ways)),
+            gl.Eq(gl.der(self.v), gl.Piecewise((YIELD * self.sa, locked), (self.sa, is_free), *ways)),
             gl.Eq(torque, gl.Piecewise((self.sa, locked), (0, is_free), (level(self.v), forward), (-level(-self.v), True))),
             gl.Eq(self.free, free),
             gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v, gl.pre(self.moving))),

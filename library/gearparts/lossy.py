@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import gearlib as gl
 from gearlib.errors import BindingError
 from gearparts.backlash import ElastoBacklash
-from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, sign_while
+from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, sign_while
 from gearparts.interfaces import Dissipative, Flange, TwoFlanges
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
 
@@ -105,7 +105,7 @@ class LossyGear(TwoFlanges, Dissipative):
                 torque + gl.Piecewise((0, gl.holds(self.locked)), (-side_forward, ahead), (side_backward, True)),
             ),
             gl.Eq(self.tau_loss, gl.Piecewise((self.sa, gl.holds(self.locked)), (forward, ahead), (backward, True))),
-            gl.Eq(gl.der(self.w_a), gl.Piecewise((0, gl.holds(self.locked)), (self.sa - self.tau_loss, True))),
+            gl.Eq(gl.der(self.w_a), gl.Piecewise((YIELD * self.sa, gl.holds(self.locked)), (self.sa - self.tau_loss, True))),
             gl.Eq(
                 self.loss_forward,
                 piecewise_without_events(

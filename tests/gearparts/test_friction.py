@@ -388,3 +388,49 @@ def test_a_bearing_on_a_prescribed_motion(w: float, method: str) -> None:
     result = gl.compile(Rig()).simulate(10.0, samples=51, method=method, parameters={"w": w})
     speed = w + np.sin(result.time)
     assert result["bearing.tau"] == pytest.approx(np.sign(speed) * (0.5 + 0.4 * abs(speed)), abs=1e-9)
+
+
+STARTS = [gl.Piecewise((0.0, gl.time < 0.2), (10.0, True)), 10.0]  # at rest for a while, and not at all
+
+
+class Prescribed(gl.Component):
+    """A friction element and a body behind it on a shaft whose acceleration is prescribed."""
+
+    kind = gl.Structural("bearing", choices=("bearing", "brake", "gear"))
+    a = gl.Structural(None)
+    w0 = gl.Parameter("rad/s", "speed at the start", default=0.0)
+
+    def assemble(self) -> list[Any]:
+        self.m, self.j = gp.Accelerate(a_ref=self.a, start={"w": self.w0}), gp.Inertia(J=0.1)
+        self.g = {
+            "bearing": lambda: gp.BearingFriction(tau_pos=((0, 0.5), (100, 1.0))),
+            "brake": lambda: gp.Brake(fn_max=1.0, f_normalized=1.0, mu_pos=((0, 0.5), (100, 1.0)), peak=1.3),
+            "gear": lambda: gp.LossyGear(ratio=1.0, loss_table=((0, 1, 1, 0.5, 0.5), (100, 1, 1, 1.0, 1.0))),
+        }[self.kind]()
+        return [gl.connect(self.m.flange, self.g.flange_a), gl.connect(self.g.flange_b, self.j.flange_a)]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+@pytest.mark.parametrize("kind", ["bearing", "brake", "gear"])
+@pytest.mark.parametrize(("a", "w0"), [(STARTS[0], 0.0), (STARTS[1], 0.0), (-10.0, 0.0), (-10.0, 3.0), (8.0, -2.0)])
+def test_friction_on_a_motion_that_starts_from_rest_or_passes_through_it(kind: str, method: str, a: Any, w0: float) -> None:
+    """The shaft slides as soon as it moves, and has no friction torque while it is held at rest."""
+    result = gl.simulate(Prescribed(kind=kind, a=a, w0=w0), 1.0, samples=24, method=method, rtol=1e-9)
+    t = result.time
+    rate = np.where(t < 0.2, 0.0, 10.0) if a is STARTS[0] else np.full_like(t, a)
+    w = 10.0 * np.maximum(t - 0.2, 0.0) if a is STARTS[0] else w0 + a * t
+    friction = np.where((w == 0) & (rate == 0), 0.0, np.sign(np.where(w == 0, rate, w)) * (0.5 + 0.005 * abs(w)))
+    assert result["j.w"] == pytest.approx(w, abs=1e-8)
+    assert -result["m.flange.tau"] == pytest.approx(0.1 * rate + friction, abs=1e-8)
+
+
+def test_a_clutch_between_two_prescribed_motions_slides() -> None:
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Accelerate(a_ref=-10.0, start={"w": 3.0}), gp.Accelerate(a_ref=-5.0, start={"w": 1.0})
+            self.c = gp.Clutch(fn_max=2.0, f_normalized=1.0)
+            return [gl.connect(self.a.flange, self.c.flange_a), gl.connect(self.c.flange_b, self.b.flange)]
+
+    for method in ("rk", "ida"):
+        result = gl.simulate(Two(), 1.0, samples=8, method=method)
+        assert result["c.tau"] == pytest.approx(np.where(result.time < 0.4, -1.0, 1.0) * np.sign(1.0), abs=1e-9)
