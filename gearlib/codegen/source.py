@@ -312,7 +312,9 @@ def _newton(body: Body, step: Newton, memory: int) -> None:
         "    for k in range(q):",
         "        data[v + index[z + k]] -= data[w + k]",
         "        e, f = max(e, abs(data[w + k])), max(f, abs(data[v + index[z + k]]))",
-        f"    if e <= {LOST} * f:" if step.linear else f"    if e <= 1e-14 * f + 1e-300 or (iteration > 7 and e <= {ROUNDING}):",
+        f"    if e <= {LOST} * f:"
+        if step.linear
+        else f"    if e <= 1e-14 * f + 1e-300 or (iteration > 7 and e <= {ROUNDING}):",
         "        break",
     ]
     if not step.linear:
