@@ -176,17 +176,17 @@ class System:
         return rhs_source(scene.program, lay_out(scene.program, shared, shared.size), lambda: scene.slot_names, names)[0]
 
     def simulate(
-        self, t_end: float, *, t_start: float = 0.0, samples: int | None = None, times: ArrayLike | None = None,
+        self, t_end: float, *, t_start: float | None = None, samples: int | None = None, times: ArrayLike | None = None,
         method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None, parameters: Mapping[str, float] | None = None,
-        start: Mapping[str, float] | str | None = None, inputs: Mapping[str, Any] | None = None, max_step: float | None = None,
-        progress: bool = False,
+        start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
+        inputs: Mapping[str, Any] | None = None, max_step: float | None = None, progress: bool = False,
     ) -> Result:  # fmt: skip
         """Integrate from ``t_start`` to ``t_end``.
 
         Parameters
         ----------
         t_end, t_start : float
-            Interval, s.
+            Interval, s. It begins at 0 unless given, or where a run that goes on had got to.
         samples : int, optional
             Number of equidistant output times (501).
         times : array, optional
@@ -200,8 +200,10 @@ class System:
             Absolute tolerance of the states; by default ``rtol`` times their nominal values.
         parameters : mapping, optional
             Values for this run, by path.
-        start : mapping or "steady", optional
-            Start values for this run, by path; or a search for a steady state.
+        start : mapping, "steady", Result or (Result, float), optional
+            Start values for this run, by path, of discrete variables, too; a search for a steady state; or a run that goes on from
+            its last sample or from a time, with all of its state: integrated states, discrete variables, the modes of clutches
+            and friction. Its parameters and inputs stay as well, unless ``parameters`` or ``inputs`` are given.
         inputs : mapping, optional
             Of unbound inputs: a number, a function of time, or a `Table`.
         max_step : float, optional
@@ -219,12 +221,15 @@ class System:
         ArgumentError, NameLookupError, BoundError, StartError, SolverError
             Each names what was found and what was expected.
         """
-        t_start = real("t_start", t_start, "a finite number of seconds")
+        earlier = self._earlier(start)
+        t_start = real(
+            "t_start", (earlier[1] if earlier else 0.0) if t_start is None else t_start, "a finite number of seconds"
+        )
         t_end = real("t_end", t_end, "a finite number of seconds")
         grid = output_times(t_start, t_end, samples, times, len(self.states))
         check_options(method, rtol, max_step)
-        numbers = self._parameters(parameters)
-        signals = self._signals(inputs)
+        numbers = self._parameters(parameters) if parameters is not None or not earlier else earlier[0]._parameters
+        signals = self._signals(inputs) if inputs is not None or not earlier else list(earlier[0]._signals)
         return self._run(
             self._scene, Request(float(t_start), grid, method, rtol, atol, numbers, start, tuple(signals), progress, max_step)
         )
@@ -236,9 +241,13 @@ class System:
         grid = times if times[0] == asked.t_start else np.concatenate([[asked.t_start], times])
         if self._structure.switching:
             refuse_jumps(self._structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
-        begin = self._start(scene, parameters, float(grid[0]), asked.start, signals, numbers)
+        earlier = self._earlier(asked.start)
+        if earlier:
+            begin = earlier[0]._moment(scene, earlier[1])
+        else:
+            begin = self._start(scene, parameters, float(grid[0]), asked.start, signals, numbers, discrete=True)
         absolute = absolute_tolerance(asked.atol, len(scene.states))
-        run = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, max_step=asked.max_step)
+        run = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step)
         if asked.progress:
             print(f"{self.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
         parts = integrate_through(run, asked.method, self._charts)
@@ -361,23 +370,51 @@ class System:
         plain = [callable(signal) and not isinstance(signal, Table) for signal in signals]
         return [Function(name, s) if function else s for name, s, function in zip(names, signals, plain, strict=True)]
 
+    def _earlier(self, start: Any) -> tuple[Result, float] | None:
+        """The run that goes on, and from when; None where none does."""
+        if isinstance(start, Result):
+            start = (start, float(start.time[-1]))
+        if not (isinstance(start, tuple) and len(start) == 2 and isinstance(start[0], Result)):
+            return None
+        result, t = start[0], real("the time of start=(result, time)", start[1], "a finite number of seconds")
+        theirs, ours = result._scene.structure, self._structure
+        if theirs is not ours and not (theirs.states == ours.states and theirs.model.same_names(ours.model)):
+            raise ArgumentError(
+                f"start is a run of another system than {self.name}; a run goes on with the system that made it"
+            )
+        if not result.time[0] <= t <= result.time[-1]:
+            raise ArgumentError(f"start names the time {t:g} s; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
+        return result, float(t)
+
     def _start(
-        self, scene: Scene, parameters: Floats, t: float, start: Mapping[str, float] | str | None, signals: Sequence[Any],
-        numbers: Numbers | None = None,
+        self, scene: Scene, parameters: Floats, t: float, start: Any, signals: Sequence[Any], numbers: Numbers | None = None,
+        discrete: bool = False,
     ) -> Start:  # fmt: skip
+        """Start values; with ``discrete``, those of discrete variables may be among them."""
         overrides: dict[int, float] = {}
+        discretes, known = None, self._model.discretes
         if not (start is None or isinstance(start, Mapping) or (isinstance(start, str) and start == "steady")):
-            raise ArgumentError(f"start is {shown(start)}; expected a mapping of start values, or 'steady'")
+            raise ArgumentError(
+                f"start is {shown(start)}; expected a mapping of start values, 'steady', a result, or (result, time)"
+            )
         if isinstance(start, Mapping):
             for name, value in start.items():
-                overrides[start_variable(self._model, name)] = real(f"start of {name}", value)
+                if discrete and name in known.names:
+                    discretes = known.starts.copy() if discretes is None else discretes
+                    discretes[known.names.index(name)] = real(f"start of {name}", value)
+                else:
+                    overrides[start_variable(self._model, name)] = real(f"start of {name}", value)
         inputs = values(signals, np.array([t]))[:, 0]
         inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
-        begin = start_values(scene, parameters, inputs, t, overrides)
+        begin = start_values(scene, parameters, inputs, t, overrides, discretes)
         if start == "steady":
             steady = steady_state(scene, numbers or self._prepared(scene, parameters), begin, inputs, t)
             return Start(steady, begin.guess, ())
-        return begin
+        if discretes is None:
+            return begin
+        prepared = numbers or self._prepared(scene, parameters)
+        modes = scene.modes(prepared, np.array([t]), begin.states[:, None], inputs[:, None], discretes)
+        return replace(begin, modes=modes[:, 0])
 
     def __repr__(self) -> str:
         return f"<System {self.name}: {len(self.states)} states>"

@@ -224,6 +224,14 @@ class FlatModel:
             raise NameLookupError(f"the model has no {what} '{name}'; {nearest(name, valid or self.names())}")
         return found
 
+    def same_names(self, other: FlatModel) -> bool:
+        """Whether another model has the same variables, discrete variables and relations: numbers stand for the same there."""
+        return (
+            self.n_relations == other.n_relations
+            and self.discretes.names == other.discretes.names
+            and list(self.names()) == list(other.names())
+        )
+
     def column(self, name: str) -> Column:
         """The variable's path and the order of derivative that a name stands for: "der(load.w)", or "load.a"."""
         base, order = parse_column(name)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -29,7 +28,7 @@ class Request:
     rtol: float
     atol: ArrayLike | None
     parameters: Floats
-    start: Mapping[str, float] | str | None
+    start: Any  # a mapping, 'steady', a result, or a result and a time
     signals: tuple[Any, ...]
     progress: bool
     max_step: float | None

@@ -32,6 +32,7 @@ class Start:
     states: Floats  # of the scene
     guess: Floats  # of every representative variable, for iterations
     free: tuple[str, ...]  # states that nothing fixes
+    modes: Floats | None = None  # relations and discrete variables, where these do not follow from the model and the states
 
 
 def start_variable(model: FlatModel, name: str) -> int:
@@ -90,7 +91,9 @@ def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
     )
 
 
-def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float]) -> Start:
+def start_values(
+    scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float], discretes: Floats | None = None
+) -> Start:
     """Find the start of a run.
 
     Parameters
@@ -102,6 +105,8 @@ def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, ove
     t : float
     overrides : mapping of int to float
         Start values given for this run, by variable.
+    discretes : array, optional
+        Start values of all discrete variables, instead of the model's.
 
     Raises
     ------
@@ -126,7 +131,7 @@ def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, ove
     settled = set(direct)
     if others:
         own = {int(model.representative[v]) for v in overrides}
-        settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free, own)
+        settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free, own, discretes)
     open_ = tuple(name for name, i in zip(scene.state_names, scene.places.tolist(), strict=True) if i not in settled)
     return Start(x[scene.places], guess, open_)
 
@@ -134,6 +139,7 @@ def start_values(scene: Scene, parameters: Floats, inputs: Floats, t: float, ove
 def _satisfy(
     structure: Structure, scene: Scene, parameters: Floats, inputs: Floats, t: float, x: Floats, guess: Floats,
     others: list[Node], fixed: dict[int, tuple[float, str]], free: list[int], own: Collection[int] = (),
+    discretes: Floats | None = None,
 ) -> set[int]:  # fmt: skip
     """Move the free states (as little as possible) until the other fixed values hold. Changes ``x``; returns what moved.
 
@@ -147,7 +153,7 @@ def _satisfy(
     start = here.guess(program, guess)
     slots_of = program.output_slots
     u, now = inputs[:, None], np.array([t])
-    settle = _modes_of(structure, program, parameters, now, u)
+    settle = _modes_of(structure, program, parameters, now, u, discretes)
     flags = settle(x)
 
     def gradients(slots: Floats) -> Floats:
@@ -208,7 +214,7 @@ def _follows(structure: Structure, name: str, gradient: Floats) -> str:
 
 
 def _modes_of(
-    structure: Structure, program: Program, parameters: Floats, t: Floats, inputs: Floats
+    structure: Structure, program: Program, parameters: Floats, t: Floats, inputs: Floats, discretes: Floats | None = None
 ) -> Callable[[Floats], Floats]:
     """The modes of a program at a start, as a function of the states."""
     model = structure.model
@@ -217,7 +223,7 @@ def _modes_of(
         none = np.zeros((model.n_modes, 1))
         return lambda x: none
     prepared = prepare(relations.program, structure, parameters)
-    return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs)
+    return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs, discretes)
 
 
 def _independent(matrix: Floats) -> NDArray[np.int64]:

@@ -294,8 +294,9 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
     t0 = float(run.times[0])
     program = scene.program
     inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
-    flags = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])
-    modes = flags[:, 0] if run.modes is None else run.modes
+    modes = run.modes
+    if modes is None:
+        modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])[:, 0]
     data = scene.data(native, run.numbers, inputs, modes, scene.guess(program, run.start.guess))
     keep = Keep()
     functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError
+from gearlib.solve.initialize import Start
 from gearlib.solve.part import Part
+from gearlib.solve.scene import Scene
 from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
@@ -87,6 +89,18 @@ class Result:
         if t in self.time:
             return self
         return self._again(self._scene.states, np.append(self.time[self.time < t], t))
+
+    def _moment(self, scene: Scene, t: float) -> Start:
+        """What a run of a scene starts from that goes on from here at a time."""
+        if t not in self.time:
+            return self._with_sample(t)._moment(scene, t)
+        sample, part = int(np.searchsorted(self.time, t)), self._part_at(t)
+        states = np.array([self._history(node)[sample] for node in scene.states], float)
+        guess = part.guess.copy()
+        if scene.program.iterated:  # on the branch on which the run was
+            for v in scene.program.undifferentiated[0].tolist():
+                guess[v] = self._history((v, 0))[sample]
+        return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
 
     def _part_at(self, t: float) -> Part:
         return next(part for part in reversed(self._parts) if part.time[0] <= t)

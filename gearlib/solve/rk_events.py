@@ -97,7 +97,7 @@ def _dip(s: Any, t: float, h: float) -> float:
             u = -fall / (c2 + math.sqrt(max(c2 * c2 - 3.0 * c3 * fall, 0.0)))
             if not (0.0 < u < 1.0 and a + u * (fall + u * (c2 + u * c3)) < 0.1 * (rise - fall)):
                 break
-            theta = left + u * width
+            theta: float = left + u * width
             if abs(theta - last) < _ROUNDING:
                 break
             last = theta

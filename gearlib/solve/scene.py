@@ -185,14 +185,14 @@ class Scene:
         relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
         return Numbers(parameters, main, relations)
 
-    def modes(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats) -> Floats:
+    def modes(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None) -> Floats:
         """Relations and discrete variables as they are at some times, each by itself, shape (modes, times).
 
-        Discrete variables are as if the run was started there.
+        Discrete variables are as if the run was started there, from the values given or those of the model.
         """
         if self.relations is None or numbers.relations is None:
             return np.zeros((self.n_modes, len(t)))
-        return modes_at_start(self.model, self.relations, numbers.relations, t, states, inputs)
+        return modes_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes)
 
     def data(self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Floats | None) -> Floats:
         """The data block of a run."""
@@ -218,13 +218,14 @@ class Scene:
 
 
 def modes_at_start(
-    model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats
-) -> Floats:
+    model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
+    discretes: Floats | None = None,
+) -> Floats:  # fmt: skip
     """Relations and discrete variables of a run that is started there, shape (modes, times)."""
     modes = np.zeros((model.n_modes, len(t)))
     n, d = model.n_relations, len(model.discretes)
     if d:
-        modes[n : n + d] = modes[n + d : n + 2 * d] = model.discretes.starts[:, None]
+        modes[n : n + d] = modes[n + d : n + 2 * d] = (model.discretes.starts if discretes is None else discretes)[:, None]
         modes[n + 2 * d] = 1.0
     for _ in range(100):
         for _ in range(100):

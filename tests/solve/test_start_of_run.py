@@ -67,14 +67,15 @@ def test_a_run_keeps_no_memory_of_another_start(system: gl.System) -> None:
         ({"a.a": 1.0}, NameLookupError, r"a\.a is a derivative, which has no start value; a\.w has one"),
         ({"der(a.w)": 1.0}, NameLookupError, r"der\(a\.w\) is a derivative"),
         ({"torque.tau": 1.0}, NameLookupError, r"torque\.tau is an input, .* give inputs=\{'torque\.tau': \.\.\.\}"),
-        (
-            {"bearing.mode": 1.0},
-            NameLookupError,
-            r"bearing\.mode is a discrete variable; .* start=\{'mode': \.\.\.\} of bearing",
-        ),
         ({"a": 1.0}, NameLookupError, r"'a' is a component, no variable; name one of its variables: .*a\.w"),
     ],
 )
 def test_what_cannot_be_a_start_value_is_told(system: gl.System, start: Any, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         system.simulate(0.01, samples=2, start=start)
+
+
+def test_a_linear_model_takes_no_start_value_of_a_discrete_variable(system: gl.System) -> None:
+    message = r"bearing\.mode is a discrete variable; .* start=\{'mode': \.\.\.\} of bearing"
+    with pytest.raises(NameLookupError, match=message):
+        system.linearize(at={"bearing.mode": 1.0})
