@@ -58,14 +58,19 @@ static = 100.0 / R_A / C  # m, deflection under the torque alone
 # %%
 # Harmonic balance
 # ----------------
-# The branch starts above the resonance and goes down in frequency, round the folds. One harmonic shows the shape, eight the numbers.
+# The branch starts above the resonance and goes down in frequency, round the folds. The number of harmonics follows from the
+# accuracy that is asked for, and the result says what was reached. One harmonic alone is off: it puts the end of the branch of large
+# motions at 0.567 of the natural frequency, where it is at 0.720.
 
-branches = {n: gl.harmonic_balance(system, 1.5 * NATURAL, 0.5 * NATURAL, frequency="w", harmonics=n, step=0.04) for n in (1, 8)}
-for n, branch in branches.items():
+branches = {
+    name: gl.harmonic_balance(system, 1.5 * NATURAL, 0.5 * NATURAL, frequency="w", harmonics=n, step=0.04)
+    for name, n in (("one harmonic only", 1), ("harmonic balance", None))
+}
+for name, branch in branches.items():
     folds = ", ".join(
         f"{w / NATURAL:.4f} ({a * 1e6:.2f})" for w, a in zip(branch.fold_omega, branch.amplitude("mesh.q")[list(branch.folds)])
     )
-    print(f"{n} harmonic{'s' if n > 1 else ''}: {len(branch)} points; folds at w/wn (amplitude, µm): {folds}")
+    print(f"{name}: {branch.reached}; {len(branch)} points; folds at w/wn (amplitude, µm): {folds}")
 
 # %%
 # Sweeps by time integration
@@ -99,17 +104,17 @@ for name, amplitude in sweeps.items():
 # -------------
 
 fig, ax = plt.subplots(figsize=(8, 4.8), layout="constrained")
-for (n, branch), color in zip(branches.items(), ("C7", "C0")):
+for (name, branch), color in zip(branches.items(), ("0.75", "C0")):
+    converged = branch.harmonics > 1
     ratio, amplitude = branch.omega / NATURAL, branch.amplitude("mesh.q") * 1e6
-    ax.plot(
-        ratio,
-        np.where(branch.stable, amplitude, np.nan),
-        color=color,
-        label=f"harmonic balance, {n} harmonic{'s' if n > 1 else ''}",
-    )
-    ax.plot(
-        ratio, np.where(branch.stable, np.nan, amplitude), color=color, ls=":", label="the same, unstable" if n > 1 else None
-    )
+    if not converged:  # which of its motions are stable is as wrong as the motions themselves
+        ax.plot(ratio, amplitude, color=color, lw=1, label="one harmonic only: not converged")
+        continue
+    ax.plot(ratio, np.where(branch.stable, amplitude, np.nan), color=color, label=f"harmonic balance, {branch.reached}")
+    ax.plot(ratio, np.where(branch.stable, np.nan, amplitude), color=color, ls=":", label="the same, unstable")
+    for k in branch.folds:
+        ax.plot(ratio[k], amplitude[k], "ko", ms=4)
+        ax.annotate(f"{ratio[k]:.3f}", (ratio[k], amplitude[k]), textcoords="offset points", xytext=(-34, 4), fontsize=8)
 for (name, amplitude), marker in zip(sweeps.items(), ("^", "v")):
     ax.plot(frequencies / NATURAL, amplitude * 1e6, marker, color="C3" if marker == "^" else "C2", ms=5, mfc="none", label=name)
 ax.axhline(static * 1e6, color="k", lw=0.8, ls="--")
