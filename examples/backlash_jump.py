@@ -104,7 +104,7 @@ for name, amplitude in sweeps.items():
 # -------------
 
 fig, ax = plt.subplots(figsize=(8, 4.8), layout="constrained")
-for (name, branch), color in zip(branches.items(), ("0.75", "C0")):
+for (_, branch), color in zip(branches.items(), ("0.75", "C0")):
     converged = branch.harmonics > 1
     ratio, amplitude = branch.omega / NATURAL, branch.amplitude("mesh.q") * 1e6
     if not converged:  # which of its motions are stable is as wrong as the motions themselves
