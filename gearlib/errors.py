@@ -13,6 +13,7 @@ GearlibError
 ├── NameLookupError        no variable, parameter, input or output of that name
 │   └── AttributeNameError   no connector, variable or part of that name, where it was written as an attribute
 ├── ArgumentError          a bad argument of simulate, linearize, ...
+├── MissingPackageError    a table or a plot needs a package that is not installed
 └── SolverError            the integration failed; says when and where
 """
 
@@ -23,7 +24,7 @@ from collections.abc import Iterable
 
 __all__ = [
     "ArgumentError", "AttributeNameError", "BalanceError", "BindingError", "BoundError", "ConnectionError", "DeclarationError",
-    "GearlibError", "LoopError", "ModelError", "NameLookupError", "SingularError", "SolverError", "StartError",
+    "GearlibError", "LoopError", "MissingPackageError", "ModelError", "NameLookupError", "SingularError", "SolverError", "StartError",
 ]  # fmt: skip
 
 
@@ -80,6 +81,10 @@ class AttributeNameError(NameLookupError, AttributeError):
 
 class ArgumentError(GearlibError, ValueError):
     """A bad argument of a public function."""
+
+
+class MissingPackageError(GearlibError, ImportError):
+    """A table or a plot needs a package that is not installed."""
 
 
 class SolverError(GearlibError, RuntimeError):

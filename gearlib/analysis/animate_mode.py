@@ -8,6 +8,7 @@ import numpy as np
 
 from gearlib.analysis.draw_mode import MOTION, _largest, aligned
 from gearlib.errors import ArgumentError
+from gearlib.optional import optional
 
 if TYPE_CHECKING:
     from gearlib.analysis.modes import Modes
@@ -21,9 +22,9 @@ def animate_mode(modes: Modes, mode: int, frames: int = 48, degrees: float = 40.
 
     Discs turn, squares slide. The amplitude is kept over the period, also where the mode is damped.
     """
-    import matplotlib.pyplot as plt
-    from matplotlib.animation import FuncAnimation
-    from matplotlib.patches import Circle, Rectangle
+    plt = optional("matplotlib.pyplot")
+    FuncAnimation = optional("matplotlib.animation").FuncAnimation
+    patches = optional("matplotlib.patches")
 
     if isinstance(frames, bool) or not isinstance(frames, int) or frames < 2:
         raise ArgumentError(f"frames is {frames!r}; expected a whole number, 2 or more")
@@ -43,12 +44,12 @@ def animate_mode(modes: Modes, mode: int, frames: int = 48, degrees: float = 40.
         x, y = 3 * (k % columns) + 1.5, -3 * (k // columns) - 1.1
         ax.text(x, y - 1.3, _short(name), ha="center", va="top", fontsize=7)
         if unit == "rad":
-            ax.add_patch(Circle((x, y), 1.0, facecolor=BODY, edgecolor=MOTION))
+            ax.add_patch(patches.Circle((x, y), 1.0, facecolor=BODY, edgecolor=MOTION))
             ax.plot([x, x], [y + 1.0, y + 1.25], color="0.7", lw=1)  # where the spoke stands at rest
             mark: Any = ax.plot([x, x], [y, y + 1.0], color="black", lw=2.5, solid_capstyle="round")[0]
         else:
             ax.plot([x - 1.2, x + 1.2], [y - 0.5, y - 0.5], color="0.7", lw=1)
-            mark = ax.add_patch(Rectangle((x - 0.4, y - 0.45), 0.8, 0.8, facecolor=SLIDER, edgecolor=MOTION))
+            mark = ax.add_patch(patches.Rectangle((x - 0.4, y - 0.45), 0.8, 0.8, facecolor=SLIDER, edgecolor=MOTION))
         moving.append((mark, unit, x, y, amplitude))
 
     def update(frame: int) -> list[Any]:

@@ -10,6 +10,7 @@ import numpy as np
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
+from gearlib.optional import optional
 
 if TYPE_CHECKING:
     from gearlib.solve.result import Result
@@ -39,7 +40,7 @@ def check_result(result: Result) -> None:
 
 def check_axes(axes: Any, count: int) -> None:
     """Raise `ArgumentError` for anything but that many matplotlib Axes."""
-    from matplotlib.axes import Axes
+    Axes = optional("matplotlib.axes").Axes
 
     given = list(axes) if isinstance(axes, (Sequence, np.ndarray)) and count > 1 else [axes]
     if len(given) != count or not all(isinstance(one, Axes) for one in given):

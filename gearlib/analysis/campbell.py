@@ -13,6 +13,7 @@ from gearlib.analysis.arguments import check_system
 from gearlib.analysis.modes import Modes, modes
 from gearlib.arguments import increasing, real, reals, shown
 from gearlib.errors import ArgumentError
+from gearlib.optional import optional
 
 if TYPE_CHECKING:
     import pandas
@@ -78,7 +79,7 @@ class Campbell:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The crossings."""
-        import pandas
+        pandas = optional("pandas")
 
         rows = [(c.speed, c.speed * RPM, c.order, c.mode, c.frequency, c.damping) for c in self.crossings]
         return pandas.DataFrame(
@@ -96,7 +97,7 @@ class Campbell:
 
     def plot(self, *, axes: Any = None) -> Any:
         """Draw the diagram; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
+        plt = optional("matplotlib.pyplot")
 
         if axes is None:
             _, axes = plt.subplots(figsize=(9, 5.5), layout="constrained")

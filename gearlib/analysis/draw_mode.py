@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearlib.optional import optional
+
 if TYPE_CHECKING:
     from gearlib.analysis.modes import Modes
 
@@ -16,7 +18,7 @@ NAMES = {"rad": "turning", "m": "displacement"}
 
 def draw_mode(modes: Modes, mode: int, axes: Any = None) -> Any:
     """Bars of amplitudes (relative to the largest of their kind) and of shares of energy; returns two axes."""
-    import matplotlib.pyplot as plt
+    plt = optional("matplotlib.pyplot")
 
     motions = modes.motions(mode)
     why = modes.not_given.get(mode)
@@ -99,7 +101,7 @@ def _energy_bars(ax: Any, shares: list[tuple[str, float, float]], left_out: int)
 
 def _legend_below(ax: Any) -> None:
     """Under the label of the axis, by a distance that does not depend on how high the axes are."""
-    from matplotlib.transforms import ScaledTranslation
+    ScaledTranslation = optional("matplotlib.transforms").ScaledTranslation
 
     down = ax.transAxes + ScaledTranslation(0, -34 / 72, ax.figure.dpi_scale_trans)
     ax.legend(

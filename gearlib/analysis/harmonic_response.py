@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gearlib.analysis.periods import fourier
 from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.optional import optional
 
 if TYPE_CHECKING:
     import pandas
@@ -124,7 +125,7 @@ class HarmonicBalance:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Frequency (rad/s), stability, and mean and amplitudes of all outputs, a row per point."""
-        import pandas
+        pandas = optional("pandas")
 
         table: dict[str, Any] = {"omega": self.omega, "stable": self.stable, "error": self.error}
         for output in self.outputs:
@@ -137,7 +138,7 @@ class HarmonicBalance:
 
         Unstable motions are dashed, folds are marked. Returns the matplotlib axes.
         """
-        import matplotlib.pyplot as plt
+        plt = optional("matplotlib.pyplot")
 
         name = self.outputs[0] if output is None else output
         amplitude, stable, f = self.amplitude(name, harmonic), self.stable, self.frequencies

@@ -23,6 +23,7 @@ from gearlib.codegen.sensitivity import sensitivity
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
+from gearlib.optional import optional
 from gearlib.solve.scene import needed_states, node_name
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
@@ -241,7 +242,7 @@ class Modes:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A row for each mode: frequencies, damping, and the shares of energy as columns ``("kinetic", component)``."""
-        import pandas
+        pandas = optional("pandas")
 
         table = {
             ("mode", "frequency, Hz"): self.frequencies,

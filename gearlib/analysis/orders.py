@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gearlib.analysis.arguments import check_result
 from gearlib.arguments import one_name, real
 from gearlib.errors import ArgumentError
+from gearlib.optional import optional
 
 if TYPE_CHECKING:
     import pandas
@@ -49,13 +50,13 @@ class OrderSpectrum:
         return float(self.amplitudes[int(np.argmin(np.abs(self.orders - order)))])
 
     def to_dataframe(self) -> pandas.DataFrame:
-        import pandas
+        pandas = optional("pandas")
 
         return pandas.DataFrame({self.name: self.amplitudes}, index=pandas.Index(self.orders, name="order"))
 
     def plot(self, *, axes: Any = None) -> Any:
         """Draw the spectrum; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
+        plt = optional("matplotlib.pyplot")
 
         if axes is None:
             _, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
@@ -89,7 +90,7 @@ class OrderWaterfall:
 
     def plot(self, *, axes: Any = None, decibels: float = 80.0) -> Any:
         """Draw amplitudes as colours over order and speed (over time where the speed does not grow); returns the axes."""
-        import matplotlib.pyplot as plt
+        plt = optional("matplotlib.pyplot")
 
         if not real("decibels", decibels, "a positive range, dB") > 0:
             raise ArgumentError(f"decibels is {decibels!r}; expected a positive range, dB")

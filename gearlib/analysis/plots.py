@@ -13,6 +13,7 @@ from gearlib.analysis.loops import Loop, as_loop
 from gearlib.analysis.margins import Margins, margins
 from gearlib.analysis.poles import poles
 from gearlib.arguments import increasing
+from gearlib.optional import optional
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -67,7 +68,7 @@ def nyquist_plot(
     >>> axes = gl.nyquist_plot(control.tf([1], [1, 2, 1, 0]))
     >>> plt.close()
     """
-    import matplotlib.pyplot as plt
+    plt = optional("matplotlib.pyplot")
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     omega, curve = _curve(chosen)
@@ -171,8 +172,8 @@ def nichols_plot(
     >>> axes = gl.nichols_plot(control.tf([1], [1, 2, 1, 0]))
     >>> plt.close()
     """
-    import matplotlib.pyplot as plt
-    from matplotlib.ticker import MultipleLocator
+    plt = optional("matplotlib.pyplot")
+    MultipleLocator = optional("matplotlib.ticker").MultipleLocator
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     omega, curve = _curve(chosen)
@@ -257,8 +258,8 @@ def bode_plot(
     >>> axes = gl.bode_plot(control.tf([1], [1, 2, 1, 0]))
     >>> plt.close()
     """
-    import matplotlib.pyplot as plt
-    from matplotlib.ticker import MaxNLocator
+    plt = optional("matplotlib.pyplot")
+    MaxNLocator = optional("matplotlib.ticker").MaxNLocator
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     omega, curve = _curve(chosen)
@@ -333,7 +334,7 @@ def root_locus_plot(
     >>> axes = gl.root_locus_plot(control.tf([1], [1, 2, 1, 0]))
     >>> plt.close()
     """
-    import matplotlib.pyplot as plt
+    plt = optional("matplotlib.pyplot")
 
     chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
     m = margins(chosen)

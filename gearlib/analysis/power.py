@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from gearlib.analysis.circulation import Branch, Circulation, circulations
 from gearlib.arguments import one_name
 from gearlib.errors import NameLookupError, nearest
+from gearlib.optional import optional
 
 if TYPE_CHECKING:
     import pandas
@@ -162,7 +163,7 @@ class PowerFlow:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per flange."""
-        import pandas
+        pandas = optional("pandas")
 
         table = [(f.name, f.speed, f.torque, f.power) for f in self.flanges]
         return pandas.DataFrame(table, columns=["flange", "speed", "torque", "power"]).set_index("flange")

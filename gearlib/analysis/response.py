@@ -14,6 +14,7 @@ from gearlib.analysis.linearize import input_names
 from gearlib.analysis.loops import check_linear, matrices
 from gearlib.arguments import name_list, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.optional import optional
 
 if TYPE_CHECKING:
     import pandas
@@ -69,7 +70,7 @@ class FrequencyResponse:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Magnitudes and phases (degrees) over frequency (Hz)."""
-        import pandas
+        pandas = optional("pandas")
 
         table: dict[tuple[str, str, str], Floats] = {}
         for i, output in enumerate(self.outputs):
@@ -80,7 +81,7 @@ class FrequencyResponse:
 
     def plot(self, *, axes: Any = None) -> Any:
         """Draw magnitude and phase over frequency; returns the two matplotlib axes."""
-        import matplotlib.pyplot as plt
+        plt = optional("matplotlib.pyplot")
 
         if axes is None:
             _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 5.5), height_ratios=[2, 1], layout="constrained")

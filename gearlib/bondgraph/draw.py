@@ -13,6 +13,7 @@ import sympy as sp
 from gearlib.bondgraph.causality import Causality
 from gearlib.bondgraph.elements import GY, TF, Element, Junction, expression
 from gearlib.bondgraph.graph import Bond, BondGraph
+from gearlib.optional import optional
 
 __all__ = ["draw"]
 
@@ -53,7 +54,7 @@ def draw(
     """
     place = {element: np.asarray(xy, dtype=float) for element, xy in (positions or _layout(graph)).items()}
     if ax is None:
-        import matplotlib.pyplot as plt
+        plt = optional("matplotlib.pyplot")
 
         spread = np.ptp(np.array(list(place.values())), axis=0)
         _, ax = plt.subplots(figsize=tuple(scale * (spread + 2)), layout="constrained")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.errors import ArgumentError, ConnectionError, NameLookupError, nearest
+from gearlib.optional import optional
 
 __all__ = ["StructureDiagram", "Unit", "single_loop", "unit_diagram"]
 
@@ -111,10 +112,10 @@ class StructureDiagram:
             The drawing.
         """
         if ax is None:
-            import matplotlib.pyplot as plt
+            plt = optional("matplotlib.pyplot")
 
             _, ax = plt.subplots(figsize=(5, 3), layout="constrained")
-        from matplotlib.patches import Circle, Rectangle
+        patches = optional("matplotlib.patches")
 
         units = {unit.name: unit for unit in self.units}
         for (name, shaft), node in self.shafts.items():
@@ -126,8 +127,8 @@ class StructureDiagram:
             ax.plot(*np.transpose([self.nodes[terminal], self.nodes[node]]), color="0.2", lw=1.3, zorder=1)
         for unit in self.units:
             x, y = unit.position
-            square = Rectangle((x - 0.4, y - 0.4), 0.8, 0.8, fc="white", ec="black", lw=1.3, zorder=2)
-            ax.add_patch(square if unit.kind == "P" else Circle((x, y), 0.43, fc="white", ec="black", lw=1.3, zorder=2))
+            square = patches.Rectangle((x - 0.4, y - 0.4), 0.8, 0.8, fc="white", ec="black", lw=1.3, zorder=2)
+            ax.add_patch(square if unit.kind == "P" else patches.Circle((x, y), 0.43, fc="white", ec="black", lw=1.3, zorder=2))
             ax.text(x, y, f"${unit.name}$", ha="center", va="center", fontsize=11, zorder=3)
         for node, (x, y) in self.nodes.items():
             ax.plot(x, y, "o", color="black", ms=5, zorder=3)

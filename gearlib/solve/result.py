@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError
+from gearlib.optional import optional
 from gearlib.solve.initialize import Start
 from gearlib.solve.part import Part
 from gearlib.solve.scene import Scene
@@ -126,7 +127,7 @@ class Result:
 
     def to_dataframe(self, names: Sequence[str] | None = None) -> pandas.DataFrame:
         """The outputs (or the variables named) as a pandas DataFrame over time."""
-        import pandas
+        pandas = optional("pandas")
 
         if isinstance(names, str) or not (names is None or isinstance(names, Iterable)):
             raise ArgumentError(f"names is {names!r}; expected a list of names, such as ['load.w']")
@@ -143,7 +144,7 @@ class Result:
         axes : matplotlib Axes, optional
             To draw into.
         """
-        import matplotlib.pyplot as plt
+        plt = optional("matplotlib.pyplot")
 
         chosen = names or self._outputs
         if not chosen:

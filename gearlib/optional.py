@@ -1,0 +1,42 @@
+"""Packages that gearlib works without: tables need pandas, plots need matplotlib."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from gearlib.errors import MissingPackageError
+
+
+def optional(module: str) -> Any:
+    """A module of a package that gearlib does not require, imported where it is first needed.
+
+    Parameters
+    ----------
+    module : str
+        Such as ``"matplotlib.pyplot"``.
+
+    Raises
+    ------
+    MissingPackageError
+        The package is not installed, or cannot be imported; says how to install it.
+
+    Examples
+    --------
+    >>> optional("math").sqrt(4.0)
+    2.0
+    >>> optional("no_such_package.inner")
+    Traceback (most recent call last):
+    gearlib.errors.MissingPackageError: this needs no_such_package, which is not installed: pip install no_such_package
+    """
+    package = module.partition(".")[0]
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as problem:
+        if (problem.name or package).partition(".")[0] == package:
+            raise MissingPackageError(f"this needs {package}, which is not installed: pip install {package}") from None
+        raise MissingPackageError(
+            f"this needs {package}, which does not find {problem.name}: pip install {problem.name}"
+        ) from None
+    except ImportError as problem:  # installed, but broken: two versions mixed, a library of the system that is not there
+        raise MissingPackageError(f"this needs {package}, which cannot be imported: {problem}") from problem
