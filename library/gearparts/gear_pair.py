@@ -42,7 +42,7 @@ class GearPair:
     width : float
         Common face width, m.
     x_1, x_2 : float
-        Profile shift over the normal module; on a ring, positive moves its teeth towards the outside (ISO 21771).
+        Profile shift over the normal module; positive moves the teeth towards their tips, so a ring's towards its axis (ISO 21771).
     alpha_n, beta : float
         Normal pressure angle and helix angle, rad.
     internal : bool

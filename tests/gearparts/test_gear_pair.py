@@ -155,3 +155,12 @@ def test_damping_of_an_impossible_mesh_is_refused(name: str, value: object, expe
     with pytest.raises(BoundError, match=f"mesh_damping: {name} is {value!r}; expected {expected}"):
         gp.mesh_damping(**{**pair, name: value})
     assert gp.mesh_damping(**{**pair, "zeta": 0}) == 0
+
+
+def test_positive_profile_shift_moves_teeth_towards_their_tips() -> None:
+    """ISO 21771, 4.2.4: for a ring, too, whose tips point to its axis; the docstring says so."""
+    for internal, sense in ((False, 1), (True, -1)):
+        plain, shifted = (gp.GearPair(20, 60, m_n=2e-3, width=0.02, internal=internal, x_1=x, x_2=x) for x in (0.0, 0.2))
+        for gear, outwards in ((0, 1), (1, sense)):
+            assert shifted.tip_radii[gear] - plain.tip_radii[gear] == pytest.approx(outwards * 0.2 * 2e-3)
+    assert "ring's towards its axis" in str(gp.GearPair.__doc__)
