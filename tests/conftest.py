@@ -1,11 +1,25 @@
-"""Settings of every test run: caches inside the checkout, figures without a screen, repeatable random models."""
+"""Settings of every test run: caches inside the checkout, figures without a screen, repeatable random models.
+
+Where the checkout belongs to another user, the caches are in a temporary folder, which the workers of a run share.
+"""
 
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 
-_CACHE = Path(__file__).resolve().parents[1] / ".cache"
+from gearlib.codegen.ownership import why_foreign
+
+_ROOT = Path(__file__).resolve().parents[1]
+if "GEARLIB_TESTS" in os.environ:
+    _CACHE = Path(os.environ["GEARLIB_TESTS"])
+elif why_foreign(_ROOT) is None and os.access(_ROOT, os.W_OK):
+    _CACHE = _ROOT / ".cache"
+else:
+    _TEMPORARY = tempfile.TemporaryDirectory(prefix="gearlib-tests-", ignore_cleanup_errors=True)
+    _CACHE = Path(_TEMPORARY.name)
+os.environ["GEARLIB_TESTS"] = str(_CACHE)
 os.environ["GEARLIB_CACHE"] = str(_CACHE / "gearlib")
 os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(_CACHE / "hypothesis")
 os.environ["MPLBACKEND"] = "Agg"

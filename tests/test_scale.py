@@ -37,19 +37,21 @@ def run(script: str, *, hash_seed: int = 0, **environment: str) -> Any:
 # ---------------------------------------------------------------- symbols
 
 COUNT = """
-import json, sys
+import json, os, sys
+import sympy, gearlib
 from tests import test_documents
 from tests.benchmarks.scenes import Chain, Star, Tree
 import gearlib as gl
 
 calls = 0
+SYMPY, *OURS = (os.path.join(os.path.dirname(package.__file__), "") for package in (sympy, gearlib, test_documents))
 
-def in_package(frame, name):
-    return frame is not None and f"/{name}/" in frame.f_code.co_filename.replace("\\\\", "/")
+def written_in(frame, *folders):
+    return frame is not None and frame.f_code.co_filename.startswith(folders)
 
 def count(frame, event, argument):  # calls from outside only: inside, sympy tries its rules in random order
     global calls
-    if event == "call" and in_package(frame, "sympy") and (in_package(frame.f_back, "gearlib") or in_package(frame.f_back, "tests")):
+    if event == "call" and written_in(frame, SYMPY) and written_in(frame.f_back, *OURS):
         calls += 1
 
 def sympy_calls(model):

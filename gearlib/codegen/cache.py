@@ -3,7 +3,8 @@
 The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of what it was made from, so concurrent writers
 agree, and every file appears complete or not at all. The functions of models are kept as object code with a checksum (`kept_bytes`),
 the solvers' loops, which numba compiles, as modules beside numba's files (`load`); these are used only if they are what was written
-(`_digest`). What cannot be kept there is made anew: a damaged or unwritable cache costs time, never a result.
+(`_digest`). What cannot be kept there is made anew: a damaged or unwritable cache costs time, never a result. A folder in which
+somebody else can write is not used, with a warning (`gearlib.codegen.ownership`).
 """
 
 from __future__ import annotations
@@ -12,18 +13,38 @@ import hashlib
 import os
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 
+from gearlib.codegen.ownership import is_own, make_private, read_own, why_foreign
+
 LARGEST = 512 * 2**20  # bytes; what was used longest ago goes first
-FORMAT = "2"
+FORMAT = "3"
 ONE_IN = 16  # files of object code, which are small, has the sizes of all files added up: some 20 us for each of them
 _SEAL = 32  # bytes of the checksum before the content
 _temporary: tempfile.TemporaryDirectory[str] | None = None
 _loaded: dict[str, ModuleType] = {}
+_refused: set[str] = set()  # folders that were warned of
+COMPILING = RLock()
+"""Held while anything is compiled: by one thread at a time, and not across a fork."""
+
+
+def _after_fork() -> None:
+    """In the child: what the parent keeps for its own lifetime is not the child's to remove."""
+    global _temporary
+    if _temporary is not None:
+        _temporary._finalizer.detach()  # type: ignore[attr-defined]
+        _temporary = None
+    COMPILING.release()
+
+
+if sys.platform != "win32":  # a child that began while a thread compiled would wait for that thread for ever
+    os.register_at_fork(before=COMPILING.acquire, after_in_parent=COMPILING.release, after_in_child=_after_fork)
 
 
 def _version() -> str:
@@ -41,10 +62,19 @@ def folder() -> Path:
 
         chosen = user_cache_dir("gearlib", appauthor=False)
     path = Path(chosen) / f"{_version()}-{FORMAT}-py{sys.version_info.major}.{sys.version_info.minor}"
-    with suppress(OSError):
-        path.mkdir(parents=True, exist_ok=True)
-        if os.access(path, os.W_OK):
+    with suppress(OSError, RuntimeError):  # a loop of symbolic links is a RuntimeError
+        make_private(path)
+        path = path.resolve()
+        foreign = why_foreign(path)
+        if foreign is None and os.access(path, os.W_OK):
             return path
+        if foreign is not None and chosen not in _refused:
+            _refused.add(chosen)
+            warnings.warn(
+                f"the cache {path} is not used, since what others put there would be run: {foreign}; compiled code is kept for this "
+                "process only (GEARLIB_CACHE names a folder of your own)",
+                RuntimeWarning, stacklevel=2,
+            )  # fmt: skip
     return _private()
 
 
@@ -68,7 +98,7 @@ def kept_bytes(name: str, make: Callable[[], bytes]) -> bytes:
     """
     path = folder() / name
     with suppress(OSError):
-        seal, content = (whole := path.read_bytes())[:_SEAL], whole[_SEAL:]
+        seal, content = (whole := read_own(path))[:_SEAL], whole[_SEAL:]
         if seal == _seal(name, content):
             with suppress(OSError):
                 os.utime(path)
@@ -89,22 +119,26 @@ def _seal(name: str, content: bytes) -> bytes:
 def load(source: str) -> ModuleType:
     """The module with that source, from the cache where it was met before; its functions are compiled by numba."""
     name = "gearlib_model_" + hashlib.sha256(source.encode()).hexdigest()[:24]
-    if name not in _loaded:
-        path = folder() / f"{name}.py"
-        try:
-            _loaded[name] = _load(path, source)
-        except Exception:  # whatever the reason, without the cache it must work
-            _discard(path)
-            _loaded[name] = _load(_private() / path.name, source)
-    return _loaded[name]
+    with COMPILING:
+        if name not in _loaded:
+            path = folder() / f"{name}.py"
+            try:
+                _loaded[name] = _load(path, source)
+            except Exception:  # whatever the reason, without the cache it must work
+                _discard(path)
+                _loaded[name] = _load(_private() / path.name, source)
+        return _loaded[name]
 
 
 def _load(path: Path, source: str) -> ModuleType:
+    inner = path.parent / "__pycache__"  # numba's
+    if os.path.lexists(inner) and not is_own(inner):
+        raise PermissionError(f"{inner} is no folder of this user")
     if not _same(path, source):
         _write(path, source.encode())
     seal = path.with_suffix(".sum")
     before = _digest(path)
-    sound = _same(seal, before)
+    sound = _same(seal, before) and all(is_own(file) for file in _machine_code(path))
     if not sound:
         _discard(path)
     module = ModuleType(path.stem)
@@ -133,7 +167,7 @@ def _digest(path: Path) -> str:
     digest = hashlib.sha256()
     for file in _machine_code(path):
         with suppress(OSError):
-            digest.update(file.name.encode() + file.read_bytes())
+            digest.update(file.name.encode() + read_own(file))
     return digest.hexdigest()
 
 
@@ -145,8 +179,8 @@ def _discard(path: Path) -> None:
 
 def _same(path: Path, text: str) -> bool:
     try:
-        return path.read_text(encoding="utf-8") == text
-    except (OSError, UnicodeDecodeError):
+        return read_own(path) == text.encode()
+    except OSError:
         return False
 
 
@@ -166,6 +200,8 @@ def _shrink(kept: Path) -> None:
     """Remove what was used longest ago when all versions together have grown too large."""
     modules: dict[tuple[Path, str], list[tuple[float, int, Path]]] = {}
     for version in kept.parent.parent.glob("*-py*"):
+        if not is_own(version):
+            continue
         for file in version.rglob("gearlib_model_*"):
             with suppress(OSError):
                 stat = file.stat()

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import count
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
-from gearlib.codegen.cache import kept_bytes
+from gearlib.codegen.cache import COMPILING, kept_bytes
 from gearlib.codegen.machine_code import intermediate
 
 COMPILER = ("instructions.py", "loops.py", "machine_code.py", "object_code.py")
@@ -19,7 +18,6 @@ WINDOWS = sys.platform == "win32"  # LLVM's newer linker, for small code in one 
 LINKED = 300  # modules that stay in the process though nobody uses them, those met last
 USES = 64
 _numbers = count()
-_one_at_a_time = Lock()
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ def compiled(source: str, name: str) -> Function:
     >>> result.value
     1.5
     """
-    with _one_at_a_time:
+    with COMPILING:
         digest = hashlib.sha256("\0".join((_compiler(), source)).encode()).hexdigest()[:24]
         try:
             return _linked(kept_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source)), name)

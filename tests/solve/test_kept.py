@@ -32,7 +32,7 @@ def test_the_digest_covers_what_the_loops_call() -> None:
     files = {path.name for pattern in kept.SOURCES for path in Path(kept.__file__).parent.glob(pattern)}
     compiled = ["rk_loop", "ida_compiled"]
     while compiled:
-        text = (Path(kept.__file__).parent / f"{compiled.pop()}.py").read_text()
+        text = (Path(kept.__file__).parent / f"{compiled.pop()}.py").read_text(encoding="utf-8")
         called = [line.split()[1] for line in text.splitlines() if line.startswith("from gearlib.solve.")]
         for name in (n.removeprefix("gearlib.solve.") for n in called):
             assert f"{name}.py" in files or name == "kept", name

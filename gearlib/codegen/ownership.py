@@ -1,0 +1,105 @@
+"""Files and folders that nobody else can have written: what lies in them may be run.
+
+Compiled code that another user of the machine has put into a cache would run with the rights of whoever finds it there. So a folder
+counts only if nobody but its owner and the administrator can write in it or put another one in its place, and a file only if it is a
+plain one of the same owner. A checksum does not help: whoever writes the code can write its checksum. Windows gives every user a
+folder of their own; there nothing is checked.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+ADMINISTRATOR = 0
+NOT_FOLLOWED = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # nor waited for
+
+
+def make_private(folder: Path) -> None:
+    """Make a folder, and those above it that are missing, for the user alone."""
+    for path in [*reversed(folder.parents), folder]:
+        if not path.exists():
+            path.mkdir(mode=0o700, exist_ok=True)
+
+
+def why_foreign(folder: Path) -> str | None:
+    """Why others can write in a folder, or put another one in its place; None where they cannot.
+
+    Parameters
+    ----------
+    folder : Path
+        Without symbolic links.
+    """
+    if sys.platform == "win32":
+        return None
+    for path in (folder, *folder.parents):
+        found = path.lstat()
+        if found.st_uid not in (ADMINISTRATOR, os.geteuid()):
+            return f"{path} belongs to {_user(found.st_uid)}"
+        kept_by_owners = path != folder and found.st_mode & stat.S_ISVTX  # as in /tmp: others can add, but not replace
+        if _others_write(found) and not kept_by_owners:
+            return f"others can write in {path}"
+    return None
+
+
+def is_own(path: Path) -> bool:
+    """Whether something in a folder is a plain file, or a folder, that nobody else can have written."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return False
+    return (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)) and _written_by_owner(found)
+
+
+def read_own(path: Path) -> bytes:
+    """What a file holds.
+
+    Raises
+    ------
+    OSError
+        There is none, or it is no plain file (a pipe would never end), or others can have written it.
+    """
+    handle = os.open(path, os.O_RDONLY | NOT_FOLLOWED)
+    with os.fdopen(handle, "rb") as file:
+        found = os.fstat(handle)
+        if not (stat.S_ISREG(found.st_mode) and _written_by_owner(found)):
+            raise PermissionError(f"{path} is no plain file of this user")
+        return file.read()
+
+
+def _written_by_owner(found: os.stat_result) -> bool:
+    if sys.platform == "win32":
+        return True
+    return found.st_uid in (ADMINISTRATOR, os.geteuid()) and not _others_write(found)
+
+
+def _others_write(found: os.stat_result) -> bool:
+    """Whether more than the owner may write; a group that has no other member does not count."""
+    if found.st_mode & stat.S_IWOTH:
+        return True
+    return bool(found.st_mode & stat.S_IWGRP) and not _of_one_user(found.st_gid)
+
+
+def _of_one_user(group: int) -> bool:
+    """Whether a group is a user's own, as many systems make one for each user: of the same name, without other members."""
+    if sys.platform != "win32":
+        import grp
+        import pwd
+
+        with suppress(KeyError):
+            name = pwd.getpwuid(os.geteuid()).pw_name
+            found = grp.getgrgid(group)
+            return found.gr_name == name and set(found.gr_mem) <= {name}
+    return False
+
+
+def _user(number: int) -> str:
+    if sys.platform != "win32":
+        import pwd
+
+        with suppress(KeyError):
+            return f"the user {pwd.getpwuid(number).pw_name}"
+    return f"another user ({number})"
