@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from gearlib.language.declarations import Potential as Potential
     from gearlib.language.declarations import Structural as Structural
     from gearlib.language.declarations import Variable as Variable
+    from gearlib.language.declarations import offered as offered
+    from gearlib.language.energy import Energy as Energy
     from gearlib.language.expressions import And as And
     from gearlib.language.expressions import Eq as Eq
     from gearlib.language.expressions import Max as Max
@@ -79,6 +81,7 @@ if TYPE_CHECKING:
     from gearlib.language.expressions import tan as tan
     from gearlib.language.expressions import tanh as tanh
     from gearlib.language.expressions import time as time
+    from gearlib.solve.energy_balance import EnergyBalance as EnergyBalance
     from gearlib.solve.result import Result as Result
     from gearlib.solve.table import Table as Table
     from gearlib.system import System as System
@@ -104,7 +107,7 @@ _HOME = {
     "GearlibError": "gearlib.errors",
     **dict.fromkeys(["Component", "Connection", "connect"], "gearlib.language.component"),
     **dict.fromkeys(
-        ["Connector", "Derivative", "Discrete", "Flow", "Input", "Parameter", "Potential", "Structural", "Variable"],
+        ["Connector", "Derivative", "Discrete", "Flow", "Input", "Parameter", "Potential", "Structural", "Variable", "offered"],
         "gearlib.language.declarations",
     ),
     **dict.fromkeys(
@@ -115,6 +118,8 @@ _HOME = {
         ],
         "gearlib.language.expressions",
     ),
+    "Energy": "gearlib.language.energy",
+    "EnergyBalance": "gearlib.solve.energy_balance",
     "Result": "gearlib.solve.result",
     "Table": "gearlib.solve.table",
     **dict.fromkeys(["System", "compile", "simulate"], "gearlib.system"),

@@ -27,6 +27,7 @@ from gearlib.flatten.model import (
 )
 from gearlib.flatten.specialise import Raw, simplified
 from gearlib.flatten.templates import Template
+from gearlib.flatten.unused import refuse_unused
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
 
@@ -53,6 +54,7 @@ def flatten(component: Component) -> FlatModel:
         hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
         raise ModelError(f"expected a component, got {component!r}{hint}")
     tree = walk(component)
+    refuse_unused(tree, component)
     table = _parameter_table(tree)
     check_bounds(table, table.defaults)
     raw, equalities = _equations(tree)

@@ -47,6 +47,7 @@ class Tree:
     discrete_names: list[str] = field(default_factory=list)
     discrete_starts: list[float] = field(default_factory=list)
     first_discrete: dict[int, int] = field(default_factory=dict)  # of each instance that has any
+    bound: dict[tuple[Template, tuple[int, ...]], int] = field(default_factory=dict)  # rows that are bindings -> input
     updates: dict[tuple[Template, bool], list[tuple[int, list[int], list[int], int]]] = field(
         default_factory=lambda: defaultdict(list)
     )
@@ -165,7 +166,10 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
     for offset, (name, declared) in enumerate(instance.parameters.items()):
         value = bindings.get(name, declared.default)
         scope = parent if name in bindings else component
+        read = set(component._read)
         _set_parameter(tree, instance.first_parameter + offset, value, scope, declared.unit, declared.description)
+        if name not in record.own_names and not component._parts:  # what only its default asks for has no effect
+            component._read.intersection_update(read)
     for name, variable in instance.variables.items():
         if isinstance(variable, Input):
             bound = bindings.get(name, variable.default)
@@ -293,6 +297,7 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
             tree.parameter_values[slot] = given
             parameters.append(slot)
     tree.rows[bound.template].append((owner, variables, parameters))
+    tree.bound[bound.template, tuple(variables)] = own
 
 
 def value_is_number(value: Any) -> bool:

@@ -10,7 +10,7 @@ from gearlib.errors import DeclarationError, nearest
 from gearlib.flatten.discrete import Update, split_equations
 from gearlib.flatten.templates import Template, template_of
 from gearlib.language.component import PRIVATE, Component, Declared, declared_by, equations_of
-from gearlib.language.declarations import Discrete
+from gearlib.language.declarations import Connector, Discrete
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,8 @@ class ClassRecord:
     local: bool  # the equations hold the component's own variables and parameters only
     updates: tuple[Update, ...]
     discretes: dict[str, Discrete]
+    choices: frozenset[str]  # structural choices that the equations and the connectors depend on
+    own_names: frozenset[str]  # own parameters and variables that the equations hold
 
 
 _records: WeakKeyDictionary[type[Component], dict[Any, ClassRecord]] = WeakKeyDictionary()
@@ -67,6 +69,8 @@ def class_record(component: Component) -> ClassRecord:
         own and not split.updates and not any(t.held for t in templates),
         split.updates,
         split.discretes,
+        frozenset(component._read) | {d.when for d in component._declarations.values() if isinstance(d, Connector) and d.when},
+        frozenset(n for t in everything for n in (*t.locals, *t.parameters)),
     )
     if key is not None:
         known[key] = record

@@ -31,12 +31,26 @@ from gearlib.language.declarations import (
     Variable,
     as_tuple,
 )
+from gearlib.language.energy import Energy
 from gearlib.language.expressions import Eq, When
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
 RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
 PRIVATE = frozenset(
-    {"_parent", "_name", "_parts", "_connections", "_start", "_guess", "_nominal", "_state", "_structural", "_bindings"}
+    {
+        "_parent",
+        "_name",
+        "_parts",
+        "_connections",
+        "_start",
+        "_guess",
+        "_nominal",
+        "_state",
+        "_structural",
+        "_bindings",
+        "_given",
+        "_read",
+    }
 )
 
 
@@ -184,6 +198,7 @@ class Component:
         put(self, "_nominal", nominal or {})
         put(self, "_state", state or {})
         structural: dict[str, Any] = {}
+        given_names = set(bindings)
         for name in bindings:
             if name not in self._bindable:
                 if name in self._declarations:
@@ -194,6 +209,8 @@ class Component:
         for name, declared in self._bindable.items():
             if isinstance(declared, Structural):
                 structural[name] = self._structural_value(declared, bindings.pop(name, declared.default))
+        put(self, "_given", {name: value for name, value in structural.items() if name in given_names})
+        put(self, "_read", set())  # the structural choices that equations and assemble asked for
         put(self, "_structural", structural)
         put(self, "_bindings", bindings)
 
@@ -204,6 +221,13 @@ class Component:
     def assemble(self) -> Sequence[Connection]:
         """Make the parts (assign them to attributes) and return their connections."""
         return []
+
+    def energies(self) -> Energy | None:
+        """What the component stores, loses and is given; None: it does not say.
+
+        `Result.energy_balance` uses it, and nothing else does.
+        """
+        return None
 
     def _structural_value(self, declared: Structural, value: Any) -> Any:
         where = f"{type(self).__name__}: structural choice '{declared.name}'"
@@ -397,3 +421,14 @@ def equations_of(component: Component) -> list[Eq | When]:
         bad = next((e for e in equations if not isinstance(e, (Eq, When))), returned)
         raise DeclarationError(f"{type(component).__name__}.equations() must return a list of gl.Eq(left, right); got {bad!r}")
     return equations
+
+
+def energies_of(component: Component) -> Energy | None:
+    """What `component` says of its energy, on symbols named from its own scope."""
+    with _inside(component), _explained(f"{type(component).__name__}.energies()"):
+        returned = component.energies()
+    if returned is not None and not isinstance(returned, Energy):
+        raise DeclarationError(
+            f"{type(component).__name__}.energies() must return gl.Energy(stored=..., heat=...); got {returned!r}"
+        )
+    return returned

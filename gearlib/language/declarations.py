@@ -21,6 +21,29 @@ StatePreference = Literal["never", "avoid", "default", "prefer"]
 NO_VALUE: Any = type("NoValue", (), {"__repr__": lambda self: "no value"})()
 
 
+class Offered(float):
+    """A number that is taken where it has a meaning, and left where it has none: `offered`."""
+
+
+def offered(values: Mapping[str, float]) -> dict[str, float]:
+    """Numbers by name that need not all be used, such as the data of a gear of which a simple mesh needs a part.
+
+    A value that is given where it has no meaning is refused, as a slip; these are not.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        As a component takes them by keyword.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> data = gl.offered({"r_a": 0.03, "r_b": 0.06, "c": 2e8, "alpha": 0.35})  # the pressure angle counts with friction
+    >>> mesh = gp.DetailedExternalMesh(**data, d=100.0)
+    """
+    return {name: Offered(value) for name, value in values.items()}
+
+
 class Declaration:
     """Base of everything declared in a component class."""
 
@@ -170,7 +193,10 @@ class Structural(Declaration):
     choices: tuple[Any, ...] = ()
 
     def __get__(self, instance: Any, owner: type) -> Any:
-        return self if instance is None else instance._structural[self.name]
+        if instance is None:
+            return self
+        instance._read.add(self.name)
+        return instance._structural[self.name]
 
 
 @dataclass(frozen=True, eq=False)

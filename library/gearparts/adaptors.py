@@ -26,8 +26,11 @@ class TorqueToAngleAdaptor(gl.Component):
             gl.Eq(self.flange.tau, self.tau),
             gl.Eq(self.phi, self.flange.phi),
             gl.Eq(self.w, gl.der(self.phi) if self.use_w else 0),
-            gl.Eq(self.a, gl.der(self.w) if self.use_w and self.use_a else 0),
+            gl.Eq(self.a, gl.der(self.w) if all((self.use_w, self.use_a)) else 0),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(source=True)
 
 
 class AngleToTorqueAdaptor(gl.Component):
@@ -52,7 +55,7 @@ class AngleToTorqueAdaptor(gl.Component):
     tau = gl.Variable("N.m", "torque into this component at the flange")
 
     def equations(self) -> list[gl.Eq]:
-        given = self.use_w and self.use_a
+        given = all((self.use_w, self.use_a))
         smooth = gl.Eq(gl.der(self.w), self.a_ref - 2 * self.k * self.w_error - self.k**2 * self.phi_error)
         return [
             gl.Eq(self.phi, self.flange.phi),
@@ -62,3 +65,6 @@ class AngleToTorqueAdaptor(gl.Component):
             smooth if given else gl.Eq(self.phi, self.phi_ref),
             gl.Eq(self.tau, self.flange.tau),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(source=True)

@@ -15,6 +15,7 @@ from functools import cached_property
 from numbers import Real
 
 from gearlib.errors import BoundError
+from gearlib.language.declarations import offered
 from gearparts.involute import involute, involute_angle
 from gearparts.mesh_phase import stretches
 
@@ -247,6 +248,8 @@ class GearPair:
     def mesh_values(self) -> dict[str, float]:
         """Values of the pair for `DetailedExternalMesh` (pinion on flange_a) or `DetailedInternalMesh` (ring on flange_a).
 
+        They are offered (`gearlib.offered`): a mesh without friction leaves those that only friction needs.
+
         Examples
         --------
         >>> values = GearPair(20, 40, m_n=3e-3, width=0.02).mesh_values()
@@ -254,7 +257,7 @@ class GearPair:
         ['alpha', 'approach', 'c', 'contact_ratio', 'r_a', 'r_b', 'z_a']
         """
         first, second = (1, 0) if self.internal else (0, 1)  # gear a drives where f > 0
-        return {
+        values = {
             "r_a": self.base_radii[first],
             "r_b": self.base_radii[second],
             "z_a": float((self.z_1, self.z_2)[first]),
@@ -263,3 +266,4 @@ class GearPair:
             "contact_ratio": self.contact_ratio,
             "approach": (self.approach, self.recess)[first],
         }
+        return offered(values)

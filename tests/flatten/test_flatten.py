@@ -78,7 +78,7 @@ def test_defaults_that_follow_from_one_another_in_any_order() -> None:
         c = gl.Parameter("1", "first", default=1.0)
 
     assert values(flatten(Chained())) == {"a": 3.0, "b": 2.0, "c": 1.0}
-    assert gl.compile(Chained(c=5.0)).parameters == {"a": 7.0, "b": 6.0, "c": 5.0}
+    assert gl.compile(Chained(**gl.offered({"c": 5.0}))).parameters == {"a": 7.0, "b": 6.0, "c": 5.0}
 
 
 def test_parameters_in_a_circle() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import gearlib as gl
@@ -31,6 +31,13 @@ def needed_values(kind: type[gl.Component], signal: Any) -> dict[str, Any]:
     return values
 
 
+# Choices that are refused, since another choice leaves nothing to choose.
+WITHOUT_EFFECT: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "PlanetaryUnit": lambda c: c["level"] != "elastic" and c["planet_meshes"] != "lumped",
+    "LossyGear": lambda c: c["smoothness"] != "linear",  # one row is not interpolated
+}
+
+
 def structural_choices(kind: type[gl.Component]) -> Iterator[dict[str, Any]]:
     """All combinations of a class's yes-or-no choices and of those from a list; numbers keep their default."""
     options: dict[str, tuple[Any, ...]] = {}
@@ -38,7 +45,9 @@ def structural_choices(kind: type[gl.Component]) -> Iterator[dict[str, Any]]:
         if isinstance(declared, gl.Structural):
             options[name] = declared.choices or ((False, True) if isinstance(declared.default, bool) else (declared.default,))
     for values in itertools.product(*options.values()):
-        yield dict(zip(options, values, strict=True))
+        choice = dict(zip(options, values, strict=True))
+        if not WITHOUT_EFFECT.get(kind.__name__, lambda c: False)(choice):
+            yield choice
 
 
 class Bench(gl.Component):

@@ -66,7 +66,9 @@ def test_a_coupling_with_backlash_flies_freely_through_its_gap() -> None:
 
 @pytest.mark.parametrize("element", ["linear", "cubic"])
 def test_power_into_a_coupling_is_stored_or_lost(element: str) -> None:
-    p, rng = RelatedProbe(coupled(element=element, c=100.0, d=3.0, c_3=500.0, use_heat_port=False)), np.random.default_rng(2)
+    more = gl.offered({"c_3": 500.0})
+    p = RelatedProbe(coupled(element=element, c=100.0, d=3.0, use_heat_port=False, **more))
+    rng = np.random.default_rng(2)
     for _ in range(20):
         x, w = rng.normal(size=2)
         value = p.values({s: (w if s.endswith((".w", "w_rel")) else x) for s in p.states})

@@ -21,7 +21,7 @@ FORMS = [("lumped", 1), ("lumped", 3), ("separate", 1), ("separate", 3), ("separ
 
 
 def unit(form: str, planets: int, **changes: float) -> gp.PlanetaryUnit:
-    return gp.PlanetaryUnit(planet_meshes=form, planets=planets, **{**DATA, "C_v": 1800.0, **changes})
+    return gp.PlanetaryUnit(planet_meshes=form, planets=planets, **gl.offered({**DATA, "C_v": 1800.0, **changes}))
 
 
 def speeds(value: Callable[[str], float]) -> dict[str, float]:

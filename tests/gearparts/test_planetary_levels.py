@@ -21,7 +21,7 @@ LEVELS: dict[str, dict[str, Any]] = {
     "ideal": {"level": "ideal"},
     "lossy": {"level": "lossy"},
     "separate": {"planet_meshes": "separate", **MESHES},
-    "detailed": {"planet_meshes": "separate", **MESHES, "Z_s": 20, "Z_p": 30, "Z_r": 80, "sun_details": (("c_phase", 0.1),)},
+    "detailed": {"planet_meshes": "separate", **MESHES, "Z_s": 20, "Z_p": 30, "Z_r": 80, "sun_details": (("phase0", 0.1),)},
     "planar": {"level": "planar", **MESHES},
 }
 

@@ -123,7 +123,7 @@ class Started(gl.Component):
     def assemble(self) -> Any:
         self.a, self.b, self.spring = gp.Inertia(J=2.0), gp.Inertia(J=1.0), gp.SpringDamper(c=50.0, d=1.0)
         uses = {n: getattr(self, n) for n in ("use_phi_start", "use_w_start", "use_a_start")}
-        self.initialize = gp.InitializeFlange(**uses, phi_start=0.3, w_start=2.0, a_start=1.5)
+        self.initialize = gp.InitializeFlange(**uses, **gl.offered({"phi_start": 0.3, "w_start": 2.0, "a_start": 1.5}))
         return [
             gl.connect(self.a.flange_b, self.spring.flange_a),
             gl.connect(self.spring.flange_b, self.b.flange_a, self.initialize.flange),

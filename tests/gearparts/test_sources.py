@@ -127,8 +127,8 @@ class Forced(gl.Component):
     def assemble(self) -> Any:
         signal = 0.3 * gl.sin(5 * gl.time + 1)
         self.source_part = {
-            "Position": lambda: gp.Position(phi_ref=signal, exact=self.exact, f_crit=2.0),
-            "Speed": lambda: gp.Speed(w_ref=signal, exact=self.exact, f_crit=2.0),
+            "Position": lambda: gp.Position(phi_ref=signal, exact=self.exact, **gl.offered({"f_crit": 2.0})),
+            "Speed": lambda: gp.Speed(w_ref=signal, exact=self.exact, **gl.offered({"f_crit": 2.0})),
             "Accelerate": lambda: gp.Accelerate(a_ref=signal, start={"phi": 0.2, "w": 0.5}),
             "Move": lambda: gp.Move(phi_ref=signal, w_ref=gl.der(signal), a_ref=-25 * signal),
             "ConstantSpeed": lambda: gp.ConstantSpeed(w_fixed=1.5),

@@ -55,7 +55,7 @@ def test_table_4(probe: Callable[..., Any]) -> None:
 def test_random_parameters(probe: Callable[..., Any], seed: int) -> None:
     rng = np.random.default_rng(seed)
     given = {name: float(rng.uniform(0.3, 3.0)) for name in [*BY_NAME, "m_22"]}
-    p = probe(gp.ZhouCui2022(tau_in=1.0, **given))
+    p = probe(gp.ZhouCui2022(tau_in=1.0, **gl.offered(given)))
     assert len(p.states) == 8
     assert distance(np.linalg.eigvals(p.A), expected(**given)) < 1e-9
 

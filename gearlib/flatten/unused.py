@@ -1,0 +1,166 @@
+"""Values that were given and that nothing uses: parameters, inputs and structural choices of the kind of model that was not chosen.
+
+A parameter counts as used where an equation of a component, a start value, or another parameter that is used holds it; an input where
+an equation other than its own binding does; a structural choice where ``assemble`` or ``equations`` asked for it. What a composite
+passes on to its parts is not refused there: then the composite's own parameter is unused, and is refused if it was given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from gearlib.errors import BindingError, GearlibError
+from gearlib.flatten.bindings import is_expression
+from gearlib.flatten.instances import Tree, walk
+from gearlib.language.component import Component
+from gearlib.language.declarations import NO_VALUE, Input, Offered, Parameter, Structural
+
+MOST_TRIALS = 40  # other choices that are tried for the sake of the message
+
+
+def refuse_unused(tree: Tree, root: Component) -> None:
+    """Raise `BindingError` for the first value that was given where it has no meaning."""
+    used: Used | None = None
+    for component in _components(root):
+        number = tree.numbers[id(component)]
+        record = tree.records[number]
+        for name, value in component._given.items():
+            read = name in component._read or name in record.choices
+            if not read and type(value) is not Offered and value != component._declarations[name].default:  # type: ignore[attr-defined]
+                raise _refusal(component, tree.instances[number].path, name, value)
+        for name, value in component._bindings.items():
+            if name in record.own_names or type(value) is Offered or value is None or value is NO_VALUE or callable(value):
+                continue
+            if _from_parent(value):
+                continue
+            used = used or Used(tree)
+            if not used.has(number, name):
+                raise _refusal(component, tree.instances[number].path, name, value)
+
+
+class Used:
+    """The parameters and the variables that the equations of a model hold."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+        self.parameters = np.zeros(len(tree.parameter_names), bool)
+        self.variables = np.zeros(tree.n_variables, bool)
+        first_variable = np.array([i.first_variable for i in tree.instances], np.int64)
+        first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
+        for template, owners in tree.local_rows.items():
+            record, who = tree.records[owners[0]], np.array(owners, np.int64)
+            for name in template.parameters:
+                self.parameters[first_parameter[who] + record.parameter_index[name]] = True
+            for name in template.locals:
+                self.variables[first_variable[who] + record.variable_index[name]] = True
+        bound: dict[int, tuple[list[int], list[int]]] = {}
+        for template, rows in tree.rows.items():
+            for _, variables, parameters in rows:
+                own = tree.bound.get((template, tuple(variables)))
+                if own is not None:
+                    bound[own] = variables, parameters
+                else:
+                    self._mark(variables, parameters)
+        for targets in tree.updates.values():
+            for _, variables, parameters, _ in targets:
+                self._mark(variables, parameters)
+        for _, slot, _ in tree.starts:
+            self.parameters[slot] = True
+        self._follow(bound)
+
+    def _mark(self, variables: list[int], parameters: list[int]) -> None:
+        self.variables[variables] = True
+        self.parameters[parameters] = True
+
+    def _follow(self, bound: dict[int, tuple[list[int], list[int]]]) -> None:
+        """What is used needs what it is made of."""
+        made: dict[int, tuple[int, ...]] = {}
+        for rows, targets in self._tree.dependents.values():
+            made.update(zip(targets, rows, strict=True))
+        while True:
+            before = self.parameters.sum() + self.variables.sum()
+            for own, (variables, parameters) in bound.items():
+                if self.variables[own]:
+                    self._mark(variables, parameters)
+            for target, arguments in made.items():
+                if self.parameters[target]:
+                    self.parameters[list(arguments)] = True
+            if self.parameters.sum() + self.variables.sum() == before:
+                return
+
+    def has(self, number: int, name: str) -> bool:
+        """Whether a component's parameter or input is used."""
+        instance, record = self._tree.instances[number], self._tree.records[number]
+        if name in record.parameter_index:
+            return bool(self.parameters[instance.first_parameter + record.parameter_index[name]])
+        return bool(self.variables[instance.first_variable + record.variable_index[name]])
+
+
+def _components(root: Component) -> Iterator[Component]:
+    stack = [root]
+    while stack:
+        component = stack.pop()
+        yield component
+        stack += reversed(component._parts.values())
+
+
+def _from_parent(value: Any) -> bool:
+    """Whether a value is an expression of what the enclosing component has, time apart."""
+    return is_expression(value) and any(symbol.name != "time" for symbol in value.free_symbols)
+
+
+def _refusal(component: Component, path: str, name: str, value: Any) -> BindingError:
+    kind = type(component).__name__
+    declared: Any = component._declarations[name]
+    chosen = ", ".join(f"{n}={component._structural[n]!r}" for n in _alternatives(component))
+    here = f" with {chosen}" if chosen else ""
+    text = declared.description.strip()
+    meaning = f" ({text})" if text else ""
+    found = _where_it_counts(component, name)
+    advice = f"it counts with {' or '.join(found)}" if found else "leave it out"
+    shown = repr(value) if len(repr(value)) <= 60 else f"{repr(value)[:55]} ..."
+    where = f"{path} ({kind})" if path else kind
+    return BindingError(f"{where}: {name}={shown} has no effect{here}{meaning}; {advice}")
+
+
+def _alternatives(component: Component) -> dict[str, tuple[Any, ...]]:
+    """The other values of each structural choice that has few."""
+    found: dict[str, tuple[Any, ...]] = {}
+    for name, declared in component._declarations.items():
+        if isinstance(declared, Structural):
+            every = declared.choices or ((False, True) if isinstance(declared.default, bool) else ())
+            if others := tuple(v for v in every if v != component._structural[name]):
+                found[name] = others
+    return found
+
+
+def _where_it_counts(component: Component, name: str) -> list[str]:
+    """Other choices with which a value would be used; one choice changed, or two."""
+    single = [((n, v),) for n, values in _alternatives(component).items() for v in values]
+    double = [(*a, *b) for a, b in combinations(single, 2) if a[0][0] != b[0][0]]
+    for trials in (single, double):
+        if found := [t for t in trials[:MOST_TRIALS] if _counts(component, name, dict(t))]:
+            return [" and ".join(f"{n}={v!r}" for n, v in trial) for trial in found]
+    return []
+
+
+def _counts(component: Component, name: str, other: dict[str, Any]) -> bool:
+    """Whether a value would be used with other choices, and some number for every parameter."""
+    declarations = component._declarations
+    values: dict[str, Any] = {n: 1.0 for n, d in declarations.items() if isinstance(d, Parameter) and d.default is NO_VALUE}
+    values |= {n: 1.0 for n, d in declarations.items() if isinstance(d, Input)}
+    try:
+        trial = type(component)(**{**values, **component._structural, **other})
+        try:
+            tree = walk(trial)
+        except GearlibError:
+            return name in trial._read
+        if isinstance(declarations[name], Structural):
+            return name in trial._read or name in tree.records[0].choices
+        return Used(tree).has(0, name)
+    except Exception:  # a component with a constructor of its own, or one that needs other values: no advice then
+        return False

@@ -1,0 +1,47 @@
+"""`Energy`: what a component says of its energy, after its equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Energy:
+    """What a component stores, loses and is given; returned by ``energies``.
+
+    The power that flows in through its connectors is then ``der(stored) + heat - supplied``, which `Result.energy_balance` checks.
+    It takes no part in a run.
+
+    Parameters
+    ----------
+    stored : expression
+        Energy in it, J.
+    heat : expression
+        Power that it loses, W, whether into a heat port or not.
+    supplied : expression
+        Power that it is given other than through its connectors, W, such as that of a transmission error.
+    source : bool
+        Whether it is a source or a support: what flows out of its connectors is work put in from outside.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Flywheel(gl.Component):
+    ...     flange = gp.Flange("shaft")
+    ...     J = gl.Parameter("kg.m2", "moment of inertia")
+    ...     d = gl.Parameter("N.m.s/rad", "drag of the air")
+    ...     w = gl.Variable("rad/s", "speed")
+    ...     def equations(self):
+    ...         return [
+    ...             gl.Eq(self.w, gl.der(self.flange.phi)),
+    ...             gl.Eq(self.J * gl.der(self.w), self.flange.tau - self.d * self.w),
+    ...         ]
+    ...     def energies(self):
+    ...         return gl.Energy(stored=self.J * self.w**2 / 2, heat=self.d * self.w**2)
+    """
+
+    stored: Any = 0
+    heat: Any = 0
+    supplied: Any = 0
+    source: bool = False

@@ -1,0 +1,100 @@
+"""`EnergyBalance`: where the energy of a run came from, where it went, and what is left unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+ROWS = 12  # of each kind in the table
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyBalance:
+    """Energies of a run over time, J, by path of the component. All but `stored` count from the start of the run.
+
+    ``stored - stored[0] = work + jumps - heat + returned - unaccounted + residual``, each summed over all components.
+
+    Attributes
+    ----------
+    time : array
+        Samples of the run, all of them unless they are very many, s.
+    work : mapping of str to array
+        Put in by sources and supports, and by what excites a part from outside, such as a transmission error.
+    stored : mapping of str to array
+        In bodies, springs, meshes and heat capacities; a body's counts from rest, a heat capacity's from 0 K.
+    heat : mapping of str to array
+        Lost by each dissipative part.
+    returned : array
+        Heat that went through heat ports into parts of the model.
+    jumps : mapping of str to array
+        Stored energy that appeared at events: impacts, new values of states, stiffness that jumps.
+    unaccounted : mapping of str to array
+        What flowed into components that do not say what becomes of it.
+    unknown : tuple of str
+        Components with connectors of which it is not known how much power they carry; with such, the residual means nothing.
+    residuals : mapping of str to array
+        Of each component: what it stored, less what came in and was not lost. Not zero: its equations and its declared energies
+        contradict each other, or the run is not accurate.
+    residual : array
+        Of the whole.
+    throughput : float
+        Energy that was exchanged between components in the whole run, which the residual is to be compared with.
+    quadrature : float
+        Estimated error of the integrals.
+    rtol : float
+        Relative tolerance of the run.
+    """
+
+    time: Floats
+    work: Mapping[str, Floats]
+    stored: Mapping[str, Floats]
+    heat: Mapping[str, Floats]
+    returned: Floats
+    jumps: Mapping[str, Floats]
+    unaccounted: Mapping[str, Floats]
+    unknown: tuple[str, ...]
+    residuals: Mapping[str, Floats]
+    residual: Floats
+    throughput: float
+    quadrature: float
+    rtol: float
+
+    @property
+    def relative_residual(self) -> float:
+        """The largest residual of the whole and of any component, over the throughput."""
+        worst = max((float(np.abs(r).max()) for r in (self.residual, *self.residuals.values())), default=0.0)
+        return worst / self.throughput if self.throughput else 0.0
+
+    @property
+    def worst(self) -> str:
+        """The component whose residual is the largest."""
+        return max(self.residuals, key=lambda path: float(np.abs(self.residuals[path]).max()), default="")
+
+    def __str__(self) -> str:
+        change = {path: e - e[0] for path, e in self.stored.items()}
+        kinds = (
+            ("work put in", self.work), ("heat", self.heat), ("stored, change", change), ("jumps at events", self.jumps),
+            ("unaccounted for", self.unaccounted),
+        )  # fmt: skip
+        lines = [f"energy balance, {self.time[0]:g} .. {self.time[-1]:g} s, J"]
+        for title, values in kinds:
+            if not values and title in ("jumps at events", "unaccounted for"):
+                continue
+            lines.append(f"{title:<40}{_total(values):>14.6g}")
+            ends = sorted(((float(v[-1]), path) for path, v in values.items()), key=lambda item: -abs(item[0]))
+            lines += [f"  {path:<38}{value:>14.6g}" for value, path in ends[:ROWS]]
+            lines += [f"  ... and {len(ends) - ROWS} more"] if len(ends) > ROWS else []
+        if np.any(self.returned):
+            lines.append(f"{'heat that stays, through heat ports':<40}{self.returned[-1]:>14.6g}")
+        lines.append(f"{'residual':<40}{self.residual[-1]:>14.2g}")
+        if self.unknown:
+            lines.append(f"not known how much power flows into {', '.join(self.unknown)}")
+        return "\n".join(lines)
+
+
+def _total(values: Mapping[str, Floats]) -> float:
+    return float(sum(v[-1] for v in values.values()))

@@ -1,0 +1,146 @@
+"""A value that is given where it has no meaning is refused by name, with the choice that would give it one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError
+from gearlib.flatten.instances import walk
+from gearlib.flatten.unused import Used, refuse_unused
+from tests.gearparts.bench import needed_values, structural_choices
+
+SET = {"R_s": 0.0285, "R_p": 0.0465, "I_s": 0.0015, "I_r": 0.151, "I_h": 0.0491, "I_spin": 0.0094, "I_orbit": 0.0094}
+MESH = {"r_a": 0.03, "r_b": 0.06, "c": 1e8, "d": 10.0}
+ROWS = ((0.0, 0.9, 0.9),)
+CASES: list[tuple[Callable[..., gl.Component], dict[str, Any], str, str]] = [
+    (gp.PlanetaryUnit, {**SET, "sun_details": (("b", 1e-4),)}, "sun_details", "planet_meshes='separate'"),
+    (gp.PlanetaryUnit, {**SET, "level": "ideal", "K_ring": 1e8}, "K_ring", "level='elastic' or level='planar'"),
+    (gp.PlanetaryUnit, {**SET, "sun_efficiency": ROWS}, "sun_efficiency", "level='lossy'"),
+    (gp.PlanetaryUnit, {**SET, "planet_meshes": "separate", "C_v": 3.0}, "C_v", "planet_meshes='lumped'"),
+    (gp.PlanetaryUnit, {**SET, "level": "planar", "planet_meshes": "separate"}, "planet_meshes", "level='elastic'"),
+    (gp.PlanetaryUnit, {**SET, "level": "ideal", "e_rate": gl.sin(gl.time)}, "e_rate", "level='elastic'"),
+    (gp.DetailedExternalMesh, {**MESH, "b": 1e-4}, "b", "backlash=True"),
+    (gp.DetailedExternalMesh, {**MESH, "mu": 0.1}, "mu", "friction=True"),
+    (gp.DetailedExternalMesh, {**MESH, "contact_ratio": 1.7}, "contact_ratio", "stiffness='rectangular' or friction=True"),
+    (gp.DetailedInternalMesh, {**MESH, "c_amplitude": 0.1}, "c_amplitude", "stiffness='sinusoidal'"),
+    (gp.ZhouCui2022, {"K_s": 1e8}, "K_s", "elastic_shafts=True"),
+    (gp.XPTrain, {"planet_meshes": "separate", "C_v": 3.0}, "C_v", "planet_meshes='lumped'"),
+    (gp.XXTrain, {"C_v": 3.0}, "C_v", "planet_meshes='lumped'"),
+    (gp.LossyGear, {"ratio": 2.0, "smoothness": "akima"}, "smoothness", "leave it out"),
+    (gp.InitializeFlange, {"use_w_start": False, "w_start": 3.0}, "w_start", "use_w_start=True"),
+    (gp.ElasticCoupling, {"J_a": 1.0, "J_b": 1.0, "c": 1.0, "d": 1.0, "b": 0.1}, "b", "element='backlash'"),
+    (gp.Position, {"exact": True, "phi_ref": 0.0, "f_crit": 5.0}, "f_crit", "exact=False"),
+    (gp.EddyCurrentTorque, {"tau_nominal": 1.0, "w_nominal": 1.0, "use_heat_port": True, "T": 300.0}, "T", "use_heat_port=False"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "given", "name", "advice"), CASES, ids=[f"{c[0].__name__}-{c[2]}" for c in CASES])
+def test_it_is_refused_with_the_choice_that_gives_it_a_meaning(
+    kind: Callable[..., gl.Component], given: dict[str, Any], name: str, advice: str
+) -> None:
+    class Outer(gl.Component):
+        def assemble(self) -> Any:
+            self.part = kind(**given)
+            return []
+
+    with pytest.raises(BindingError) as refused:
+        gl.compile(Outer())
+    text = str(refused.value)
+    assert text.startswith(f"part ({kind.__name__}): {name}=")
+    assert "has no effect" in text
+    assert text.endswith(advice)
+
+
+LEVELS = [
+    kind for kind in (getattr(gp, name) for name in gp.__all__) if isinstance(kind, type) and issubclass(kind, gl.Component)
+]
+
+
+@pytest.mark.parametrize("kind", [kind for kind in LEVELS if kind is not gp.BondGraphPart])
+def test_every_parameter_of_a_library_part_counts_with_some_choice_and_is_refused_with_all_others(kind: Any) -> None:
+    """Over all combinations of choices: what no equation holds is refused, what one holds is taken."""
+    counted = set[str]()
+    for choice in structural_choices(kind):
+        if kind.__name__.startswith("Detailed") and sum(bool(v) for v in choice.values()) > 6:
+            continue
+        needed = {n: v for n, v in needed_values(kind, 1.0).items() if n in kind._declarations}
+        used = Used(walk(kind(**needed, **choice)))
+        for name, declared in kind._declarations.items():
+            if not isinstance(declared, (gl.Parameter, gl.Input)):
+                continue
+            part = kind(**{**gl.offered(needed), name: 0.7}, **choice)
+            tree = walk(part)
+            if used.has(0, name):
+                counted.add(name)
+                refuse_unused(tree, part)
+            else:
+                with pytest.raises(BindingError, match=f"{name}=0.7 has no effect"):
+                    refuse_unused(tree, part)
+    declared_names = {n for n, d in kind._declarations.items() if isinstance(d, (gl.Parameter, gl.Input))}
+    assert declared_names - counted <= {"ring_phase", "k_ring_phi"}  # need numbers of teeth, or a stiffness of their own
+
+
+class Own(gl.Component):
+    """A user's part."""
+
+    heavy = gl.Structural(False)
+    law = gl.Structural("none", choices=("none", "table"))
+    table = gl.Structural(((0.0, 1.0),))
+    m = gl.Parameter("kg", default=1.0)
+    u = gl.Input("1", default=0.0)
+    x = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        slope = self.table[0][1] if self.law == "table" else 1.0
+        return [gl.Eq(gl.der(self.x), self.m * self.u if self.heavy else slope)]
+
+
+class Passing(gl.Component):
+    """Hands its values down, whether the part uses them or not."""
+
+    heavy = gl.Structural(False)
+    m = gl.Parameter("kg", default=2.0)
+    u = gl.Input("1", default=0.0)
+
+    def assemble(self) -> Any:
+        self.part = Own(heavy=self.heavy, m=2 * self.m, u=self.u + 1)
+        return []
+
+
+def test_users_components_and_composites() -> None:
+    for part in (
+        Own(),
+        Own(heavy=True, m=2.0, u=3.0),
+        Own(law="table", table=((0.0, 2.0),)),
+        Passing(),
+        Passing(heavy=True, m=3.0, u=1.0),
+    ):
+        gl.compile(part)
+    with pytest.raises(
+        BindingError, match=r"Own: m=2\.0 has no effect with heavy=False, law='none'; it counts with heavy=True"
+    ):
+        gl.compile(Own(m=2.0))
+    with pytest.raises(BindingError, match=r"Own: u=2 has no effect .* it counts with heavy=True"):
+        gl.compile(Own(u=2))
+    with pytest.raises(BindingError, match=r"Own: table=.* has no effect .* it counts with law='table'"):
+        gl.compile(Own(table=((0.0, 2.0),)))
+    with pytest.raises(BindingError, match=r"Passing: m=3\.0 has no effect with heavy=False; it counts with heavy=True"):
+        gl.compile(Passing(m=3.0))
+    with pytest.raises(BindingError, match=r"Passing: u=1\.0 has no effect"):
+        gl.compile(Passing(u=1.0))
+
+
+def test_what_is_offered_may_go_unused() -> None:
+    pair = gp.GearPair(20, 40, m_n=3e-3, width=0.02)
+    for friction in (False, True):
+        walk(gp.DetailedExternalMesh(**pair.mesh_values(), d=1.0, friction=friction))
+    part = Own(**gl.offered({"m": 2.0, "u": 1.0}))
+    gl.compile(part)
+    assert gl.compile(Own(heavy=True, **gl.offered({"m": 2.0, "u": 3.0}))).simulate(1.0, samples=2)["x"][-1] == pytest.approx(
+        6.0
+    )
