@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,7 @@ from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
     from gearlib.analysis.power import PowerFlow
+    from gearlib.solve.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
 
@@ -180,6 +182,7 @@ class System:
         method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None, parameters: Mapping[str, float] | None = None,
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None, progress: bool = False,
+        audit: bool = False,
     ) -> Result:  # fmt: skip
         """Integrate from ``t_start`` to ``t_end``.
 
@@ -211,6 +214,9 @@ class System:
             comparisons of variables; where time drives the scene, that or two sample intervals, whichever is less.
         progress : bool
             Whether to print what is done.
+        audit : bool
+            Whether to check the run's energies at once: ``result.stats["energy_residual"]`` is the largest residual of
+            `Result.energy_balance` over the energy that was exchanged, and a warning says if the tolerance does not explain it.
 
         Returns
         -------
@@ -230,9 +236,12 @@ class System:
         check_options(method, rtol, max_step)
         numbers = self._parameters(parameters) if parameters is not None or not earlier else earlier[0]._parameters
         signals = self._signals(inputs) if inputs is not None or not earlier else list(earlier[0]._signals)
-        return self._run(
+        result = self._run(
             self._scene, Request(float(t_start), grid, method, rtol, atol, numbers, start, tuple(signals), progress, max_step)
         )
+        if audit:
+            result.check_energy()
+        return result
 
     def _run(self, scene: Scene, asked: Request) -> Result:
         parameters, signals = asked.parameters, asked.signals
@@ -261,6 +270,34 @@ class System:
         """The same run with other states, or other times."""
         atol = None if np.ndim(asked.atol or 0.0) else asked.atol
         return self._run(self._with(states), replace(asked, times=asked.times if times is None else times, atol=atol))
+
+    def energy_balance(self, asked: Request, samples: Floats, events: Sequence[float]) -> EnergyBalance:
+        """Of the run that was asked for; `Result.energy_balance` is what a user calls."""
+        from gearlib.flatten.energies import audited
+        from gearlib.solve.audit import balance
+
+        self._component._assembled()
+        parts = audited(self._component)
+        names = {n for p in parts for term in p.terms for n in term.names} - {"time", *self._model.parameters.index}
+        discretes = sorted({self._model.discretes.names.index(n) for n in names if n in self._model.discretes.names})
+        nodes: list[Node] = []
+        for name in sorted(names):
+            if name not in self._model.discretes.names:
+                with suppress(NameLookupError):  # then the component is named as one of which nothing is known
+                    node, sign = self._structure.named(name, "variable", ("is not computed", "is"))
+                    nodes += [node] if sign else []
+        targets = [*nodes, *(n for d in discretes for n in discrete_nodes(self._model, d))]
+        states = tuple(sorted({*self._scene.states, *needed_states(self._structure, targets)}))
+        computed = tuple(n for n in dict.fromkeys(nodes) if n in self._structure.choice.solved_by and n not in states)
+        scene = Scene(self._structure, states, tuple(sorted({*self._scene.wanted, *discretes})), computed)
+        atol = None if np.ndim(asked.atol or 0.0) else asked.atol
+        table = self._model.parameters
+
+        def run(times: Floats) -> Result:
+            return self._run(scene, replace(asked, times=times, atol=atol, progress=False))
+
+        values_of = dict(zip(table.names, asked.parameters.tolist(), strict=True))
+        return balance(parts, samples, events, asked.rtol, run, values_of)
 
     def _with(self, states: tuple[Node, ...]) -> Scene:
         """The scene that integrates some states."""

@@ -19,6 +19,7 @@ PAGES = [
     "docs/statics.md",
     "docs/linear_analysis.md",
     "docs/gear_physics.md",
+    "docs/energy.md",
 ]
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +21,8 @@ from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
     import pandas
+
+    from gearlib.solve.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
 ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "seconds")  # over the parts of a run
@@ -124,6 +129,52 @@ class Result:
                     self._extended = self._again(tuple(sorted({*self._scene.states, *more, *missing})))
                 self._known[node] = self._extended._history(node)
         return self._known[node]
+
+    @cached_property
+    def _energy_balance(self) -> EnergyBalance:
+        again: Any = self._again
+        return again.func.__self__.energy_balance(again.args[0], self.time, [t for t, _ in self.events])  # type: ignore[no-any-return]
+
+    def energy_balance(self) -> EnergyBalance:
+        """Work put in, energy stored and heat of every component, over time, and the residual; printed, it is a table.
+
+        The run is done again, with as many samples as the integrals of the powers need; a run that is not asked has no part of it.
+
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Spin(gl.Component):
+        ...     def assemble(self):
+        ...         self.body, self.bearing, self.ground = gp.Inertia(J=2.0, start={"w": 3.0}), gp.Damper(d=1.0), gp.Fixed()
+        ...         return [
+        ...             gl.connect(self.body.flange_b, self.bearing.flange_a),
+        ...             gl.connect(self.bearing.flange_b, self.ground.flange),
+        ...         ]
+        >>> found = gl.simulate(Spin(), 20.0, samples=2).energy_balance()
+        >>> {path: round(float(heat[-1]), 6) for path, heat in found.heat.items()}
+        {'bearing': 9.0}
+        """
+        return self._energy_balance
+
+    def check_energy(self) -> None:
+        """Put the residual into ``stats``, and warn where it exceeds what the tolerance of the run explains."""
+        from gearlib.solve.audit import explained
+
+        again: Any = self._again
+        found, asked = self.energy_balance(), again.args[0]
+
+        def tighter(rtol: float) -> EnergyBalance:
+            events = [t for t, _ in self.events]
+            return again.func.__self__.energy_balance(replace(asked, rtol=rtol), self.time, events)  # type: ignore[no-any-return]
+
+        self.stats["energy_residual"] = found.relative_residual
+        if not explained(found, tighter):
+            warnings.warn(
+                f"the energy balance is off by {found.relative_residual:.2g} of the energy exchanged, more than rtol = {found.rtol:g} "
+                f"explains, most of all in {found.worst or 'the whole'}: its equations and its energies() contradict each other, or "
+                "the run is wrong (result.energy_balance())",
+                RuntimeWarning, stacklevel=3,
+            )  # fmt: skip
 
     def to_dataframe(self, names: Sequence[str] | None = None) -> pandas.DataFrame:
         """The outputs (or the variables named) as a pandas DataFrame over time."""

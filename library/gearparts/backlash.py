@@ -42,6 +42,11 @@ class BacklashCoupling(Compliant, Dissipative):
             *self.heat_equations(),
         ]
 
+    def energies(self) -> gl.Energy:
+        x, half = self.phi_rel - self.phi_rel0, self.b / 2
+        beyond = gl.Max(x - half, 0) - gl.Max(-x - half, 0)  # the gap
+        return gl.Energy(stored=self.c * beyond**2 / 2, heat=self.loss_power)
+
 
 class ElastoBacklash(BacklashCoupling):
     """Backlash with spring and damper, no pull, and a damping that does not exceed the spring's torque.

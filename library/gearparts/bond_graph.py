@@ -49,6 +49,24 @@ class BondGraphPart(gl.Component):
                 found += _equations(self, element, bonds)
         return found
 
+    def energies(self) -> gl.Energy | None:
+        """Of all elements; nothing is said where the law of a storage element has no integral."""
+        stored = heat = supplied = sp.S.Zero
+        for element in self.graph.elements:
+            number = self.graph.at(element)[0].number
+            power = self._effort(number) * self._flow(number)
+            if isinstance(element, Storage):
+                content = getattr(self, f"{'p' if isinstance(element, I) else 'q'}_{number}")
+                integral = sp.integrate(self._in_model(_law(element, SAMPLE[0], number)), SAMPLE[0])
+                if integral.has(sp.Integral):
+                    return None
+                stored += integral.subs(SAMPLE[0], content) - integral.subs(SAMPLE[0], 0)
+            elif isinstance(element, R):
+                heat += power
+            elif isinstance(element, Se | Sf) and number not in self.ports.values():
+                supplied += power
+        return gl.Energy(stored=stored, heat=heat, supplied=supplied)
+
     def _port_equations(self, name: str, number: int) -> list[gl.Eq]:
         """Source bonds point into the graph, as flows of a connector count into the component: no sign."""
         port = getattr(self, name)
@@ -64,7 +82,7 @@ class BondGraphPart(gl.Component):
 
     def _in_model(self, value: Any) -> Any:
         """An expression of the graph on the component's symbols, which are found by their names."""
-        names = {s: gl.time if s == graph_time else getattr(self, s.name) for s in value.free_symbols}
+        names = {s: gl.time if s == graph_time else getattr(self, s.name) for s in value.free_symbols if s not in SAMPLE}
         return value.xreplace(names)
 
 

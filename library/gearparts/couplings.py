@@ -34,6 +34,10 @@ class CubicSpringDamper(Compliant, Dissipative):
             *self.heat_equations(),
         ]
 
+    def energies(self) -> gl.Energy:
+        x = self.phi_rel - self.phi_rel0
+        return gl.Energy(stored=self.c * x**2 / 2 + self.c_3 * x**4 / 4, heat=self.loss_power)
+
 
 class ElasticCoupling(TwoFlanges):
     """Two hubs with an elastic element between them.
@@ -95,3 +99,6 @@ class UniversalJoint(TwoFlanges):
             gl.Eq(self.flange_b.phi, self.flange_a.phi + ahead),
             gl.Eq(self.flange_a.tau + ratio * self.flange_b.tau, 0),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy()

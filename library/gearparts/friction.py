@@ -137,6 +137,9 @@ class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
             *self.heat_equations(),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.loss_power)
+
 
 class BearingFriction(FrictionOnHousing):
     """Friction in a bearing, which slides or sticks: ``tau = tau_pos(w)`` for ``w > 0``, ``tau = -tau_pos(-w)`` for ``w < 0``.
@@ -209,6 +212,9 @@ class Clutch(Compliant, Friction, Pressed, Dissipative):
             *self.heat_equations(),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.loss_power)
+
 
 class OneWayClutch(Compliant, Pressed, Dissipative):
     """Freewheel beside a friction clutch: ``w_rel >= 0``, and ``tau = mu_pos(w_rel) cgeo fn_max f_normalized`` where it slides.
@@ -257,3 +263,6 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
             gl.Eq(self.loss_power, gl.Piecewise((0, gl.holds(self.stuck)), (self.tau * self.w_rel, True))),
             *self.heat_equations(),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.loss_power)

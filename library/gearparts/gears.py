@@ -25,6 +25,9 @@ class IdealGear(TwoFlanges):
             gl.Eq(self.support.tau, -self.flange_a.tau - self.flange_b.tau),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
+
 
 class IdealPlanetary(gl.Component):
     """Planetary set without inertia or losses: Willis' equation ``(1 + ratio) carrier = sun + ratio ring``."""
@@ -40,6 +43,9 @@ class IdealPlanetary(gl.Component):
             gl.Eq(self.ring.tau, self.ratio * self.sun.tau),
             gl.Eq(self.carrier.tau, -(1 + self.ratio) * self.sun.tau),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
 
 
 class RotationToTranslation(gl.Component):
@@ -64,6 +70,9 @@ class RotationToTranslation(gl.Component):
         """The housings take the reactions."""
         turning = [gl.Eq(self.support_r.tau, -self.flange_r.tau)] if self.use_support_r else []
         return [*turning, gl.Eq(self.support_t.f, -self.flange_t.f)] if self.use_support_t else turning
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
 
 
 class IdealGearR2T(RotationToTranslation):

@@ -57,6 +57,9 @@ class OneFlange(gl.Component):
         """The housing takes the reaction."""
         return [gl.Eq(self.support.tau, -self.flange.tau)] if self.use_support else []
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(source=True)
+
 
 class Dissipative(gl.Component):
     """Declares what elements with losses share: the power lost, and the heat port that may take it."""

@@ -151,6 +151,9 @@ class LossyGear(TwoFlanges, Dissipative):
         pushed = self.was_stuck * (1 - starts_opposite) * (loss - limit * (1 - ROUNDING * started)) > 0
         return gl.Or(pushed, gl.And(gl.initial(), gl.equals(self.moving, sense)))
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.loss_power)
+
 
 def _a_drives(torque: Any, sense: int, row: list[Any]) -> Any:
     """The loss where flange_a drives and turns in a sense."""

@@ -127,6 +127,15 @@ class DetailedMesh(TwoFlanges, Dissipative):
             *self.heat_equations(),
         ]
 
+    def energies(self) -> gl.Energy:
+        """The transmission error moves the flanks, and a stiffness that varies stores more, or less, in the same deflection."""
+        half = self.b / 2
+        flanks = gl.Max(self.q - half, 0) ** 2 + gl.Max(-self.q - half, 0) ** 2 if self.backlash else self.q**2
+        phase_rate = self.z_a * self.w_a
+        excited = self.f * (self.e_rate + self._error()[1] * phase_rate)
+        stiffer = self.c * self._stiffening() * phase_rate * flanks / 2
+        return gl.Energy(stored=self.c_now * flanks / 2, heat=self.loss_power, supplied=excited + stiffer)
+
     def _owner(self, name: str) -> str:
         return f"{type(self).__name__}.{name}"
 
@@ -163,6 +172,19 @@ class DetailedMesh(TwoFlanges, Dissipative):
             return 1, 0
         more, fewer = (stretch.pairs / self.contact_ratio for stretch in (first, second))
         return gl.Piecewise((more, first.within(phase)), (fewer, True)), 0
+
+    def _stiffening(self) -> Any:
+        """The derivative of the stiffness, over its mean, with respect to the mesh phase, where it does not jump."""
+        phase = self.phase + self.c_phase
+        if self.stiffness == "sinusoidal":
+            return -self.c_amplitude * gl.sin(phase)
+        if self.stiffness == "fourier":
+            rows = self._terms("stiffness_terms", self.stiffness_terms)
+            return -sum(order * amplitude * gl.sin(order * phase + shift) for order, amplitude, shift in rows)
+        if self.stiffness == "table":
+            table = checked_period(self._owner("stiffness_table"), self.stiffness_table)
+            return periodic(table, self.phase_in_stiffness)[1]
+        return 0
 
     def _force(self) -> tuple[Any, Any]:
         """Force and loss."""

@@ -42,6 +42,9 @@ class GearMesh(TwoFlanges):
             *heat,
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.c * self.q**2 / 2, heat=self.d * self.v**2, supplied=self.f * self.e_rate)
+
 
 class ExternalMesh(GearMesh):
     """Two outer gears, which turn against each other: ``der(q) = r_a w_a + r_b w_b + e_rate``, ``f = c q + d der(q)``.

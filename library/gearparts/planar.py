@@ -51,6 +51,9 @@ class PlanarBody(gl.Component):
             gl.Eq(self.J * gl.der(self.w), self.centre.tau),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=(self.m * (self.v_x**2 + self.v_y**2) + self.J * self.w**2) / 2)
+
 
 class PlanarShaft(gl.Component):
     """Brings the rotation of a body to a shaft, ``flange.phi = centre.phi``; its bearing takes no torque."""
@@ -65,6 +68,9 @@ class PlanarShaft(gl.Component):
             gl.Eq(self.centre.f_x, 0),
             gl.Eq(self.centre.f_y, 0),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
 
 
 class PlanarSupport(gl.Component):
@@ -85,6 +91,14 @@ class PlanarSupport(gl.Component):
             gl.Eq(c.f_y, self.k * c.y + self.d * gl.der(c.y)),
             gl.Eq(c.tau, torque),
         ]
+
+    def energies(self) -> gl.Energy:
+        c = self.centre
+        stored = self.k * (c.x**2 + c.y**2) / 2
+        heat = self.d * (gl.der(c.x) ** 2 + gl.der(c.y) ** 2)
+        if self.turning:
+            stored, heat = stored + self.k_phi * c.phi**2 / 2, heat + self.d_phi * gl.der(c.phi) ** 2
+        return gl.Energy(stored=stored, heat=heat)
 
 
 class PlanarMesh(gl.Component):
@@ -120,6 +134,14 @@ class PlanarMesh(gl.Component):
             gl.Eq(b.tau, self.r_b * self.f),
         ]
 
+    def energies(self) -> gl.Energy:
+        """What the flanks take and the bodies do not bring is put in by the transmission error."""
+        a, b, rate = self.gear_a, self.gear_b, gl.der(self.q)
+        sin, cos = gl.sin(self.theta), gl.cos(self.theta)
+        sideways = (gl.der(a.y) - gl.der(b.y)) * cos - (gl.der(a.x) - gl.der(b.x)) * sin
+        brought = sideways + self.r_a * gl.der(a.phi) + self.r_b * gl.der(b.phi)
+        return gl.Energy(stored=self.c * self.q**2 / 2, heat=self.d * rate**2, supplied=self.f * (rate - brought))
+
 
 class PlanetBearing(gl.Component):
     """A planet's bearing on the carrier, at the radius ``r`` and the angle ``psi``: a spring and a damper in both directions."""
@@ -152,6 +174,11 @@ class PlanetBearing(gl.Component):
             gl.Eq(p.f_y, -f_y),
             gl.Eq(p.tau, 0),
         ]
+
+    def energies(self) -> gl.Energy:
+        square = self.q_radial**2 + self.q_tangential**2
+        speed = gl.der(self.q_radial) ** 2 + gl.der(self.q_tangential) ** 2
+        return gl.Energy(stored=self.k * square / 2, heat=self.d * speed)
 
 
 class PlanarPlanetaryUnit(gl.Component):

@@ -48,6 +48,9 @@ class PlanetOnCarrier(gl.Component):
             gl.Eq(self.carrier.tau, ratio * (self.sun_side.tau - self.ring_side.tau)),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
+
 
 class Planet(gl.Component):
     """A planet: its spin about its own axis (absolute speed), its orbit with the carrier, and their kinematics.

@@ -11,6 +11,9 @@ class AbsoluteSensor(gl.Component):
 
     flange = Flange("shaft that is measured")
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
+
 
 class AngleSensor(AbsoluteSensor):
     """Measures the angle of a shaft: ``phi = flange.phi``, ``flange.tau = 0``."""
@@ -53,6 +56,9 @@ class RelativeSensor(TwoFlanges):
             gl.Eq(self.flange_b.tau, 0),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
+
 
 class RelAngleSensor(RelativeSensor):
     """Measures the angle between two shafts: ``phi_rel = flange_b.phi - flange_a.phi``, no torque."""
@@ -90,6 +96,9 @@ class SeriesSensor(TwoFlanges):
     def series_equations(self) -> list[gl.Eq]:
         """The shaft is not cut."""
         return [gl.Eq(self.flange_a.phi, self.flange_b.phi), gl.Eq(self.flange_a.tau + self.flange_b.tau, 0)]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
 
 
 class TorqueSensor(SeriesSensor):

@@ -21,6 +21,9 @@ class Fixed(gl.Component):
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.flange.phi, self.phi0)]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(source=True)
+
 
 class Inertia(TwoFlanges):
     """Rigid body turning about a fixed axis: ``J der(w) = flange_a.tau + flange_b.tau``."""
@@ -38,6 +41,9 @@ class Inertia(TwoFlanges):
             gl.Eq(self.J * gl.der(self.w), self.flange_a.tau + self.flange_b.tau),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.J * self.w**2 / 2)
+
 
 class Disc(TwoFlanges):
     """Turns flange_b against flange_a by a constant angle: ``phi_b = phi_a + delta_phi``, ``tau_a + tau_b = 0``."""
@@ -52,6 +58,9 @@ class Disc(TwoFlanges):
             gl.Eq(self.flange_a.tau + self.flange_b.tau, 0),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
+
 
 class Spring(Compliant):
     """Linear torsional spring: ``tau = c (phi_rel - phi_rel0)``."""
@@ -61,6 +70,9 @@ class Spring(Compliant):
 
     def equations(self) -> list[gl.Eq]:
         return [*self.compliant_equations(), gl.Eq(self.tau, self.c * (self.phi_rel - self.phi_rel0))]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.c * (self.phi_rel - self.phi_rel0) ** 2 / 2)
 
 
 class Damper(Compliant, Dissipative):
@@ -75,6 +87,9 @@ class Damper(Compliant, Dissipative):
             gl.Eq(self.loss_power, self.tau * self.w_rel),
             *self.heat_equations(),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.loss_power)
 
 
 class SpringDamper(Compliant, Dissipative):
@@ -92,6 +107,9 @@ class SpringDamper(Compliant, Dissipative):
             *self.heat_equations(),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.c * (self.phi_rel - self.phi_rel0) ** 2 / 2, heat=self.loss_power)
+
 
 class RelativeStates(TwoFlanges):
     """Offers the relative motion of two shafts as states: ``phi_rel = phi_b - phi_a``, ``w_rel = der(phi_rel)``; no torque."""
@@ -108,6 +126,9 @@ class RelativeStates(TwoFlanges):
             gl.Eq(self.flange_a.tau, 0),
             gl.Eq(self.flange_b.tau, 0),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
 
 
 class InitializeFlange(gl.Component):
@@ -139,6 +160,9 @@ class InitializeFlange(gl.Component):
             gl.Eq(self.w_error, self.w - self.w_start if self.use_w_start else 0),
             gl.Eq(self.a_error, self.a - self.a_start if self.use_a_start else 0),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
 
 
 class TorsionalShaft(TwoFlanges):

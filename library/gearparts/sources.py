@@ -28,6 +28,9 @@ class Torque2(TwoFlanges):
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.flange_a.tau, self.tau), gl.Eq(self.flange_b.tau, -self.tau)]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(source=True)
+
 
 class ConstantTorque(OneFlange):
     """A constant torque: ``flange.tau = -tau_constant``."""
@@ -64,6 +67,11 @@ class SpeedDependentTorque(OneFlange):
     def speed_equations(self) -> list[gl.Eq]:
         """Speed, torque at the flange and reaction."""
         return [gl.Eq(self.w, gl.der(self.angle())), gl.Eq(self.flange.tau, -self.tau), *self.support_equations()]
+
+    def energies(self) -> gl.Energy:
+        """It drives, or it loses what it takes, as a fan does."""
+        power = self.tau * self.w
+        return gl.Energy(supplied=gl.Max(power, 0), heat=gl.Max(-power, 0))
 
 
 class LinearSpeedDependentTorque(SpeedDependentTorque):
@@ -172,3 +180,6 @@ class EddyCurrentTorque(OneFlange, Dissipative):
             *self.support_equations(),
             *self.heat_equations(),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.loss_power)

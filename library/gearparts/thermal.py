@@ -17,6 +17,9 @@ class HeatCapacitor(gl.Component):
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.T, self.port.T), gl.Eq(self.C * gl.der(self.T), self.port.Q_flow)]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.C * self.T)
+
 
 class ThermalConductor(gl.Component):
     """Path that conducts heat and stores none: ``Q_flow = G (port_a.T - port_b.T)``."""
@@ -34,6 +37,9 @@ class ThermalConductor(gl.Component):
             gl.Eq(self.port_a.Q_flow, self.Q_flow),
             gl.Eq(self.port_b.Q_flow, -self.Q_flow),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
 
 
 class Convection(gl.Component):
@@ -53,6 +59,9 @@ class Convection(gl.Component):
             gl.Eq(self.fluid.Q_flow, -self.Q_flow),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
+
 
 class FixedTemperature(gl.Component):
     """Surroundings of constant temperature: ``port.T = T``."""
@@ -62,3 +71,6 @@ class FixedTemperature(gl.Component):
 
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.port.T, self.T)]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.port.Q_flow)

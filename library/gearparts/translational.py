@@ -23,6 +23,9 @@ class TranslationalFixed(gl.Component):
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.flange.s, self.s0)]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(source=True)
+
 
 class Mass(TwoTranslationalFlanges):
     """Rigid body that slides: ``m der(v) = flange_a.f + flange_b.f``, ``v = der(s)``; its flanges are at ``s -/+ L / 2``."""
@@ -40,6 +43,9 @@ class Mass(TwoTranslationalFlanges):
             gl.Eq(gl.der(self.s), self.v),
             gl.Eq(self.m * gl.der(self.v), self.flange_a.f + self.flange_b.f),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.m * self.v**2 / 2)
 
 
 class TranslationalCompliant(TwoTranslationalFlanges):
@@ -68,6 +74,9 @@ class TranslationalSpring(TranslationalCompliant):
     def equations(self) -> list[gl.Eq]:
         return [*self.compliant_equations(), gl.Eq(self.f, self.c * (self.s_rel - self.s_rel0))]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.c * (self.s_rel - self.s_rel0) ** 2 / 2)
+
 
 class TranslationalDamper(TranslationalCompliant, Dissipative):
     """Linear damper: ``f = d v_rel``; it loses ``f v_rel``."""
@@ -81,6 +90,9 @@ class TranslationalDamper(TranslationalCompliant, Dissipative):
             gl.Eq(self.loss_power, self.f * self.v_rel),
             *self.heat_equations(),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.loss_power)
 
 
 class TranslationalSpringDamper(TranslationalCompliant, Dissipative):
@@ -98,6 +110,9 @@ class TranslationalSpringDamper(TranslationalCompliant, Dissipative):
             *self.heat_equations(),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.c * (self.s_rel - self.s_rel0) ** 2 / 2, heat=self.loss_power)
+
 
 class OneTranslationalFlange(gl.Component):
     """Declares the flange of a force, and its support: the housing that takes the reaction."""
@@ -109,6 +124,9 @@ class OneTranslationalFlange(gl.Component):
     def support_equations(self) -> list[gl.Eq]:
         """The housing takes the reaction."""
         return [gl.Eq(self.support.f, -self.flange.f)] if self.use_support else []
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(source=True)
 
 
 class Force(OneTranslationalFlange):
@@ -142,3 +160,8 @@ class QuadraticSpeedDependentForce(OneTranslationalFlange):
             gl.Eq(self.flange.f, self.f),
             *self.support_equations(),
         ]
+
+    def energies(self) -> gl.Energy:
+        """It drives, or it loses what it takes, as the resistance of the air does."""
+        power = self.f * self.v
+        return gl.Energy(supplied=gl.Max(-power, 0), heat=gl.Max(power, 0))

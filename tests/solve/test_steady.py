@@ -72,8 +72,9 @@ class MeshPair(gl.Component):
     def assemble(self) -> list[Any]:
         self.t, self.a, self.z = gp.Torque(tau=self.tau), gp.Inertia(J=0.01), gp.Inertia(J=0.1)
         self.m = gp.DetailedExternalMesh(
-            r_a=0.05, r_b=0.1, c=1e8, d=500.0, b=1e-4, backlash=self.backlash, stiffness=self.stiffness, c_amplitude=0.2
-        )
+            r_a=0.05, r_b=0.1, c=1e8, d=500.0, backlash=self.backlash, stiffness=self.stiffness,
+            **gl.offered({"b": 1e-4, "c_amplitude": 0.2}),
+        )  # fmt: skip
         self.f, self.g = gp.Damper(d=0.1), gp.Fixed()
         return [
             c(self.t.flange, self.a.flange_a), c(self.a.flange_b, self.m.flange_a), c(self.m.flange_b, self.z.flange_a),

@@ -1,0 +1,164 @@
+"""The powers and energies of a model's components: what each declares, and what flows through its connectors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from gearlib.errors import DeclarationError, nearest
+from gearlib.flatten.templates import checked, parse_column, piecewise
+from gearlib.language.component import Component, declared_by, energies_of
+from gearlib.language.declarations import Connector, Flow, Potential
+from gearlib.language.expressions import time
+from gearlib.language.units import dimension
+
+ENERGY, POWER = dimension("J"), dimension("W")
+
+
+@dataclass(frozen=True)
+class Term:
+    """An expression of one component as a function of numbers or arrays.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Paths, or "der(path)", of the variables, discrete variables and parameters; time, if it occurs, is ``"time"``.
+    """
+
+    names: tuple[str, ...]
+    function: Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Audited:
+    """One component, as far as its energy goes.
+
+    Attributes
+    ----------
+    path, kind : str
+        Of the component and its class.
+    through : Term
+        Power that flows in through all connectors that carry work, W.
+    heat_in : Term or None
+        Heat that flows in through its thermal connectors, where it has others, too, W.
+    stored, heat, supplied : Term or None
+        As declared; None where nothing is.
+    declares, source : bool
+        Whether it says what it stores and loses; whether what comes out of its connectors is work put in.
+    unknown : bool
+        Whether it has a connector of which it is not known how much power it carries.
+    """
+
+    path: str
+    kind: str
+    through: Term
+    heat_in: Term | None
+    stored: Term | None
+    heat: Term | None
+    supplied: Term | None
+    declares: bool
+    source: bool
+    unknown: bool
+
+    @property
+    def terms(self) -> list[Term]:
+        return [t for t in (self.through, self.heat_in, self.stored, self.heat, self.supplied) if t is not None]
+
+
+def audited(root: Component) -> list[Audited]:
+    """All components that exchange, store or lose energy."""
+    found = []
+    for component, path in _components(root):
+        connectors = {} if component._parts else declared_by(component).connectors  # a composite only passes power on
+        energies = energies_of(component)
+        if not connectors and energies is None:
+            continue
+        work, thermal, unknown = sympy.S.Zero, sympy.S.Zero, False
+        for name, connector in connectors.items():
+            powers = _powers(name, connector)
+            unknown = unknown or powers is None
+            for power, is_heat in powers or ():
+                work, thermal = (work, thermal + power) if is_heat else (work + power, thermal)
+        if work == 0:
+            work, thermal = thermal, sympy.S.Zero
+
+        def term(expression: Any, what: str, component: Component = component, path: str = path) -> Term | None:
+            value = sympy.sympify(expression)
+            return None if value == 0 else _term(component, path, value, f"{type(component).__name__}: {what}")
+
+        found.append(
+            Audited(
+                path or type(component).__name__, type(component).__name__,
+                term(work, "power") or Term((), lambda: 0.0), term(thermal, "heat flow"),
+                None if energies is None else term(energies.stored, "stored energy"),
+                None if energies is None else term(energies.heat, "heat"),
+                None if energies is None else term(energies.supplied, "supplied power"),
+                energies is not None, energies is not None and energies.source, unknown,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _components(root: Component) -> Iterator[tuple[Component, str]]:
+    stack = [(root, "")]
+    while stack:
+        component, path = stack.pop()
+        yield component, path
+        prefix = f"{path}." if path else ""
+        stack += [(part, prefix + name) for name, part in reversed(component._parts.items())]
+
+
+def _powers(name: str, connector: Connector) -> list[tuple[Any, bool]] | None:
+    """The powers into a component through a connector, each with whether it is heat; None where that is not known.
+
+    Potentials and flows belong together in the order of their declaration. A flow in W is a power, a product of both in W, too; where
+    the product is in J, the potential is a displacement.
+    """
+    potentials = [(n, v.unit) for n, v in connector.variables.items() if isinstance(v, Potential)]
+    flows = [(n, v.unit) for n, v in connector.variables.items() if isinstance(v, Flow)]
+    if len(potentials) != len(flows):
+        return None
+    found = []
+    for (potential, unit), (flow, flow_unit) in zip(potentials, flows, strict=True):
+        across, into = (sympy.Symbol(f"{name}.{n}", real=True) for n in (potential, flow))
+        try:
+            a, b = dimension(unit), dimension(flow_unit)
+        except DeclarationError:
+            return None
+        product = tuple(x + y for x, y in zip(a, b, strict=True))
+        if b == POWER:
+            found.append((into, True))
+        elif product == ENERGY:
+            found.append((into * sympy.Symbol(f"der({name}.{potential})", real=True), False))
+        elif product == POWER:
+            found.append((into * across, False))
+        else:
+            return None
+    return found
+
+
+def _term(component: Component, path: str, expression: Any, label: str) -> Term:
+    plain = expression.replace(lambda e: getattr(e.func, "__name__", "") == "no_event", lambda e: e.args[0])
+    plain = piecewise(checked(plain, label))
+    symbols = sorted(plain.free_symbols, key=lambda s: s.name)
+    prefix = f"{path}." if path else ""
+    names = []
+    for symbol in symbols:
+        base, order = parse_column(symbol.name)
+        if symbol != time and not _declared(component, base):
+            raise DeclarationError(
+                f"{label} holds '{base}', which is not declared; {nearest(base, declared_by(component).variables)}"
+            )
+        names.append("time" if symbol == time else "der(" * order + prefix + base + ")" * order)
+    return Term(tuple(names), sympy.lambdify(symbols, plain, "numpy"))
+
+
+def _declared(component: Component, name: str) -> bool:
+    while "." in name and name.split(".", 1)[0] in component._parts:
+        head, name = name.split(".", 1)
+        component = component._parts[head]
+    found = declared_by(component)
+    return name in found.variables or name in found.parameters or name in found.discretes

@@ -1,0 +1,277 @@
+"""Every run can be audited: work put in, energy stored, heat, jumps at events, over time and in sum."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.bondgraph import BondGraph, C, I, One, R, Se
+from gearlib.errors import DeclarationError
+from gearlib.flatten.energies import audited
+from tests.gearparts.bench import bench, structural_choices
+
+EXPORTED = [getattr(gp, name) for name in gp.__all__ if name != "BondGraphPart"]
+COMPONENTS = [c for c in EXPORTED if isinstance(c, type) and issubclass(c, gl.Component)]
+
+
+def chain(*parts: gl.Component) -> gl.Component:
+    """Parts in a row, named a, b, c, ..., joined from flange_b (or flange) to flange_a (or flange)."""
+
+    class Chain(gl.Component):
+        def assemble(self) -> Any:
+            names = "abcdefgh"[: len(parts)]
+            for name, part in zip(names, parts, strict=True):
+                setattr(self, name, part)
+
+            def end(part: gl.Component, side: str) -> Any:
+                return getattr(part, side if side in part._declarations else "flange")
+
+            return [gl.connect(end(x, "flange_b"), end(y, "flange_a")) for x, y in zip(parts[:-1], parts[1:], strict=True)]
+
+    return Chain()
+
+
+@pytest.mark.parametrize("samples", [2, 3, 11])
+def test_a_flywheel_in_its_bearing_by_hand(samples: int) -> None:
+    """w = 3 exp(-t / 2): the damper takes what the body had, however few samples there are."""
+    result = gl.simulate(
+        chain(gp.Inertia(J=2.0, start={"w": 3.0}), gp.Damper(d=1.0), gp.Fixed()), 2.0, samples=samples, rtol=1e-9
+    )
+    found, t = result.energy_balance(), np.linspace(0.0, 2.0, samples)
+    assert found.time == pytest.approx(t)
+    assert found.stored["a"] == pytest.approx(9.0 * np.exp(-t), rel=1e-8)
+    assert found.heat["b"] == pytest.approx(9.0 * (1 - np.exp(-t)), abs=1e-8)
+    assert found.work["c"] == pytest.approx(np.zeros(samples), abs=1e-12)
+    assert np.abs(found.residual).max() < 1e-8
+    assert (found.jumps, found.unaccounted, found.unknown) == ({}, {}, ())
+
+
+def test_work_of_a_source_by_hand() -> None:
+    """tau = 3 sin(2 t) on J = 0.5: w = 3 (1 - cos(2 t)), and all work is in the body; 40 turns between two samples."""
+    result = gl.simulate(chain(gp.Torque(tau=3 * gl.sin(2 * gl.time)), gp.Inertia(J=0.5)), 40.0, samples=2, rtol=1e-10)
+    w = 3 * (1 - np.cos(80.0))
+    found = result.energy_balance()
+    assert found.work["a"][-1] == pytest.approx(0.25 * w**2, rel=1e-7)
+    assert found.stored["b"][-1] == pytest.approx(0.25 * w**2, rel=1e-7)
+
+
+def test_a_clutch_that_engages_turns_speed_into_heat() -> None:
+    """Two bodies that come to one speed: the heat is J_a J_b / (2 (J_a + J_b)) w**2, whatever the torque."""
+    clutch = gp.Clutch(fn_max=20.0, f_normalized=gl.Piecewise((0, gl.time < 0.3), (1, True)))
+    result = gl.simulate(chain(gp.Inertia(J=1.0, start={"w": 10.0}), clutch, gp.Inertia(J=2.0)), 3.0, samples=4)
+    found = result.energy_balance()
+    assert found.heat["b"][-1] == pytest.approx(0.5 * (1.0 * 2.0 / 3.0) * 100.0, rel=1e-5)
+    assert found.relative_residual < 1e-5
+    assert found.jumps == {}
+
+
+class Ball(gl.Component):
+    """Falls on the ground and bounces: a user's part that says what it stores."""
+
+    m = gl.Parameter("kg", default=2.0)
+    h = gl.Variable("m", start=1.0)
+    v = gl.Variable("m/s")
+    at = gp.TranslationalFlange("ball")
+
+    def equations(self) -> Any:
+        return [
+            gl.Eq(self.h, self.at.s),
+            gl.Eq(self.v, gl.der(self.h)),
+            gl.Eq(self.m * gl.der(self.v), self.at.f - 9.81 * self.m),
+            gl.When(self.h < 0, gl.reinit(self.v, -0.8 * self.v)),
+        ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.m * self.v**2 / 2 + self.m * 9.81 * self.h)
+
+
+def test_impacts_are_jumps() -> None:
+    found = gl.simulate(Ball(), 1.5, samples=3).energy_balance()  # bounces at 0.4515 s and 1.174 s
+    height = 2.0 * 9.81 * np.array([1.0, 0.8**2, 0.8**4])
+    assert found.stored["Ball"] == pytest.approx(height, rel=1e-6)
+    assert found.jumps["Ball"] == pytest.approx(height - height[0], rel=1e-6, abs=1e-9)
+    assert np.abs(found.residual).max() < 1e-6
+
+
+def test_heat_that_goes_into_a_body_stays_in_the_model() -> None:
+    class Warm(gl.Component):
+        def assemble(self) -> Any:
+            self.body, self.damper, self.ground = (
+                gp.Inertia(J=2.0, start={"w": 3.0}),
+                gp.Damper(d=1.0, use_heat_port=True),
+                gp.Fixed(),
+            )
+            self.mass, self.path, self.air = gp.HeatCapacitor(C=4.0), gp.ThermalConductor(G=2.0), gp.FixedTemperature(T=293.15)
+            return [
+                gl.connect(self.body.flange_b, self.damper.flange_a),
+                gl.connect(self.damper.flange_b, self.ground.flange),
+                gl.connect(self.damper.heat_port, self.mass.port, self.path.port_a),
+                gl.connect(self.path.port_b, self.air.port),
+            ]
+
+    result = gl.simulate(Warm(), 3.0, samples=4, rtol=1e-9)
+    found, t = result.energy_balance(), np.linspace(0.0, 3.0, 4)
+    assert found.heat["damper"] == pytest.approx(9.0 * (1 - np.exp(-t)), abs=1e-7)
+    assert found.returned == pytest.approx(found.heat["damper"], abs=1e-9)
+    assert found.heat["air"] == pytest.approx(found.heat["damper"] - 4.0 * (result["mass.T"] - 293.15), abs=1e-6)
+    assert "heat that stays" in str(found)
+
+
+# ---------------------------------------------------------------- all components
+
+
+def test_every_library_part_declares_its_energies() -> None:
+    silent = {
+        kind.__name__ for kind in COMPONENTS for p in audited(bench(kind, **next(structural_choices(kind)))) if not p.declares
+    }
+    assert silent == set()
+
+
+@pytest.mark.parametrize("kind", COMPONENTS)
+def test_between_bodies_it_keeps_its_balance(kind: type[gl.Component]) -> None:
+    """With the first and the last of its choices, driven by torques and signals."""
+    choices = list(structural_choices(kind))
+    for choice in [choices[0], choices[-1]] if len(choices) > 1 else choices:
+        try:
+            found = gl.compile(bench(kind, **choice)).simulate(0.3, samples=3, rtol=1e-8).energy_balance()
+        except gl.GearlibError as problem:  # a scene that has no motion, as with two ways to start one shaft
+            pytest.fail(f"{choice}: {problem}")
+        assert found.throughput > 0
+        assert (found.unaccounted, found.unknown) == ({}, ()), choice
+        assert found.relative_residual < 1e-6, (choice, found.worst, str(found))
+        assert all(np.diff(heat).min() >= -1e-9 * found.throughput for path, heat in found.heat.items() if "air" not in path)
+
+
+def test_xp_train() -> None:
+    found = gl.simulate(gp.ZhouCui2022(tau_in=137.0), 0.05, samples=2).energy_balance()
+    assert found.relative_residual < 1e-7
+    assert found.work["drive"][-1] == pytest.approx(
+        sum(h[-1] for h in found.heat.values())
+        + sum(e[-1] - e[0] for e in found.stored.values())
+        - sum(w[-1] for path, w in found.work.items() if path != "drive"),
+        rel=1e-7,
+    )
+
+
+class Flipped(gp.SpringDamper):
+    """A spring with a slip: its torque on flange_a has the wrong sign."""
+
+    def equations(self) -> Any:
+        good = super().equations()
+        return [gl.Eq(self.flange_a.tau, self.tau) if e.left == self.flange_a.tau else e for e in good]
+
+
+class FlippedGear(gp.IdealGear):
+    """A gear with a slip: the torques have the same sign."""
+
+    def equations(self) -> Any:
+        return [
+            gl.Eq(self.flange_b.tau, self.ratio * self.flange_a.tau),
+            gl.Eq(self.flange_a.phi, self.ratio * self.flange_b.phi),
+        ]
+
+
+class FlippedMesh(gp.ExternalMesh):
+    """A mesh whose damping drives."""
+
+    def equations(self) -> Any:
+        good = super().equations()
+        return [gl.Eq(self.f, self.c * self.q - self.d * self.v) if e.left == self.f else e for e in good]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: Flipped(c=50.0, d=0.3),
+        lambda: FlippedGear(ratio=2.0),
+        lambda: FlippedMesh(r_a=0.1, r_b=0.2, c=1e3, d=20.0),
+    ],
+    ids=["spring", "gear", "mesh"],
+)
+def test_a_wrong_sign_is_noticed(wrong: Any) -> None:
+    model = chain(gp.Torque(tau=3.0), gp.Inertia(J=1.0), wrong(), gp.Inertia(J=2.0), gp.Damper(d=0.5), gp.Fixed())
+    with pytest.warns(RuntimeWarning, match=r"the energy balance is off by .* most of all in c"):
+        result = gl.compile(model).simulate(1.0, samples=3, audit=True)
+    assert result.stats["energy_residual"] > 1e-3
+    assert result.energy_balance().worst == "c"
+
+
+def test_a_sound_run_is_audited_without_a_word() -> None:
+    model = chain(gp.Torque(tau=3.0), gp.Inertia(J=1.0), gp.SpringDamper(c=50.0, d=0.3), gp.Inertia(J=2.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = gl.compile(model).simulate(10.0, samples=3, audit=True, rtol=1e-4, method="rk")
+    assert result.stats["energy_residual"] < 1e-2
+    assert "energy_residual" not in gl.compile(model).simulate(1.0).stats
+
+
+# ---------------------------------------------------------------- users' parts
+
+
+class Silent(gl.Component):
+    """A damper that does not say what becomes of its power."""
+
+    flange = gp.Flange("shaft")
+
+    def equations(self) -> Any:
+        return [gl.Eq(self.flange.tau, 0.5 * gl.der(self.flange.phi))]
+
+
+def test_a_part_that_declares_nothing_is_named() -> None:
+    found = gl.simulate(chain(gp.Torque(tau=3.0), gp.Inertia(J=1.0), Silent()), 2.0, samples=3, rtol=1e-9).energy_balance()
+    w = 6.0 * (1 - np.exp(-0.5 * 2.0))
+    lost = found.work["a"][-1] - 0.5 * w**2
+    assert found.unaccounted["c"][-1] == pytest.approx(lost, rel=1e-6)
+    assert np.abs(found.residual).max() < 1e-7
+    assert "unaccounted" in str(found)
+
+
+class Wire(gl.Connector):
+    """Of a kind whose power is not known."""
+
+    level = gl.Potential("1", "level")
+    stream = gl.Flow("1", "stream")
+
+
+class Strange(gl.Component):
+    flange = gp.Flange("shaft")
+    wire = Wire("end")
+
+    def equations(self) -> Any:
+        return [gl.Eq(self.flange.tau, 0.5 * gl.der(self.flange.phi)), gl.Eq(self.wire.level, 1)]
+
+
+def test_a_connector_of_unknown_power_is_named() -> None:
+    found = gl.simulate(chain(gp.Torque(tau=3.0), gp.Inertia(J=1.0), Strange()), 2.0, samples=3).energy_balance()
+    assert found.unknown == ("c",)
+    assert str(found).endswith("not known how much power flows into c")
+
+
+def test_a_bond_graph_declares_its_energies() -> None:
+    graph = BondGraph((1, Se(), v := One("v")), (2, v, I("m")), (3, v, C("k")), (4, v, R("r")), name="oscillator")
+    part = gp.from_bond_graph(graph, defaults={"m": 2.0, "k": 0.1, "r": 0.7})
+    found = gl.simulate(part(Se_1=gl.sin(gl.time)), 5.0, samples=2, rtol=1e-9).energy_balance()
+    assert found.relative_residual < 1e-7
+    (path,) = found.heat
+    assert found.heat[path][-1] > 0
+    assert found.work[path][-1] > found.heat[path][-1]
+
+
+def test_what_energies_returns_is_checked() -> None:
+    class Wrong(Silent):
+        def energies(self) -> Any:
+            return 3.0
+
+    class Misspelt(Silent):
+        def energies(self) -> Any:
+            return gl.Energy(stored=gl.der(self.flange.phi) * self.flange.tauu)
+
+    with pytest.raises(DeclarationError, match=r"Wrong.energies\(\) must return gl.Energy"):
+        audited(Wrong())
+    with pytest.raises(gl.GearlibError, match="tauu"):
+        audited(Misspelt())
