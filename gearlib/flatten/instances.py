@@ -166,9 +166,11 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
     for offset, (name, declared) in enumerate(instance.parameters.items()):
         value = bindings.get(name, declared.default)
         scope = parent if name in bindings else component
-        read = set(component._read)
+        read = set(component._read) if callable(value) else None
         _set_parameter(tree, instance.first_parameter + offset, value, scope, declared.unit, declared.description)
-        if name not in record.own_names and not component._parts:  # what only its default asks for has no effect
+        if (
+            read is not None and name not in record.own_names and not component._parts
+        ):  # what only its default asks for has no effect
             component._read.intersection_update(read)
     for name, variable in instance.variables.items():
         if isinstance(variable, Input):

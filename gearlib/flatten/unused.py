@@ -30,7 +30,8 @@ def refuse_unused(tree: Tree, root: Component) -> None:
         record = tree.records[number]
         for name, value in component._given.items():
             read = name in component._read or name in record.choices
-            if not read and type(value) is not Offered and value != component._declarations[name].default:  # type: ignore[attr-defined]
+            default = component._declarations[name].default  # type: ignore[attr-defined]
+            if not read and type(value) is not Offered and not _same(value, default):
                 raise _refusal(component, tree.instances[number].path, name, value)
         for name, value in component._bindings.items():
             if name in record.own_names or type(value) is Offered or value is None or value is NO_VALUE or callable(value):
@@ -106,6 +107,13 @@ def _components(root: Component) -> Iterator[Component]:
         component = stack.pop()
         yield component
         stack += reversed(component._parts.values())
+
+
+def _same(value: Any, default: Any) -> bool:
+    try:
+        return bool(value == default)
+    except ValueError:  # arrays, of which one is not the default
+        return False
 
 
 def _from_parent(value: Any) -> bool:

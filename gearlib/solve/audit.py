@@ -1,7 +1,7 @@
 """Integrate the powers of a run: the run is done again with the nodes of a quadrature as its samples, until that has converged.
 
 Between breakpoints (the samples and the events) all powers are smooth. Each panel between them has the 15 nodes of Kronrod's rule, which
-hold the 7 of Gauss's: the difference of both tells which panels are halved. Stored energies at the ends of a panel follow from its
+hold the 7 of Gauss's: the difference of both tells which panels are cut into four. Stored energies at the ends of a panel follow from its
 nodes by interpolation, from the left and from the right, so that jumps at events are seen.
 """
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gearlib.solve.result import Result
 
 Floats = NDArray[np.float64]
-MOST_SAMPLES, MOST_PANELS, PASSES = 1000, 20_000, 12
+MOST_SAMPLES, MOST_PANELS, PASSES = 1000, 20_000, 8
 NARROW = 1e-10  # of the run: panels narrower than that, between events at one place, are left out
 EXPLAINED = 100.0  # times the relative tolerance: a residual up to that, over the throughput, needs no explanation
 
@@ -86,15 +86,17 @@ def balance(
     cuts = cuts[np.append(True, np.diff(cuts) > NARROW * span)]
     cuts[-1] = reported[-1]
     tolerance = max(0.1 * rtol, 1e-11)
-    for _ in range(PASSES):
+    for attempt in range(PASSES):
         middle, half = (cuts[1:] + cuts[:-1]) / 2, np.diff(cuts) / 2
         times = (middle[:, None] + half[:, None] * NODES).ravel()
         found = run(times)
         powers = _Powers(parts, found, parameters, half)
         coarse = powers.error > tolerance * powers.throughput * np.maximum(half * 2 / span, 1e-3)
-        if not coarse.any() or len(cuts) + coarse.sum() > MOST_PANELS or 2 * half[coarse].min() < 1e-9 * span:
+        coarse &= half > 1e-9 * span
+        if not coarse.any() or len(cuts) + 3 * coarse.sum() > MOST_PANELS or attempt == PASSES - 1:
             break
-        cuts = np.sort(np.concatenate([cuts, middle[coarse]]))
+        quarters = [(middle + x * half)[coarse] for x in (-0.5, 0.0, 0.5)]
+        cuts = np.sort(np.concatenate([cuts, *quarters]))
     place = np.searchsorted(cuts, reported - 0.5 * NARROW * span)
     at_event = np.isin(cuts, marks)
     return powers.summed(reported, np.minimum(place, len(cuts) - 1), at_event, rtol)
