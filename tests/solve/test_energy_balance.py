@@ -125,12 +125,9 @@ def test_heat_that_goes_into_a_body_stays_in_the_model() -> None:
 # ---------------------------------------------------------------- all components
 
 
-STILL = (
-    gp.Convection,
-    gp.Fixed,
-    gp.FixedTemperature,
-    gp.HeatCapacitor,
-)  # on the bench nothing moves, and all is at one temperature
+STILL = (  # on the bench nothing moves, or all is at one temperature
+    gp.Convection, gp.Fixed, gp.FixedTemperature, gp.HeatCapacitor, gp.ThermalConductor, gp.TranslationalFixed,
+)  # fmt: skip
 
 
 def test_every_library_part_declares_its_energies() -> None:
