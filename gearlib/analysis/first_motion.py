@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 SINGULAR = 1e-14  # of the largest singular value: a smaller one is rounding
+ROUNDING = 1e-12  # of the terms of a rate
 SETTLE = 100  # periods of a run that looks for a first motion
 
 
@@ -154,7 +155,8 @@ class Forced:
             c[: len(known)] = known
         z = _newton(balance, balance.unknowns(c), omega)
         if z is None and not self.turning:
-            z = _newton(balance, balance.unknowns(self._settled(scene, omega, samples, guess)), omega)
+            c = self._settled(scene, omega, samples, guess)
+            z = _newton(balance, balance.unknowns(c), omega)
         if z is None:
             _refuse_undetermined(balance, balance.unknowns(c), omega)
             raise SolverError(
@@ -201,7 +203,8 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
     """The rates must change over a period, and repeat after it."""
     phase = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # no round number, at which something may switch
     x = means[:, None] + driven.growth[:, None] * phase
-    once = driven.rates(phase, x, driven.modes(phase, x))
+    once, slopes = driven.linear_rates(phase, x, driven.modes(phase, x))
+    terms = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # forces that balance leave their rounding
     x = x + 2 * np.pi * driven.growth[:, None]
     again = driven.rates(phase + 2 * np.pi, x, driven.modes(phase + 2 * np.pi, x))
     size = np.abs(once).max(axis=1)
@@ -213,7 +216,7 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
     if not np.isfinite(once).all():
         bad = names[int(np.flatnonzero(~np.isfinite(once).all(axis=1))[0])]
         raise ArgumentError(f"der({bad}) is not finite at the start values; give a guess of the means")
-    off = np.abs(again - once).max(axis=1) / size
+    off = np.maximum(np.abs(again - once).max(axis=1) - ROUNDING * terms, 0.0) / size
     if (off > 1e-6).any():
         worst = names[int(np.argmax(off))]
         raise ArgumentError(

@@ -586,3 +586,35 @@ def test_a_frequency_in_hertz() -> None:
     assert found.amplitude("x") == pytest.approx(1 / np.abs(1 - found.omega**2 + 2j * ZETA * found.omega), rel=1e-9)
     with pytest.raises(gl.GearlibError, match=r"g was set to that frequency, and .* counts in Hz"):
         gl.harmonic_balance(system, 0.3, 0.5, frequency="g")
+
+
+def test_forces_that_balance_repeat_but_for_their_rounding() -> None:
+    """An excitation that is the same at both sides of a planet cancels there: what is left of it is no function of time."""
+
+    class Turning(gl.Component):
+        w = gl.Parameter("rad/s", default=9000.0)
+        E = gl.Parameter("m", default=1e-7)
+
+        def assemble(self) -> list[gl.Connection]:
+            self.at_sun, self.at_ring, self.at_carrier = gp.Torque(tau=-126.7), gp.Torque(tau=-506.8), gp.Torque(tau=633.5)
+            self.x = gp.PlanetaryUnit(
+                planet_meshes="separate", Z_s=24, Z_p=36, Z_r=96, planets=5, R_s=0.03, R_p=0.045, I_s=0.0015, I_r=0.151, I_h=0.0491,
+                I_spin=0.0094, I_orbit=0.0094, K_ring=1.8e8, C_ring=2000.0, K_sun=1.2e8, C_sun=2000.0,
+                e_rate=-self.E * self.w * gl.sin(self.w * gl.time),
+            )  # fmt: skip
+            return [
+                gl.connect(self.at_sun.flange, self.x.sun),
+                gl.connect(self.at_ring.flange, self.x.ring),
+                gl.connect(self.at_carrier.flange, self.x.carrier),
+            ]
+
+    system = gl.compile(Turning(), outputs=["x.sun_meshes[0].q"])
+    rest = system.simulate(1.0, samples=2, parameters={"E": 0.0})
+    guess = {name: float(rest[name][-1]) for name in system.states}
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        E, w = 10 ** rng.uniform(-8, -6.5), float(rng.uniform(3e3, 1.5e4))
+        found = gl.harmonic_balance(
+            system, w, 1.001 * w, frequency="w", guess=guess, parameters={"E": E}, harmonics=1, step=1.0, points=2
+        )
+        assert found.mean("x.sun_meshes[0].q")[0] == pytest.approx(rest["x.sun_meshes[0].q"][-1], rel=1e-6)
