@@ -7,19 +7,32 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gearlib.analysis.arguments import check_system
 from gearlib.analysis.power import FlangePower, PowerFlow
 from gearlib.analysis.sharing import shared
-from gearlib.analysis.steady_motion import CONTRADICTION, VALUE, Given, Motion, kinematics, refuse_contradiction, solve
+from gearlib.analysis.steady_motion import (
+    CONTRADICTION,
+    VALUE,
+    Given,
+    Motion,
+    guesses,
+    kinematics,
+    newton,
+    refuse_contradiction,
+    solve,
+)
 from gearlib.arguments import by_name, name_list, one_name, real
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, SolverError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
 
 if TYPE_CHECKING:
     from gearlib.system import System
 
+Floats = NDArray[np.float64]
+SAME = 1e-6  # of the fastest speed: motions that differ by less are one
 UNDETERMINED = 1e-8  # of a free motion of about 1, scaled; such motions are exact to about 1e-13
 
 
@@ -79,7 +92,7 @@ def power_flow(
     model = system._structure.model
     numbers = system._parameters(parameters)
     given = _given(model, speeds, torques)
-    motion = solve(model, numbers, given)
+    motion = _reached(system, numbers, given)
     refuse_contradiction(motion, given)
     ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
     places = np.unique(np.array(ports, np.int64))
@@ -89,6 +102,58 @@ def power_flow(
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
     return PowerFlow(tuple(_flanges(model, motion)), mobility(system, parameters=parameters), system.name, paths)
+
+
+def _reached(system: System, numbers: Floats, given: Sequence[Given]) -> Motion:
+    """The motion that the train comes to, where loads that depend on the speed allow several.
+
+    Where all that drives the train is given, that is the one which it comes to from its start values. Where a speed is given, or
+    the start values say which motion is meant, it is the one near these; several that nothing tells apart are refused.
+    """
+    model = system._structure.model
+    motion = solve(model, numbers, given)
+    if all(group.template.linear for group in model.groups):
+        return motion
+    inputs = {int(model.representative[v]): int(model.sign[v]) for v in model.inputs}
+    values = {g.variable: g.value for g in given if g.order == VALUE}
+    if not any(g.order for g in given) and set(values) == set(inputs):
+        try:
+            reached = _steady_speeds(system, numbers, [values[v] * sign for v, sign in inputs.items()])
+        except (StartError, SolverError):
+            reached = []
+        if reached:
+            found = solve(model, numbers, given, reached)
+            if not (found.residual > CONTRADICTION).any() and _agree(found, reached):
+                return found
+    if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
+        return motion
+    other = newton(model, numbers, given, -np.concatenate([motion.constants, motion.rates]))
+    turning = np.abs(motion.rates).max(initial=0.0)
+    if (other.residual > CONTRADICTION).any() or not np.abs(other.rates - motion.rates).max(initial=0.0) > SAME * turning:
+        return motion
+    fastest = int(np.argmax(np.abs(motion.rates)))
+    raise ArgumentError(
+        f"several steady motions have the given {', '.join(g.name for g in given) or 'torques'}: der({model.name(fastest)}) is "
+        f"{motion.rates[fastest]:.6g} in one and {other.rates[fastest]:.6g} in another; give a speed, or say near which one it "
+        "turns: guess={'w': ...} of a body"
+    )
+
+
+def _steady_speeds(system: System, numbers: Floats, inputs: Sequence[float]) -> list[Given]:
+    """The speeds in the steady state that the train comes to."""
+    scene = system._scene
+    begin = system._start(scene, numbers, 0.0, "steady", list(inputs))
+    model, found = system._structure.model, []
+    for (v, k), value in zip(scene.states, begin.states.tolist(), strict=True):
+        declared = model.declaration(v)
+        if (k == 0 and declared is not None and declared.unit in ("rad/s", "m/s")) or (k == 1 and model.potential[v]):
+            found.append(Given("speed", v, k, value))
+    return found
+
+
+def _agree(motion: Motion, speeds: Sequence[Given]) -> bool:
+    size = max(abs(s.value) for s in speeds)
+    return all(abs((motion.rates if s.order else motion.constants)[s.variable] - s.value) <= SAME * size for s in speeds)
 
 
 def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -> int:

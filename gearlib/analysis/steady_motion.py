@@ -8,7 +8,7 @@ speeds vanish, so inertia takes no torque; what is left is kinematics and static
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONTRADICTION = 1e-8  # relative residual of an equation that cannot be met
 SPEED, VALUE = 1, 0
+PARTS = 64  # of a turn, over which what repeats is averaged
 
 
 @dataclass(frozen=True)
@@ -149,13 +150,17 @@ def _group(
     template = group.template
     torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
     on_time = template.label == "binding" and template.on_time
+    repeating = () if template.linear else _repeating(model, g, group, parameters, a, b, modes)
+    turns = _turns(group, a, repeating)
     for c, (name, order) in enumerate(template.columns):
         j = template.locals.index(name)
         v = group.variables[:, j]
-        p = apply(model, partial_kernel(template, c), g, group, parameters, a, b, modes) * group.signs[:, j]
+        p = _mean(model, partial_kernel(template, c), g, group, parameters, turns, b, modes) * group.signs[:, j]
         p = np.where(np.isfinite(p), p, 0.0)
         if not template.linear:
             p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
+        if c in repeating:
+            p = np.zeros(len(group))  # what repeats with every turn does not grow
         if order < 2 and not on_time:
             entries.put(rows, v[keep] + order * n, p[keep])
         if order == 0:
@@ -167,33 +172,83 @@ def _group(
         value = argument(group, "bound", 0, a, b)
         entries.put(rows, group.variables[keep, j], group.signs[keep, j])
     else:
-        value = apply(model, residual_kernel(template), g, group, parameters, a, b, modes)
+        value = _mean(model, residual_kernel(template), g, group, parameters, turns, b, modes)
     entries.count += 2 * count
     return np.concatenate([value[keep], growth[keep]]), torques[keep]
 
 
-def solve(model: FlatModel, parameters: Floats, given: Sequence[Given]) -> Motion:
-    """The steady motion by Newton's method, from rest or, where that fails, from the guesses of the model."""
+def _repeating(
+    model: FlatModel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
+) -> tuple[int, ...]:
+    """Columns that the equations are periodic in: phases of meshes, which grow while what follows from them repeats."""
+    template, kernel, found = group.template, residual_kernel(group.template), []
+    for c, (name, order) in enumerate(template.columns):
+        v = group.variables[:, template.locals.index(name)]
+        if order or c not in kernel.columns:
+            continue
+        values = []
+        for turn in (0.0, 2 * np.pi, 1.0, 1.0 + 2 * np.pi):
+            turned = a.copy()
+            turned[np.unique(v)] += turn
+            values.append(apply(model, kernel, g, group, parameters, turned, b, modes))
+        change = max(float(np.abs(values[k + 1] - values[k]).max()) for k in (0, 2))
+        if change <= 1e-9 * max(float(np.abs(values[2] - values[0]).max()), float(np.abs(values).max())):
+            slope = partial_kernel(template, c)
+            if slope.columns:  # not a column without an effect here
+                found.append(c)
+    return tuple(found)
+
+
+def _turns(group: EquationGroup, a: Floats, repeating: Sequence[int]) -> list[Floats]:
+    """The constants at equal parts of a turn of the phases; as they are where there is none, or where events depend on it."""
+    template = group.template
+    if not repeating or template.relations or template.held:
+        return [a]
+    places = np.unique([group.variables[:, template.locals.index(template.columns[c][0])] for c in repeating])
+    turns = []
+    for k in range(PARTS):
+        turned = a.copy()
+        turned[places] += 2 * np.pi * k / PARTS
+        turns.append(turned)
+    return turns
+
+
+def _mean(
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats,
+    turns: Sequence[Floats], b: Floats, modes: Floats,
+) -> Floats:  # fmt: skip
+    """Mean of a kernel over a turn."""
+    values = [apply(model, kernel, g, group, parameters, a, b, modes) for a in turns]
+    return values[0] if len(values) == 1 else np.asarray(np.mean(values, axis=0), float)
+
+
+def solve(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given] = ()) -> Motion:
+    """The steady motion by Newton's method: near some speeds if there are any, else from rest, or from the guesses of the model."""
     n = model.n_variables
+    if near:
+        return newton(model, parameters, given, speeds_near(model, parameters, given, near))
     motion = newton(model, parameters, given, np.zeros(2 * n))
     if (motion.residual > CONTRADICTION).any() and any(not group.template.linear for group in model.groups):
-        guess = _guessed(model, parameters, given)
-        other = newton(model, parameters, given, guess)
+        other = newton(model, parameters, given, speeds_near(model, parameters, given, guesses(model, parameters)))
         if not (other.residual > CONTRADICTION).any():
             return other
     return motion
 
 
-def _guessed(model: FlatModel, parameters: Floats, given: Sequence[Given]) -> Floats:
-    """Speeds that agree with each other and, as far as they can, with the guesses of the model."""
-    starts, n = model.starts, model.n_variables
-    guesses = []
+def guesses(model: FlatModel, parameters: Floats) -> list[Given]:
+    """The speeds that the model gives start values or guesses for."""
+    starts, found = model.starts, []
     for v, slot in zip(starts.variables.tolist(), starts.slots.tolist(), strict=True):
         rep, sign = int(model.representative[v]), int(model.sign[v])
         if sign and not model.flow[rep] and not model.potential[rep] and parameters[slot]:
-            guesses.append(Given("guess", rep, VALUE, sign * float(parameters[slot])))
-    zero = np.zeros(n)
-    rows = assemble(model, parameters, [*given, *guesses], zero, zero, initial_modes(model))
+            found.append(Given("guess", rep, VALUE, sign * float(parameters[slot])))
+    return found
+
+
+def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given]) -> Floats:
+    """Speeds that agree with each other and, as far as they can, with those that are wanted."""
+    zero = np.zeros(model.n_variables)
+    rows = assemble(model, parameters, [*given, *near], zero, zero, initial_modes(model))
     return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
 
 
@@ -233,11 +288,36 @@ def kinematics(
     model: FlatModel, parameters: Floats, wanted: Integers, given: Sequence[Given] = ()
 ) -> tuple[Rows, Factors, Integers]:
     """The equations between speeds alone, whatever the torques are: those rows that the wanted unknowns depend on."""
+    rows = _kinematic_rows(model, parameters, given, initial_modes(model))
+    found = _connected(rows, wanted)
+    if model.n_relations:  # play is taken up: a mesh inside its gap turns its wheels as soon as it has crossed it
+        touching = initial_modes(model)
+        touching[: model.n_relations] = 1.0
+        rows_closed = _kinematic_rows(model, parameters, given, touching)
+        closed = _connected(rows_closed, wanted)
+        if len(closed[0].open) < len(found[0].open):
+            rows, found = rows_closed, closed
+    return rows, *found
+
+
+def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], modes: Floats) -> Rows:
+    """The equations, linearised where what follows without torques (a stiffness, say) has its value."""
+    n = model.n_variables
+    x = np.zeros(2 * n)
+    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+    for _ in range(3 if any(not group.template.linear for group in model.groups) else 0):
+        still = np.flatnonzero(rows.kinematic)
+        x = x - factorise(rows.matrix[still]).solve(rows.residual[still])
+        x[n:] = 0.0
+        rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+    return replace(rows, residual=rows.residual - rows.matrix @ x)  # of unknowns that are all zero
+
+
+def _connected(rows: Rows, wanted: Integers) -> tuple[Factors, Integers]:
+    """Factors of the kinematic rows that the wanted unknowns depend on, and these rows."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
-    zero = np.zeros(model.n_variables)
-    rows = assemble(model, parameters, given, zero, zero, initial_modes(model))
     matrix = rows.matrix[np.flatnonzero(rows.kinematic)]
     matrix.eliminate_zeros()
     m, n = matrix.shape
@@ -245,7 +325,7 @@ def kinematics(
     graph = csr_matrix((np.ones(len(entries.data)), (entries.row, m + entries.col)), shape=(m + n, m + n))
     parts = connected_components(graph, directed=False)[1]
     chosen = np.flatnonzero(np.isin(parts[:m], parts[m + wanted]))
-    return rows, factorise(matrix[chosen]), np.flatnonzero(rows.kinematic)[chosen]
+    return factorise(matrix[chosen]), np.flatnonzero(rows.kinematic)[chosen]
 
 
 def initial_modes(model: FlatModel) -> Floats:

@@ -358,3 +358,91 @@ def test_ratios_that_do_not_exist() -> None:
         gl.speed_ratio(system, "sun_1.flange", "ring.flange")
     with pytest.raises(gl.GearlibError, match="cannot turn"):
         gl.speed_ratio(system, "sun_1.flange", "ring.flange", held=["carrier.flange", "ring.flange"])
+
+
+MESHES: dict[str, dict[str, Any]] = {
+    "plain": {}, "gap": {"backlash": True, "b": 1e-4}, "gap of zero": {"backlash": True}, "preloaded": {"backlash": True, "b": -1e-6},
+    "sinusoidal": {"stiffness": "sinusoidal", "c_amplitude": 0.3, "phase0": 0.7},
+    "rectangular": {"stiffness": "rectangular", "contact_ratio": 1.6},
+    "fourier": {"stiffness": "fourier", "stiffness_terms": ((1, 0.2, 0.3), (2, 0.1, 0.0))},
+    "table": {"stiffness": "table"},
+    "error": {"error_terms": ((1, 1e-5, 0.2), (2, 3e-6, 0.0))},
+    "friction": {"friction": True, "contact_ratio": 1.6},
+}  # fmt: skip
+
+
+class Stages(gl.Component):
+    """Stages 1:2 with detailed meshes."""
+
+    kinds = gl.Structural(())
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.load = gp.Torque(), gp.Torque()
+        self.body = [gp.Inertia(J=0.1) for _ in range(len(self.kinds) + 1)]
+        self.mesh = [gp.DetailedExternalMesh(r_a=0.05, r_b=0.1, c=1e8, d=500.0, z_a=20.0, **MESHES[k]) for k in self.kinds]
+        joints = [gl.connect(self.drive.flange, self.body[0].flange_a), gl.connect(self.body[-1].flange_b, self.load.flange)]
+        for i, mesh in enumerate(self.mesh):
+            joints += [
+                gl.connect(self.body[i].flange_b, mesh.flange_a),
+                gl.connect(mesh.flange_b, self.body[i + 1].flange_a),
+            ]
+        return joints
+
+
+@pytest.mark.parametrize("kinds", [*((k,) for k in MESHES), ("plain", "gap"), ("sinusoidal", "error", "friction")])
+def test_detailed_meshes_turn_as_rigid_gears_do(kinds: tuple[str, ...]) -> None:
+    """On average over the mesh, also where stiffness and transmission error vary: the ratio is that of the radii."""
+    system, ratio = gl.compile(Stages(kinds=kinds)), (-2.0) ** len(kinds)
+    assert gl.mobility(system) == 1
+    assert gl.speed_ratio(system, "body[0].w", f"body[{len(kinds)}].w") == pytest.approx(ratio, rel=1e-12)
+    if "gap" in kinds:
+        return  # which flank carries is not known; power_flow says so
+    flow = gl.power_flow(system, speeds={"body[0].w": 100.0}, torques={"load.tau": -10.0})
+    assert flow["load.flange"].speed == pytest.approx(100.0 / ratio, rel=1e-10)
+    if "friction" not in kinds:
+        assert flow["drive.flange"].torque == pytest.approx(-10.0 / ratio, rel=1e-10)
+
+
+class Car(gl.Component):
+    """A motor, a gear, an elastic shaft, a mass, air and rolling resistance; the air's torque has one direction (see its part)."""
+
+    direction = gl.Structural(True)
+    bound = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.motor = gp.Torque(tau=100.0) if self.bound else gp.Torque()
+        self.rotor, self.wheel = gp.Inertia(J=0.05), gp.Inertia(J=80.0)
+        self.gear, self.shaft = gp.IdealGear(ratio=8.0), gp.SpringDamper(c=5e3, d=20.0)
+        self.air = gp.QuadraticSpeedDependentTorque(tau_nominal=-300.0, w_nominal=100.0, torque_direction=self.direction)
+        self.roll = gp.LinearSpeedDependentTorque(tau_nominal=-50.0, w_nominal=100.0, torque_direction=False)
+        return [
+            gl.connect(self.motor.flange, self.rotor.flange_a),
+            gl.connect(self.rotor.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.wheel.flange_a),
+            gl.connect(self.wheel.flange_b, self.air.flange, self.roll.flange),
+        ]
+
+
+FORWARD = 155.17847391957153  # 800 = 0.03 w^2 + 0.5 w
+
+
+@pytest.mark.parametrize("direction", [True, False])
+@pytest.mark.parametrize("bound", [True, False])
+def test_of_several_speeds_it_is_the_one_that_the_train_comes_to(direction: bool, bound: bool) -> None:
+    """Newton's method from rest finds -171.8 rad/s just as well, where the air drives the car backwards for ever."""
+    system = gl.compile(Car(direction=direction, bound=bound))
+    torques = {} if bound else {"motor.tau": 100.0}
+    flow = gl.power_flow(system, torques=torques)
+    assert flow["wheel.flange_a"].speed == pytest.approx(FORWARD, rel=1e-9)
+    run = system.simulate(3000.0, samples=2, inputs=torques)
+    assert flow["wheel.flange_a"].speed == pytest.approx(run["wheel.w"][-1], rel=1e-5)
+
+
+def test_speeds_that_nothing_tells_apart_are_named() -> None:
+    """A binding that is replaced: no run says which way it goes."""
+    system = gl.compile(Car(bound=True))
+    with pytest.raises(
+        gl.GearlibError, match=r"several steady motions have the given motor\.tau: der\(.*\) is .* in one and .* in another"
+    ):
+        gl.power_flow(system, torques={"motor.tau": 50.0})
