@@ -44,7 +44,9 @@ def power_flow(
 
     Nothing accelerates, so inertia takes no torque; springs and meshes turn with their deflections constant, as if rigid. Unbound
     inputs that are not given are found: give the speed of the drive and the torque of the load, and the drive's torque follows.
-    A bound input that is a function of time counts as zero unless it is given. Parallel paths that could be preloaded against each
+    A bound input that is a function of time counts as zero unless it is given. What varies over the mesh phase is averaged (tables of
+    transmission error and friction are taken at phase0). Where loads that depend on speed allow several motions, it is the one that the
+    train comes to from its start values, or the one near these. Parallel paths that could be preloaded against each
     other, such as planets with meshes of their own, share the load by their stiffness, equal planets equally (`PowerFlow.shared`).
 
     Parameters
