@@ -50,17 +50,19 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 def _inner(function: _Function) -> _Function:
     """Compile a function that the callbacks call."""
-    return cast(_Function, _numba.njit(function))
+    return cast(_Function, _numba.njit(error_model="numpy")(function))  # an exception could not leave a callback
 
 
 def _reassociating(function: _Function) -> _Function:
     """The same for one whose sums may be reordered, so that they use vectors."""
-    return cast(_Function, _numba.njit(fastmath={"reassoc"})(function))
+    return cast(_Function, _numba.njit(error_model="numpy", fastmath={"reassoc"})(function))
 
 
 def _callback(*arguments: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a C function of these arguments that returns an int, and keep it on disk."""
-    return lambda function: keep(_numba.njit(function), _numba.cfunc(_int(*arguments), cache=True))
+    return lambda function: keep(
+        _numba.njit(error_model="numpy")(function), _numba.cfunc(_int(*arguments), cache=True, error_model="numpy")
+    )
 
 
 @_reassociating

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import io
 import warnings
 from typing import Any
@@ -36,7 +37,7 @@ from gearlib.solve.ida_request import (
 )
 from gearlib.solve.problem import Native
 
-_ROOT_RETURN, _TOO_MUCH_WORK = 2, -1
+_ROOT_RETURN, _TOO_MUCH_WORK, _ILL_INPUT = 2, -1, -22
 _NEGATIVE_ZERO = -1e-300
 _pointer = ctypes.c_void_p
 EPS = float(np.finfo(np.float64).eps)
@@ -99,10 +100,11 @@ class _Driver:
         self.attempt_time, self.bad_state, self.first_reach, self.first_guess = np.nan, -1, 0.0, 0.0
         self.step_begin = self.step_end = self.t
         self.dy = np.zeros(n)
+        self.problem: BaseException | None = None
         self.bad_time: float | None = None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a sparse pattern with a Jacobian needs no differences
-            self.ida = ida(self._residual, **self._options())
+            self.ida = ida(self._guarded(self._residual), **self._options())
 
     def _options(self) -> dict[str, Any]:
         asked, matrix = self.asked, self.asked.matrix
@@ -111,7 +113,7 @@ class _Driver:
             "atol": asked.atol[self.order],
             "linsolver": matrix.kind,
             "max_num_steps": min(CHUNK, asked.max_steps),
-            "jacfn": self._sparse_jacobian if matrix.pattern is not None else self._full_jacobian,
+            "jacfn": self._guarded(self._sparse_jacobian if matrix.pattern is not None else self._full_jacobian),
         }
         if self.jac is None:
             del options["jacfn"]
@@ -133,10 +135,27 @@ class _Driver:
                 g[: self.n_roots] = self.g
                 g[self.n_roots :] = self._turning(t, y, dy, g[: self.n_roots])
 
-            functions: Any = events
+            functions: Any = self._guarded(events)
             functions.direction = [0] * self.n_roots + [1] * self.n_roots
-            options |= {"eventsfn": events, "num_events": 2 * self.n_roots}
+            options |= {"eventsfn": functions, "num_events": 2 * self.n_roots}
         return options
+
+    def _guarded(self, callback: Any) -> Any:
+        """A callback whose exception is kept, lest it is lost on its way through IDA: see `_raise`."""
+
+        @functools.wraps(callback)
+        def call(*arguments: Any) -> None:
+            try:
+                callback(*arguments)
+            except BaseException as problem:
+                self.problem = self.problem or problem
+                raise
+
+        return call
+
+    def _raise(self) -> None:
+        if self.problem is not None:
+            raise self.problem
 
     def _natural(self, y: Any) -> int:
         self.x[self.order] = y
@@ -218,6 +237,7 @@ class _Driver:
         self.attempt_time = self.step_begin = self.step_end = t
         try:
             start = self.ida.init_step(t, self.y, dy)
+            self._raise()
             self.y, self.dy = start.y, start.yp
         except RuntimeError as problem:  # scikit-sundae tells the reason only in words
             raise _FailedError(START_FAILED if "IDACalcIC" in str(problem) else -99) from problem
@@ -345,6 +365,9 @@ class _Driver:
             target = min(target, self.t + max(self.first_reach, 1000 * EPS * abs(self.t)))
             self.first_reach = 0.0
         step = self.ida.step(target, method="normal", tstop=stop)
+        self._raise()
+        if step.status == _ILL_INPUT:  # nothing was done: what the step holds is anything
+            raise _FailedError(step.status)
         before, self.t, self.y, self.dy = self.t, float(step.t), step.y, step.yp
         if step.status == _TOO_MUCH_WORK:
             if self.t - before <= CHUNK * EPS * abs(self.t):
@@ -375,5 +398,5 @@ class _Driver:
             restarts=self.restarts - 1,
             bad_time=self.bad_time,
             bad_state=self.bad_state,
-            x_failed=self._in_natural_order() if status == START_FAILED else None,
+            x_failed=self._in_natural_order() if status < 0 else None,
         )

@@ -165,7 +165,7 @@ def failure(asked: Request, outcome: Outcome) -> GearlibError:
     if status in (START_FAILED, -13, -14):
         return _no_start(asked, outcome, when)
     if refused(asked, outcome):
-        return SolverError(_not_evaluated(asked, outcome))
+        return SolverError(_not_evaluated(asked, outcome) + asked.problem.blamed(outcome.t, outcome.x_failed, asked.data))
     if status == CHATTER:
         involved = np.unique(outcome.event_roots[outcome.event_times >= outcome.t - asked.window])
         names = "; ".join(dict.fromkeys(asked.problem.root_name(int(k)) for k in involved if k >= 0))
@@ -190,7 +190,9 @@ def failure(asked: Request, outcome: Outcome) -> GearlibError:
         -10: f"the event functions could not be evaluated {when}",
         -22: f"a state whose absolute tolerance is zero became zero, or the samples lie too close together, {when}",
     }
-    return SolverError(texts.get(status, f"IDA failed {when} (its return value: {status})"))
+    text = texts.get(status, f"IDA failed {when} (its return value: {status})")
+    blamed = asked.problem.blamed(outcome.t, outcome.x_failed, asked.data) if status in (-3, -4, STALLED) else ""
+    return SolverError(text + blamed)
 
 
 def _not_evaluated(asked: Request, outcome: Outcome) -> str:

@@ -326,8 +326,19 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
         time_events=_time_events(run, t0, float(run.times[-1])), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
+        culprit=partial(_culprit, run, native.shared),
     )  # fmt: skip
     return problem, keep
+
+
+def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
+    """What cannot be evaluated where a run ended."""
+    from gearlib.solve.blame import culprit
+
+    modes = data[shared.relations :][: shared.n_relations].copy()
+    inputs = values(run.signals, np.array([t]), shared.n_inputs)[:, 0]
+    span = float(run.times[-1] - run.times[0])
+    return culprit(run.scene, run.numbers, t, span, x[: len(run.scene.states)], inputs, modes)
 
 
 def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:

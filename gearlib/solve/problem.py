@@ -59,6 +59,7 @@ class Problem:
     state_names: tuple[str, ...] = ()  # for messages
     root_names: tuple[str, ...] = ()
     unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing
+    culprit: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what cannot be evaluated from there on
 
     def state_name(self, k: int) -> str:
         return self.state_names[k] if k < len(self.state_names) else f"state {k}"
@@ -70,6 +71,10 @@ class Problem:
         """Which names an event iteration that failed keeps changing, as part of a message."""
         names = self.unsettled(t, x, data) if self.unsettled is not None else ""
         return f": the iteration does not settle, it keeps changing {names}" if names else ""
+
+    def blamed(self, t: float, x: Floats | None, data: Floats) -> str:
+        """Which variable, component and expression cannot be evaluated from there on, as part of a message."""
+        return self.culprit(t, x, data) if self.culprit is not None and x is not None else ""
 
 
 @dataclass(frozen=True)

@@ -118,6 +118,8 @@ def integrate(
     left_behind = may_leave and code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED)
     if code < 0 and not left_behind:
         more = problem.not_settled(frame.t, run.x, run.data) if code == rk_loop.UPDATE_FAILED else ""
+        if code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED):
+            more = problem.blamed(frame.t, run.x, run.data)
         raise SolverError(_complaint(problem, code, run) + more)
     return _solution(run, "left" if left_behind else ("stiff" if code == rk_loop.STIFF else "done"))
 

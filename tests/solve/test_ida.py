@@ -13,6 +13,7 @@ from numba import carray, cfunc, types
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+import gearlib as gl
 from gearlib.errors import ArgumentError, SolverError, StartError
 from gearlib.solve import ida
 from gearlib.solve.ida_matrix import plan, reverse_cuthill_mckee
@@ -501,3 +502,21 @@ def test_importing_is_light() -> None:
     heavy = "{'numba', 'sksundae', 'scipy', 'sympy'}"
     code = f"import sys, gearlib.solve.ida; print(sorted({heavy} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_absurd_tolerances_are_refused_or_met(native: bool) -> None:
+    """No exception is lost in a callback, and no memory is handed out that nothing was written to."""
+
+    class Swing(gl.Component):
+        x = gl.Variable("1", "angle", start=0.0)
+        v = gl.Variable("1", "speed", start=1.0)
+
+        def equations(self):
+            return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), -gl.sin(self.x))]
+
+    road = ida.integrate
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ida, "integrate", lambda *a, **k: road(*a, **k, native=native))
+        with pytest.raises(SolverError, match=r"at t=0$"):
+            gl.simulate(Swing(), 1.0, samples=3, method="ida", atol=1e-300)
