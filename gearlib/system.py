@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from gearlib.arguments import name_list, real, shown
 from gearlib.codegen.layout import Shared, lay_out
 from gearlib.codegen.native import rhs_source
 from gearlib.codegen.numbers import numbers_of
-from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.errors import ArgumentError, ModelError, NameLookupError, SingularError, nearest
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
@@ -31,14 +31,17 @@ from gearlib.solve.result import Result
 from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
 from gearlib.solve.steady import steady_state
 from gearlib.solve.table import Function, Table, values
+from gearlib.solve.zeros import can_be_solved, factors
 from gearlib.structure.analysis import Structure, analyse, confirm, discrete_nodes
 from gearlib.structure.incidence import Node
+from gearlib.structure.rows import some
 
 if TYPE_CHECKING:
     from gearlib.analysis.power import PowerFlow
     from gearlib.solve.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 def compile(component: Component, outputs: Sequence[str] | None = None) -> System:
@@ -77,10 +80,78 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
     array([0., 2., 4.])
     """
     chosen = None if outputs is None else tuple(name_list("outputs", outputs, "load.w"))
+    return _compiled(component, chosen)
+
+
+def _compiled(component: Component, outputs: tuple[str, ...] | None) -> System:
+    """The system that fits the parameters' defaults."""
     model = flatten(component)
-    parameters = model.parameters.defaults
-    structure = analyse(model, numbers_of(model, parameters, 0.0))
-    return System(structure, chosen, component)
+    variants = Variants(component, outputs, factors(model), model.parameters.names)
+    defaults = model.parameters.defaults
+    if variants.zeros(defaults):
+        try:
+            return variants.fitting(defaults)
+        except SingularError:
+            pass  # other parameters may be given for a run
+    return variants.translated(frozenset(), defaults, model)
+
+
+@dataclass(frozen=True)
+class Variants:
+    """The translations of one component, which differ by the parameters that are zero and left out of the equations."""
+
+    component: Component
+    outputs: tuple[str, ...] | None
+    factors: Integers  # parameters that a variable is multiplied by
+    names: tuple[str, ...]
+    known: dict[frozenset[int], System] = field(default_factory=dict)  # by the parameters that are left out
+    chosen: dict[frozenset[int], System] = field(default_factory=dict)  # by the factors that are zero
+
+    def zeros(self, parameters: Floats) -> frozenset[int]:
+        """The factors that are zero."""
+        values = parameters[self.factors]
+        return frozenset() if values.all() else frozenset(self.factors[values == 0.0].tolist())
+
+    def translated(self, absent: frozenset[int], parameters: Floats, model: FlatModel | None = None) -> System:
+        """The system without some parameters."""
+        if absent not in self.known:
+            model = model or flatten(self.component, absent)
+            structure = analyse(model, numbers_of(model, parameters, 0.0))
+            self.known[absent] = System(structure, self.outputs, self.component, self, absent)
+        return self.known[absent]
+
+    def fitting(self, parameters: Floats) -> System:
+        """The translation that can be solved with these parameters: with all of them, or without those that are zero.
+
+        Raises
+        ------
+        ModelError
+            Neither can.
+        """
+        zero = self.zeros(parameters)
+        if zero not in self.chosen:
+            self.chosen[zero] = self._tried(zero, parameters)
+        return self.chosen[zero]
+
+    def _tried(self, zero: frozenset[int], parameters: Floats) -> System:
+        if not zero:
+            return self.translated(zero, parameters)
+        try:
+            system = self.translated(frozenset(), parameters)
+            if can_be_solved(system._scene, parameters):
+                return system
+        except ModelError:
+            pass  # not solved with the zeros in it: tried without
+        try:
+            system = self.translated(zero, parameters)
+            system._scene.numbers(parameters)
+        except ModelError as problem:
+            raise SingularError(f"with {some(self.zero_names(zero))}: {problem}") from None
+        return system
+
+    def zero_names(self, absent: frozenset[int]) -> list[str]:
+        """Parameters as ``body.J = 0``."""
+        return [f"{self.names[p]} = 0" for p in sorted(absent)]
 
 
 def simulate(component: Component, t_end: float, **options: Any) -> Result:
@@ -111,9 +182,14 @@ class System:
         What was asked for.
     """
 
-    def __init__(self, structure: Structure, outputs: tuple[str, ...] | None, component: Component) -> None:
+    def __init__(
+        self, structure: Structure, outputs: tuple[str, ...] | None, component: Component, variants: Variants,
+        absent: frozenset[int],
+    ) -> None:  # fmt: skip
         self._structure = structure
         self._component = component
+        self._variants = variants
+        self._absent = absent
         self.outputs = outputs
         self.name = type(component).__name__
         model = structure.model
@@ -168,7 +244,7 @@ class System:
         """What came in, what each phase did, and what is integrated."""
         parameters = self._parameters(None)
         free = self._start(self._scene, parameters, 0.0, None, [0.0] * len(self.inputs)).free
-        return summary(self.name, self._scene, self.outputs, free)
+        return summary(self.name, self._scene, self.outputs, free, self._variants.zero_names(self._absent))
 
     @cached_property
     def source(self) -> str:
@@ -235,6 +311,12 @@ class System:
         grid = output_times(t_start, t_end, samples, times, len(self.states))
         check_options(method, rtol, max_step)
         numbers = self._parameters(parameters) if parameters is not None or not earlier else earlier[0]._parameters
+        fitting = self.fitting(numbers)
+        if fitting is not self:
+            return fitting.simulate(
+                t_end, t_start=t_start, samples=samples, times=times, method=method, rtol=rtol, atol=atol, parameters=parameters,
+                start=start, inputs=inputs, max_step=max_step, progress=progress, audit=audit,
+            )  # fmt: skip
         signals = self._signals(inputs) if inputs is not None or not earlier else list(earlier[0]._signals)
         result = self._run(
             self._scene, Request(float(t_start), grid, method, rtol, atol, numbers, start, tuple(signals), progress, max_step)
@@ -242,6 +324,20 @@ class System:
         if audit:
             result.check_energy()
         return result
+
+    def fitting(self, parameters: Mapping[str, float] | Floats | None, at: Any = None) -> System:
+        """The translation of the same component that fits some parameters (or those of the run that ``at`` is a moment of).
+
+        What is zero may decide which equation determines what (a body without inertia has no speed of its own), so that where a
+        zero would be divided by the model is translated again, once for each set of zeros.
+        """
+        if parameters is None and isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+            numbers = at[0]._parameters
+        else:
+            numbers = parameters if isinstance(parameters, np.ndarray) else self._parameters(parameters)
+        if not self._absent and not self._variants.zeros(numbers):
+            return self
+        return self._variants.fitting(numbers)
 
     def _run(self, scene: Scene, asked: Request) -> Result:
         parameters, signals = asked.parameters, asked.signals
@@ -306,7 +402,7 @@ class System:
         return self._scenes[states]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _compiled_again, (pickle.dumps((self._component, self.outputs)),)
+        return _compiled_again, (pickle.dumps((self._component, self.outputs)), self._absent)
 
     def linearize(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, *, at: Any = None,
@@ -342,6 +438,9 @@ class System:
         """
         from gearlib.analysis.linearize import linearize, operating_point, state_space
 
+        fitting = self.fitting(parameters, at)
+        if fitting is not self:
+            return fitting.linearize(inputs, outputs, at=at, parameters=parameters, sparse=sparse)
         default = self.outputs if self.outputs is not None else self.states
         chosen_inputs = name_list("inputs", self.inputs if inputs is None else inputs, "torque.tau")
         chosen = name_list("outputs", default if outputs is None else outputs, "load.w")
@@ -458,7 +557,12 @@ class System:
 
 
 @lru_cache(maxsize=16)
-def _compiled_again(recipe: bytes) -> System:
+def _compiled_again(recipe: bytes, absent: frozenset[int]) -> System:
     """A system in another process, or of a copy: compiled once for all results that come from there."""
     component, outputs = pickle.loads(recipe)
-    return compile(component, outputs)
+    system = compile(component, outputs)
+    if system._absent == absent:
+        return system
+    numbers = system._model.parameters.defaults.copy()
+    numbers[list(absent)] = 0.0
+    return system._variants.translated(absent, numbers)

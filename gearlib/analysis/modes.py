@@ -340,6 +340,7 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
     check_system(system)
     if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1):
         raise ArgumentError(f"count is {count!r}; expected a whole number, 1 or more")
+    system = system.fitting(parameters, at)
     structure = system._structure
     states = _moving_states(structure)
     scene, numbers, point = operating_point(system, states, at, parameters)

@@ -10,7 +10,7 @@ from gearlib.solve.scene import Scene, node_name
 MOST = 12
 
 
-def summary(name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str]) -> str:
+def summary(name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], zero: Sequence[str]) -> str:
     """A few lines for each phase."""
     structure, model, program = scene.structure, scene.model, scene.program
     counts, result = model.counts, structure.differentiation
@@ -41,6 +41,8 @@ def summary(name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequ
             f"  redundant   equations of {_some(list(structure.redundant)) or 'connections'} follow from others; the split of torque "
             f"is undetermined there, and set so that these are zero: {_some(list(structure.closed))}"
         )
+    if zero:
+        lines.append(f"  zeros       translated without what they multiply: {_some(list(zero))}")
     kind = "linear, time-invariant" if program.is_linear else "nonlinear, or with coefficients that vary"
     lines.append(f"  scene       {kind}; outputs: {_some(list(outputs)) if outputs is not None else 'everything, on demand'}")
     if free:

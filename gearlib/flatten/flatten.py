@@ -25,20 +25,22 @@ from gearlib.flatten.model import (
     StartValues,
     UpdateGroup,
 )
-from gearlib.flatten.specialise import Raw, simplified
+from gearlib.flatten.specialise import Raw, simplified, without_parameters
 from gearlib.flatten.templates import Template
 from gearlib.flatten.unused import refuse_unused
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
 
 
-def flatten(component: Component) -> FlatModel:
+def flatten(component: Component, absent: frozenset[int] = frozenset()) -> FlatModel:
     """Flatten a component and all its parts.
 
     Parameters
     ----------
     component : Component
         The outermost one.
+    absent : frozenset of int
+        Parameters that are zero: the equations are written without them.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def flatten(component: Component) -> FlatModel:
     refuse_unused(tree, component)
     table = _parameter_table(tree)
     check_bounds(table, table.defaults)
-    raw, equalities = _equations(tree)
+    raw, equalities = _equations(tree, absent)
     sums, zeros, n_sets, n_variables = _connections(tree)
     for kind in sorted({len(s.variables) for s in sums} - {2}):
         members = [s for s in sums if len(s.variables) == kind]
@@ -68,6 +70,7 @@ def flatten(component: Component) -> FlatModel:
     equalities += [(s.variables[0], s.variables[1], -s.signs[0] * s.signs[1]) for s in sums if len(s.variables) == 2]
     equalities += zeros
     own = attributes_of(tree, n_variables)
+    own.flow[tree.n_variables :] = True  # sums of flows
     own.rank[tree.inputs] = -1  # what is given represents all that equals it
     n_equations = len(equalities) + sum(map(len, raw))
     raw, equalities, aliases = _without_aliases(raw, equalities, n_variables, own.rank)
@@ -199,7 +202,7 @@ def _parameter_levels(tree: Tree) -> dict[int, int]:
     return level
 
 
-def _equations(tree: Tree) -> tuple[list[Raw], list[tuple[int, int, int]]]:
+def _equations(tree: Tree, absent: frozenset[int]) -> tuple[list[Raw], list[tuple[int, int, int]]]:
     first_variable = np.array([i.first_variable for i in tree.instances], np.int64)
     first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
     blocks: list[tuple[Template, Integers, Integers, Integers]] = []
@@ -222,6 +225,8 @@ def _equations(tree: Tree) -> tuple[list[Raw], list[tuple[int, int, int]]]:
             )
         )
     pieces = [Raw(template, v, np.ones_like(v), parameters, who) for template, v, parameters, who in blocks]
+    if absent:
+        pieces = [part for piece in pieces for part in without_parameters(piece, absent, tree.parameter_names)]
     equalities: list[tuple[int, int, int]] = []
     return _separated(pieces, equalities), equalities
 

@@ -7,6 +7,7 @@ symbols are put in, the equation is simplified, and what is left is a template o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -75,6 +76,31 @@ def specialised(template: Template, pattern: Pattern, absent: frozenset[str] = f
     if residual.has(sympy.zoo, sympy.nan, sympy.oo, sympy.S.NegativeInfinity):
         raise SingularError(f"{template.label} divides by zero")
     return make_template(template.label, residual, template.parameters, tuple(relations), template.held)
+
+
+def without_parameters(raw: Raw, absent: frozenset[int], names: Sequence[str]) -> list[Raw]:
+    """The equations without some parameters, which are zero.
+
+    Raises
+    ------
+    SingularError
+        One of them is divided by.
+    """
+    here = np.isin(raw.parameters, list(absent))
+    if not here.any():
+        return [raw]
+    identity = tuple((j, 1) for j in range(len(raw.template.locals)))
+    pieces = []
+    for columns in np.unique(here, axis=0):
+        rows = np.flatnonzero((here == columns).all(axis=1))
+        gone = np.flatnonzero(columns)
+        local = frozenset(raw.template.parameters[p] for p in gone)
+        try:
+            pieces.append(raw.take(rows, specialised(raw.template, identity, local)))
+        except SingularError as problem:
+            named = ", ".join(names[p] for p in raw.parameters[rows[0]][gone])
+            raise SingularError(f"{problem}: {named} may not be 0") from None
+    return pieces
 
 
 def by_pattern(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Pattern]]:

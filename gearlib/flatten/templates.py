@@ -122,6 +122,15 @@ class Template:
         return tuple(result)
 
     @cached_property
+    def factors(self) -> frozenset[str]:
+        """The parameters without which (where they are zero) the equation does not hold one of its variables."""
+        symbols = {name: sympy.Symbol(name, real=True) for name in self.parameters}
+        expressions = [p.expression for p in self.partials if p.number is None]
+        return frozenset(
+            n for n, s in symbols.items() if any(e.has(s) and e.xreplace({s: sympy.S.Zero}) == 0 for e in expressions)
+        )
+
+    @cached_property
     def linear(self) -> bool:
         """Linear in all its variables, with coefficients that are constant during a run."""
         return not self.relations_on_variables and all(p.constant for p in self.partials)

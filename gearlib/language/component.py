@@ -93,9 +93,11 @@ def connect(*ports: Port) -> Connection:
                 f"({type(other.connector).__name__}): connectors of different kinds; a gear such as IdealGearR2T joins "
                 "rotation to translation"
             )
-    for i, port in enumerate(ports):
-        if any(port.component is other.component and port.connector is other.connector for other in ports[:i]):
+    seen: set[tuple[int, int]] = set()
+    for port in ports:
+        if (place := (id(port.component), id(port.connector))) in seen:
             raise ConnectionError(f"{_port_path(port)} is connected to itself")
+        seen.add(place)
     return Connection(ports)
 
 

@@ -16,7 +16,7 @@ from gearlib.flatten.model import FlatModel
 from gearlib.structure.derivatives import Determined
 from gearlib.structure.incidence import Entries, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
-from gearlib.structure.redundancy import balanced, flows_beside, redundant_rows, shifted, without
+from gearlib.structure.redundancy import alphabetical, balanced, flows_beside, redundant_rows, shifted, without
 from gearlib.structure.rows import Numbers, Rows
 from gearlib.structure.sorting import Dependence, sinks
 from gearlib.structure.states import StateChoice, choose_states
@@ -92,12 +92,14 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
     rows = Rows(model)
     dropped = redundant_rows(model, rows, numbers)
     redundant = tuple(model.owner(*rows.place[e]) for e in dropped)
-    beside = flows_beside(model, [rows.place[e] for e in dropped])
+    around = [[rows.place[e] for e in loop] for loop in dropped.values()]
+    beside = flows_beside(model, [place for loop in around for place in loop])
+    loops = [sorted({o for place in loop if (o := model.owner(*place)) != "connection"}, key=alphabetical) for loop in around]
     if dropped:
         model = without(model, rows, dropped)
         numbers = shifted(numbers, rows, dropped)
         rows = Rows(model)
-    model, closed = balanced(model, rows, numbers, beside, list(dropped.values()))
+    model, closed = balanced(model, rows, numbers, beside, loops)
     if closed:
         rows = Rows(model)
     given = frozenset(model.inputs.tolist())

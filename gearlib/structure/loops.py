@@ -8,11 +8,16 @@ loops, and they are eliminated with a record of which equations were combined.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 
+import numpy as np
+from numpy.typing import NDArray
+
 TOLERANCE = 1e-10  # of a row's largest coefficient: below it, a coefficient is rounding
+INDEPENDENT = 1e-7  # sine of the angle below which a direction says nothing new
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -77,9 +82,9 @@ def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may
         pending.remove(r)
         row = work[r]
         if not row:
-            found = Combination(
-                tuple(sorted(combos[r])), tuple(combos[r][i] for i in sorted(combos[r])), constant=rhs[r], last=r
-            )
+            most = max(map(abs, combos[r].values()))
+            involved = tuple(i for i in sorted(combos[r]) if abs(combos[r][i]) > TOLERANCE * most)
+            found = Combination(involved, tuple(combos[r][i] for i in involved), constant=rhs[r], last=r)
             vanishes = abs(rhs[r]) <= TOLERANCE * max(1.0, *(abs(constants[i]) for i in combos[r]))
             (redundant if vanishes else contradictory).append(found)
             continue
@@ -130,22 +135,18 @@ def _core(rows: Sequence[Mapping[int, float]]) -> list[int]:
     return [r for r in range(len(rows)) if r not in gone]
 
 
-def free_columns(rows: Sequence[Mapping[int, float]], wanted: Collection[int] = ()) -> list[int]:
-    """Columns that nothing determines in ``sum(row[v] * x[v]) = 0``: with these set to zero, only x = 0 is left.
+def null_space(rows: Sequence[Mapping[int, float]]) -> dict[int, Floats]:
+    """The solutions of ``sum(row[v] * x[v]) = 0``: of each column that is not zero in all of them, its values in a basis.
 
-    Parameters
-    ----------
-    rows : sequence of mappings
-        Coefficient of each variable.
-    wanted : collection of int
-        Columns that are named first where there is a choice.
+    The basis is orthonormal, so that the scalar products of columns' values do not depend on the order of rows and columns.
 
     Examples
     --------
     The torques x1, x2 of two gears side by side share the known torque x0:
 
-    >>> free_columns([{0: 1.0}, {0: 1.0, 1: 1.0, 2: 1.0}], wanted=[2])
-    [2]
+    >>> values = null_space([{0: 1.0}, {0: 1.0, 1: 1.0, 2: 1.0}])
+    >>> sorted(values), round(float(values[1] @ values[2]), 6)
+    ([1, 2], -0.5)
     """
     work = [{v: c for v, c in row.items() if c != 0.0} for row in rows]
     scale = [max((abs(c) for c in row.values()), default=1.0) for row in work]
@@ -155,15 +156,15 @@ def free_columns(rows: Sequence[Mapping[int, float]], wanted: Collection[int] = 
             holders[v].add(r)
     heap = [(len(row), r) for r, row in enumerate(work) if row]
     heapify(heap)
-    determined: set[int] = set()
+    pivots: list[tuple[int, dict[int, float]]] = []
     while heap:
         length, r = heappop(heap)
         row = work[r]
         if not row or length != len(row):
             continue
         largest = max(map(abs, row.values()))
-        pivot = min(row, key=lambda v: (abs(row[v]) < 0.1 * largest, v in wanted, len(holders[v]), v))
-        determined.add(pivot)
+        pivot = min(row, key=lambda v: (abs(row[v]) < 0.1 * largest, len(holders[v]), v))
+        pivots.append((pivot, row))
         work[r] = {}
         for v in row:
             holders[v].discard(r)
@@ -178,4 +179,37 @@ def free_columns(rows: Sequence[Mapping[int, float]], wanted: Collection[int] = 
                     work[other][v] = value
                     holders[v].add(other)
             heappush(heap, (len(work[other]), other))
-    return sorted(set(holders) - determined, key=lambda v: (v not in wanted, v))
+    free = sorted(set(holders) - {pivot for pivot, _ in pivots})
+    if not free:
+        return {}
+    values: dict[int, Floats] = dict(zip(free, np.eye(len(free)), strict=True))
+    for pivot, row in reversed(pivots):
+        terms = [c / row[pivot] * values[v] for v, c in row.items() if v in values]
+        if terms:
+            total = np.sum(terms, axis=0)
+            total[np.abs(total) <= TOLERANCE * np.abs(terms).max(axis=0)] = 0.0
+            if total.any():
+                values[pivot] = -total
+    basis = np.linalg.qr(np.array(list(values.values())))[0]
+    return dict(zip(values, basis, strict=True))
+
+
+def determining(values: Mapping[int, Floats], order: Iterable[int]) -> list[int]:
+    """Columns that leave only x = 0 of a null space when they are set to zero: the first ones of an order that will do.
+
+    >>> determining(null_space([{0: 1.0, 1: 1.0, 2: 1.0}, {2: 1.0}]), [2, 1, 0])
+    [1]
+    """
+    chosen: list[int] = []
+    directions: list[Floats] = []
+    for column in order:
+        if column not in values:
+            continue
+        rest = values[column]
+        for direction in (*directions, *directions):  # twice is enough
+            rest = rest - (rest @ direction) * direction
+        size = float(np.linalg.norm(rest))
+        if size > INDEPENDENT * float(np.linalg.norm(values[column])):
+            chosen.append(column)
+            directions.append(rest / size)
+    return chosen

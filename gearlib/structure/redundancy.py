@@ -6,6 +6,7 @@ equation determines. Both are found with numbers, since structure alone cannot t
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
@@ -14,21 +15,21 @@ import numpy as np
 from gearlib.errors import BalanceError, LoopError
 from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.structure.balance import Balance, dulmage_mendelsohn
-from gearlib.structure.loops import examine, free_columns
+from gearlib.structure.loops import determining, examine, null_space
 from gearlib.structure.rows import Numbers, Rows, listed, some
 
 
-def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, tuple[str, ...]]:
+def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, tuple[int, ...]]:
     """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others.
 
-    With each, the components in the loop that makes it follow.
+    With each, the equations of the loop that makes it follow.
     """
     candidates: list[int] = []
     coefficients: list[dict[int, float]] = []
     constants: list[float] = []
     for g, group in enumerate(model.groups):
         t = group.template
-        if not t.linear or not t.columns or any(order for _, order in t.columns) or t.label == "binding":
+        if not (t.linear and (t.columns or t.parameters)) or any(order for _, order in t.columns) or t.label == "binding":
             continue
         eligible = ~(model.flow[group.variables] & (group.signs != 0)).any(axis=1)
         if not eligible.any():
@@ -44,7 +45,7 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, 
             coefficients.append(row)
             constants.append(-float(rest[i]))
     loops = examine(coefficients, constants, frozenset())
-    for found in (*loops.contradictory, *loops.redundant):
+    for found in loops.contradictory:
         held = [r for r in found.rows if len(coefficients[r]) == 1]
         if len(held) > 1:
             variables = dict.fromkeys(model.name(v) for r in held for v in coefficients[r])
@@ -64,11 +65,7 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, 
             f"the rigid loop through {', '.join(owners)} cannot turn: its ratios {what}; check the ratios of these components, or "
             "make one of the connections elastic"
         )
-    around = [dict.fromkeys(model.owner(*rows.place[candidates[r]]) for r in found.rows) for found in loops.redundant]
-    return {
-        candidates[found.last]: tuple(o for o in owners if o != "connection")
-        for found, owners in zip(loops.redundant, around, strict=True)
-    }
+    return {candidates[found.last]: tuple(candidates[r] for r in found.rows) for found in loops.redundant}
 
 
 def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel:
@@ -111,7 +108,7 @@ def balanced(
     """
     closed: list[int] = []
     given = set(model.inputs.tolist())
-    candidates: list[int] | None = None
+    candidates: list[int] | None = None  # the closing of which leaves no flow undetermined, whatever the order of declaration
     while True:
         incidence = [list({v for v, _ in rows.columns(e, 0) if v not in given}) for e in range(len(rows.place))]
         unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
@@ -119,7 +116,8 @@ def balanced(
         if balance.balanced:
             return model, tuple(model.name(v) for v in closed)
         if balance.surplus == 0 and candidates is None and model.redundant:
-            candidates = free_columns(_flow_rows(model, numbers), wanted)
+            values = null_space(_flow_rows(model, rows, numbers))
+            candidates = determining(values, _last_first(model, values, wanted))
         free = [v for v in candidates or () if v not in closed and v in balance.undetermined]
         if balance.surplus or len(closed) >= model.redundant or not free:
             if balance.surplus == 0 and balance.deficit <= model.redundant - len(closed) and wanted & set(balance.undetermined):
@@ -132,11 +130,51 @@ def balanced(
         rows = Rows(model)
 
 
-def _flow_rows(model: FlatModel, numbers: Numbers) -> list[dict[int, float]]:
-    """The flows' coefficients in each equation: what they must obey where nothing moves."""
+def _last_first(model: FlatModel, variables: Collection[int], wanted: Collection[int]) -> list[int]:
+    """Variables in the order in which they are set to zero: wanted ones first, the alphabet's last first.
+
+    The name of a variable is the last in the alphabet of all that equal it: which of them represents them depends on the order in
+    which the parts were made, and nothing that is computed may.
+    """
+    names: dict[int, list[str]] = {v: [] for v in variables}
+    for same in np.flatnonzero(np.isin(model.representative, list(names)) & (model.sign != 0)).tolist():
+        names[int(model.representative[same])].append(model.name(same))
+    known = {v: max(map(alphabetical, same)) for v, same in names.items() if v < model.auxiliary}
+    return sorted(sorted(known, key=known.__getitem__, reverse=True), key=lambda v: v not in wanted)
+
+
+def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:
+    """For sorting names so that ``body[10]`` comes after ``body[9]``.
+
+    >>> sorted(["body[10].w", "body[9].w", "axle"], key=alphabetical)
+    ['axle', 'body[9].w', 'body[10].w']
+    """
+    return tuple(
+        (int(part.isdigit()), int(part) if part.isdigit() else 0, part) for part in re.split(r"([0-9]+)", name) if part
+    )
+
+
+def _definitions(model: FlatModel, rows: Rows) -> frozenset[int]:
+    """Equations that only say what some variable is, as a sensor's power: nothing else depends on it, and no flow obeys them."""
+    plain = ~(model.flow | model.potential)
+    plain[model.inputs] = False
+    count: dict[int, int] = {}
+    for e in range(len(rows.place)):
+        for v in {v for v, _ in rows.columns(e, 0)}:
+            count[v] = count.get(v, 0) + 1
+    return frozenset(
+        e for e in range(len(rows.place)) if any(order == 0 and count[v] == 1 and plain[v] for v, order in rows.columns(e, 0))
+    )
+
+
+def _flow_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> list[dict[int, float]]:
+    """The flows' coefficients in each equation: what they must obey where nothing moves. What is given is no unknown."""
     result: list[dict[int, float]] = []
+    unknown = model.flow.copy()
+    unknown[model.inputs] = False
+    definitions = _definitions(model, rows)
     for g, group in enumerate(model.groups):
-        flows = model.flow[group.variables] & (group.signs != 0)
+        flows = unknown[group.variables] & (group.signs != 0)
         columns = [(c, j) for c, (j, _) in enumerate(group.template.local_columns) if flows[:, j].any()]
         found: list[dict[int, float]] = [{} for _ in range(len(group) if columns else 0)]
         for c, j in columns:
@@ -146,6 +184,8 @@ def _flow_rows(model: FlatModel, numbers: Numbers) -> list[dict[int, float]]:
                     np.isfinite(values) & (values != 0.0), values, np.pi + 0.1 * np.sin(np.arange(len(values)) + c)
                 )
             for i in np.flatnonzero(flows[:, j]).tolist():
+                if int(rows.first[g]) + i in definitions:
+                    continue
                 v = int(group.variables[i, j])
                 found[i][v] = found[i].get(v, 0.0) + int(group.signs[i, j]) * float(values[i])
         result += found

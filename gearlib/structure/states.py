@@ -13,15 +13,18 @@ Scientific Computing 14 (1993) 677-692, doi 10.1137/0914043.
 
 from __future__ import annotations
 
+from bisect import insort
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from gearlib.structure.balance import maximum_matching
 from gearlib.structure.incidence import Entries, Node
 from gearlib.structure.pantelides import Differentiation
 
 ZERO = 1e-11  # of a row's largest coefficient
+FILLED = 8  # times as many entries as a column had: it has filled up
 
 
 @dataclass(frozen=True)
@@ -92,13 +95,22 @@ def select_columns(
         for v in row:
             holders[v].add(r)
     largest = {v: max(abs(work[r][v]) / scale[r] for r in rs) for v, rs in holders.items()}
-    queue = sorted(holders, key=lambda v: ([-b for b in badness.get(v, (0.0,))], len(holders[v]), -largest[v], v))
+    entries = {v: len(rs) for v, rs in holders.items()}
+
+    def key(v: Node) -> Any:
+        """The first one has the largest."""
+        return badness.get(v, (0.0,)), -entries[v], largest[v], (-v[0], -v[1])
+
+    waiting = sorted(holders, key=key)
     open_rows = set(work)
     chosen: set[Node] = set()
-    waiting = queue[::-1]
     while waiting and open_rows:
         column = waiting.pop()
         if column in chosen:
+            continue
+        if len(holders[column]) > FILLED * entries[column]:  # a column that has filled up waits behind its equals
+            entries[column] = len(holders[column])
+            insort(waiting, column, key=key)
             continue
         usable = [r for r in holders[column] & open_rows if abs(work[r][column]) > ZERO * scale[r]]
         if not usable:

@@ -56,7 +56,7 @@ def doubly_driven(self: Any) -> list[Any]:
 
 
 def doubly_grounded(self: Any) -> list[Any]:
-    self.one, self.other, self.load = gp.Fixed(), gp.Fixed(), gp.Inertia(J=1.0)
+    self.one, self.other, self.load = gp.Fixed(), gp.Fixed(phi0=0.1), gp.Inertia(J=1.0)
     return [c(self.one.flange, self.load.flange_a), c(self.other.flange, self.load.flange_b)]
 
 

@@ -1,0 +1,144 @@
+"""Coefficients that are zero where an equation would be divided by them, against equations written by hand."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ModelError, SingularError
+
+c = gl.connect
+
+
+class Train(gl.Component):
+    """A torque on a body, a spring-damper, a body n that may have no mass, another spring-damper, a body."""
+
+    J = gl.Parameter("kg.m2", "of n", default=1.0, min=0)
+    d1 = gl.Parameter("N.m.s/rad", "damping", default=2.0, min=0)
+    d2 = gl.Parameter("N.m.s/rad", "damping", default=1.0, min=0)
+    c1 = gl.Parameter("N.m/rad", "stiffness", default=100.0, min=0)
+    c2 = gl.Parameter("N.m/rad", "stiffness", default=50.0, min=0)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.a = gp.Torque(tau=3.0), gp.Inertia(J=1.0)
+        self.s, self.n = gp.SpringDamper(c=self.c1, d=self.d1), gp.Inertia(J=self.J)
+        self.k, self.b = gp.SpringDamper(c=self.c2, d=self.d2), gp.Inertia(J=2.0)
+        return [
+            c(self.torque.flange, self.a.flange_a), c(self.a.flange_b, self.s.flange_a), c(self.s.flange_b, self.n.flange_a),
+            c(self.n.flange_b, self.k.flange_a), c(self.k.flange_b, self.b.flange_a),
+        ]  # fmt: skip
+
+
+def by_hand(J: float = 1.0, d1: float = 2.0, d2: float = 1.0, c1: float = 100.0, c2: float = 50.0) -> list[float]:
+    """Speeds of a and b after 2 s; n follows from what pulls at it where it has no mass."""
+
+    def rates(t: float, x: Any) -> Any:
+        a, b, n, wa, wb, wn = x
+        if J == 0.0:
+            if d1 + d2 == 0.0:
+                n, wn = (c1 * a + c2 * b) / (c1 + c2), (c1 * wa + c2 * wb) / (c1 + c2)
+            else:
+                wn = (d1 * wa + d2 * wb + c1 * (a - n) + c2 * (b - n)) / (d1 + d2)
+        left, right = c1 * (n - a) + d1 * (wn - wa), c2 * (b - n) + d2 * (wb - wn)
+        return [wa, wb, wn, 3.0 + left, -right / 2.0, (right - left) / J if J else 0.0]
+
+    found = solve_ivp(rates, (0.0, 2.0), np.zeros(6), method="DOP853", rtol=1e-11, atol=1e-12)
+    return [float(found.y[3, -1]), float(found.y[4, -1])]
+
+
+CASES: list[dict[str, float]] = [
+    {}, {"J": 0}, {"d1": 0}, {"d1": 0, "d2": 0}, {"J": 0, "d1": 0}, {"J": 0, "d1": 0, "d2": 0}, {"J": 0, "c1": 0},
+    {"J": 0, "c1": 0, "c2": 0}, {"J": 0, "c1": 0, "d2": 0}, {"J": 0, "c2": 0, "d2": 0},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_a_node_without_mass_damping_or_stiffness(case: dict[str, float]) -> None:
+    right = by_hand(**case)
+    one = gl.compile(Train())
+    other = gl.compile(Train(**case))
+    for system, parameters in ((one, case), (other, {})):
+        for method in ("rk", "ida", "auto"):
+            result = system.simulate(2.0, samples=3, rtol=1e-9, method=method, parameters=parameters)
+            assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx(right, rel=1e-5, abs=1e-7)
+            assert result["n.flange_a.tau"][-1] + result["n.flange_b.tau"][-1] == pytest.approx(
+                case.get("J", 1.0) * result["der(n.w)"][-1] if case.get("J", 1.0) else 0.0, abs=1e-9
+            )
+
+
+def test_every_set_of_zeros_is_translated_once_and_said_in_the_summary() -> None:
+    system = gl.compile(Train())
+    assert system.fitting({}) is system
+    assert system.fitting({"d1": 0.0}) is system  # nothing is divided by it
+    massless = system.fitting({"J": 0.0})
+    assert massless is not system
+    assert massless is system.fitting({"J": 0.0}) is massless.fitting({"J": 0.0})
+    assert massless.fitting({}) is system
+    assert "zeros       translated without what they multiply: n.J = 0" in massless.summary()
+    assert "zeros" not in system.summary()
+    poles = [
+        np.sort_complex(np.linalg.eigvals(s.linearize(["torque.tau"], ["a.w"], parameters={"J": J}).A))
+        for s, J in ((system, 0.0), (massless, 0.0), (gl.compile(Train(J=0.0)), 0.0))
+    ]
+    assert poles[0] == pytest.approx(poles[2], abs=1e-9)
+    assert poles[1] == pytest.approx(poles[2], abs=1e-9)
+    assert gl.modes(system, parameters={"J": 0.0}).frequencies == pytest.approx(gl.modes(gl.compile(Train(J=0.0))).frequencies)
+
+
+def test_results_with_zeros_survive_pickling() -> None:
+    result = gl.compile(Train()).simulate(1.0, samples=3, parameters={"J": 0.0})
+    again = pickle.loads(pickle.dumps(result))
+    assert again["n.w"].tolist() == result["n.w"].tolist()
+    assert again["k.tau"] == pytest.approx(result["k.tau"])
+
+
+def test_a_massless_node_that_nothing_holds_is_refused_by_name() -> None:
+    class Loose(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.a, self.n = gp.Torque(tau=1.0), gp.Inertia(J=1.0), gp.Inertia(J=0.0)
+            return [c(self.torque.flange, self.a.flange_a)]
+
+    with pytest.raises(ModelError, match=r"with n\.J = 0: .*n\."):
+        gl.compile(Loose()).simulate(1.0)
+    result = gl.compile(Loose()).simulate(1.0, samples=2, parameters={"n.J": 1.0})  # a default that is to be replaced
+    assert result["n.w"].tolist() == [0.0, 0.0]
+
+
+class First(gl.Component):
+    x = gl.Variable("1", "")
+    p, q = gl.Parameter("1", default=3.0), gl.Parameter("1", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq((self.p - self.q) * gl.der(self.x), 1)]
+
+
+class Second(gl.Component):
+    y = gl.Variable("1", "")
+    p, q = gl.Parameter("1", default=3.0), gl.Parameter("1", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq((self.p + self.q) * gl.der(self.y), 1)]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [
+        ({"one[1].q": 3.0}, r"one\[1\]: First: .* with one\[1\]\.p = 3, one\[1\]\.q = 3; a zero is divided by"),
+        ({"other[0].q": -3.0}, r"other\[0\]: Second: .* with other\[0\]\.p = 3, other\[0\]\.q = -3; a zero is divided by"),
+        ({"other[1].q": -3.0}, r"other\[1\]: Second: .* with other\[1\]\.p = 3, other\[1\]\.q = -3; a zero is divided by"),
+    ],
+)
+def test_a_zero_divisor_is_named_in_whichever_batch_it_stands(parameters: dict[str, float], named: str) -> None:
+    class Both(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = [First(), First(), First()], [Second(), Second()]
+            return []
+
+    with pytest.raises(SingularError, match=named):
+        gl.compile(Both()).simulate(1.0, parameters=parameters)

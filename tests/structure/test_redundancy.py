@@ -1,0 +1,243 @@
+"""Redundant rigid connections: what is given stays given, what is determined is computed, and no order of writing matters."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gearlib as gl
+import gearparts as gp
+
+c = gl.connect
+
+
+class Lump(gl.Component):
+    """Parts and connections of a description, made and connected in the order that a seed gives.
+
+    ``parts`` are (name, kind, numbers) and ``links`` tuples of "part.connector".
+    """
+
+    parts = gl.Structural(())
+    links = gl.Structural(())
+    seed = gl.Structural(0)
+
+    def assemble(self) -> list[Any]:
+        shuffle = random.Random(self.seed)
+        parts, links = list(self.parts), [list(link) for link in self.links]
+        if self.seed:
+            shuffle.shuffle(parts)
+            shuffle.shuffle(links)
+            for link in links:
+                shuffle.shuffle(link)
+        for name, kind, numbers in parts:
+            setattr(self, name, getattr(gp, kind)(**dict(numbers)))
+
+        def port(path: str) -> Any:
+            part, connector = path.split(".")
+            return getattr(getattr(self, part), connector)
+
+        return [c(*map(port, link)) for link in links]
+
+
+class Reference:
+    """Accelerations and reactions of a rigid lump by hand: ``M a + G' r = f`` with ``G a = 0`` over the angles of nodes."""
+
+    def __init__(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.n = n = int(rng.integers(2, 5))  # nodes, the connection sets
+        self.turns = rng.choice([-2.0, -1.0, 0.5, 1.0, 2.0], n)  # their speeds, if all are geared to one
+        self.mass, self.force = np.zeros(n), np.zeros(n)
+        self.constraints: list[Any] = []
+        self.reactions: dict[str, tuple[Any, int]] = {}  # flange torque -> (factors of the constraints' forces)
+        self.parts: list[Any] = []
+        self.inputs: dict[str, float] = {}
+        self.members: list[list[str]] = [[] for _ in range(n)]
+        tree = [(int(rng.integers(i)), i) for i in range(1, n)]
+        extra = [tuple(int(k) for k in rng.choice(n, 2, replace=False)) for _ in range(int(rng.integers(0, 3)))]
+        for number, (a, b) in enumerate([*tree, *extra]):
+            name, ratio = f"gear{number}", float(self.turns[a] / self.turns[b])
+            self._add(name, "IdealGear", {"ratio": ratio}, {"flange_a": a, "flange_b": b})
+            row = np.zeros(n)
+            row[a], row[b] = 1.0, -ratio
+            self._constrain(row, {f"{name}.flange_a.tau": 1.0, f"{name}.flange_b.tau": -ratio})
+        for number in range(int(rng.integers(1, 5))):
+            J, a, b = float(rng.integers(1, 5)), int(rng.integers(n)), int(rng.integers(n))
+            if abs(self.turns[a] - self.turns[b]) > 0.0:
+                b = a
+            self._add(f"body{number}", "Inertia", {"J": J}, {"flange_a": a, "flange_b": b})
+            self.mass[a] += J
+            if a != b:  # it holds both nodes together
+                row = np.zeros(n)
+                row[a], row[b] = 1.0, -1.0
+                self._constrain(row, {f"body{number}.flange_b.tau": -1.0})
+        for number in range(int(rng.integers(1, 4))):
+            tau, a, b = float(rng.integers(1, 9)), int(rng.integers(n)), int(rng.integers(n))
+            bound = bool(rng.random() < 0.4)
+            self._add(
+                f"torque{number}",
+                "Torque",
+                {"use_support": True} | ({"tau": tau} if bound else {}),
+                {"flange": a, "support": b},
+            )
+            if not bound:
+                self.inputs[f"torque{number}.tau"] = tau
+            self.force[a] += tau
+            self.force[b] -= tau
+        if rng.random() < 0.4:
+            a = int(rng.integers(n))
+            self._add("drive", "ConstantSpeed", {"w_fixed": 1.9}, {"flange": a})
+            row = np.zeros(n)
+            row[a] = 1.0
+            self._constrain(row, {"drive.flange.tau": 1.0})
+        links = [tuple(members) for members in self.members if len(members) > 1]
+        self.description = {"parts": tuple(self.parts), "links": tuple(links)}
+
+    def _add(self, name: str, kind: str, numbers: dict[str, Any], ports: dict[str, int]) -> None:
+        self.parts.append((name, kind, tuple(numbers.items())))
+        for connector, node in ports.items():
+            self.members[node].append(f"{name}.{connector}")
+
+    def _constrain(self, row: Any, flanges: dict[str, float]) -> None:
+        """The force of a constraint is positive out of the node ``row`` counts positive: into the part that makes it."""
+        self.constraints.append(row)
+        for path, factor in flanges.items():
+            self.reactions[path] = (len(self.constraints) - 1, factor)
+
+    def solve(self) -> tuple[Any, dict[str, float]]:
+        """Accelerations of the nodes, and the reactions that are determined."""
+        G = np.array(self.constraints)
+        free = null(G)
+        a = free @ np.linalg.solve(free.T @ np.diag(self.mass) @ free, free.T @ self.force) if free.size else np.zeros(self.n)
+        # M a = f - G' r
+        r, *_ = np.linalg.lstsq(G.T, self.force - self.mass * a, rcond=None)
+        open_ = null(G.T)
+        known = {
+            path: factor * r[k] for path, (k, factor) in self.reactions.items() if not np.abs(open_[k]).max(initial=0.0) > 1e-9
+        }
+        return a, known
+
+
+def null(matrix: Any) -> Any:
+    _, s, vt = np.linalg.svd(matrix)
+    return vt[int((s > 1e-9).sum()) :].T
+
+
+def check(seed: int, orders: int) -> None:
+    lump = Reference(seed)
+    a, reactions = lump.solve()
+    first: dict[str, float] | None = None
+    for order in range(orders):
+        system = gl.compile(Lump(**lump.description, seed=order))
+        result = system.simulate(1.0, samples=2, inputs=lump.inputs)
+        for name, kind, _ in lump.parts:
+            if kind == "Inertia":
+                node = next(i for i, members in enumerate(lump.members) if f"{name}.flange_a" in members)
+                assert result[f"der({name}.w)"][-1] == pytest.approx(a[node], rel=1e-9, abs=1e-9), (seed, order, name)
+        for path, value in reactions.items():
+            assert result[path][-1] == pytest.approx(value, rel=1e-9, abs=1e-9), (seed, order, path)
+        found = {n: float(result[n][-1]) for n in sorted(system.variables)}
+        first = first or found
+        assert found == pytest.approx(first, rel=1e-9, abs=1e-9), (seed, order)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 100_000))
+def test_rigid_lumps_against_mass_matrix_and_null_space_in_any_order(seed: int) -> None:
+    check(seed, 2)
+
+
+@pytest.mark.stress
+def test_many_rigid_lumps() -> None:
+    for seed in range(1000):
+        check(seed, 3)
+
+
+def lump(parts: dict[str, tuple[str, dict[str, Any]]], *links: tuple[str, ...]) -> dict[str, Any]:
+    return {"parts": tuple((n, kind, tuple(given.items())) for n, (kind, given) in parts.items()), "links": links}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_grounds_that_agree_hold_one_shaft(seed: int) -> None:
+    """The one whose name comes last carries nothing; those that disagree are refused."""
+    torque, body = ("Torque", {"tau": 5.0}), ("Inertia", {"J": 1.0})
+    links = (("one.flange", "body.flange_a"), ("other.flange", "body.flange_b"), ("torque.flange", "body.flange_a"))
+    for angle, agrees in ((0.3, True), (0.4, False)):
+        grounds = {"one": ("Fixed", {"phi0": 0.3}), "other": ("Fixed", {"phi0": angle})}
+        described = lump({"torque": torque, "body": body, **grounds}, *links)
+        if agrees:
+            result = gl.simulate(Lump(**described, seed=seed), 1.0, samples=2)
+            assert [result[n][-1] for n in ("body.phi", "one.flange.tau", "other.flange.tau")] == pytest.approx([0.3, 5.0, 0.0])
+        else:
+            with pytest.raises(gl.GearlibError, match=r"held twice by one .*other |held twice by other .*one "):
+                gl.compile(Lump(**described, seed=seed))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_discs_that_agree_in_a_rigid_loop(seed: int) -> None:
+    described = lump(
+        {
+            "torque": ("Torque", {"tau": 6.0}), "a": ("Inertia", {"J": 1.0}), "b": ("Inertia", {"J": 2.0}),
+            "d": ("Disc", {"delta_phi": 0.17}), "e": ("Disc", {"delta_phi": -0.17}),
+        },
+        ("torque.flange", "a.flange_a"), ("a.flange_b", "d.flange_a", "e.flange_b"), ("d.flange_b", "e.flange_a", "b.flange_a"),
+    )  # fmt: skip
+    result = gl.simulate(Lump(**described, seed=seed), 1.0, samples=2)
+    found = [result[n][-1] for n in ("a.w", "b.w", "b.flange_a.tau", "d.flange_a.tau", "e.flange_b.tau")]
+    assert found == pytest.approx([2.0, 2.0, 4.0, 4.0, 0.0], rel=1e-9, abs=1e-12)
+    assert result["b.phi"] - result["a.phi"] == pytest.approx(0.17)
+    assert result["a.phi"][0] == pytest.approx(-0.085)  # nothing fixes it: both angles are as near to zero as can be
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sensor_of_everything_beside_a_rigid_link(seed: int) -> None:
+    described = lump(
+        {
+            "torque": ("Torque", {"tau": 6.0}), "a": ("Inertia", {"J": 1.0}), "b": ("Inertia", {"J": 2.0}),
+            "sensor": ("MultiSensor", {}), "link": ("IdealGear", {"ratio": 1.0}),
+        },
+        ("torque.flange", "a.flange_a"), ("a.flange_b", "sensor.flange_a", "link.flange_a"),
+        ("sensor.flange_b", "link.flange_b", "b.flange_a"),
+    )  # fmt: skip
+    result = gl.simulate(Lump(**described, seed=seed), 1.0, samples=2)
+    assert result["b.w"] == pytest.approx([0.0, 2.0])
+    assert result["sensor.w"] == pytest.approx([0.0, 2.0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_analysis_gives_the_same_in_any_order(seed: int) -> None:
+    """A loop of rigid gears with a torque inside it, a shaft and a load."""
+    described = lump(
+        {
+            "drive": ("Torque", {}), "inner": ("Torque", {"use_support": True}), "a": ("Inertia", {"J": 1.0}),
+            "b": ("Inertia", {"J": 2.0}), "up": ("IdealGear", {"ratio": 2.0}), "down": ("IdealGear", {"ratio": 2.0}),
+            "shaft": ("SpringDamper", {"c": 400.0, "d": 1.0}), "load": ("Inertia", {"J": 3.0}), "fan": ("Damper", {"d": 0.5}),
+            "ground": ("Fixed", {}),
+        },
+        ("drive.flange", "a.flange_a"), ("a.flange_b", "up.flange_a", "down.flange_a", "inner.flange"),
+        ("up.flange_b", "down.flange_b", "inner.support", "b.flange_a"), ("b.flange_b", "shaft.flange_a"),
+        ("shaft.flange_b", "load.flange_a"), ("load.flange_b", "fan.flange_a"), ("fan.flange_b", "ground.flange"),
+    )  # fmt: skip
+
+    def everything(order: int) -> list[Any]:
+        system = gl.compile(Lump(**described, seed=order))
+        given = {"drive.tau": 5.0, "inner.tau": 3.0}
+        names = ["a.w", "load.w", "shaft.tau", "up.flange_a.tau", "down.flange_b.tau", "b.flange_a.tau"]
+        found = []
+        for method in ("rk", "ida", "exact"):
+            result = system.simulate(1.0, samples=3, inputs=given, method=method, rtol=1e-10)
+            found += [result[n] for n in names]
+        steady = system.simulate(0.1, samples=2, inputs=given, start="steady")
+        found += [steady[n] for n in names]
+        linear = system.linearize(["drive.tau", "inner.tau"], ["load.w", "b.flange_a.tau"])
+        found += [linear(0.7j).real, linear(0.7j).imag, gl.modes(system).frequencies]
+        flow = system.power_flow(speeds={"a.flange_a": 10.0}, torques={"inner.tau": 3.0})
+        found += [flow["load.flange_a"].speed, flow["b.flange_a"].speed, gl.mobility(system)]
+        return found
+
+    for one, other in zip(everything(0), everything(seed + 1), strict=True):
+        assert other == pytest.approx(one, rel=1e-6, abs=1e-6)
