@@ -514,7 +514,8 @@ class System:
             return None
         result, t = start[0], real("the time of start=(result, time)", start[1], "a finite number of seconds")
         theirs, ours = result._scene.structure, self._structure
-        if theirs is not ours and not (theirs.states == ours.states and theirs.model.same_names(ours.model)):
+        variant = any(theirs is system._structure for system in self._variants.known.values())
+        if not (theirs is ours or variant or (theirs.states == ours.states and theirs.model.same_names(ours.model))):
             raise ArgumentError(
                 f"start is a run of another system than {self.name}; a run goes on with the system that made it"
             )

@@ -98,6 +98,13 @@ def test_results_with_zeros_survive_pickling() -> None:
     assert again["k.tau"] == pytest.approx(result["k.tau"])
 
 
+def test_a_run_with_zeros_goes_on() -> None:
+    system = gl.compile(Train())
+    half = system.simulate(1.0, samples=3, parameters={"J": 0.0}, rtol=1e-9)
+    rest = system.simulate(2.0, samples=2, start=half, rtol=1e-9)
+    assert [rest["a.w"][-1], rest["b.w"][-1]] == pytest.approx(by_hand(J=0.0), rel=1e-6)
+
+
 def test_a_massless_node_that_nothing_holds_is_refused_by_name() -> None:
     class Loose(gl.Component):
         def assemble(self) -> list[Any]:
