@@ -1,7 +1,7 @@
 """The differential campaign: `python -m tests.stress.campaign linear 1000` judges a thousand random trains, each within a time limit.
 
 Prints every train that falls short, reduced to as few parts as still do, and counts at the end. ``--first`` sets the first seed,
-``--seconds`` the time limit, ``--keep`` leaves the trains as they were drawn, ``--into`` adds the counts to a JSON file.
+``--seconds`` the limit of processor time, ``--keep`` leaves the trains as they were drawn, ``--into`` adds the counts to a JSON file.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import signal
 import sys
 import time
 from collections import Counter
@@ -39,10 +40,14 @@ def judge(family: str, seed: int, train: Train | None = None) -> Verdict:
     return judged(draw(seed) if train is None else train, seed)
 
 
-def _work(pipe: Connection) -> None:
+def _work(pipe: Connection, seconds: float) -> None:
     while True:
         family, seed, train = pipe.recv()
-        pipe.send(judge(family, seed, train))
+        # of processor time; the default action of SIGPROF ends the process, in generated code too
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+        verdict = judge(family, seed, train)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        pipe.send(verdict)
 
 
 class Worker:
@@ -55,26 +60,24 @@ class Worker:
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_work, args=(theirs,), daemon=True)
+        self.process = context.Process(target=_work, args=(theirs, self.seconds), daemon=True)
         self.process.start()
         theirs.close()
-        self.warm = False
 
     def __call__(self, family: str, seed: int, train: Train | None = None) -> Verdict:
         self.pipe.send((family, seed, train))
-        # the first train of a process imports, and may compile what all later ones find in the cache
-        if self.pipe.poll(self.seconds + (0 if self.warm else 120)):
-            self.warm = True
-            try:
+        try:
+            if self.pipe.poll(30 * self.seconds):  # what waits takes no processor time
                 verdict: Verdict = self.pipe.recv()
                 return verdict
-            except EOFError:
-                self._begin()
-                return Verdict(HANG, "the process died")
+        except EOFError:
+            pass
         self.process.kill()
         self.process.join()
+        ended = self.process.exitcode
         self._begin()
-        return Verdict(HANG, f"no end within {self.seconds:g} s")
+        late = ended in (-signal.SIGPROF, -signal.SIGKILL)
+        return Verdict(HANG, f"no end within {self.seconds:g} s" if late else f"the process died ({ended})")
 
 
 def fails_alike(worker: Worker, family: str, seed: int, first: Verdict, train: Train) -> bool:

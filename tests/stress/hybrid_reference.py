@@ -33,6 +33,7 @@ class Rubbing:
     row: Floats  # relative speed = row @ v
     one_way: bool = False
     mode: str = STUCK
+    pressed: bool = True
 
     def press(self, t: float) -> float:
         """Normal force over the largest one; a bearing's is 1."""
@@ -60,13 +61,13 @@ class Rubbing:
         largest = self.peak * self.level(0.0, t)
         if not self.one_way:
             return -largest, largest
-        if self.press(t) <= 0:
+        if not self.pressed:
             largest = 1e-4 * table(self.part.value("mu_pos"), 0.0) * self.part.value("cgeo", 1.0) * self.part.value("fn_max")
         return -np.inf, largest
 
     def torque(self, speed: float, t: float, mode: str) -> float:
         """What it takes while it slides or is free."""
-        if mode == FREE or self.press(t) <= 0:
+        if mode == FREE or not self.pressed:
             return 0.0
         return self.level(speed, t) if mode == FORWARD else -self.level(-speed, t)
 
@@ -232,7 +233,7 @@ class HybridTrain:
         choices: list[tuple[str, ...]] = []
         for k, rub in enumerate(self.rubbing):
             speed = self.speed(k, t, x)
-            if rub.press(t) <= 0 and not rub.one_way:
+            if not rub.pressed and not rub.one_way:
                 choices.append((FREE,))
             elif speed > AT_REST:
                 choices.append((FORWARD,))
@@ -276,8 +277,14 @@ class HybridTrain:
             return x
 
         for k, rub in enumerate(self.rubbing):
-            if isinstance(rub.part.value("f_normalized", 0.0), Signal) and rub.part.value("f_normalized").amplitude:
-                yield lambda t, x, rub=rub: rub.press(t), 0, same
+            given = rub.part.value("f_normalized", 0.0)
+            if isinstance(given, Signal) and (given.amplitude or given.slope):
+
+                def pressed(t: float, x: Floats, rub: Rubbing = rub) -> Floats:
+                    rub.pressed = not rub.pressed
+                    return x
+
+                yield lambda t, x, rub=rub: rub.press(t), -1 if rub.pressed else 1, pressed
             if rub.mode in (FORWARD, BACKWARD):
                 sense = 1.0 if rub.mode == FORWARD else -1.0
                 yield lambda t, x, k=k, sense=sense: sense * self.speed(k, t, x), -1, same
@@ -345,6 +352,8 @@ class HybridTrain:
         if disturbed is not None:
             x = x + disturbed[: len(x)]
         t, self.push_F = 0.0, self.push @ linear.forces(0.0)
+        for rub in self.rubbing:
+            rub.pressed = rub.press(t) > 0
         v = self.speeds(t, x)
         self.on = [int(float(row @ v) < part.value("w_low")) for part, row in self.controllers]
         self.counts, self.hits = [0] * len(self.on), [0] * len(self.stops)
@@ -397,6 +406,10 @@ class HybridTrain:
             if stop < train.t_end:
                 events.append(stop)
                 self.push_F = self.push @ linear.forces(stop)
+                for rub in self.rubbing:
+                    given = rub.part.value("f_normalized", PLAIN)
+                    if isinstance(given, Signal) and any(m == stop for m, _ in given.steps):
+                        rub.pressed = rub.press(stop) > 0
                 for part, row in self.stops:
                     if part.value("moment") == stop:
                         x = self.struck(stop, x, row, part.value("kick"))
