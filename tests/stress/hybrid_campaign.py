@@ -66,6 +66,14 @@ def _run(
                 return Verdict(
                     WRONG, f"{method}, order {order}: error {errors}, growth {growth:.0e}, {events} events: {worst[1][1]}"
                 )
+    middle = float(times[len(times) // 2])
+    if middle < times[-1] and growth is None:  # the run as two halves
+        half = system.simulate(middle, samples=3, rtol=1e-8, start=start, inputs=inputs)
+        later = times[times > middle]
+        rest = system.simulate(train.t_end, t_start=middle, times=later, rtol=1e-8, start=half, inputs=inputs)
+        worst_half, where = distance({n: rest[n] for n in right}, {n: right[n][times > middle] for n in right}, units)
+        if worst_half > 1e-5:
+            return Verdict(WRONG, f"continued at {middle!r}, order {order}: {where}")
     return Verdict(RIGHT)
 
 
