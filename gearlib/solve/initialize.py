@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 ROUNDING = 1e-13  # of the terms of a start value: what it may miss
+NOTHING = 1e-14  # the most that computing start values leaves where zero is right
 ITERATED = 1e-10  # the same, where equations are solved by iteration
 
 
@@ -67,13 +68,14 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
         for v, slot, is_fixed in zip(model.starts.variables, model.starts.slots, model.starts.fixed, strict=True)
         if is_fixed and int(model.representative[v]) not in own
     ]
+    nothing = _rounding(value for _, value in [*given, *overrides.items()])
     for v, value in [*given, *overrides.items()]:
         rep, sign = int(model.representative[v]), int(model.sign[v])
         if sign == 0:
-            if value != 0.0:
+            if abs(value) > nothing:
                 raise StartError(f"start of {model.name(v)} is {value:g}, but it is always zero")
             continue
-        if rep in fixed and abs(fixed[rep][0] - sign * value) > ROUNDING * abs(value):
+        if rep in fixed and abs(fixed[rep][0] - sign * value) > ROUNDING * abs(value) + nothing:
             other = fixed[rep][1]
             raise StartError(
                 f"start values contradict each other: {other} and {model.name(v)} are one variable (up to its sign), but are "
@@ -81,6 +83,11 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
             )
         fixed[rep] = (sign * value, model.name(v))
     return fixed
+
+
+def _rounding(values: Iterable[float]) -> float:
+    """What may stand for zero among start values that were computed from each other."""
+    return min(NOTHING, ROUNDING * max(map(abs, values), default=0.0))
 
 
 def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
@@ -168,6 +175,7 @@ def _satisfy(
                 fixed.pop(structure.states[needed[0]][0])
     scale = here.nominal[free] if free else np.empty(0)
     moved: set[int] = set()
+    nothing = _rounding(value for value, _ in fixed.values())
     accuracy = ROUNDING if program.is_linear else ITERATED
     last = np.inf
     for _ in range(30):
@@ -178,7 +186,7 @@ def _satisfy(
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
         # an error is measured by the terms that it is left of, not by other values: at 1e9 rad, 3 rad are no rounding
         terms = np.abs(gradient) @ np.abs(x) + np.abs(found - gradient @ x) + np.abs(wanted)
-        wrong = ~(np.abs(error) <= accuracy * terms)
+        wrong = ~(np.abs(error) <= accuracy * terms + nothing)
         worst = float(np.abs(error).max())
         if (not wrong.any() and not worst < 0.1 * last) or not free:
             break

@@ -187,3 +187,27 @@ def test_start_values_may_be_expressions_of_parameters() -> None:
     system = gl.compile(Model())
     assert start(system, "load.w") == pytest.approx([2 * np.pi])
     assert start(system, "load.w", parameters={"n": 120.0}) == pytest.approx([4 * np.pi])
+
+
+def test_computed_start_values_may_miss_zero_by_rounding() -> None:
+    """Of a part across one shaft, of two names of one variable, and where all terms of a constraint are rounding."""
+
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.c = gp.Inertia(J=1.0), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+            self.across, self.gear = gp.Damper(d=1.0), gp.IdealGear(ratio=2.0)
+            return [
+                gl.connect(self.a.flange_b, self.b.flange_a),
+                gl.connect(self.across.flange_a, self.a.flange_a),
+                gl.connect(self.across.flange_b, self.b.flange_b),
+                gl.connect(self.b.flange_b, self.gear.flange_a),
+                gl.connect(self.gear.flange_b, self.c.flange_a),
+            ]
+
+    system = gl.compile(Train())
+    given = {"a.phi": 5.2e-17, "b.phi": -1.1e-16, "c.phi": 5.6e-17, "across.phi_rel": 2.8e-17, "a.w": 3.0}
+    result = system.simulate(1.0, samples=2, start=given)
+    assert result["c.w"] == pytest.approx([1.5, 1.5], rel=1e-12)
+    for name, other in (("across.phi_rel", {}), ("b.phi", {"a.phi": 0.0}), ("c.phi", {"a.phi": 0.0})):
+        with pytest.raises(StartError, match=r"always zero|contradict each other"):
+            system.simulate(1.0, samples=2, start={name: 1e-6, **other})
