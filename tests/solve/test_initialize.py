@@ -101,7 +101,7 @@ def test_start_of_a_run_overrides_that_of_the_model() -> None:
         ({"load.w": float("nan")}, ArgumentError, r"start of load\.w is nan; expected a finite number"),
         ({"load.w": "1"}, ArgumentError, r"start of load\.w is '1'; expected a finite number"),
         ({"load.w": None}, ArgumentError, r"start of load\.w is None; expected a finite number"),
-        ("stead", ArgumentError, r"start is 'stead'; expected a mapping of start values, or 'steady'"),
+        ("stead", ArgumentError, r"start is 'stead'; expected a mapping of start values, 'steady', a result, or"),
         ({"load.w": 1.0, "motor.w": 1.0}, StartError, r"motor\.w is fixed at 1, but .*make it 10"),
         ({3: 1.0}, NameLookupError, "3 is no name"),
     ],
