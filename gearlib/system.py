@@ -550,7 +550,7 @@ class System:
         if discretes is None:
             return begin
         prepared = numbers or self._prepared(scene, parameters)
-        modes = scene.modes(prepared, np.array([t]), begin.states[:, None], inputs[:, None], discretes)
+        modes = scene.modes(prepared, np.array([t]), begin.states[:, None], inputs[:, None], discretes, begin.guess)
         return replace(begin, modes=modes[:, 0])
 
     def __repr__(self) -> str:

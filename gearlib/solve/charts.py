@@ -77,14 +77,14 @@ def _following(run: Run, left: Left, charts: Charts) -> Run:
     again = choose_again(structure, numbers_of(structure.model, run.numbers.parameters, left.t, known))
     if again is None:  # the same states, and smaller pivots
         start = replace(run.start, states=left.x, guess=known[0])
-        return replace(run, start=start, times=later, modes=modes)
+        return replace(run, start=start, times=later, modes=modes, slots=left.slots)
     states = needed_states(again, scene.states)
     outputs = tuple(n for n in scene.outputs if n not in states)
     other = charts.setdefault(states, Scene(again, states, scene.wanted, outputs))
     start = Start(np.array([known[k, v] for v, k in states]), known[0], ())
     return replace(
         run, scene=other, numbers=other.numbers(run.numbers.parameters), start=start, times=later,
-        atol=_tolerances(run, other), modes=modes,
+        atol=_tolerances(run, other), modes=modes, slots=None,
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_REACH = 0.7  # of |A h| at which 16 terms of Taylor's series end below rounding
+REACH = 0.7  # of |A h| at which 16 terms of Taylor's series end below rounding
 # exp(X) - I = C_0 + X^4 (C_1 + X^4 (C_2 + X^4 C_3)), C_j = sum of X^i / (4 j + i)! for i = 1..4
 _TAYLOR = np.array([[1.0 / math.factorial(4 * j + i) for i in range(1, 5)] for j in range(4)])
 _FLUSH = 64  # states from which it is worth looking for subnormal numbers
@@ -48,7 +48,7 @@ def deviation(A: Floats, h: float) -> Floats:
            [ 0.e+00, -2.e-20]])
     """
     n = len(A)
-    doublings = max(0, math.ceil(math.log2(max(balanced_norm(A) * abs(h), 1e-300) / _REACH)))
+    doublings = max(0, math.ceil(math.log2(max(balanced_norm(A) * abs(h), 1e-300) / REACH)))
     powers = np.empty((4, n, n))
     np.multiply(A, math.ldexp(h, -doublings), out=powers[0])
     np.dot(powers[0], powers[0], out=powers[1])  # of small matrices in half the time of matmul
@@ -99,7 +99,7 @@ def _product_seconds(n: int) -> float:
 
 def estimate(n: int, angles: list[float], count: int) -> float:
     """Estimated time (s) of ``count`` steps of as many different lengths as there are ``angles`` = |A| h."""
-    products = sum(6.0 + max(0.0, math.log2(max(angle, 1e-300) / _REACH)) for angle in angles)
+    products = sum(6.0 + max(0.0, math.log2(max(angle, 1e-300) / REACH)) for angle in angles)
     return products * _product_seconds(n) + count * (2e-6 + 8e-10 * n * n)
 
 

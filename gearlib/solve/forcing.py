@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from gearlib.solve.quasipolynomials import OutsideClassError, Signal, known_rate, parse
 from gearlib.solve.switches import distinct, switch_times
+from gearlib.solve.table import Table
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -103,9 +104,9 @@ def recognise(u: Sequence[Any], t0: float, t_end: float) -> Forcing | NotExact:
 
     Parameters
     ----------
-    u : sequence of sympy.Expr
-        Inputs in the symbol ``time``: sums and products of polynomials, sines, cosines and exponentials (hyperbolic sines and
-        cosines included) with linear arguments, and Piecewise, Abs, sign, Heaviside, Max, Min of such.
+    u : sequence of sympy.Expr or Table
+        Inputs; expressions are in the symbol ``time``: sums and products of polynomials, sines, cosines and exponentials
+        (hyperbolic sines and cosines included) with linear arguments, and Piecewise, Abs, sign, Heaviside, Max, Min of such.
     t0, t_end : float
         Interval (s).
 
@@ -127,12 +128,12 @@ def recognise(u: Sequence[Any], t0: float, t_end: float) -> Forcing | NotExact:
     t0, t_end = float(t0), float(t_end)
     if not (math.isfinite(t0) and math.isfinite(t_end)):
         return NotExact(f"the interval from {t0:g} to {t_end:g} s is not finite")
-    inputs = [sympy.sympify(expression) for expression in u]
+    inputs = [x if isinstance(x, Table) else sympy.sympify(x) for x in u]
     try:
-        switches = _each(inputs, lambda expression: switch_times(expression, t0, t_end))
+        switches = _each(inputs, lambda x: x.t if isinstance(x, Table) else switch_times(x, t0, t_end))
         breakpoints = distinct(np.concatenate([np.empty(0), *switches]), t0, t_end)
         edges = [t0, *breakpoints.tolist(), t_end]
-        signals = [_each(inputs, partial(parse, origin=a, probe=0.5 * (b - a))) for a, b in pairwise(edges)]
+        signals = [_each(inputs, partial(_signal, origin=a, probe=0.5 * (b - a))) for a, b in pairwise(edges)]
         pieces = _exosystems(signals)
         for piece, (start, end) in zip(pieces, pairwise(edges), strict=True):
             piece.state(end - start)
@@ -141,6 +142,14 @@ def recognise(u: Sequence[Any], t0: float, t_end: float) -> Forcing | NotExact:
     except OverflowError:
         return NotExact(f"the inputs leave the range of floating-point numbers before t = {t_end:g} s")
     return Forcing(t0, t_end, breakpoints, pieces)
+
+
+def _signal(u: Any, origin: float, probe: float) -> Signal:
+    """An input on one interval, in local time."""
+    if not isinstance(u, Table):
+        return parse(u, origin, probe)
+    (value,), (slope,) = u.lines(np.array([origin]), np.array([probe]))
+    return {0j: [float(value), float(slope)]}
 
 
 def _each(inputs: list[Any], rule: Callable[[Any], T]) -> list[T]:

@@ -29,7 +29,7 @@ MOST_WRITTEN = 60  # states up to which the matrices' entries are written out as
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """x' = A x + B u(t); the inputs u are expressions of time with numbers in them."""
+    """x' = A x + B u(t); the inputs u are tables, or expressions of time with numbers in them."""
 
     A: Any  # (states, states), array or sparse
     B: Floats  # (states, inputs)
@@ -104,7 +104,7 @@ def _drives(scene: Scene, numbers: Numbers, signals: Sequence[Any], plan: _Plan)
     expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
     constant = [k for k, e in enumerate(expressions) if e.is_number]
     moving = [k for k, e in enumerate(expressions) if not e.is_number]
-    inputs = [s.expression() if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
+    inputs = [s if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
     inputs += [sympy.Integer(0)] * (m - len(inputs)) + [expressions[k] for k in moving]
     rows = [*range(m), *(m + k for k in moving), *(m + k for k in constant)]
     columns = [*range(m + len(moving)), *[m + len(moving)] * len(constant)]
@@ -202,19 +202,3 @@ def _condition(relation: Relation) -> Any:
     if relation.negated:
         return relation.g < zero if relation.strict else relation.g <= zero
     return relation.g > zero if relation.strict else relation.g >= zero
-
-
-def time_conditions(scene: Scene, numbers: Numbers) -> list[tuple[int, Any]]:
-    """The relations of time that a scene uses, by number and with numbers: where they switch, the integrator must stop."""
-    relations = scene.relations
-    if relations is None or not relations.on_time.any():
-        return []
-    timed = relations.used[relations.on_time]
-    found = []
-    for batch in relations.batches:
-        for i in np.flatnonzero(np.isin(batch.targets, timed)).tolist():
-            table = {sympy.Symbol("t", real=True): TIME}
-            for a, p in enumerate(batch.kernel.parameters):
-                table[sympy.Symbol(f"p{p}", real=True)] = sympy.Float(numbers.parameters[batch.parameters[i, a]], 17)
-            found.append((int(batch.targets[i]), batch.kernel.expression.xreplace(table) > 0))
-    return found

@@ -20,7 +20,7 @@ from gearlib.codegen.native import NativeScene
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solve.feed import Keep, feed
 from gearlib.solve.initialize import Start
-from gearlib.solve.lti import linear_form, time_conditions
+from gearlib.solve.lti import linear_form
 from gearlib.solve.problem import Native, Problem, Solution
 from gearlib.solve.scene import Numbers, Scene, settle_once
 from gearlib.solve.table import Table, breakpoints, values
@@ -30,6 +30,11 @@ METHODS = ("auto", "exact", "ida", "rk", "rk5", "rk8")
 MOST_STEPS = 100_000_000
 MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints: near a point where these are singular the steps shrink for ever
 LARGEST_EXACT = 30_000  # states
+MOST_CORNERED = 40  # states up to which tables are gone through from corner to corner with dense exponentials
+FEW_CORNERS = 50  # of tables, up to which nothing is to be gained by a choice
+SLOW_CORNER = 3e-4  # s, of a table that drives more states
+# Measured, s: a step of Runge-Kutta and its part for each slot of the program; and how many radians of the fastest motion it spans
+RK_STEP, RK_SLOT, REACH_OF_A_STEP = 1.5e-6, 3e-8, 3.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,7 @@ class Run:
     atol: Floats | None
     modes: Floats | None = None  # relations and discrete variables to begin with, where a run goes on
     max_step: float | None = None  # s
+    slots: Floats | None = None  # of the scene's program, where a run goes on: its branch of nonlinear equations
 
     @property
     def longest_step(self) -> float:
@@ -121,24 +127,72 @@ def _automatic(run: Run) -> Outcome:
     form = _exact_form(run)
     if not isinstance(form, str):
         try:
-            return _exact(run, form, "the scene is linear and time-invariant")
+            reason = _too_many_corners(run, form)
+            if reason is None:
+                return _exact(run, form, "the scene is linear and time-invariant")
+            form = reason
         except SolverError as problem:
             form = str(problem)
     return _native(run, "rk", form, hand_over=True)
 
 
-def _exact_form(run: Run) -> Any:
-    if len(run.scene.states) > LARGEST_EXACT:
-        return f"{len(run.scene.states)} states are too many for an exponential"
-    form = linear_form(run.scene, run.numbers, run.signals)
-    if isinstance(form, str):
-        return form
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """A linear scene, and what drives it: tables from corner to corner where states are few, the rest recognised."""
+
+    linear: Any
+    cornered: tuple[int, ...]  # the inputs that go from corner to corner, and
+    cuts: Any  # the intervals there
+    forcing: Any  # of the other inputs; None where they are constant
+
+
+def _exact_form(run: Run) -> _Form | str:
+    scene = run.scene
+    if len(scene.states) > LARGEST_EXACT:
+        return f"{len(scene.states)} states are too many for an exponential"
+    linear = linear_form(scene, run.numbers, run.signals)
+    if isinstance(linear, str):
+        return linear
     from gearlib.solve.forcing import NotExact
 
-    forcing = _recognised(form.inputs, float(run.times[0]), float(run.times[-1]))
+    inputs, cuts = linear.inputs, None
+    cornered: tuple[int, ...] = ()
+    tables = [u for u in inputs if isinstance(u, Table)]
+    if tables and len(scene.states) <= MOST_CORNERED:
+        from gearlib.solve.corners import Intervals
+
+        cornered = tuple(k for k, u in enumerate(inputs) if isinstance(u, Table) or u.is_number)
+        cuts = Intervals.of(run.times, tables)
+        inputs = tuple(u for k, u in enumerate(inputs) if k not in cornered)
+        if not inputs:
+            return _Form(linear, cornered, cuts, None)
+    forcing = _recognised(inputs, float(run.times[0]), float(run.times[-1]))
     if isinstance(forcing, NotExact):
         return forcing.reason
-    return form, forcing
+    return _Form(linear, cornered, cuts, forcing)
+
+
+def _too_many_corners(run: Run, form: _Form) -> str | None:
+    """The reason to leave tables to Runge-Kutta, which takes a step from one corner to the next, if that is faster."""
+    corners = len(breakpoints(run.signals))
+    if corners <= FEW_CORNERS:
+        return None
+    n, linear = len(run.scene.states), form.linear
+    if form.cuts is None:
+        exact_seconds, rate = corners * SLOW_CORNER, 0.0
+    else:
+        from gearlib.solve.dense_exponential import balanced_norm
+
+        rate = balanced_norm(np.asarray(linear.A if isinstance(linear.A, np.ndarray) else linear.A.toarray()))
+        exact_seconds = min(form.cuts.costs(n, len(form.cornered), rate))
+    steps = corners + rate * float(run.times[-1] - run.times[0]) / REACH_OF_A_STEP
+    seconds = steps * (RK_STEP + RK_SLOT * run.scene.program.n_slots)
+    if exact_seconds <= 1.2 * seconds:
+        return None
+    return (
+        f"a table has {corners} points: exponentials from one to the next are estimated to take {exact_seconds:.2g} s, steps "
+        f"of Runge-Kutta {seconds:.2g} s"
+    )
 
 
 _prepared: WeakKeyDictionary[Any, tuple[Any, ...]] = WeakKeyDictionary()  # linear form -> key, exponentials, forcing
@@ -152,20 +206,27 @@ def _recognised(inputs: tuple[Any, ...], t0: float, t1: float) -> Any:
     return recognise(inputs, t0, t1)
 
 
-def _exact(run: Run, form: Any, why: str) -> Outcome:
+def _exact(run: Run, form: _Form | None, why: str) -> Outcome:
     n = len(run.scene.states)
-    if form is None:
-        states = np.zeros((len(run.times), 0))
-    else:
-        from gearlib.solve import exact
+    states = np.zeros((len(run.times), n))
+    if form is not None:
+        B, start = form.linear.B, run.start.states
+        if form.forcing is not None:
+            from gearlib.solve import exact
 
-        linear, forcing = form
-        key = (id(forcing), run.times.tobytes(), run.rtol)
-        known = _prepared.get(linear)
-        if known is None or known[0] != key:
-            known = (key, exact.prepare(linear.A, linear.B, forcing, run.times, rtol=min(run.rtol, 1e-9)), forcing)
-            _prepared[linear] = known
-        states = known[1].solve(run.start.states)
+            key = (id(form.forcing), run.times.tobytes(), run.rtol)
+            known = _prepared.get(form.linear)
+            if known is None or known[0] != key:
+                smooth = [k for k in range(len(form.linear.inputs)) if k not in form.cornered]
+                ready = exact.prepare(form.linear.A, B[:, smooth], form.forcing, run.times, rtol=min(run.rtol, 1e-9))
+                known = _prepared[form.linear] = (key, ready, form.forcing)
+            states, start = known[1].solve(start), np.zeros(n)
+        if form.cuts is not None:  # linear: what each drives may be added
+            from gearlib.solve import corners
+
+            A = form.linear.A if isinstance(form.linear.A, np.ndarray) else form.linear.A.toarray()
+            drive = [u if isinstance(u, Table) else float(u) for u in (form.linear.inputs[k] for k in form.cornered)]
+            states = states + corners.solve(A, B[:, form.cornered], drive, start, run.times, form.cuts)
     flags = run.scene.modes(run.numbers, run.times, states.T, values(run.signals, run.times, len(run.scene.program.inputs)))
     stats = {"method": "exact", "why": why, "states": n, "steps": 0, "rhs": 0, "events": 0}
     return Outcome(states, flags.T, [], stats)
@@ -228,15 +289,11 @@ def _explained(problem: SolverError, scene: Scene) -> SolverError:
 
 def _continue(run: Run, first: Solution, why: str) -> Outcome:
     """Go on with IDA from where the explicit method met stiffness."""
-    done = int(np.searchsorted(run.times, first.t_last, side="left"))
-    done = min(done, len(first.t))
+    done = len(first.t)  # all samples up to there, one that is there included
     later = np.concatenate([[first.t_last], run.times[done:]])
     start = replace(run.start, states=first.x_last)
-    held = None
-    if "data" in first.stats:  # friction does not forget its mode
-        shared = run.scene.native.shared
-        held = first.stats["data"][shared.relations : shared.relations + shared.n_relations]
-    rest = _native(replace(run, start=start, times=later, modes=held), "ida", why)
+    slots, held = _memory(run.scene, run.scene.native, first)
+    rest = _native(replace(run, start=start, times=later, modes=held, slots=slots), "ida", why)
     states = np.vstack([first.x[:done], rest.states[1:]])
     modes = np.vstack([first.modes[:done], rest.relations[1:]])
     stats = dict(rest.stats)
@@ -259,12 +316,20 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
     stats["method"] = method if method == "ida" else f"rk{solution.stats.get('order', '')}"
     left = None
     if solution.status == "left":
-        data, native = solution.stats["data"], run.scene.native_with_jacobian if method == "ida" else run.scene.native
-        slots = data[native.rhs.layout.slots :][: run.scene.program.n_slots]
-        modes = data[native.shared.relations :][: native.shared.n_relations]
+        native = run.scene.native_with_jacobian if method == "ida" else run.scene.native
         failure = SolverError(f"the right-hand side cannot be evaluated beyond t = {solution.t_last:.9g} s")
-        left = Left(solution.t_last, solution.x_last, slots.copy(), modes.copy(), _explained(failure, run.scene))
+        left = Left(
+            solution.t_last, solution.x_last, *_memory(run.scene, native, solution), _explained(failure, run.scene)
+        )  # fmt: skip
     return Outcome(solution.x[:, : len(run.scene.states)], solution.modes, _events(run, solution), stats, left)
+
+
+def _memory(scene: Scene, native: NativeScene, solution: Solution) -> tuple[Floats, Floats]:
+    """Slots and modes where a run ended: its branch of nonlinear equations, and friction's mode, are not forgotten."""
+    data = solution.stats["data"]
+    slots = data[native.rhs.layout.slots :][: scene.program.n_slots]
+    modes = data[native.shared.relations :][: native.shared.n_relations]
+    return slots.copy(), modes.copy()
 
 
 def _events(run: Run, solution: Solution) -> list[Any]:
@@ -282,10 +347,18 @@ def _events(run: Run, solution: Solution) -> list[Any]:
 def _names_of_time_events(run: Run) -> dict[float, str]:
     """Component and equation of what switches at a time, all of them where there are several."""
     found: dict[float, list[str]] = {}
-    for number, condition in time_conditions(run.scene, run.numbers):
-        for t in _switches(condition, float(run.times[0]), float(run.times[-1])).tolist():
-            found.setdefault(t, []).append(run.scene.relation_names[number])
+    for t, number in _switches(run):
+        found.setdefault(t, []).append(run.scene.relation_names[number])
     return {t: "; ".join(dict.fromkeys(names)) for t, names in found.items()}
+
+
+def _switches(run: Run) -> list[tuple[float, int]]:
+    """When the conditions in time switch after the start, and which; what does so within rounding of the end does so there."""
+    from gearlib.solve.switches import rounding
+
+    t0, t1 = float(run.times[0]), float(run.times[-1])
+    found = run.scene.time_switches(run.numbers.parameters, t0, t1 + 2.0 * rounding(t0, t1))
+    return [(min(t, t1), number) for t, number in found]
 
 
 def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
@@ -296,8 +369,8 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
     inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
     modes = run.modes
     if modes is None:
-        modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None])[:, 0]
-    data = scene.data(native, run.numbers, inputs, modes, scene.guess(program, run.start.guess))
+        modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
+    data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
     keep = Keep()
     functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
     index = native.index
@@ -354,16 +427,10 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
     return ", ".join(names) or "; ".join(dict.fromkeys(scene.relation_names[i] for i in places))
 
 
-def _switches(condition: Any, t0: float, t1: float) -> Floats:
-    """The times after ``t0`` at which a condition of time switches; what does so within rounding of the end does so there."""
-    from gearlib.solve.switches import rounding, times_of_breakpoints
-
-    return np.minimum(times_of_breakpoints(condition, t0, t1 + 2.0 * rounding(t0, t1)), t1)
-
-
 def _time_events(run: Run, t0: float, t1: float) -> Floats:
     """Known times to step to exactly, after the start; at the end only where something may happen there."""
-    tables, conditions = breakpoints(run.signals), time_conditions(run.scene, run.numbers)
+    found = breakpoints(run.signals)
     last = t1 if run.scene.relations is not None else math.nextafter(t1, t0)
-    tables = tables[(tables > t0) & (tables <= last)]
-    return np.unique(np.concatenate([tables, *(_switches(c, t0, t1) for _, c in conditions)])) if conditions else tables
+    found = found[(found > t0) & (found <= last)]
+    switches = _switches(run)
+    return np.unique(np.concatenate([found, [t for t, _ in switches]])) if switches else found

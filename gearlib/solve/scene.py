@@ -17,6 +17,7 @@ from gearlib.codegen.modes import Relations, relations_of
 from gearlib.codegen.native import NativeScene, compile_scene
 from gearlib.codegen.program import Batch, Newton, Program
 from gearlib.flatten.model import FlatModel
+from gearlib.solve.time_switches import TimeSwitches, time_switches
 from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
@@ -102,6 +103,12 @@ class Scene:
             self._computing.update(dict.fromkeys(together, program))
         return self._computing[node]
 
+    @cached_property
+    def iterated(self) -> tuple[int, ...]:
+        """Variables that the run finds by iteration."""
+        unknowns = {slot for step in self.program.iterated for slot in step.unknowns.tolist()}
+        return tuple(v for (v, k), slot in self.program.slots.items() if k == 0 and slot in unknowns)
+
     @property
     def n_modes(self) -> int:
         return self.model.n_modes
@@ -113,6 +120,11 @@ class Scene:
             return None
         found = relations_of(self.structure, self.program, self.wanted)
         return found if len(found.used) or found.discretes or found.reinits else None
+
+    @cached_property
+    def time_switches(self) -> TimeSwitches:
+        """When conditions in time switch."""
+        return time_switches(self.relations)
 
     @cached_property
     def slot_names(self) -> list[str]:
@@ -185,17 +197,25 @@ class Scene:
         relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
         return Numbers(parameters, main, relations)
 
-    def modes(self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None) -> Floats:
+    def modes(
+        self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,
+        start: Floats | None = None,
+    ) -> Floats:  # fmt: skip
         """Relations and discrete variables as they are at some times, each by itself, shape (modes, times).
 
-        Discrete variables are as if the run was started there, from the values given or those of the model.
+        Discrete variables are as if the run was started there, from the values given or those of the model. ``start``: values of
+        variables at which iterations start.
         """
         if self.relations is None or numbers.relations is None:
             return np.zeros((self.n_modes, len(t)))
-        return modes_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes)
+        guess = None if start is None else self.guess(self.relations.program, start)
+        return modes_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
 
-    def data(self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Floats | None) -> Floats:
-        """The data block of a run."""
+    def data(
+        self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, start: Floats, slots: Floats | None = None
+    ) -> Floats:
+        """The data block of a run. Its iterations start at values of variables, or at slots of the main program where it goes on."""
+        guess = self.guess(self.program, start) if slots is None else slots
         shared = native.shared
         data = np.zeros(native.size)
         data[: shared.n_parameters] = numbers.parameters
@@ -206,7 +226,11 @@ class Scene:
             fill(data, native.jac.layout, native.jac.body.coefficients, numbers.main, guess)
         for part in (native.roots, native.update):
             if part is not None and numbers.relations is not None:
-                fill(data, part.layout, part.body.coefficients, numbers.relations)
+                program = numbers.relations.program
+                others = self.guess(program, start)
+                for node in self.program.slots.keys() & program.slots.keys() if slots is not None and program.iterated else ():
+                    others[program.slots[node]] = guess[self.program.slots[node]]
+                fill(data, part.layout, part.body.coefficients, numbers.relations, others)
         return data
 
     def guess(self, program: Program, start: Floats) -> Floats:
@@ -219,7 +243,7 @@ class Scene:
 
 def modes_at_start(
     model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
-    discretes: Floats | None = None,
+    discretes: Floats | None = None, guess: Floats | None = None,
 ) -> Floats:  # fmt: skip
     """Relations and discrete variables of a run that is started there, shape (modes, times)."""
     modes = np.zeros((model.n_modes, len(t)))
@@ -230,7 +254,7 @@ def modes_at_start(
     for _ in range(100):
         for _ in range(100):
             # equations need have a solution in the end only: before, friction that moves may be tried as stuck
-            new = settle_once(relations, prepared, t, states, inputs, modes, forgiving=True)
+            new = settle_once(relations, prepared, t, states, inputs, modes, guess, forgiving=True)
             settled, modes = bool((new == modes).all()), new
             if settled:
                 break
@@ -241,21 +265,22 @@ def modes_at_start(
         if not settled or (before == modes[n + d : n + 2 * d]).all():
             break  # what does not settle here, the run's own event iteration may settle; if not, it names it
     if any(isinstance(step, Newton) for step in prepared.program.steps):
-        settle_once(relations, prepared, t, states, inputs, modes)
+        settle_once(relations, prepared, t, states, inputs, modes, guess)
     return modes
 
 
 def settle_once(
-    relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats, forgiving: bool = False
-) -> Floats:
+    relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats,
+    guess: Floats | None = None, forgiving: bool = False,
+) -> Floats:  # fmt: skip
     """One pass of the event iteration, in the order of the native one: discrete variables, unknowns, relations."""
     new = modes.copy()
     slots = np.zeros((prepared.program.n_slots, len(t)))
     if any(batch.arguments.size for batch in relations.discretes):
-        slots = evaluate(prepared, t, states, inputs, new, forgiving=forgiving)
+        slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
     for batch in relations.discretes:  # in the order and with the meaning of the native event iteration
         new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
-    slots = evaluate(prepared, t, states, inputs, new, forgiving=forgiving)
+    slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
     late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
     pairs = zip(relations.batches, relations.timed, strict=True)
     flags = [_relation_flags(b, timed, late, t, slots, prepared.parameters, new) for b, timed in pairs]

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import sympy
 from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import finite
 from gearlib.errors import ArgumentError
+
+Floats = NDArray[np.float64]
 
 
 class Table:
@@ -32,7 +33,7 @@ class Table:
 
     def __init__(self, t: ArrayLike, y: ArrayLike) -> None:
         try:
-            self.t, self.y = np.asarray(t, float), np.asarray(y, float)
+            self.t, self.y = np.array(t, float), np.array(y, float)
         except (TypeError, ValueError):
             raise ArgumentError(f"Table(t, y): expected two sequences of numbers, got {t!r} and {y!r}") from None
         if self.t.ndim != 1 or self.t.shape != self.y.shape or len(self.t) < 1:
@@ -43,35 +44,35 @@ class Table:
             raise ArgumentError("Table(t, y): all times and values must be finite")
         if (np.diff(self.t) < 0).any():
             raise ArgumentError("Table(t, y): the times must not decrease")
+        self.t.flags.writeable = self.y.flags.writeable = False  # what was made from them is kept
 
-    def __call__(self, time: Any) -> NDArray[np.float64]:
+    def __call__(self, time: Any) -> Floats:
         t = np.asarray(time, float)
         k = np.searchsorted(self.t, t, side="right")
         left, right = np.clip(k - 1, 0, None), np.clip(k, None, len(self.t) - 1)
         width = self.t[right] - self.t[left]
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(width > 0, (t - self.t[left]) / width, 0.0)
-        result: NDArray[np.float64] = self.y[left] + np.clip(share, 0.0, 1.0) * (self.y[right] - self.y[left])
+        result: Floats = self.y[left] + np.clip(share, 0.0, 1.0) * (self.y[right] - self.y[left])
         return result
 
-    def expression(self) -> Any:
-        """The same as an expression of time."""
-        time = sympy.Symbol("time", real=True)
-        pieces: list[Any] = [(float(self.y[0]), time < float(self.t[0]))]
-        for t0, t1, y0, y1 in zip(self.t, self.t[1:], self.y, self.y[1:], strict=False):
-            if t1 > t0:
-                slope = (y1 - y0) / (t1 - t0)
-                pieces.append((float(y0) + float(slope) * (time - float(t0)), time < float(t1)))
-        return sympy.Piecewise(*pieces, (float(self.y[-1]), True))
+    def lines(self, starts: Floats, inside: Floats) -> tuple[Floats, Floats]:
+        """Values and slopes of the straight lines that hold just after some times; ``inside`` (s) later they hold still."""
+        k = np.searchsorted(self.t, starts + inside, side="right")
+        left, right = np.clip(k - 1, 0, None), np.clip(k, None, len(self.t) - 1)
+        width = self.t[right] - self.t[left]
+        slopes = np.divide(self.y[right] - self.y[left], width, out=np.zeros(len(starts)), where=width > 0.0)
+        return self.y[left] + slopes * (starts - self.t[left]), slopes
 
 
 Signal = Any  # a number, a Function, or a Table
 
 
-def breakpoints(signals: Sequence[Signal]) -> NDArray[np.float64]:
+def breakpoints(signals: Sequence[Signal]) -> Floats:
     """Times at which tables have corners."""
     tables = [s.t for s in signals if isinstance(s, Table)]
-    return np.unique(np.concatenate(tables)) if tables else np.empty(0)
+    corners = np.sort(np.concatenate([np.empty(0), *tables]))
+    return corners[np.diff(corners, prepend=-np.inf) > 0]
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class Function:
         return f"the function {name} of the input {self.path}, called with t = {t:.9g} s, {did}"
 
 
-def values(signals: Sequence[Signal], times: NDArray[np.float64], count: int = 0) -> NDArray[np.float64]:
+def values(signals: Sequence[Signal], times: Floats, count: int = 0) -> Floats:
     """Values of the signals at some times, shape (signals, times); with rows of zeros up to ``count`` where there are fewer."""
     rows = []
     for signal in signals:

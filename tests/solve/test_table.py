@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sympy
 
 import gearlib as gl
 import gearparts as gp
@@ -68,12 +67,22 @@ def test_an_input_is_a_history_too() -> None:
     assert result["load.flange_a.tau"] == pytest.approx(TABLE(result.time))
 
 
-def test_table_values_and_its_expression() -> None:
-    t = np.array([-1.0, 0.25, 0.499, 0.5, 1.0, 1.4, 7.0])
-    expression = sympy.lambdify(sympy.Symbol("time", real=True), TABLE.expression())
-    assert TABLE(t) == pytest.approx([float(expression(x)) for x in t], abs=1e-14)
+def test_table_values_and_its_lines() -> None:
+    assert TABLE(np.array([-1.0, 0.25, 0.5, 1.4, 7.0])) == pytest.approx([2.0, 3.0, -1.0, 1.2, 0.0], abs=1e-14)
     assert TABLE(0.5) == -1.0  # the right-hand value of a step
     assert gl.Table([1.0], [5.0])(np.array([0.0, 3.0])).tolist() == [5.0, 5.0]
+    values, slopes = TABLE.lines(np.array([-1.0, 0.25, 0.5, 1.3, 7.0]), np.full(5, 0.1))
+    assert values == pytest.approx([2.0, 3.0, -1.0, 2.4, 0.0], abs=1e-14)
+    assert slopes == pytest.approx([0.0, 4.0, 16 / 3, -12.0, 0.0])
+
+
+def test_a_table_keeps_its_own_points() -> None:
+    y = np.array([0.0, 1.0])
+    table = gl.Table([0.0, 1.0], y)
+    y[:] = 7.0
+    assert table(1.0) == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        table.y[0] = 3.0
 
 
 @pytest.mark.parametrize(
