@@ -20,6 +20,7 @@ from gearlib.flatten.model import (
     EquationGroup,
     FlatModel,
     Floats,
+    Instance,
     Integers,
     ParameterTable,
     StartValues,
@@ -137,15 +138,34 @@ def _separated(pieces: Iterable[Raw], equalities: list[tuple[int, int, int]]) ->
 def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
     for own in tree.inputs:
         other = int(aliases.representative[own])
-        if other != own or aliases.sign[own] == 0:
-            names = [_variable_name(tree, v) for v in (own, other)]
-            what = f"equals the input {names[1]}" if other != own else "is always zero by the model's equations"
-            raise ModelError(f"the unbound input {names[0]} {what}; only one of them can be given: bind one to the other")
+        name = _variable_name(tree, own)
+        if aliases.sign[own] == 0:
+            instance, _ = _place(tree, own)
+            part = instance.path or instance.kind
+            number = tree.instances.index(instance)
+            linked = {node // 2 for link in tree.links for node in link}
+            if instance.connectors and not any(tree.port_numbers[number, c] in linked for c in instance.connectors):
+                raise ModelError(
+                    f"{part} is not connected, so that its input {name} acts on nothing; connect it, or leave it out"
+                )
+            raise ModelError(
+                f"the equations of the model make the input {name} zero; bind it to 0: {name.rpartition('.')[2]}=0"
+            )
+        if other != own:
+            raise ModelError(
+                f"the unbound input {name} equals the input {_variable_name(tree, other)}; only one of them can be given: bind one "
+                "to the other"
+            )
+
+
+def _place(tree: Tree, variable: int) -> tuple[Instance, str]:
+    instance = next(i for i in tree.instances if i.first_variable <= variable < i.first_variable + len(i.variables))
+    return instance, list(instance.variables)[variable - instance.first_variable]
 
 
 def _variable_name(tree: Tree, variable: int) -> str:
-    instance = next(i for i in tree.instances if i.first_variable <= variable < i.first_variable + len(i.variables))
-    return ".".join(filter(None, (instance.path, list(instance.variables)[variable - instance.first_variable])))
+    instance, local = _place(tree, variable)
+    return ".".join(filter(None, (instance.path, local)))
 
 
 def check_bounds(table: ParameterTable, values: Floats) -> None:

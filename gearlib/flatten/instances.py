@@ -53,7 +53,7 @@ class Tree:
     )
 
 
-DEEPEST = 40  # levels of components within components
+DEEPEST = 200  # levels of components within components
 
 
 def walk(root: Component) -> Tree:

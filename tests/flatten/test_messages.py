@@ -1,0 +1,57 @@
+"""What a modeller reads who forgot to connect a part, and components in components, many levels deep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ModelError
+
+c = gl.connect
+
+
+@pytest.mark.parametrize("support", [False, True])
+def test_a_source_that_nobody_connected_is_named(support: bool) -> None:
+    class Forgotten(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.q, self.body = gp.Torque(use_support=support), gp.Inertia(J=1.0)
+            return []
+
+    with pytest.raises(ModelError, match=r"q is not connected, so that its input q\.tau acts on nothing; connect it"):
+        gl.compile(Forgotten())
+
+
+def test_two_inputs_that_are_one_are_named() -> None:
+    class Twice(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = gp.Torque(), gp.Torque()
+            return [c(self.one.flange, self.other.flange)]
+
+    with pytest.raises(
+        ModelError, match=r"the unbound input other\.tau equals the input one\.tau; only one of them can be given"
+    ):
+        gl.compile(Twice())
+
+
+class Nested(gl.Component):
+    """A body, so many levels deep."""
+
+    depth = gl.Structural(0)
+    flange = gp.Flange("shaft")
+
+    def assemble(self) -> list[Any]:
+        self.inner = Nested(depth=self.depth - 1) if self.depth else gp.Inertia(J=2.0)
+        return [c(self.flange, self.inner.flange if self.depth else self.inner.flange_a)]
+
+
+def test_components_may_lie_far_inside_components() -> None:
+    class Top(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.nested = gp.Torque(tau=3.0), Nested(depth=120)
+            return [c(self.torque.flange, self.nested.flange)]
+
+    result = gl.simulate(Top(), 1.0, samples=2)
+    assert result["nested." + "inner." * 121 + "w"][-1] == pytest.approx(1.5)
