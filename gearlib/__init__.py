@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from gearlib.language.declarations import Variable as Variable
     from gearlib.language.declarations import offered as offered
     from gearlib.language.energy import Energy as Energy
+    from gearlib.language.dimensions import check_units as check_units
     from gearlib.language.expressions import And as And
     from gearlib.language.expressions import Eq as Eq
     from gearlib.language.expressions import Max as Max
@@ -120,6 +121,7 @@ _HOME = {
     ),
     "Energy": "gearlib.language.energy",
     "EnergyBalance": "gearlib.solve.energy_balance",
+    "check_units": "gearlib.language.dimensions",
     "Result": "gearlib.solve.result",
     "Table": "gearlib.solve.table",
     **dict.fromkeys(["System", "compile", "simulate"], "gearlib.system"),
@@ -133,7 +135,11 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(_HOME[name]), name)
         globals()[name] = value
         return value
-    raise AttributeError(f"module 'gearlib' has no attribute '{name}'")
+    if name.startswith("_"):  # asked by Python itself: __path__, __wrapped__, ...
+        raise AttributeError(f"module 'gearlib' has no attribute '{name}'")
+    from gearlib.errors import nearest
+
+    raise AttributeError(f"module 'gearlib' has no attribute '{name}'; {nearest(name, _HOME)}")
 
 
 def __dir__() -> list[str]:

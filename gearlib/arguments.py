@@ -23,8 +23,8 @@ def shown(value: Any) -> str:
     """A value in an error message, cut short where it is long."""
     try:
         text = " ".join(repr(value).split())
-    except ValueError:  # Python writes no number of more than 4300 digits
-        return "a number of very many digits"
+    except Exception:  # the object's own fault; and Python writes no number of more than 4300 digits
+        return "a number of very many digits" if isinstance(value, int) else f"a {type(value).__name__} that cannot be printed"
     return text if len(text) <= LONG else f"{text[: LONG - 20]} ..."
 
 
@@ -36,7 +36,9 @@ def finite(said: Callable[[], str], value: Any) -> float:
     """
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except OverflowError:
+        raise ArgumentError(f"{said()} {shown(value)}; expected a number of ordinary size") from None
+    except Exception:  # whatever an object of the user's makes of float()
         raise ArgumentError(f"{said()} {shown(value)}; expected a number") from None
     if not math.isfinite(number):
         raise ArgumentError(f"{said()} {number}; expected a finite number")
@@ -66,7 +68,7 @@ def reals(name: str, values: Any, expected: str) -> Floats:
     try:
         found = np.asarray(values)
         result = found.astype(float) if found.dtype.kind in "iufO" else np.array(np.nan)
-    except (TypeError, ValueError, OverflowError):
+    except Exception:  # whatever an object of the user's makes of being an array
         result = np.array(np.nan)
     if not np.isfinite(result).all():
         raise ArgumentError(f"{name} is {shown(values)}; expected {expected}")

@@ -128,7 +128,7 @@ def test_slips_are_refused_by_name() -> None:
         gl.Parameter(2.0)  # type: ignore[arg-type]
     with pytest.raises(DeclarationError, match=r"pre\(3\): expected a discrete variable"):
         gl.pre(3)
-    with pytest.raises(DeclarationError, match=r"where y is no condition; compare it, as in y > 0"):
+    with pytest.raises(DeclarationError, match=r"Leaf\.equations\(\): .* is y, which is no condition; compare it, as in y > 0"):
         gl.compile(pair(lambda s: [gl.Eq(s.x, gl.Piecewise((1, s.y), (0, True))), gl.Eq(s.y, gl.time)]))
     with pytest.raises(BoundError, match=r"train\.x_unit: planets is 0; expected 1 or more"):
         gl.compile(gp.ZhouCui2022(planets=0))
@@ -157,7 +157,9 @@ def test_a_connector_is_no_variable() -> None:
         DeclarationError, match=r"a connector is no variable; name one that it has, such as self\.flange_a\.phi"
     ):
         gl.compile(FlangeAsVariable())
-    with pytest.raises(DeclarationError, match=r"<Flange FlangeInEquation\.flange> == 1 is no equation: both sides must be"):
+    with pytest.raises(
+        DeclarationError, match=r"<Flange FlangeInEquation\.flange> == 1 is no equation: .* such as .* self\.flange_a\.phi"
+    ):
         gl.compile(FlangeInEquation())
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 
 __all__ = ["GY", "TF", "C", "Element", "I", "Junction", "MSe", "MSf", "One", "R", "Se", "Sf", "Zero", "energy_symbol", "time"]
@@ -42,11 +43,16 @@ def expression(value: Any, default: str) -> Any:
         return symbol(default)
     if isinstance(value, str):
         return symbol(value)
+    return checked(value, default, "a number, the name of a parameter, or an expression")
+
+
+def checked(value: Any, name: str, expected: str = "a number or an expression") -> Any:
+    """A number or an expression in sympy's form; text, which sympy would execute, is refused."""
     if isinstance(value, bool) or not isinstance(value, (int, float, sp.Expr, np.number)):
-        raise ArgumentError(f"{default} is {value!r}; expected a number, the name of a parameter, or an expression")
+        raise ArgumentError(f"{name} is {shown(value)}; expected {expected}")
     found = sp.sympify(value)
     if found.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
-        raise ArgumentError(f"{default} is {value}; expected a finite real number or expression")
+        raise ArgumentError(f"{name} is {shown(value)}; expected a finite real number or expression")
     return found
 
 

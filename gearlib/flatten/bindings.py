@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import sympy
 
+from gearlib.arguments import shown
 from gearlib.errors import BindingError, BoundError
 from gearlib.flatten.templates import Relation, Template, checked, lift_relations, make_template, parse_column
-from gearlib.language.expressions import time, value_of
+from gearlib.language.expressions import check_depth, time, value_of
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ def number(value: Any, path: str, unit: str, description: str) -> float:
     if isinstance(value, (bool, np.bool_)) or not isinstance(
         value, (int, float, np.number, sympy.Number, sympy.NumberSymbol, sympy.Expr)
     ):
-        raise BindingError(f"{path} is {value!r} ({type(value).__name__}); {expected}")
+        raise BindingError(f"{path} is {shown(value)} ({type(value).__name__}); {expected}")
     try:
         result = float(value)
     except TypeError:
@@ -73,7 +74,8 @@ _templates: dict[Any, Template] = {}
 
 def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str = "an input") -> BoundInput:
     """The equation that binds an input to an expression (or a number)."""
-    expression, relations = lift_relations(checked(value_of(expression), path))
+    check_depth(expression, path)
+    expression, relations = lift_relations(checked(value_of(expression, path), path))
     if expression.is_Number or expression.is_NumberSymbol:
         return BoundInput(_template(sympy.Symbol("p0", real=True), (), ("p0",)), {}, {"p0": float(expression)})
     values: dict[str, str | float] = {}

@@ -11,6 +11,7 @@ from typing import Any
 
 import sympy
 
+from gearlib.arguments import shown
 from gearlib.errors import DeclarationError, nearest
 from gearlib.flatten.templates import Template, template_of_value
 from gearlib.language.declarations import Discrete
@@ -57,17 +58,28 @@ def split_equations(
                 raise DeclarationError(f"{name}: reinit({given.state}): no variable of the class; {nearest(target, variables)}")
             values.append((target, sympy.Piecewise((value_of(given.value), due), (given.state, True)), True))
         elif isinstance(given, Eq) and getattr(given.left, "name", "") in known:
-            values.append((given.left.name, sympy.Piecewise((value_of(given.right), due), (pre(given.left), True)), False))
+            new = value_of(given.right, f"{name}: the value of {given.left} in When")
+            if given.left in new.free_symbols:
+                raise DeclarationError(
+                    f"{name}: {given.left} = {given.right} in When: the new value is given by itself; the value before the event is "
+                    f"gl.pre(self.{given.left})"
+                )
+            values.append((given.left.name, sympy.Piecewise((new, due), (pre(given.left), True)), False))
         else:
             raise DeclarationError(
-                f"{name}: {given!r} in When: expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)"
+                f"{name}: {shown(given)} in When: expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)"
             )
 
     for equation in equations:
         if isinstance(equation, When):
             hidden = sympy.Symbol(f"when_{sum(n.startswith('when_') for n in known)}", real=True)
-            condition = value_of(equation.condition)
+            condition = value_of(equation.condition, f"{name}: the condition of When")
             at_start = any(symbol.name == "initial()" for symbol in condition.free_symbols)
+            if all(is_parameter(symbol.name) for symbol in condition.free_symbols):
+                raise DeclarationError(
+                    f"{name}: When({equation.condition}): the condition holds parameters only, and never becomes true during a run; "
+                    "gl.initial() holds at the start"
+                )
             known[hidden.name] = Discrete("condition of a When", start=0.0 if at_start else 1.0)
             values.append((hidden.name, condition, False))
             if at_start and any(isinstance(given, Reinit) for given in equation.actions):
@@ -77,7 +89,7 @@ def split_equations(
             for given in equation.actions:
                 action(given, sympy.And(holds(hidden), sympy.Not(holds(pre(hidden)))))
         elif getattr(equation.left, "name", "") in known:
-            values.append((equation.left.name, value_of(equation.right), False))
+            values.append((equation.left.name, value_of(equation.right, f"{name}: the value of {equation.left}"), False))
         else:
             continuous.append(equation)
 

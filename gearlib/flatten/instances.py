@@ -12,14 +12,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from gearlib.arguments import shown
 from gearlib.errors import BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.bindings import BoundInput, bind_input, canonical, is_expression, number
 from gearlib.flatten.model import Instance
-from gearlib.flatten.records import ClassRecord, class_record, descend
+from gearlib.flatten.records import ClassRecord, Met, class_record, descend, refuse_misfits
 from gearlib.flatten.templates import Template
 from gearlib.language.component import Component, _inside
 from gearlib.language.declarations import NO_VALUE, Input
+from gearlib.language.dimensions import unit_errors, values_given
+from gearlib.language.expressions import check_depth
 
 
 @dataclass
@@ -61,6 +64,9 @@ def walk(root: Component) -> Tree:
     tree = Tree()
     stack: list[tuple[Component, str]] = [(root, "")]
     composites: list[tuple[Component, int]] = []
+    met: Met = {}
+    first_of_kind: list[Component] = []
+    root._forget()
     while stack:
         component, path = stack.pop()
         if path.count(".") > DEEPEST:
@@ -69,7 +75,10 @@ def walk(root: Component) -> Tree:
                 "of its own class without end?"
             )
         connections = component._assembled()
-        record = class_record(component)
+        known = len(met)
+        record = class_record(component, met)
+        if len(met) > known:
+            first_of_kind.append(component)
         number_ = _add_instance(tree, component, record, path)
         if component._parts:
             prefix = f"{path}." if path else ""
@@ -79,6 +88,8 @@ def walk(root: Component) -> Tree:
     for component, number_ in composites:
         _add_links(tree, component, number_)
     _bind_all(tree, root)
+    for component in first_of_kind:
+        refuse_misfits(unit_errors(component, values_given(component)))
     for component, number_ in composites:
         record = tree.records[number_]
         if not record.local:
@@ -119,7 +130,8 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
         tree.first_discrete[number_] = len(tree.discrete_names)
         for name, discrete in record.discretes.items():
             tree.discrete_names.append(prefix + name)
-            tree.discrete_starts.append(float(component._start.get(name, discrete.start)))
+            start = component._start.get(name, discrete.start)
+            tree.discrete_starts.append(number(start, f"start({prefix}{name})", "1", "start value of a discrete variable"))
     if record.local:
         for template in record.templates:
             tree.local_rows[template].append(number_)
@@ -188,9 +200,13 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
             _set_start(tree, prefix, name, own_variable(instance, record, name), variable.guess, None, False, variable.unit)
     for given, fixed in ((component._guess, False), (component._start, True)):
         for name, value in given.items():
-            name = name if isinstance(name, str) else repr(name)
+            name = name if isinstance(name, str) else shown(name)
             local = name.removesuffix(")").removeprefix("der(") if name.startswith("der(") else name
             if name in record.discretes:
+                if not fixed:
+                    raise BindingError(
+                        f"{prefix}{name} is discrete, and is not searched for; give its value as start={{'{name}': ...}}"
+                    )
                 continue
             if name in instance.variables:
                 own = own_variable(instance, record, name)
@@ -263,6 +279,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
         return
     if scope is None:
         raise BindingError(f"{path} is {value}; expected a number in {unit}: nothing encloses the outermost component")
+    check_depth(value, path)
     expression, names = canonical(value)
     arguments = tuple(_parameter(tree, scope, n, path) for n in names)
     depth = 1 + path.count(".")
@@ -274,7 +291,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
 def _bind_input(tree: Tree, component: Component, scope: Component | None, own: int, path: str, value: Any, unit: str) -> None:
     if callable(value):
         raise BindingError(
-            f"{path} is bound to the function {value!r}; bind an expression of gl.time, or leave the input unbound and give the "
+            f"{path} is bound to the function {shown(value)}; bind an expression of gl.time, or leave the input unbound and give the "
             f"function to simulate(inputs={{'{path}': ...}})"
         )
     if not is_expression(value):

@@ -7,6 +7,7 @@ and its own derivative with respect to time. What is asked of it is computed at 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +16,11 @@ from typing import Any
 import sympy
 from sympy.core.relational import Relational
 
+from gearlib.arguments import shown
 from gearlib.errors import DeclarationError, NameLookupError
-from gearlib.language.expressions import Eq, time, total_derivative
+from gearlib.language.expressions import Eq, as_condition, time, total_derivative
 
+LARGEST = sys.float_info.max
 Column = tuple[str, int]  # a variable and the order of its derivative
 _DER = re.compile(r"der\((.*)\)$")
 KNOWN = (
@@ -187,7 +190,7 @@ def parse_column(name: str) -> Column:
     """
     order = 0
     if not isinstance(name, str):
-        raise NameLookupError(f"{name!r} is no name; names are text, such as 'load.w'")
+        raise NameLookupError(f"{shown(name)} is no name; names are text, such as 'load.w'")
     while match := _DER.match(name):
         name, order = match.group(1), order + 1
     return name, order
@@ -226,16 +229,7 @@ def template_of(
     is_parameter, is_held : callable
         Whether a symbol of that name is a parameter, a discrete variable.
     """
-    try:
-        residual = equation.residual
-    except sympy.SympifyError:
-        raise DeclarationError(
-            f"{label}: {equation.left!r} == {equation.right!r} is no equation: both sides must be numbers or expressions of "
-            "variables, such as self.flange_a.phi or self.load.w"
-        ) from None
-    except (TypeError, AttributeError) as problem:
-        raise DeclarationError(f"{label}: {equation.left!r} == {equation.right!r} is no equation: {problem}") from None
-    return template_of_value(residual, label, is_parameter, is_held)
+    return template_of_value(equation.residual, label, is_parameter, is_held)
 
 
 def template_of_value(
@@ -265,11 +259,10 @@ def checked(expression: Any, label: str) -> Any:
                 f"{label} holds {node}, which has no value where no condition is true; end it with (value, True)"
             )
         for _, condition in node.args:
-            if isinstance(condition, sympy.Symbol):
-                raise DeclarationError(
-                    f"{label} holds {node}, where {condition} is no condition; compare it, as in {condition} > 0 "
-                    "(a discrete variable: gl.holds(...))"
-                )
+            as_condition(condition, f"{label} holds {node}, where the condition")
+    for huge in expression.atoms(sympy.Number):
+        if abs(huge) > LARGEST:
+            raise DeclarationError(f"{label} holds {shown(huge)}, which is too large for a computer's numbers")
     foreign = {s: sympy.Symbol(s.name, real=True) for s in expression.free_symbols if not s.is_real}
     return expression.xreplace(foreign) if foreign else expression
 

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import sympy
 
+from gearlib.arguments import shown
 from gearlib.errors import AttributeNameError, BindingError, ConnectionError, DeclarationError, ModelError, nearest
 from gearlib.language.declarations import (
     NO_VALUE,
@@ -32,16 +33,18 @@ from gearlib.language.declarations import (
     as_tuple,
 )
 from gearlib.language.energy import Energy
-from gearlib.language.expressions import Eq, When
+from gearlib.language.expressions import TOO_DEEP, Eq, When
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
 RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
+NOTHING: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())  # attributes and parts that assemble() has made
 PRIVATE = frozenset(
     {
         "_parent",
         "_name",
         "_parts",
         "_connections",
+        "_made",
         "_start",
         "_guess",
         "_nominal",
@@ -82,7 +85,7 @@ def connect(*ports: Port) -> Connection:
     for port in ports:
         if not isinstance(port, Port):
             hint = " (name one of its connectors)" if isinstance(port, Component) else ""
-            raise ConnectionError(f"connect() joins connectors, such as motor.flange_b; got {port!r}{hint}")
+            raise ConnectionError(f"connect() joins connectors, such as motor.flange_b; got {shown(port)}{hint}")
     if len(ports) < 2:
         raise ConnectionError(f"connect() needs two connectors, got {len(ports)}")
     first = ports[0]
@@ -180,7 +183,7 @@ class Component:
         kind = type(self).__name__
         if positional:
             raise BindingError(
-                f"{kind}({positional[0]!r}): give values by name, such as {kind}({next(iter(self._bindable), 'start')}=...)"
+                f"{kind}({shown(positional[0])}): give values by name, such as {kind}({next(iter(self._bindable), 'start')}=...)"
             )
         for what, given, kind_of, example in (
             ("start", start, "start values", "100.0"), ("guess", guess, "start values", "100.0"),
@@ -188,13 +191,14 @@ class Component:
         ):  # fmt: skip
             if given is not None and not isinstance(given, Mapping):
                 raise BindingError(
-                    f"{kind}: {what} is {given!r}; expected {kind_of} by name, such as {what}={{'w': {example}}}"
+                    f"{kind}: {what} is {shown(given)}; expected {kind_of} by name, such as {what}={{'w': {example}}}"
                 )
         put = object.__setattr__
         put(self, "_parent", None)
         put(self, "_name", "")
         put(self, "_parts", {})
         put(self, "_connections", None)
+        put(self, "_made", NOTHING)
         put(self, "_start", dict(start or {}))
         put(self, "_guess", dict(guess or {}))
         put(self, "_nominal", nominal or {})
@@ -234,8 +238,11 @@ class Component:
     def _structural_value(self, declared: Structural, value: Any) -> Any:
         where = f"{type(self).__name__}: structural choice '{declared.name}'"
         if declared.choices:
-            if value not in declared.choices:
-                raise BindingError(f"{where} is {value!r}; valid choices: {', '.join(map(repr, declared.choices))}")
+            alike = [
+                c for c in declared.choices if isinstance(value, type(c)) and isinstance(value, bool) == isinstance(c, bool)
+            ]
+            if not any(bool(np.all(value == choice)) for choice in alike):
+                raise BindingError(f"{where} is {shown(value)}; valid choices: {', '.join(map(repr, declared.choices))}")
             return value
         expected = type(declared.default)
         if expected is int and isinstance(value, (sympy.Integer, np.integer)):
@@ -243,7 +250,7 @@ class Component:
         if expected is tuple and isinstance(value, (list, np.ndarray)):  # a table, kept as what can be a key
             value = as_tuple(value)
         if declared.default is not None and (not isinstance(value, expected) or isinstance(value, bool) != (expected is bool)):
-            raise BindingError(f"{where} is {value!r} ({type(value).__name__}); expected {expected.__name__}")
+            raise BindingError(f"{where} is {shown(value)} ({type(value).__name__}); expected {expected.__name__}")
         return value
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -251,6 +258,16 @@ class Component:
             raise DeclarationError(
                 f"{type(self).__name__}.{name} is declared by the class; give its value when the component is made: "
                 f"{type(self).__name__}({name}=...)"
+            )
+        if (
+            self._parent is not None
+            and self._name in self._parent._made[1]
+            and _scope.get() is None
+            and not name.startswith("_")
+        ):
+            raise ModelError(
+                f"{self._path()}.{name}: {type(self._parent).__name__}.assemble() made this part, and makes it anew whenever the model is "
+                "compiled; give the value there"
             )
         if isinstance(value, Component):
             self._adopt(name, value)
@@ -261,7 +278,9 @@ class Component:
         elif isinstance(value, (list, tuple)) and any(isinstance(v, Component) for v in value):
             for i, part in enumerate(value):
                 if not isinstance(part, Component):
-                    raise ModelError(f"{type(self).__name__}.{name}[{i}] is {part!r}; a family of parts holds components only")
+                    raise ModelError(
+                        f"{type(self).__name__}.{name}[{i}] is {shown(part)}; a family of parts holds components only"
+                    )
                 self._adopt(f"{name}[{i}]", part)
         elif isinstance(value, dict) and any(isinstance(v, Component) for v in value.values()):
             raise ModelError(f"{type(self).__name__}.{name} is a dict of components; a family of parts is a list of them")
@@ -301,23 +320,51 @@ class Component:
     def _assembled(self) -> Sequence[Connection]:
         """The connections of a composite; assembles it at the first call."""
         if self._connections is None:
+            attributes, parts = set(self.__dict__), set(self._parts)
             object.__setattr__(self, "_connections", [])
-            with _inside(self), _explained(f"{type(self).__name__}.assemble()"):
-                returned = self.assemble()
-            connections = list(returned) if isinstance(returned, Iterable) else [returned]
-            if not isinstance(returned, Iterable) or not all(isinstance(c, Connection) for c in connections):
-                bad = next((c for c in connections if not isinstance(c, Connection)), returned)
-                raise ModelError(f"{type(self).__name__}.assemble() must return a list of connect(...) calls; got {bad!r}")
+            try:
+                with _inside(self), _explained(f"{type(self).__name__}.assemble()"):
+                    returned = self.assemble()
+                connections = list(returned) if isinstance(returned, Iterable) else [returned]
+                if not isinstance(returned, Iterable) or not all(isinstance(c, Connection) for c in connections):
+                    bad = next((c for c in connections if not isinstance(c, Connection)), returned)
+                    raise ModelError(
+                        f"{type(self).__name__}.assemble() must return a list of connect(...) calls; got {shown(bad)}"
+                    )
+            except BaseException:
+                self._remember_made(attributes, parts)
+                self._forget()
+                raise
+            self._remember_made(attributes, parts)
             object.__setattr__(self, "_connections", connections)
         result: Sequence[Connection] = self._connections
         return result
+
+    def _remember_made(self, attributes: set[str], parts: set[str]) -> None:
+        made = frozenset(self.__dict__.keys() - attributes), frozenset(self._parts.keys() - parts)
+        object.__setattr__(self, "_made", made if any(made) else NOTHING)
+
+    def _forget(self) -> None:
+        """Drop what `assemble` has made, so that it is made again: what it reads may have changed."""
+        if self._connections is not None:
+            attributes, parts = self._made
+            for name in attributes:
+                self.__dict__.pop(name, None)
+            for name in parts:
+                del self._parts[name]
+            object.__setattr__(self, "_connections", None)
+            object.__setattr__(self, "_made", NOTHING)
+        for part in self._parts.values():
+            part._forget()
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickling: without the parts that `assemble` made; they are made again when they are needed."""
         if self._connections is None:
             return self.__dict__
-        made = {name.split("[")[0] for name in self._parts}
-        return {k: v for k, v in self.__dict__.items() if k not in made} | {"_parts": {}, "_connections": None}
+        attributes, parts = self._made
+        kept = {k: v for k, v in self.__dict__.items() if k not in attributes}
+        own = {name: part for name, part in self._parts.items() if name not in parts}
+        return kept | {"_parts": own, "_connections": None, "_made": NOTHING}
 
     def _path(self, scope: Component | None = None) -> str:
         names: list[str] = []
@@ -367,9 +414,13 @@ def _inside(component: Component) -> Iterator[None]:
 
 @contextmanager
 def _explained(where: str) -> Iterator[None]:
-    """Say in the modeller's terms what Python's ``if`` and number functions cannot do with a symbol."""
+    """Say where, and in the modeller's terms what Python's ``if`` and number functions cannot do with a symbol."""
     try:
         yield
+    except DeclarationError as problem:
+        raise DeclarationError(f"{where}: {problem}") from problem
+    except RecursionError:
+        raise DeclarationError(f"{where}: {TOO_DEEP}") from None
     except TypeError as problem:
         text = str(problem)
         if "truth value of Relational" in text:
@@ -421,7 +472,9 @@ def equations_of(component: Component) -> list[Eq | When]:
         equations = list(returned) if isinstance(returned, Iterable) else [returned]
     if not isinstance(returned, Iterable) or not all(isinstance(e, (Eq, When)) for e in equations):
         bad = next((e for e in equations if not isinstance(e, (Eq, When))), returned)
-        raise DeclarationError(f"{type(component).__name__}.equations() must return a list of gl.Eq(left, right); got {bad!r}")
+        raise DeclarationError(
+            f"{type(component).__name__}.equations() must return a list of gl.Eq(left, right); got {shown(bad)}"
+        )
     return equations
 
 

@@ -5,14 +5,18 @@ A declaration is a descriptor: on the class it is itself, inside ``equations`` a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, overload
 
 import numpy as np
+import sympy
 
-from gearlib.errors import AttributeNameError, DeclarationError
+from gearlib.arguments import real, shown
+from gearlib.errors import ArgumentError, AttributeNameError, DeclarationError
 from gearlib.language.expressions import der
+from gearlib.language.units import dimension
 
 if TYPE_CHECKING:
     from gearlib.language.component import Component
@@ -60,12 +64,35 @@ class Declaration:
         return self if instance is None else instance._symbol(self.name)
 
 
-def _check_text(declared: Parameter | Variable) -> None:
-    for what, value, example in (("unit", declared.unit, "'kg.m2'"), ("description", declared.description, "'load inertia'")):
+def _check_text(declared: Declaration, *names: str) -> None:
+    examples = {"unit": "'kg.m2'", "description": "'load inertia'", "of": "'w'"}
+    for what in names:
+        value = getattr(declared, what)
         if not isinstance(value, str):
             raise DeclarationError(
-                f"{type(declared).__name__}: {what} is {value!r}; expected text, such as {example} (a value is given by name: default=...)"
+                f"{type(declared).__name__}: {what} is {shown(value)}; expected text, such as {examples[what]} (a value is given by "
+                "name: default=...)"
             )
+        if what == "unit":
+            dimension(value)
+
+
+def _check_number(declared: Declaration, what: str, infinite: bool = False) -> None:
+    value = getattr(declared, what)
+    if infinite and isinstance(value, float) and math.isinf(value):
+        return
+    try:
+        real(f"{type(declared).__name__}: {what}", value)
+    except ArgumentError as problem:
+        raise DeclarationError(str(problem)) from None
+
+
+def _check_default(declared: Parameter | Input) -> None:
+    """A value that a parameter or an input has by itself: a number, an expression, a function of the component."""
+    value = declared.default
+    if value is NO_VALUE or value is None or (callable(value) and not isinstance(value, type)) or isinstance(value, sympy.Expr):
+        return
+    _check_number(declared, "default")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +118,12 @@ class Parameter(Declaration):
     max: float = float("inf")
 
     def __post_init__(self) -> None:
-        _check_text(self)
+        _check_text(self, "unit", "description")
+        _check_number(self, "min", infinite=True)
+        _check_number(self, "max", infinite=True)
+        if self.min > self.max:
+            raise DeclarationError(f"Parameter: min is {self.min:g}, above max, which is {self.max:g}")
+        _check_default(self)
 
     def __get__(self, instance: Any, owner: type) -> Any:
         return self if instance is None else instance._parameter(self.name)
@@ -127,14 +159,18 @@ class Variable(Declaration):
     words: Mapping[float, str] | None = None
 
     def __post_init__(self) -> None:
-        _check_text(self)
-        if self.state not in get_args(StatePreference):
+        _check_text(self, "unit", "description")
+        if not (isinstance(self.state, str) and self.state in get_args(StatePreference)):
             raise DeclarationError(
-                f"Variable(state={self.state!r}): valid choices: {', '.join(map(repr, get_args(StatePreference)))}"
+                f"Variable(state={shown(self.state)}): valid choices: {', '.join(map(repr, get_args(StatePreference)))}"
             )
-        if not (isinstance(self.nominal, (int, float)) and 0.0 < self.nominal < float("inf")):
+        _check_number(self, "guess")
+        if self.start is not None:
+            _check_number(self, "start")
+        _check_number(self, "nominal")
+        if not self.nominal > 0.0:
             raise DeclarationError(
-                f"Variable(nominal={self.nominal!r}): expected a positive number, the typical size of the variable"
+                f"Variable(nominal={shown(self.nominal)}): expected a positive number, the typical size of the variable"
             )
 
 
@@ -146,6 +182,10 @@ class Input(Variable):
     """
 
     default: Any = NO_VALUE
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_default(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +206,9 @@ class Derivative(Declaration):
     unit: str = "1"
     description: str = ""
 
+    def __post_init__(self) -> None:
+        _check_text(self, "of", "unit", "description")
+
     def __get__(self, instance: Any, owner: type) -> Any:
         return self if instance is None else der(instance._symbol(self.of))
 
@@ -180,6 +223,10 @@ class Discrete(Declaration):
     description: str = ""
     start: float = 0.0
 
+    def __post_init__(self) -> None:
+        _check_text(self, "description")
+        _check_number(self, "start")
+
 
 @dataclass(frozen=True, eq=False)
 class Structural(Declaration):
@@ -191,6 +238,11 @@ class Structural(Declaration):
     default: Any
     description: str = ""
     choices: tuple[Any, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_text(self, "description")
+        if not isinstance(self.choices, (tuple, list)):
+            raise DeclarationError(f"Structural: choices is {shown(self.choices)}; expected a tuple of the valid values")
 
     def __get__(self, instance: Any, owner: type) -> Any:
         if instance is None:
@@ -246,6 +298,13 @@ class Connector(Declaration):
     description: str = ""
     when: str | None = field(default=None, kw_only=True)
     variables: ClassVar[dict[str, Variable]] = {}
+
+    def __post_init__(self) -> None:
+        _check_text(self, "description")
+        if not (self.when is None or isinstance(self.when, str)):
+            raise DeclarationError(
+                f"{type(self).__name__}: when is {shown(self.when)}; expected the name of a Structural of the component"
+            )
 
     def __init_subclass__(cls) -> None:
         own = {name: value for name, value in vars(cls).items() if isinstance(value, (Potential, Flow))}

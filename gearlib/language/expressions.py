@@ -1,20 +1,23 @@
 """The expressions that equations are written in: sympy's, with a few additions for models.
 
-``der(x)`` is the time derivative, ``time`` the independent variable. Everything is real.
+``der(x)`` is the time derivative, ``time`` the independent variable. Everything is real. sympy executes text that it is handed, so
+that nothing is handed to it but numbers and expressions: `as_number`, `as_condition` and `value_of` are the only ways in.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
+import numpy as np
 import sympy
-from sympy import And, Max, Min, Not, Or, Piecewise
 from sympy.core.function import UndefinedFunction
-from sympy.logic.boolalg import Boolean
+from sympy.logic.boolalg import Boolean, BooleanAtom, BooleanFunction
 
-from gearlib.errors import DeclarationError
+from gearlib.arguments import real, shown
+from gearlib.errors import ArgumentError, DeclarationError
 
 __all__ = [
     "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "When", "acos", "asin", "atan", "atan2", "cos", "cosh", "der",
@@ -25,12 +28,183 @@ __all__ = [
 time: Any = sympy.Symbol("time", real=True)
 pi: Any = sympy.pi
 
-sin, cos, tan = sympy.sin, sympy.cos, sympy.tan
-asin, acos, atan, atan2 = sympy.asin, sympy.acos, sympy.atan, sympy.atan2
-sinh, cosh, tanh = sympy.sinh, sympy.cosh, sympy.tanh
-exp, log, sqrt, sign = sympy.exp, sympy.log, sympy.sqrt, sympy.sign
-
+DEEPEST = 130  # levels; at 200 sympy's derivative exceeds Python's usual limit of 1000 frames
+TOO_DEEP = "an expression is nested too deeply; give its parts to variables with equations of their own"
 _NO_EVENT: Callable[[Any], Any] = UndefinedFunction("no_event", real=True)
+_EXPECTED = "a number or an expression of variables, such as self.w or self.flange_a.phi"
+
+
+def as_number(value: Any, said: str) -> Any:
+    """A number or an expression in sympy's form.
+
+    Parameters
+    ----------
+    value : number or sympy expression
+    said : str
+        What the value is called in messages.
+
+    Raises
+    ------
+    DeclarationError
+        Anything else: text, a condition, a container, a number that is not finite.
+
+    Examples
+    --------
+    >>> as_number(2, "the argument of sin")
+    2
+    """
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool):
+        try:
+            found = real(said, value, f"{_EXPECTED}, and finite")
+        except ArgumentError as problem:
+            raise DeclarationError(str(problem)) from None
+        return sympy.Integer(int(value)) if isinstance(value, (int, np.integer)) else sympy.Float(found)
+    if isinstance(value, Fraction):
+        return sympy.Rational(value.numerator, value.denominator)
+    if isinstance(value, sympy.Expr) and not value.is_Matrix:
+        return value
+    hint = ""
+    if isinstance(value, str):
+        hint = f"text is never evaluated; write self.{value}" if value.isidentifier() else "text is never evaluated"
+    elif isinstance(value, Boolean):
+        hint = "a condition is no number; gl.Piecewise((1, condition), (0, True)) makes it one"
+    raise DeclarationError(f"{said} is {shown(value)}; expected {_EXPECTED}{f' ({hint})' if hint else ''}")
+
+
+def as_condition(value: Any, said: str) -> Any:
+    """A comparison, or several joined by And, Or and Not, in sympy's form; a Boolean, too.
+
+    Raises
+    ------
+    DeclarationError
+        Anything else: a number, a variable (which is not compared), text.
+
+    Examples
+    --------
+    >>> as_condition(time < 2, "the condition")
+    time < 2
+    """
+    if isinstance(value, (bool, np.bool_)):
+        return sympy.true if value else sympy.false
+    if isinstance(value, sympy.Symbol):  # sympy's symbols are Boolean, too
+        raise DeclarationError(
+            f"{said} is {value}, which is no condition; compare it, as in {value} > 0 (a discrete variable: gl.holds(...))"
+        )
+    if isinstance(value, BooleanFunction):
+        for part in value.args:
+            as_condition(part, said)
+        return value
+    if isinstance(value, Boolean):
+        return value
+    raise DeclarationError(f"{said} is {shown(value)}, which is no condition; expected a comparison, such as self.x > 0.5")
+
+
+def value_of(expression: Any, said: str = "a value") -> Any:
+    """An expression as a number: 1 for a condition that holds, 0 for one that does not."""
+    if isinstance(expression, (bool, np.bool_)):
+        return sympy.Integer(int(expression))
+    if isinstance(expression, Boolean) and not isinstance(expression, sympy.Symbol):
+        return sympy.Piecewise((1, as_condition(expression, said)), (0, True))
+    return as_number(expression, said)
+
+
+def check_depth(expression: Any, said: str) -> None:
+    """Refuse an expression that is nested more deeply than it can be differentiated and printed, which sympy does by recursion."""
+    level = {expression} if isinstance(expression, sympy.Basic) else set()
+    for _ in range(DEEPEST):
+        level = {part for node in level for part in node.args}
+        if not level:
+            return
+    raise DeclarationError(f"{said}: {TOO_DEEP}")
+
+
+def _function(kind: Any, count: int = 1) -> Callable[..., Any]:
+    """A function of sympy's that takes numbers and expressions only."""
+    name = kind.__name__
+
+    def call(*arguments: Any) -> Any:
+        if len(arguments) != count:
+            raise TypeError(f"{name}() takes {count} argument{'s' if count > 1 else ''}, got {len(arguments)}")
+        return kind(*(as_number(a, f"the argument of {name}()") for a in arguments))
+
+    call.__name__ = call.__qualname__ = name
+    call.__doc__ = f"{name} of {'a number or an expression' if count == 1 else 'numbers or expressions'}."
+    return call
+
+
+sin, cos, tan = _function(sympy.sin), _function(sympy.cos), _function(sympy.tan)
+asin, acos, atan, atan2 = _function(sympy.asin), _function(sympy.acos), _function(sympy.atan), _function(sympy.atan2, 2)
+sinh, cosh, tanh = _function(sympy.sinh), _function(sympy.cosh), _function(sympy.tanh)
+exp, log, sqrt, sign = _function(sympy.exp), _function(sympy.log), _function(sympy.sqrt), _function(sympy.sign)
+
+
+def _numbers(name: str, values: tuple[Any, ...]) -> list[Any]:
+    if not values:
+        raise DeclarationError(f"{name}() is given nothing; expected one or more numbers or expressions")
+    return [as_number(v, f"an argument of {name}()") for v in values]
+
+
+def Max(*values: Any) -> Any:
+    """The largest of some numbers or expressions."""
+    return sympy.Max(*_numbers("Max", values))
+
+
+def Min(*values: Any) -> Any:
+    """The smallest of some numbers or expressions."""
+    return sympy.Min(*_numbers("Min", values))
+
+
+def And(*conditions: Any) -> Any:
+    """The condition that all of some conditions hold."""
+    return sympy.And(*(as_condition(c, "an argument of And()") for c in conditions))
+
+
+def Or(*conditions: Any) -> Any:
+    """The condition that one or more of some conditions hold."""
+    return sympy.Or(*(as_condition(c, "an argument of Or()") for c in conditions))
+
+
+def Not(condition: Any) -> Any:
+    """The condition that a condition does not hold."""
+    return sympy.Not(as_condition(condition, "the argument of Not()"))
+
+
+def Piecewise(*branches: tuple[Any, Any]) -> Any:
+    """The value of the first branch whose condition holds.
+
+    Parameters
+    ----------
+    *branches : (value, condition)
+        The last condition is True.
+
+    Raises
+    ------
+    DeclarationError
+        A branch that is no such pair, or one that Python knows to be False: ``==`` compares symbols, not what they stand for.
+
+    Examples
+    --------
+    >>> Piecewise((10, time < 0.5), (0, True))
+    Piecewise((10, time < 0.5), (0, True))
+    """
+    pairs = []
+    for branch in branches:
+        if not isinstance(branch, (tuple, list, sympy.Tuple)) or len(branch) != 2:
+            raise DeclarationError(
+                f"Piecewise() is given {shown(branch)}; expected (value, condition), such as (1, self.x > 0)"
+            )
+        value, condition = branch
+        if isinstance(condition, (bool, np.bool_)) and not condition:
+            raise DeclarationError(f"Piecewise(): the condition of {shown(value)} is False; {_COMPARED_AT_ONCE}")
+        pairs.append((value_of(value, "a value of Piecewise()"), as_condition(condition, "a condition of Piecewise()")))
+    if not pairs:
+        raise DeclarationError("Piecewise() is given nothing; expected (value, condition), ..., (value, True)")
+    return sympy.Piecewise(*pairs)
+
+
+_COMPARED_AT_ONCE = "== compares at once, gl.equals(variable, value) at every moment"
 
 
 @dataclass(frozen=True)
@@ -50,10 +224,7 @@ class Eq:
 
     @property
     def residual(self) -> Any:
-        for side in (self.left, self.right):
-            if isinstance(side, str):
-                raise TypeError(f"{side!r} is text; write an expression of variables, such as self.{side}")
-        return sympy.sympify(self.left) - value_of(self.right)
+        return value_of(self.left, "the left side") - value_of(self.right, "the right side")
 
 
 @dataclass(frozen=True)
@@ -85,38 +256,44 @@ class When:
     actions: tuple[Eq | Reinit, ...]
 
     def __init__(self, condition: Any, *actions: Eq | Reinit) -> None:
-        object.__setattr__(self, "condition", condition)
+        found = as_condition(condition, "the condition of When()")
+        if isinstance(found, BooleanAtom):
+            raise DeclarationError(
+                f"When(): the condition is {bool(found)}, and never becomes true; {_COMPARED_AT_ONCE}, and gl.initial() holds at the "
+                "start"
+            )
+        for action in actions:
+            if not isinstance(action, (Eq, Reinit)):
+                raise DeclarationError(
+                    f"When() is given {shown(action)}; expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)"
+                )
+        object.__setattr__(self, "condition", found)
         object.__setattr__(self, "actions", actions)
 
 
 def reinit(state: Any, value: Any) -> Reinit:
     """Give a state a new value; only in `When`."""
-    return Reinit(state, value)
-
-
-def value_of(expression: Any) -> Any:
-    """An expression as a number: 1 for a condition that holds, 0 for one that does not."""
-    expression = sympy.sympify(expression)
-    if isinstance(expression, Boolean) and not isinstance(expression, sympy.Symbol):  # sympy's symbols are Boolean, too
-        return sympy.Piecewise((1, expression), (0, True))
-    return expression
+    if not isinstance(state, sympy.Symbol):
+        raise DeclarationError(f"reinit() is given {shown(state)}; expected a state, such as self.w")
+    return Reinit(state, value_of(value, f"the new value of {state} in reinit()"))
 
 
 def pre(variable: Any) -> Any:
     """The value of a discrete variable before the event that is being handled."""
     if not isinstance(variable, sympy.Symbol):
-        raise DeclarationError(f"pre({variable!r}): expected a discrete variable, such as self.mode")
+        raise DeclarationError(f"pre({shown(variable)}): expected a discrete variable, such as self.mode")
     return sympy.Symbol(f"pre({variable.name})", real=True)
 
 
 def holds(variable: Any) -> Any:
     """The condition that a discrete variable is not zero."""
-    return sympy.Ne(variable, 0)
+    return sympy.Ne(as_number(variable, "the argument of holds()"), 0)
 
 
 def equals(variable: Any, value: float) -> Any:
     """The condition that a discrete variable has a value."""
-    return sympy.Eq(variable, value)
+    wanted = int(value) if isinstance(value, (bool, np.bool_)) else value
+    return sympy.Eq(as_number(variable, "the variable of equals()"), as_number(wanted, "the value of equals()"))
 
 
 def initial() -> Any:
@@ -138,14 +315,7 @@ def der(expression: Any) -> Any:
     >>> der(phi**2)
     2*der(phi)*phi
     """
-    try:
-        if isinstance(expression, str):
-            raise TypeError
-        return total_derivative(sympy.sympify(expression), frozenset())
-    except (TypeError, AttributeError, sympy.SympifyError):
-        raise DeclarationError(
-            f"der({expression!r}): expected a variable, such as self.w, or an expression of variables"
-        ) from None
+    return total_derivative(as_number(expression, "the argument of der()"), frozenset())
 
 
 def total_derivative(expression: Any, constants: frozenset[str]) -> Any:
@@ -160,4 +330,4 @@ def total_derivative(expression: Any, constants: frozenset[str]) -> Any:
 
 def no_event(expression: Any) -> Any:
     """The same value, with the relations in it evaluated at every moment and no event made of them."""
-    return _NO_EVENT(sympy.sympify(expression))
+    return _NO_EVENT(value_of(expression, "the argument of no_event()"))

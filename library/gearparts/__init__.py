@@ -174,7 +174,11 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(_HOME[name]), name)
         globals()[name] = value
         return value
-    raise AttributeError(f"module 'gearparts' has no attribute '{name}'")
+    if name.startswith("_"):  # asked by Python itself: __path__, __wrapped__, ...
+        raise AttributeError(f"module 'gearparts' has no attribute '{name}'")
+    from gearlib.errors import nearest
+
+    raise AttributeError(f"module 'gearparts' has no attribute '{name}'; {nearest(name, _HOME)}")
 
 
 def __dir__() -> list[str]:

@@ -15,7 +15,7 @@ import sympy as sp
 import gearlib as gl
 from gearlib.bondgraph import GY, TF, BondGraph, C, I, R, Se, Sf, Zero
 from gearlib.bondgraph import time as graph_time
-from gearlib.bondgraph.elements import Element, Junction, Storage, expression
+from gearlib.bondgraph.elements import Element, Junction, Storage, checked, expression
 from gearlib.errors import ArgumentError, DeclarationError, nearest
 from gearparts.interfaces import Flange, TranslationalFlange
 
@@ -159,10 +159,10 @@ def from_bond_graph(
     variables = _variables(graph, dict(nominal or {}))
     inputs = [n for n in _open_sources(graph) if n not in {b for _, _, b in connectors}]
     declared: list[tuple[str, Any]] = [(n, kind(f"bond {b}")) for n, kind, b in connectors]
-    declared += [(_source_name(graph, n), gl.Input("SI", f"source on bond {n}")) for n in inputs]
+    declared += [(_source_name(graph, n), gl.Input("any", f"source on bond {n}")) for n in inputs]
     lower = dict.fromkeys(_stored_values(graph), 0.0)
     declared += [
-        (p, gl.Parameter("SI", "parameter of the bond graph", min=lower.get(p, -math.inf)))
+        (p, gl.Parameter("any", "parameter of the bond graph", min=lower.get(p, -math.inf)))
         for p in _parameters(graph, variables)
     ]
     members: dict[str, Any] = {}
@@ -174,7 +174,7 @@ def from_bond_graph(
         if not isinstance(members.get(key), gl.Parameter):
             valid = [n for n, d in members.items() if isinstance(d, gl.Parameter)]
             raise ArgumentError(f"{graph.name}: no parameter '{key}'; {nearest(key, valid)}")
-        members[key] = gl.Parameter("SI", "parameter of the bond graph", default=value, min=lower.get(key, -math.inf))
+        members[key] = gl.Parameter("any", "parameter of the bond graph", default=value, min=lower.get(key, -math.inf))
     members |= variables
     words = "".join(c if c.isalnum() else " " for c in graph.name).split()
     title = name or "".join(word[:1].upper() + word[1:] for word in words)
@@ -223,7 +223,7 @@ def _variables(graph: BondGraph, nominal: dict[str, float]) -> dict[str, Any]:
     plain |= {f"{word[0]}_{n}": (f"{word} of bond {n}", "avoid") for word in ("effort", "flow") for n in graph.bonds}
     if unknown := [key for key in nominal if key not in plain]:
         raise ArgumentError(f"{graph.name}: no variable '{unknown[0]}'; {nearest(unknown[0], plain)}")
-    return {key: gl.Variable("SI", text, state=wish, nominal=nominal.get(key, 1.0)) for key, (text, wish) in plain.items()}
+    return {key: gl.Variable("any", text, state=wish, nominal=nominal.get(key, 1.0)) for key, (text, wish) in plain.items()}
 
 
 def _parameters(graph: BondGraph, variables: Mapping[str, Any]) -> list[str]:
@@ -249,16 +249,16 @@ def _values(graph: BondGraph, element: Element) -> Iterator[Any]:
 def _law(element: Storage, stored: Any, number: int) -> Any:
     """What a storage element gives for what it stores."""
     if element.law is not None:
-        return sp.sympify(element.law(stored))
+        return checked(element.law(stored), f"the law of {element.kind}_{number}")
     return stored / expression(element.value, f"{element.kind}_{number}")
 
 
 def _resistance(element: R, effort: Any, flow: Any, number: int) -> tuple[Any, Any]:
     """The two sides of a resistance's law."""
     if element.law is not None:
-        return effort, sp.sympify(element.law(flow))
+        return effort, checked(element.law(flow), f"the law of R_{number}")
     if element.conductance is not None:
-        return flow, sp.sympify(element.conductance(effort))
+        return flow, checked(element.conductance(effort), f"the conductance of R_{number}")
     return effort, flow * expression(element.value, f"R_{number}")
 
 

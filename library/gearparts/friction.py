@@ -31,7 +31,7 @@ class Friction(gl.Component):
 
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
     w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached against the direction of sliding", default=1e10)
-    sa = gl.Variable("1", "curve parameter: torque while locked, acceleration otherwise")
+    sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     v = gl.Variable("rad/s", "relative speed of the friction surfaces")
     tau0 = gl.Variable("N.m", "sliding torque at zero speed")
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free, 3 unknown", start=UNKNOWN)
@@ -225,7 +225,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
 
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
     w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached while stuck", default=1e10)
-    sa = gl.Variable("1", "curve parameter: torque while locked, acceleration otherwise")
+    sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     tau0 = gl.Variable("N.m", "sliding torque at zero speed")
     tau0_max = gl.Variable("N.m", "torque at which it breaks away")
     stuck = gl.Discrete("locked, or not yet sliding")

@@ -44,7 +44,7 @@ class LossyGear(TwoFlanges, Dissipative):
     phi_a = gl.Variable("rad", "angle of flange_a relative to the housing")
     w_a = gl.Variable("rad/s", "speed of flange_a relative to the housing")
     a_a = gl.Derivative("w_a", "rad/s2", "acceleration of flange_a relative to the housing")
-    sa = gl.Variable("1", "curve parameter: loss while locked, acceleration otherwise")
+    sa = gl.Variable("any", "curve parameter: loss while locked, acceleration otherwise")
     tau_loss = gl.Variable("N.m", "torque lost, at flange_a")
     tau_eta = gl.Variable("N.m", "torque that tells which side drives")
     loss_forward = gl.Variable("N.m", "loss at which it starts to turn forward")

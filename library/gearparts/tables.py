@@ -96,7 +96,7 @@ def _akima_slopes(rows: Rows, column: int) -> list[float]:
 def piecewise_without_events(*branches: Any) -> Any:
     """A `Piecewise` whose conditions are evaluated at every moment; plain where its branches are all the same."""
     law = gl.Piecewise(*branches)
-    return gl.no_event(law) if isinstance(law, gl.Piecewise) else law
+    return gl.no_event(law) if isinstance(law, sympy.Piecewise) else law
 
 
 def at_zero(rows: Rows, column: int = 1, smoothness: str = "linear") -> float:
@@ -113,7 +113,7 @@ def at_zero(rows: Rows, column: int = 1, smoothness: str = "linear") -> float:
     x = sympy.Symbol("x", real=True)
     law = interpolated(rows, x, column, smoothness)
     law = law.args[0] if getattr(law, "func", None) == gl.no_event(x).func else law  # what no_event was told
-    return float(sympy.sympify(law).subs(x, 0))
+    return float(law.subs(x, 0)) if isinstance(law, sympy.Basic) else float(law)
 
 
 def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:

@@ -92,7 +92,7 @@ def test_parameters_in_a_circle() -> None:
 
 def part(**given: Any) -> gl.Component:
     class Model(gl.Component):
-        q = gl.Parameter("1", "own parameter", default=1.0)
+        q = gl.Parameter("any", "own parameter", default=1.0)
 
         def assemble(self) -> list[Any]:
             self.other = gp.Inertia(J=1.0)

@@ -78,7 +78,7 @@ def test_slips_in_the_class_body(value: Any, message: str) -> None:
         ({"state": "prefered"}, "state='prefered'.*'never', 'avoid', 'default', 'prefer'"),
         ({"nominal": 0.0}, "nominal=0.0.*expected a positive number"),
         ({"nominal": -1.0}, "nominal=-1.0.*expected a positive number"),
-        ({"nominal": float("nan")}, "nominal=nan.*expected a positive number"),
+        ({"nominal": float("nan")}, "nominal is nan; expected a finite number"),
     ],
 )
 def test_wrong_attributes_of_a_variable(given: dict[str, Any], message: str) -> None:

@@ -20,22 +20,22 @@ class CarAxis(gl.Component):
     """
 
     eps = gl.Parameter("1", "square root of mass over stiffness", default=0.01)
-    M = gl.Parameter("kg", "mass", default=10.0)
-    L = gl.Parameter("m", "length of the axis", default=1.0)
-    L0 = gl.Parameter("m", "unstretched length of the springs", default=0.5)
-    r = gl.Parameter("m", "amplitude of the road", default=0.1)
+    M = gl.Parameter("1", "mass", default=10.0)
+    L = gl.Parameter("1", "length of the axis", default=1.0)
+    L0 = gl.Parameter("1", "unstretched length of the springs", default=0.5)
+    r = gl.Parameter("1", "amplitude of the road", default=0.1)
     omega = gl.Parameter("rad/s", "frequency of the road", default=10.0)
-    g = gl.Parameter("m/s2", "gravity", default=1.0)
-    xl = gl.Variable("m", "left end")
-    yl = gl.Variable("m", "left end")
-    xr = gl.Variable("m", "right end")
-    yr = gl.Variable("m", "right end")
-    ul = gl.Variable("m/s", "left end")
-    vl = gl.Variable("m/s", "left end")
-    ur = gl.Variable("m/s", "right end")
-    vr = gl.Variable("m/s", "right end")
-    lam1 = gl.Variable("N", "multiplier")
-    lam2 = gl.Variable("N/m", "multiplier")
+    g = gl.Parameter("1", "gravity", default=1.0)
+    xl = gl.Variable("1", "left end")
+    yl = gl.Variable("1", "left end")
+    xr = gl.Variable("1", "right end")
+    yr = gl.Variable("1", "right end")
+    ul = gl.Variable("1", "left end")
+    vl = gl.Variable("1", "left end")
+    ur = gl.Variable("1", "right end")
+    vr = gl.Variable("1", "right end")
+    lam1 = gl.Variable("1", "multiplier")
+    lam2 = gl.Variable("1", "multiplier")
 
     def equations(self) -> list[gl.Eq]:
         xl, yl, xr, yr, lam1, lam2 = self.xl, self.yl, self.xr, self.yr, self.lam1, self.lam2
@@ -152,11 +152,11 @@ def test_swings_change_their_states_on_the_way(method: str, angle: float, speed:
 class Slider(gl.Component):
     """A mass that is led along y = x**3 / 3 - x; x is a state everywhere, y between the turning points only."""
 
-    x = gl.Variable("m", "along")
-    y = gl.Variable("m", "across", state="prefer")
-    u = gl.Variable("m/s", "speed along")
-    v = gl.Variable("m/s", "speed across", state="prefer")
-    F = gl.Variable("N/kg", "force of the guide")
+    x = gl.Variable("1", "along")
+    y = gl.Variable("1", "across", state="prefer")
+    u = gl.Variable("1", "speed along")
+    v = gl.Variable("1", "speed across", state="prefer")
+    F = gl.Variable("1", "force of the guide")
 
     def equations(self) -> list[gl.Eq]:
         return [
@@ -188,8 +188,8 @@ def test_preferred_states_give_way_where_they_must() -> None:
 class Wedge(gl.Component):
     """x is the root of y until y = 0 leaves none."""
 
-    x = gl.Variable("m", "root", guess=1.0)
-    y = gl.Variable("m", "falls", start=1.0)
+    x = gl.Variable("1", "root", guess=1.0)
+    y = gl.Variable("1", "falls", start=1.0)
 
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(gl.der(self.y), -self.x - 0.5), gl.Eq(self.x**2, self.y)]

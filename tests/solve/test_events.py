@@ -80,7 +80,7 @@ def test_time_and_state_events(method):
 class Oscillator(gl.Component):
     """Mass with a gap: no force within +-g, stiffness c beyond (closed form in pieces)."""
 
-    c = gl.Parameter("N/m", "stiffness", default=400.0)
+    c = gl.Parameter("N/(m.kg)", "stiffness by mass", default=400.0)
     x = gl.Variable("m", "position", start=0.0)
     v = gl.Variable("m/s", "speed", start=1.0)
 
@@ -164,9 +164,9 @@ class Relays(gl.Component):
     """Two oscillators in phase cross zero at the same instants; each flips a relay, and a third counts where both are on."""
 
     x = gl.Variable("1", "x", start=1.0)
-    v = gl.Variable("1/s", "x'", start=0.0)
+    v = gl.Variable("1", "x'", start=0.0)
     y = gl.Variable("1", "y", start=2.0)
-    u = gl.Variable("1/s", "y'", start=0.0)
+    u = gl.Variable("1", "y'", start=0.0)
     on = gl.Discrete("x is negative")
     off = gl.Discrete("y is negative")
     both = gl.Discrete("how often both became negative")

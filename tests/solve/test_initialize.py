@@ -178,7 +178,7 @@ def test_guesses_and_starts_of_an_opposite_alias() -> None:
 
 def test_start_values_may_be_expressions_of_parameters() -> None:
     class Model(gl.Component):
-        n = gl.Parameter("rpm", "speed", default=60.0)
+        n = gl.Parameter("1", "speed in revolutions per minute", default=60.0)
 
         def assemble(self) -> list[Any]:
             self.load = gp.Inertia(J=1.0, start={"w": 2 * gl.pi * self.n / 60})

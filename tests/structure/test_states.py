@@ -108,7 +108,7 @@ def test_angles_of_connectors_are_avoided_without_being_told() -> None:
         def equations(self) -> list[gl.Eq]:
             return [
                 gl.Eq(10 * self.q, 3 * self.flange_a.phi - self.flange_b.phi),
-                gl.Eq(self.flange_b.tau, -100 * self.q - gl.der(self.q)),
+                gl.Eq(self.flange_b.tau, -100.0 * self.q - 1.0 * gl.der(self.q)),
                 gl.Eq(self.flange_a.tau, -3 * self.flange_b.tau),
             ]
 

@@ -1,0 +1,261 @@
+"""Dimensions: whether the equations of a component, and the values that it gives to its parts, fit the units that it declares.
+
+Written numbers, and functions of time that are made of numbers, fit every dimension when they stand by themselves; so does what is
+multiplied by a number with a decimal point, since tables put the numbers of their rows into equations. Whole numbers, fractions and pi
+as factors have no dimension in equations; in a value given to a part they may carry a unit, as the 4 of ``tau=-4 * self.load.w``.
+The derivative of a variable in "1" fits every dimension: such a model is written in time without a unit.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import sympy
+from sympy.core.relational import Relational
+
+from gearlib.arguments import shown
+from gearlib.errors import ModelError
+from gearlib.language.component import Component, _inside, equations_of
+from gearlib.language.declarations import Connector, Derivative, Discrete, Input, Parameter
+from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, value_of
+from gearlib.language.units import NONE, SECOND, Dimension, dimension, name_of
+
+Pair = tuple[Any, Any, str]  # what should be of one dimension, or an expression and a dimension; and where they stand
+UnitOf = Callable[[str], Dimension | None]
+_DER = re.compile(r"der\((.*)\)$")
+_OF_NUMBERS = (
+    sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.sinh, sympy.cosh, sympy.tanh, sympy.asinh,
+    sympy.acosh, sympy.atanh, sympy.exp, sympy.log,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Units:
+    """What is known of symbols, and whether written numbers as factors may carry a unit."""
+
+    of: UnitOf  # dimension by name, None where it may have any
+    loose: bool
+
+
+class _Mismatch(Exception):
+    """Two dimensions that should be one."""
+
+
+def check_units(component: Component) -> list[str]:
+    """Where the equations of a component and of its parts, and the values given to parts, do not fit the declared units.
+
+    What `compile` refuses, without compiling: no parameter needs a value. An angle has no dimension, zero and written numbers fit every
+    dimension.
+
+    Parameters
+    ----------
+    component : Component
+        An instance; its structural choices decide which equations it has.
+
+    Returns
+    -------
+    list of str
+        One message for each misfit; empty where all fits.
+
+    Examples
+    --------
+    >>> import gearlib as gl
+    >>> class Wrong(gl.Component):
+    ...     m = gl.Parameter("kg", "mass")
+    ...     v = gl.Variable("m/s", "speed")
+    ...     def equations(self):
+    ...         return [gl.Eq(self.m * gl.der(self.v), self.v)]
+    >>> gl.check_units(Wrong())
+    ['Wrong: der(v)*m is in kg.m.s-2, v is in m.s-1']
+    """
+    if not isinstance(component, Component):
+        hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
+        raise ModelError(f"expected a component, got {shown(component)}{hint}")
+    errors: dict[str, None] = {}
+    stack = [component]
+    while stack:
+        node = stack.pop()
+        node._assembled()
+        errors.update(dict.fromkeys(unit_errors(node, values_compared(node, equations_of(node)))))
+        errors.update(dict.fromkeys(unit_errors(node, values_given(node))))
+        stack += node._parts.values()
+    return list(errors)
+
+
+def unit_errors(component: Component, pairs: Iterable[Pair]) -> list[str]:
+    """One message for each pair whose dimensions differ."""
+    kind, errors = type(component).__name__, dict[str, None]()
+    unit_of = _lookup(component)
+    known: dict[Any, Dimension | None] = {}
+
+    def measured(value: Any, loose: bool) -> Dimension | None:
+        if (value, loose) not in known:
+            known[value, loose] = _measure(value, _Units(unit_of, loose))
+        return known[value, loose]
+
+    for left, right, where in pairs:
+        check_depth(left, where or kind)
+        check_depth(right, where or kind)
+        try:
+            a = measured(value_of(left), bool(where))
+            b = right if isinstance(right, tuple) else measured(value_of(right), False)
+            if a is not None and b is not None and a != b:
+                if where:
+                    errors[f"{kind}: {where} is in {name_of(b)}, its value {left} in {name_of(a)}"] = None
+                else:
+                    errors[f"{kind}: {left} is in {name_of(a)}, {right} is in {name_of(b)}"] = None
+        except _Mismatch as problem:
+            errors[f"{kind}: {problem} ({f'in the value of {where}' if where else f'in {left} = {right}'})"] = None
+    return list(errors)
+
+
+def values_compared(component: Component, equations: Iterable[Eq | When]) -> Iterator[Pair]:
+    """Both sides of all equations, of actions too, conditions, and names of derivatives."""
+    for equation in equations:
+        if isinstance(equation, Eq):
+            yield equation.left, equation.right, ""
+            continue
+        yield equation.condition, 0, ""
+        for action in equation.actions:
+            yield (action.state, action.value, "") if isinstance(action, Reinit) else (action.left, action.right, "")
+    with _inside(component):
+        for name, declared in component._declarations.items():
+            if isinstance(declared, Derivative) and declared.of in component._declarations:
+                unit = dimension(declared.unit)
+                yield getattr(component, name), NONE if unit is None else unit, name
+
+
+def values_given(component: Component) -> Iterator[Pair]:
+    """Values by default, and those given to parts: expressions, since a number is in the declared unit."""
+    with _inside(component):
+        for name, own in component._declarations.items():
+            if isinstance(own, (Parameter, Input)):
+                yield from _given(component, f"the default of {name}", own.unit, own.default)
+        for name, part in component._parts.items():
+            for key, value in part._bindings.items():
+                yield from _given(component, f"{name}.{key}", part._bindable[key].unit, value)
+            of_part = _lookup(part)
+            for given in (part._start, part._guess):
+                for key, value in given.items():
+                    if isinstance(value, sympy.Basic) and isinstance(key, str) and (wanted := of_part(key)) is not None:
+                        yield value, wanted, f"the start value of {name}.{key}"
+
+
+def _given(component: Component, where: str, unit: str, value: Any) -> Iterator[Pair]:
+    wanted = dimension(unit)
+    if callable(value) and not isinstance(value, sympy.Basic):
+        try:
+            value = value(component)
+        except Exception:  # a user's function: what is wrong with it is said where its value is needed
+            return
+    if isinstance(value, sympy.Basic) and wanted is not None:
+        yield value, wanted, where
+
+
+def _lookup(component: Component) -> UnitOf:
+    """A function that gives the dimension of a symbol by its name, None where it may have any."""
+
+    def declared_unit(name: str) -> str:
+        owner = component
+        *path, last = name.split(".")
+        for step in path:
+            if step in owner._parts:
+                owner = owner._parts[step]
+                continue
+            connector = owner._declarations.get(step)
+            inner = connector.variables.get(last) if isinstance(connector, Connector) else None
+            return inner.unit if inner is not None else "any"
+        declared = owner._declarations.get(last)
+        return "any" if isinstance(declared, Discrete) else getattr(declared, "unit", "any")
+
+    def dimension_of(name: str) -> Dimension | None:
+        if name == time.name:
+            return SECOND
+        if found := _DER.match(name):
+            inner = None if declared_unit(found[1]) == "1" else dimension_of(found[1])
+            return None if inner is None else _times(inner, SECOND, -1)
+        return dimension(declared_unit(name))
+
+    return dimension_of
+
+
+def _times(a: Dimension, b: Dimension, power: Any = 1) -> Dimension:
+    p = Fraction(power)
+    return tuple(x + p * y for x, y in zip(a, b, strict=True))
+
+
+def _one(terms: Iterable[Any], units: _Units, whole: Any) -> Dimension | None:
+    """The dimension that terms have in common."""
+    common: Dimension | None = None
+    first: Any = None
+    for term in terms:
+        d = _measure(term, units)
+        if d is None:
+            continue
+        if common is not None and d != common:
+            raise _Mismatch(f"{first} is in {name_of(common)}, {term} is in {name_of(d)}, together in {whole}")
+        common, first = d, term
+    return common
+
+
+def _measure(e: Any, units: _Units) -> Dimension | None:
+    """The dimension of an expression; None where it may have any."""
+    if isinstance(e, sympy.Symbol):
+        return None if e == time else units.of(e.name)
+    if not e.free_symbols - {time}:
+        return None
+    if isinstance(e, sympy.Mul):
+        return _product(_factor(f, units) for f in e.args)
+    if isinstance(e, sympy.Pow) and e.exp.is_Rational:
+        base = _factor(e.base, units)
+        return None if base is None else _times(NONE, base, Fraction(int(e.exp.p), int(e.exp.q)))
+    if isinstance(e, (sympy.Pow, *_OF_NUMBERS)):
+        for argument in e.args:
+            if (found := _measure(argument, units)) not in (None, NONE):
+                raise _Mismatch(f"{argument} is in {name_of(found)}, and has to be a pure number in {e}")
+        return NONE
+    if isinstance(e, (sympy.atan2, sympy.sign)):
+        _one(e.args, units, e)
+        return NONE
+    if isinstance(e, sympy.Piecewise):
+        for _, condition in e.args:
+            _measure_condition(condition, units)
+        return _one([value for value, _ in e.args], units, e)
+    if isinstance(e, sympy.Add) and any(units.of(s.name) is None for s in e.free_symbols):
+        return None
+    if isinstance(e, sympy.Expr):  # sums, extrema, absolute values, no_event
+        return _one(e.args, units, e)
+    _measure_condition(e, units)
+    return NONE
+
+
+def _factor(e: Any, units: _Units) -> Dimension | None:
+    """The dimension of a factor: a whole number has none there, and time is in s."""
+    if e == time:
+        return SECOND
+    if e.free_symbols - {time}:
+        return _measure(e, units)
+    if e.is_number:
+        return None if e.has(sympy.Float) or (units.loose and e not in (1, -1)) else NONE
+    if isinstance(e, sympy.Pow) and e.exp.is_Rational:
+        base = _factor(e.base, units)
+        return None if base is None else _times(NONE, base, Fraction(int(e.exp.p), int(e.exp.q)))
+    return NONE if isinstance(e, _OF_NUMBERS) else None
+
+
+def _product(factors: Iterable[Dimension | None]) -> Dimension | None:
+    total = NONE
+    for factor in factors:
+        if factor is None:
+            return None
+        total = _times(total, factor)
+    return total
+
+
+def _measure_condition(condition: Any, units: _Units) -> None:
+    for relation in condition.atoms(Relational) if isinstance(condition, sympy.Basic) else ():
+        _one(relation.args, units, relation)
