@@ -91,6 +91,14 @@ class SolverError(GearlibError, RuntimeError):
     """The integration failed."""
 
 
+USUAL = {  # what others call what is called so here
+    "omega": "w", "speed": "w", "angle": "phi", "theta": "phi", "alpha": "a", "torque": "tau", "inertia": "J", "stiffness": "c",
+    "damping": "d", "k": "c", "model": "Component", "block": "Component", "real": "Variable", "equation": "Eq", "equations": "Eq",
+    "planetarygear": "PlanetaryUnit", "gear": "IdealGear", "shaft": "TorsionalShaft", "motor": "Torque", "mass": "Mass",
+    "body": "Inertia", "planetary": "IdealPlanetary",
+}  # fmt: skip
+
+
 def nearest(name: str, valid: Iterable[str], limit: int = 12) -> str:
     """Advice for a misspelt ``name``: the closest of the ``valid`` ones, and all of them where they are few.
 
@@ -98,7 +106,11 @@ def nearest(name: str, valid: Iterable[str], limit: int = 12) -> str:
     "did you mean 'w_load'? Valid names: phi, w_load"
     """
     valid = sorted(set(valid))
-    close = [v for v in valid if v.lower() == name.lower()] or difflib.get_close_matches(name, valid, n=3, cutoff=0.5)
+    path, dot, last = name.rpartition(".")
+    close = [v for v in valid if v.lower() == name.lower() or v == path + dot + USUAL.get(last.lower(), "")]
+    close = close or difflib.get_close_matches(name, valid, n=3, cutoff=0.5)
+    if not close and dot and (beside := [v for v in valid if v.rpartition(".")[0] == path]):
+        return f"'{path}' has {', '.join(v.rpartition('.')[2] for v in beside[:limit])}"
     advice = "did you mean " + " or ".join(f"'{c}'" for c in close) + "?" if close else ""
     if not valid:
         return "there are none"

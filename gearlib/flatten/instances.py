@@ -212,6 +212,13 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                 own = own_variable(instance, record, name)
                 _set_start(tree, prefix, name, own, value, parent, fixed, instance.variables[name].unit)
                 continue
+            if name in instance.derivatives or (name.startswith("der(") and local in instance.variables):
+                of = instance.derivatives.get(name, name).removesuffix(")").removeprefix("der(")
+                raise BindingError(
+                    f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is the derivative of "
+                    f"'{of}' and follows from the equations; start={{'{of}': ...}} gives the start value of '{of}', and "
+                    "simulate(start='steady') begins where the derivatives vanish"
+                )
             inner, kind = _resolve(tree, component, name)  # of a part, whose own start value it replaces
             if kind != "variable":
                 part, head = descend(component, name)[0], name.rpartition(".")[0]

@@ -190,8 +190,10 @@ class Component:
             ("nominal", nominal, "typical sizes", "0.01"), ("state", state, "preferences", "'prefer'"),
         ):  # fmt: skip
             if given is not None and not isinstance(given, Mapping):
+                names = given if isinstance(given, (set, frozenset, list, tuple)) else ()
+                name = next((n for n in names if isinstance(n, str)), "w")
                 raise BindingError(
-                    f"{kind}: {what} is {shown(given)}; expected {kind_of} by name, such as {what}={{'w': {example}}}"
+                    f"{kind}: {what} is {shown(given)}; expected {kind_of} by name, such as {what}={{'{name}': {example}}}"
                 )
         put = object.__setattr__
         put(self, "_parent", None)

@@ -69,9 +69,79 @@ def test_a_misfit_of_a_value_given_to_a_part_is_found() -> None:
     assert gl.check_units(Wrong()) == ["Wrong: wrong.d is in kg.m2.s-1, its value C*R in kg.m.s-1"]
 
 
+def test_a_misfit_is_refused_when_the_class_is_compiled() -> None:
+    class Wrong(gl.Component):
+        flange = gp.Flange("shaft")
+        k = gl.Parameter("N.m/rad", "stiffness", default=2.0)
+        w = gl.Variable("rad/s", "speed")
+        a = gl.Derivative("w", "rad/s", "acceleration, with the unit of a speed")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.flange.tau, self.k * self.w)]
+
+    class Train(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.body, self.part = gp.Inertia(J=1.0), Wrong()
+            return [gl.connect(self.body.flange_b, self.part.flange)]
+
+    for _ in range(2):
+        with pytest.raises(
+            DeclarationError, match=r"units do not fit .*check_units.*: Wrong: flange\.tau is in .*, k\*w is in"
+        ):
+            gl.compile(Train())
+    assert len(gl.check_units(Train())) == 2
+    assert "Wrong: a is in s-1, its value der(w) in s-2" in gl.check_units(Train())
+
+
+def test_values_given_in_numbers_fit_every_unit() -> None:
+    class Right(gl.Component):
+        w = gl.Parameter("rad/s", "frequency", default=3.0)
+
+        def assemble(self) -> list[gl.Connection]:
+            self.body = gp.Inertia(J=2, start={"w": 2 * self.w})
+            self.fan = gp.Torque(tau=-4 * self.body.w)
+            self.torque = gp.Torque(tau=10 * gl.sin(2 * gl.pi * 5 * gl.time) + gl.cos(self.w * gl.time))
+            return [gl.connect(self.torque.flange, self.body.flange_a, self.fan.flange)]
+
+    assert gl.check_units(Right()) == []
+    gl.compile(Right())
+
+
+def test_a_model_in_numbers_needs_no_units() -> None:
+    class Oscillator(gl.Component):
+        x, v = gl.Variable("1", start=1.0), gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), gl.sin(gl.time) - self.x + 1)]
+
+    assert gl.check_units(Oscillator()) == []
+
+
+@pytest.mark.parametrize(
+    ("unit", "message"),
+    [
+        ("rpm", r"'rpm' is not written so: declare 'rad/s' for it, .*1 rpm is 0\.104719.*known: 1, rad, kg"),
+        ("Nms", r"declare 'N\.m\.s' for it"),
+        ("Nms/rad", r"has the factor 'Nms', .* declare 'N\.m\.s'"),
+        ("kN", r"declare 'N' for it, .*1 kN is 1e3 N"),
+        ("mm2", r"declare 'm' for it, .*1 mm is 1e-3 m"),
+        ("deg", r"declare 'rad' for it"),
+        ("N*m", r"join factors by points"),
+        ("parsec", r"'parsec' is not known; known: 1, rad"),
+        ("N/", r"'N/' is not known"),
+    ],
+)
+def test_units_that_are_refused(unit: str, message: str) -> None:
+    for declaration in (gl.Parameter, gl.Variable, gl.Input, lambda u: gl.Derivative("x", u)):
+        with pytest.raises(DeclarationError, match=message):
+            declaration(unit)
+
+
 def test_units_are_read() -> None:
     assert dimension("kg.m2/s2") == dimension("N.m") == dimension("J") == dimension("W.s/rad")
     assert name_of(dimension("N.m/rad")) == "kg.m2.s-2"
     assert name_of(dimension("rad")) == "1"
+    assert dimension("W/(m2.K)") == dimension("W.m-2/K")
+    assert dimension("V.A") == dimension("W")
     with pytest.raises(DeclarationError, match="has the factor 'lb'"):
         dimension("lb/m")
