@@ -100,7 +100,7 @@ def test_values_given_in_numbers_fit_every_unit() -> None:
         def assemble(self) -> list[gl.Connection]:
             self.body = gp.Inertia(J=2, start={"w": 2 * self.w})
             self.fan = gp.Torque(tau=-4 * self.body.w)
-            self.torque = gp.Torque(tau=10 * gl.sin(2 * gl.pi * 5 * gl.time) + gl.cos(self.w * gl.time))
+            self.torque = gp.Torque(tau=10 * gl.sin(2 * gl.pi * 5 * gl.time) + 1.0 * gl.cos(self.w * gl.time))
             return [gl.connect(self.torque.flange, self.body.flange_a, self.fan.flange)]
 
     assert gl.check_units(Right()) == []
