@@ -49,7 +49,7 @@ def test_what_is_imported_late_can_be_copied_and_pickled() -> None:
 @pytest.mark.parametrize(
     ("action", "error", "message"),
     [
-        (lambda: gl.compile(gp.Inertia(J=1, start={"a": 0})), BindingError, r"'a', which is the derivative of 'w' .*; start=\{'w': \.\.\.\}"),
+        (lambda: gl.compile(gp.Inertia(J=1, start={"a": 0})), BindingError, r"the derivative of 'w' and .*; start=\{'w': \.\.\.\}"),
         (lambda: gl.compile(gp.Inertia(J=1, start={"der(w)": 0})), BindingError, r"the derivative of 'w'"),
         (lambda: gl.compile(gp.Inertia(J=1, guess={"omega": 0})), BindingError, r"'omega', .* did you mean 'w'\?"),
         (lambda: gp.Inertia(J=1, start={"m.omega"}), BindingError, r"expected start values by name, such as start=\{'m\.omega': 100\.0"),

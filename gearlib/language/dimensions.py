@@ -2,7 +2,8 @@
 
 Written numbers, and functions of time that are made of numbers, fit every dimension when they stand by themselves; so does what is
 multiplied by a number with a decimal point, since tables put the numbers of their rows into equations. Whole numbers, fractions and pi
-as factors have no dimension in equations; in a value given to a part they may carry a unit, as the 4 of ``tau=-4 * self.load.w``.
+as factors have no dimension in equations; in a value given to a part they may carry a unit, as the 4 of ``tau=-4 * self.load.w``,
+and a value that is a pure number is in the declared unit.
 The derivative of a variable in "1" fits every dimension: such a model is written in time without a unit.
 """
 
@@ -103,7 +104,9 @@ def unit_errors(component: Component, pairs: Iterable[Pair]) -> list[str]:
         try:
             a = measured(value_of(left), bool(where))
             b = right if isinstance(right, tuple) else measured(value_of(right), False)
-            if a is not None and b is not None and a != b:
+            if (
+                a is not None and b is not None and a != b and not (where and a == NONE)
+            ):  # a value that is a number is in the unit
                 if where:
                     errors[f"{kind}: {where} is in {name_of(b)}, its value {left} in {name_of(a)}"] = None
                 else:

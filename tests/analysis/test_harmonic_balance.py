@@ -24,9 +24,9 @@ class BacklashOscillator(gl.Component):
     """Mass 1 behind a spring with backlash, under a preload and a harmonic force."""
 
     w = gl.Parameter("rad/s", default=1.0)
-    F_a = gl.Parameter("N", default=F_A)
-    q = gl.Variable("m", start=F_M / C + GAP / 2)
-    v = gl.Variable("m/s")
+    F_a = gl.Parameter("1", default=F_A)
+    q = gl.Variable("1", start=F_M / C + GAP / 2)
+    v = gl.Variable("1")
 
     def equations(self) -> list[gl.Eq]:
         drive, coast = self.q > GAP / 2, self.q < -GAP / 2
@@ -38,10 +38,10 @@ class BacklashOscillator(gl.Component):
 class Duffing(gl.Component):
     """``x'' + 2 zeta x' + x + alpha x**3 = F cos(w t)``."""
 
-    alpha = gl.Parameter("1/m2", default=1.0)
-    F = gl.Input("N")
-    x = gl.Variable("m")
-    v = gl.Variable("m/s")
+    alpha = gl.Parameter("1", default=1.0)
+    F = gl.Input("1")
+    x = gl.Variable("1")
+    v = gl.Variable("1")
 
     def equations(self) -> list[gl.Eq]:
         return [
@@ -253,8 +253,8 @@ class Rubbing(gl.Component):
     """Mass and spring with dry friction that never sticks: disturbances jump where the speed turns."""
 
     w = gl.Parameter("rad/s", default=0.7)
-    x = gl.Variable("m", start=1.0)
-    v = gl.Variable("m/s")
+    x = gl.Variable("1", start=1.0)
+    v = gl.Variable("1")
 
     def equations(self) -> list[gl.Eq]:
         friction = gl.Piecewise((0.2, self.v > 0), (-0.2, True))

@@ -159,7 +159,7 @@ class Coasting(gl.Component):
 
     w = gl.Variable("rad/s", "speed")
     tau = gl.Variable("N.m", "torque of the drive")
-    x = gl.Variable("1", "throttle")
+    x = gl.Variable("N.m", "torque that the throttle asks for")
 
     def equations(self) -> list[gl.Eq]:
         return [

@@ -229,7 +229,7 @@ class RunUp(gl.Component):
     def equations(self) -> list[gl.Eq]:
         phi = self.rotor.phi
         small = 0.25 * gl.sin(21.5 * phi) + 0.001 * gl.cos(34 * phi) + 0.05 * gl.cos(39.77 * phi)
-        return [gl.Eq(self.signal, 4 + 3 * gl.cos(17 * phi + 0.4) + small)]
+        return [gl.Eq(self.signal, 4 + 3.0 * gl.cos(17 * phi + 0.4) + small)]
 
 
 def test_orders_of_a_run_up_are_found_though_the_speed_changes() -> None:
