@@ -17,11 +17,10 @@ from gearlib.errors import BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.bindings import BoundInput, bind_input, canonical, is_expression, number
 from gearlib.flatten.model import Instance
-from gearlib.flatten.records import ClassRecord, Met, class_record, descend, refuse_misfits
+from gearlib.flatten.records import ClassRecord, Met, check_values, class_record, descend
 from gearlib.flatten.templates import Template
 from gearlib.language.component import Component, _inside
 from gearlib.language.declarations import NO_VALUE, Input
-from gearlib.language.dimensions import unit_errors, values_given
 from gearlib.language.expressions import check_depth
 
 
@@ -89,7 +88,7 @@ def walk(root: Component) -> Tree:
         _add_links(tree, component, number_)
     _bind_all(tree, root)
     for component in first_of_kind:
-        refuse_misfits(unit_errors(component, values_given(component)))
+        check_values(component)
     for component, number_ in composites:
         record = tree.records[number_]
         if not record.local:

@@ -14,6 +14,8 @@ from gearlib.flatten.templates import Template, template_of
 from gearlib.language.component import PRIVATE, Component, Declared, declared_by, equations_of
 from gearlib.language.declarations import Connector, Declaration, Discrete
 from gearlib.language.dimensions import unit_errors, values_compared
+from gearlib.language.declarations import Declaration, Discrete
+from gearlib.language.dimensions import unit_errors, values_compared, values_given
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
 
 
@@ -129,6 +131,19 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
         frozenset(component._read) | {d.when for d in component._declarations.values() if isinstance(d, Connector) and d.when},
         frozenset(n for t in everything for n in (*t.locals, *t.parameters)),
     )
+
+
+_fitting: WeakKeyDictionary[type[Component], set[Any]] = WeakKeyDictionary()  # values that were found to fit
+
+
+def check_values(component: Component) -> None:
+    """Refuse values given to parts whose units do not fit; those of an assembly that was met before are not measured again."""
+    pairs = tuple(values_given(component))
+    key = (tuple((n, type(p), tuple(p._structural.items())) for n, p in component._parts.items()), pairs)
+    known = _fitting.setdefault(type(component), set())
+    if pairs and key not in known:
+        refuse_misfits(unit_errors(component, pairs))
+        known.add(key)
 
 
 def refuse_misfits(errors: Sequence[str]) -> None:

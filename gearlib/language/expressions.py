@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -101,12 +102,18 @@ def as_condition(value: Any, said: str) -> Any:
     raise DeclarationError(f"{said} is {shown(value)}, which is no condition; expected a comparison, such as self.x > 0.5")
 
 
+@lru_cache(maxsize=10_000)
+def _built(kind: Any, arguments: tuple[Any, ...]) -> Any:
+    """A condition or a piecewise value, which sympy simplifies at length; equations are written again by every compilation."""
+    return kind(*arguments)
+
+
 def value_of(expression: Any, said: str = "a value") -> Any:
     """An expression as a number: 1 for a condition that holds, 0 for one that does not."""
     if isinstance(expression, (bool, np.bool_)):
         return sympy.Integer(int(expression))
     if isinstance(expression, Boolean) and not isinstance(expression, sympy.Symbol):
-        return sympy.Piecewise((1, as_condition(expression, said)), (0, True))
+        return _built(sympy.Piecewise, ((sympy.S.One, as_condition(expression, said)), (sympy.S.Zero, sympy.true)))
     return as_number(expression, said)
 
 
@@ -148,27 +155,27 @@ def _numbers(name: str, values: tuple[Any, ...]) -> list[Any]:
 
 def Max(*values: Any) -> Any:
     """The largest of some numbers or expressions."""
-    return sympy.Max(*_numbers("Max", values))
+    return _built(sympy.Max, tuple(_numbers("Max", values)))
 
 
 def Min(*values: Any) -> Any:
     """The smallest of some numbers or expressions."""
-    return sympy.Min(*_numbers("Min", values))
+    return _built(sympy.Min, tuple(_numbers("Min", values)))
 
 
 def And(*conditions: Any) -> Any:
     """The condition that all of some conditions hold."""
-    return sympy.And(*(as_condition(c, "an argument of And()") for c in conditions))
+    return _built(sympy.And, tuple(as_condition(c, "an argument of And()") for c in conditions))
 
 
 def Or(*conditions: Any) -> Any:
     """The condition that one or more of some conditions hold."""
-    return sympy.Or(*(as_condition(c, "an argument of Or()") for c in conditions))
+    return _built(sympy.Or, tuple(as_condition(c, "an argument of Or()") for c in conditions))
 
 
 def Not(condition: Any) -> Any:
     """The condition that a condition does not hold."""
-    return sympy.Not(as_condition(condition, "the argument of Not()"))
+    return _built(sympy.Not, (as_condition(condition, "the argument of Not()"),))
 
 
 def Piecewise(*branches: tuple[Any, Any]) -> Any:
@@ -201,7 +208,7 @@ def Piecewise(*branches: tuple[Any, Any]) -> Any:
         pairs.append((value_of(value, "a value of Piecewise()"), as_condition(condition, "a condition of Piecewise()")))
     if not pairs:
         raise DeclarationError("Piecewise() is given nothing; expected (value, condition), ..., (value, True)")
-    return sympy.Piecewise(*pairs)
+    return _built(sympy.Piecewise, tuple(pairs))
 
 
 _COMPARED_AT_ONCE = "== compares at once, gl.equals(variable, value) at every moment"

@@ -165,7 +165,7 @@ class Coasting(gl.Component):
         return [
             gl.Eq(2.0 * gl.der(self.w), gl.Piecewise((0, self.x < 1), (self.tau, True))),
             gl.Eq(self.tau, 3 * self.x - 0.1 * self.w),
-            gl.Eq(gl.der(self.x), -self.x),
+            gl.Eq(gl.der(self.x), -1.0 * self.x),
         ]
 
 
