@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from gearlib.language.declarations import Structural as Structural
     from gearlib.language.declarations import Variable as Variable
     from gearlib.language.declarations import offered as offered
-    from gearlib.language.energy import Energy as Energy
     from gearlib.language.dimensions import check_units as check_units
+    from gearlib.language.energy import Energy as Energy
     from gearlib.language.expressions import And as And
     from gearlib.language.expressions import Eq as Eq
     from gearlib.language.expressions import Max as Max

@@ -128,6 +128,8 @@ def _powers(name: str, connector: Connector) -> list[tuple[Any, bool]] | None:
             a, b = dimension(unit), dimension(flow_unit)
         except DeclarationError:
             return None
+        if a is None or b is None:
+            return None
         product = tuple(x + y for x, y in zip(a, b, strict=True))
         if b == POWER:
             found.append((into, True))

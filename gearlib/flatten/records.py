@@ -13,8 +13,6 @@ from gearlib.flatten.discrete import Update, split_equations
 from gearlib.flatten.templates import Template, template_of
 from gearlib.language.component import PRIVATE, Component, Declared, declared_by, equations_of
 from gearlib.language.declarations import Connector, Declaration, Discrete
-from gearlib.language.dimensions import unit_errors, values_compared
-from gearlib.language.declarations import Declaration, Discrete
 from gearlib.language.dimensions import unit_errors, values_compared, values_given
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
 
