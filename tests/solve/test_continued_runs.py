@@ -116,7 +116,7 @@ class Branched(gl.Component):
 
     a = gl.Variable("rad", "turns steadily", start=0.0)
     b = gl.Variable("rad", "follows")
-    z = gl.Variable("rad", "integral of b", start=0.0)
+    z = gl.Variable("rad.s", "integral of b", start=0.0)
 
     def equations(self) -> list[Any]:
         return [
