@@ -1,10 +1,9 @@
 """Where machine code is kept between processes.
 
 The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of what it was made from, so concurrent writers
-agree, and every file appears complete or not at all. The functions of models are kept as object code with a checksum (`kept_bytes`),
-the solvers' loops, which numba compiles, as modules beside numba's files (`load`); these are used only if they are what was written
-(`_digest`). What cannot be kept there is made anew: a damaged or unwritable cache costs time, never a result. A folder in which
-somebody else can write is not used, with a warning (`gearlib.codegen.ownership`).
+agree, and every file appears complete or not at all. Object code is kept with a checksum (`kept_bytes`). What cannot be kept there is
+made anew: a damaged or unwritable cache costs time, never a result. A folder in which somebody else can write is not used, with a
+warning (`gearlib.codegen.ownership`).
 """
 
 from __future__ import annotations
@@ -19,16 +18,14 @@ from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from threading import RLock
-from types import ModuleType
 
 from gearlib.codegen.ownership import is_own, make_private, read_own, why_foreign
 
 LARGEST = 512 * 2**20  # bytes; what was used longest ago goes first
-FORMAT = "3"
+FORMAT = "4"
 ONE_IN = 16  # files of object code, which are small, has the sizes of all files added up: some 20 us for each of them
 _SEAL = 32  # bytes of the checksum before the content
 _temporary: tempfile.TemporaryDirectory[str] | None = None
-_loaded: dict[str, ModuleType] = {}
 _refused: set[str] = set()  # folders that were warned of
 COMPILING = RLock()
 """Held while anything is compiled: by one thread at a time, and not across a fork."""
@@ -116,74 +113,6 @@ def _seal(name: str, content: bytes) -> bytes:
     return hashlib.sha256(name.encode() + b"\0" + content).digest()
 
 
-def load(source: str) -> ModuleType:
-    """The module with that source, from the cache where it was met before; its functions are compiled by numba."""
-    name = "gearlib_model_" + hashlib.sha256(source.encode()).hexdigest()[:24]
-    with COMPILING:
-        if name not in _loaded:
-            path = folder() / f"{name}.py"
-            try:
-                _loaded[name] = _load(path, source)
-            except Exception:  # whatever the reason, without the cache it must work
-                _discard(path)
-                _loaded[name] = _load(_private() / path.name, source)
-        return _loaded[name]
-
-
-def _load(path: Path, source: str) -> ModuleType:
-    inner = path.parent / "__pycache__"  # numba's
-    if os.path.lexists(inner) and not is_own(inner):
-        raise PermissionError(f"{inner} is no folder of this user")
-    if not _same(path, source):
-        _write(path, source.encode())
-    seal = path.with_suffix(".sum")
-    before = _digest(path)
-    sound = _same(seal, before) and all(is_own(file) for file in _machine_code(path))
-    if not sound:
-        _discard(path)
-    module = ModuleType(path.stem)
-    module.__file__ = str(path)
-    sys.modules[path.stem] = module  # numba finds the functions that it keeps on disk by their module
-    try:
-        exec(compile(source, str(path), "exec"), module.__dict__)
-    except BaseException:
-        del sys.modules[path.stem]
-        raise
-    with suppress(OSError):  # the functions are compiled; the rest is for the next process
-        if sound and _digest(path) == before:
-            os.utime(seal)
-        else:
-            _write(seal, _digest(path).encode())
-            _shrink(path)
-    return module
-
-
-def _machine_code(path: Path) -> list[Path]:
-    """Numba's files of a module."""
-    return sorted(path.parent.glob(f"__pycache__/{path.stem}.*.nb[ic]"))
-
-
-def _digest(path: Path) -> str:
-    digest = hashlib.sha256()
-    for file in _machine_code(path):
-        with suppress(OSError):
-            digest.update(file.name.encode() + read_own(file))
-    return digest.hexdigest()
-
-
-def _discard(path: Path) -> None:
-    for file in _machine_code(path):
-        with suppress(OSError):
-            file.unlink()
-
-
-def _same(path: Path, text: str) -> bool:
-    try:
-        return read_own(path) == text.encode()
-    except OSError:
-        return False
-
-
 def _write(path: Path, content: bytes) -> None:
     handle, temporary = tempfile.mkstemp(prefix=f"{path.stem}.", suffix=".tmp", dir=path.parent)
     try:
@@ -198,20 +127,18 @@ def _write(path: Path, content: bytes) -> None:
 
 def _shrink(kept: Path) -> None:
     """Remove what was used longest ago when all versions together have grown too large."""
-    modules: dict[tuple[Path, str], list[tuple[float, int, Path]]] = {}
+    files: list[tuple[float, int, Path]] = []
     for version in kept.parent.parent.glob("*-py*"):
-        if not is_own(version):
-            continue
-        for file in version.rglob("gearlib_model_*"):
-            with suppress(OSError):
-                stat = file.stat()
-                modules.setdefault((version, file.name.split(".")[0]), []).append((stat.st_mtime, stat.st_size, file))
-    total = sum(size for files in modules.values() for _, size, _ in files)
-    for key in sorted(modules, key=lambda k: max(modules[k])[0]):
+        if is_own(version):
+            for file in version.rglob("gearlib_model_*"):
+                with suppress(OSError):
+                    stat = file.stat()
+                    files.append((stat.st_mtime, stat.st_size, file))
+    total = sum(size for _, size, _ in files)
+    for _, size, file in sorted(files):
         if total <= LARGEST:
             break
-        if key != (kept.parent, kept.stem):
-            for _, size, file in modules[key]:
-                with suppress(OSError):
-                    file.unlink()
-                    total -= size
+        if file != kept:
+            with suppress(OSError):
+                file.unlink()
+                total -= size

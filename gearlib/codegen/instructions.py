@@ -7,15 +7,20 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 OWN = ("sin", "cos", "exp", "log", "sqrt", "copysign")  # functions that LLVM knows
-LIBRARY = ("tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh")  # of the C library
+LIBRARY = (  # of the C library
+    "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "nextafter",
+)  # fmt: skip
 SYMBOLS = {**{name: f"llvm.{name}.f64" for name in OWN}, **{name: name for name in LIBRARY}}
 SYMBOLS |= {"abs": "llvm.fabs.f64", "pow": "llvm.pow.f64"}
-TWO_ARGUMENTS = ("atan2", "copysign", "pow")
+TWO_ARGUMENTS = ("atan2", "copysign", "nextafter", "pow")
 COMPARISONS = {
     "==": ("oeq", "eq"), "!=": ("une", "ne"), "<": ("olt", "slt"), "<=": ("ole", "sle"), ">": ("ogt", "sgt"), ">=": ("oge", "sge"),
 }  # fmt: skip
 LANES = 8  # numbers side by side that are computed together; LLVM makes as many instructions of it as the processor needs
 LANED = f"<{LANES} x double>"
+BLOCK = 4  # vectors whose length is a multiple of it are worked on in blocks, with no remainder
+BLOCKED = f"<{BLOCK} x double>"
+VECTORS = {LANED: LANES, BLOCKED: BLOCK}
 CONVERSIONS = {
     ("i64", "double"): "sitofp", ("i1", "double"): "uitofp", ("i1", "i64"): "zext", ("i32", "i64"): "sext",
     ("i64", "i32"): "trunc",
@@ -30,7 +35,7 @@ class Value(NamedTuple):
     """A value in LLVM's notation."""
 
     text: str
-    kind: str  # double, i64, i32, i1, LANED, or one of these and "*": where such a number lies
+    kind: str  # double, i64, i32, i1, a vector, a record, a tuple in braces, or one of these and "*": where such a thing lies
 
     @property
     def typed(self) -> str:
@@ -70,8 +75,9 @@ class Writer:
         Of the mathematical functions in use.
     """
 
-    def __init__(self, declarations: dict[str, str]) -> None:
+    def __init__(self, declarations: dict[str, str], fused: bool = False) -> None:
         self.declarations = declarations
+        self.fused = " contract" if fused else ""  # of vectors: a product and a sum in one instruction
         self.lines: list[str] = []
         self.block, self._count = "", 0
 
@@ -104,13 +110,38 @@ class Writer:
 
     # ------------------------------------------------------------ memory
 
-    def at(self, array: Value, index: Value, laned: bool) -> Value:
+    def at(self, array: Value, index: Value, vector: str = "") -> Value:
         """The place of an element of an array, or of the first of those side by side."""
         element = array.kind.removesuffix("*")
-        if not array.kind.endswith("*") or index.kind != "i64" or (laned and element != "double"):
+        if not array.kind.endswith("*") or index.kind != "i64" or (vector and element != "double"):
             raise Unsupported("no array with a whole number as its index")
-        kind = LANED if laned else element
-        return self.emit(f"getelementptr inbounds {element}, {array.typed}, {index.typed}", f"{kind}*")
+        return self.emit(f"getelementptr inbounds {element}, {array.typed}, {index.typed}", f"{vector or element}*")
+
+    def field(self, record: Value, offset: int, kind: str) -> Value:
+        """The place of a record's field."""
+        return self.emit(f"getelementptr inbounds i8, {record.typed}, i64 {offset}", f"{kind}*")
+
+    def address(self, number: Value, kind: str) -> Value:
+        """What lies at an address."""
+        return self.emit(f"inttoptr {number.typed} to ptr", kind)
+
+    def one_by_one(self, place: Value) -> Value:
+        """A block, number by number: a processor has at once what was just written so, while one load would wait."""
+        block = Value("poison", BLOCKED)
+        for i in range(BLOCK):
+            part = self.emit(f"getelementptr inbounds double, {place.typed}, i64 {i}", "double*")
+            number = self.emit(
+                f"load atomic double, {part.typed} unordered, align 8", "double"
+            )  # or LLVM makes one load of them
+            block = self.emit(f"insertelement {block.typed}, {number.typed}, i64 {i}", BLOCKED)
+        return block
+
+    def total(self, block: Value) -> Value:
+        """The sum of a block's numbers."""
+        parts = [self.emit(f"extractelement {block.typed}, i64 {i}", "double") for i in range(VECTORS[block.kind])]
+        while len(parts) > 1:
+            parts = [self.operated("add", a, b) for a, b in zip(parts[::2], parts[1::2], strict=True)]
+        return parts[0]
 
     def load(self, place: Value) -> Value:
         kind = place.kind.removesuffix("*")
@@ -128,9 +159,9 @@ class Writer:
         """As a number of another kind, where nothing is lost by that (but for bits of large whole numbers)."""
         if value.kind == kind:
             return value
-        if kind == LANED:
-            first = self.emit(f"insertelement {LANED} poison, {self.converted(value, 'double').typed}, i64 0", LANED)
-            return self.emit(f"shufflevector {first.typed}, {LANED} poison, <{LANES} x i32> zeroinitializer", LANED)
+        if kind in VECTORS:
+            first = self.emit(f"insertelement {kind} poison, {self.converted(value, 'double').typed}, i64 0", kind)
+            return self.emit(f"shufflevector {first.typed}, {kind} poison, <{VECTORS[kind]} x i32> zeroinitializer", kind)
         number = value.whole
         if number is not None and kind in ("double", "i32"):
             return real(float(number)) if kind == "double" else Value(value.text, kind)
@@ -141,16 +172,38 @@ class Writer:
     def alike(self, values: Sequence[Value]) -> list[Value]:
         """Numbers as numbers of one kind, which arithmetic and comparisons need."""
         kinds = {value.kind for value in values}
-        kind = next((k for k in (LANED, "double") if k in kinds), "i64")
+        kind = next((k for k in (*VECTORS, "double") if k in kinds), "i64")
         return [self.converted(value, kind) for value in values]
 
     def operated(self, operation: str, left: Value, right: Value) -> Value:
         """``operation`` is add, sub, mul or div."""
-        if operation == "div" and left.kind != LANED != right.kind:
+        if operation == "div" and not {left.kind, right.kind} & VECTORS.keys():
             left, right = self.converted(left, "double"), self.converted(right, "double")
         left, right = self.alike((left, right))
-        name = f"{operation} nsw" if left.kind == "i64" else f"f{operation}"
+        name = f"{operation} nsw" if left.kind == "i64" else f"f{operation}{self.fused if left.kind in VECTORS else ''}"
         return self.emit(f"{name} {left.typed}, {right.text}", left.kind)
+
+    def divided(self, left: Value, right: Value) -> tuple[Value, Value]:
+        """Quotient and remainder of whole numbers, as Python rounds them: downwards."""
+        left, right = self.alike((left, right))
+        if left.kind != "i64":
+            raise Unsupported("`//` and `%` are for whole numbers")
+        quotient = self.emit(f"sdiv {left.typed}, {right.text}", "i64")
+        rest = self.operated("sub", left, self.operated("mul", quotient, right))
+        below = self.emit(f"xor {rest.typed}, {right.text}", "i64")  # negative where the signs differ
+        wrong = self.emit(f"and i1 {self.compared('<', below, constant(0)).text}, {self.truth(rest).text}", "i1")
+        less = self.operated("sub", quotient, constant(1))
+        more = self.operated("add", rest, right)
+        return self.selected(wrong, less, quotient), self.selected(wrong, more, rest)
+
+    def absolute(self, value: Value) -> Value:
+        if value.kind == "i64":
+            return self.selected(self.compared("<", value, constant(0)), self.negative(value), value)
+        if value.kind not in VECTORS:
+            return self.called("abs", [value])
+        symbol = f"llvm.fabs.v{VECTORS[value.kind]}f64"
+        self.declarations[symbol] = f"declare {value.kind} @{symbol}({value.kind})"
+        return self.emit(f"call {value.kind} @{symbol}({value.typed})", value.kind)
 
     def power(self, base: Value, exponent: int) -> Value:
         """By multiplications."""
@@ -165,7 +218,7 @@ class Writer:
         return result if exponent > 0 else self.operated("div", real(1.0), result)
 
     def negative(self, value: Value) -> Value:
-        if value.kind in ("double", LANED):
+        if value.kind == "double" or value.kind in VECTORS:
             return self.emit(f"fneg {value.typed}", value.kind)
         number = value.whole
         return self.operated("sub", constant(0), value) if number is None else constant(-number)
@@ -173,7 +226,8 @@ class Writer:
     def compared(self, comparison: str, left: Value, right: Value) -> Value:
         left, right = self.alike((left, right))
         whole = left.kind == "i64"
-        return self.emit(f"{'icmp' if whole else 'fcmp'} {COMPARISONS[comparison][whole]} {left.typed}, {right.text}", "i1")
+        kind = f"<{VECTORS[left.kind]} x i1>" if left.kind in VECTORS else "i1"
+        return self.emit(f"{'icmp' if whole else 'fcmp'} {COMPARISONS[comparison][whole]} {left.typed}, {right.text}", kind)
 
     def truth(self, value: Value) -> Value:
         """Whether it is not zero."""

@@ -11,16 +11,16 @@ ELEMENTWISE = (  # what several numbers at a time can be computed with
 )  # fmt: skip
 
 
-def carried(statement: ast.For) -> set[str]:
+def carried(statement: ast.For | ast.While) -> set[str]:
     r"""Names whose value from before the loop, or from the turn before, may be seen in its body or behind it.
 
     >>> loop, = ast.parse("for k in range(n):\n    a = b[k]\n    s += a\n    if a > 0:\n        z = a").body
     >>> sorted(carried(loop))
     ['s', 'z']
     """
-    read: set[str] = set()
+    read: set[str] = set() if isinstance(statement, ast.For) else _loaded(statement.test)
     leaving: list[set[str]] = []
-    end = _follow(statement.body, _names([statement.target]), read, leaving)
+    end = _follow(statement.body, _names([statement.target]) if isinstance(statement, ast.For) else set(), read, leaving)
     given, anew = _everywhere([end, *leaving]), stored(statement.body)
     return anew & (read | (anew - given))
 
@@ -33,9 +33,11 @@ def stored(statements: Iterable[ast.stmt]) -> set[str]:
             found |= stored(statement.body) | stored(statement.orelse)
         elif isinstance(statement, ast.For):
             found |= stored(statement.body) | _names([statement.target])
+        elif isinstance(statement, ast.While):
+            found |= stored(statement.body)
         elif isinstance(statement, ast.Assign):
             found |= _names(statement.targets)
-        elif isinstance(statement, ast.AugAssign):
+        elif isinstance(statement, (ast.AugAssign, ast.AnnAssign)):
             found |= _names([statement.target])
     return found
 
@@ -89,11 +91,14 @@ def _follow(statements: Sequence[ast.stmt], given: set[str], read: set[str], lea
             end = _follow(statement.body, given | _names([statement.target]), read, inside)
             if is_never_empty(statement.iter):
                 given = _everywhere([end, *inside])
+        elif isinstance(statement, ast.While):
+            read |= _loaded(statement.test) - given
+            _follow(statement.body, set(given), read, [])
         else:
             read |= _loaded(statement) - given
             if isinstance(statement, ast.AugAssign) and isinstance(statement.target, ast.Name):
                 read |= {statement.target.id} - given
-            if isinstance(statement, ast.Break):
+            if isinstance(statement, (ast.Break, ast.Continue)):
                 leaving.append(given)
                 return None
             if isinstance(statement, ast.Return):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import count
@@ -13,7 +14,7 @@ from typing import Any
 from gearlib.codegen.cache import COMPILING, kept_bytes
 from gearlib.codegen.machine_code import intermediate
 
-COMPILER = ("instructions.py", "loops.py", "machine_code.py", "object_code.py")
+COMPILER = ("instructions.py", "loops.py", "machine_code.py", "native_module.py", "object_code.py")
 WINDOWS = sys.platform == "win32"  # LLVM's newer linker, for small code in one piece, is not at home there
 LINKED = 300  # modules that stay in the process though nobody uses them, those met last
 USES = 64
@@ -55,15 +56,17 @@ def compiled(source: str, name: str) -> Function:
     1.5
     """
     with COMPILING:
-        digest = hashlib.sha256("\0".join((_compiler(), source)).encode()).hexdigest()[:24]
+        digest = hashlib.sha256("\0".join((compiler_digest(), source)).encode()).hexdigest()[:24]
         try:
-            return _linked(kept_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source)), name)
+            code = kept_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source))
+            addresses, library = linked(code, [name])
         except RuntimeError:  # damage that the checksum did not show
-            return _linked(object_code(source), name)
+            addresses, library = linked(object_code(source), [name])
+        return Function(addresses[name], library)
 
 
 @cache
-def _compiler() -> str:
+def compiler_digest() -> str:
     """What the object code depends on besides the source: LLVM, the processor, and how it is compiled."""
     import llvmlite
     from llvmlite import binding
@@ -132,10 +135,24 @@ def object_code(source: str) -> bytes:
     return bytes(machine.emit_object(module))
 
 
-def _linked(code: bytes, name: str) -> Function:
-    """Put object code into memory; mathematical functions are found in the process."""
+def optimised(text: str) -> bytes:
+    """Compile a module of loops, given in LLVM's language, with all optimisations: inlining across functions matters there."""
     from llvmlite import binding
 
-    library = binding.JITLibraryBuilder().add_object_img(code).add_current_process().export_symbol(name)
-    tracker = library.link(_linker(), f"gearlib_{next(_numbers)}")
-    return Function(int(tracker[name]), tracker)
+    machine = _machine()
+    head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
+    module = binding.parse_assembly(head + text)
+    builder = binding.create_pass_builder(machine, binding.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+def linked(code: bytes, names: Sequence[str]) -> tuple[dict[str, int], Any]:
+    """Put object code into memory: addresses of exported functions, and what must live as long. Library functions are the process's."""
+    from llvmlite import binding
+
+    unit = binding.JITLibraryBuilder().add_object_img(code).add_current_process()
+    for name in names:
+        unit.export_symbol(name)
+    tracker = unit.link(_linker(), f"gearlib_{next(_numbers)}")
+    return {name: int(tracker[name]) for name in names}, tracker

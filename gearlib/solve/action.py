@@ -20,6 +20,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.solve.chebyshev_kernel import TILE, Directions, Graph, Series, call
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -137,8 +139,6 @@ class Action:
 
     def advance(self, z: Floats, h: float, count: int, rtol: float) -> Floats:
         """The ``count`` states (count, n) that follow ``z`` in steps of ``h`` (s), to about ``rtol`` of the largest."""
-        from gearlib.solve.chebyshev_kernel import march
-
         several, repeats = self._steps(h, count)
         tolerance = self._tolerance(rtol, count, repeats)
         series = [self.ellipse.series((j + 1) * h / repeats, tolerance) for j in range(several)]
@@ -146,11 +146,20 @@ class Action:
         coefficients = np.zeros((several, int(terms.max()) + 8))
         for row, c in zip(coefficients, series, strict=True):
             row[: len(c)] = c
-        terms = np.maximum.accumulate(terms)
         out = np.empty((count, len(z)))
-        beta = self.ellipse.sign / self.ellipse.radius**2
-        march(self.offsets, self.diagonals, self.rows, self.columns, self.entries, beta, coefficients, terms, repeats,
-              self.alone, (z / self.scale)[self.order], _room(10, len(z), self.offsets), np.zeros((several, len(z))), out)  # fmt: skip
+        frame = _series(self.ellipse, self.offsets, self.rows, len(z))
+        frame.alone, frame.several, frame.repeats, frame.count, frame.width = (
+            self.alone,
+            several,
+            repeats,
+            count,
+            coefficients.shape[1],
+        )
+        call(
+            "march", frame, offsets=self.offsets, diagonals=self.diagonals, rows=self.rows, columns=self.columns,
+            entries=self.entries, coefficients=coefficients, terms=np.maximum.accumulate(terms), z=(z / self.scale)[self.order],
+            v=_room(10, frame), sums=np.zeros((several, len(z))), out=out,
+        )  # fmt: skip
         x = np.empty_like(out)
         x[:, self.order] = out
         x *= self.scale
@@ -171,8 +180,6 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Actio
     inputs : int
         States at the end of the order that depend on each other only.
     """
-    from gearlib.solve.chebyshev_kernel import TILE, growth
-
     n = len(order)
     on = A.rows == A.columns
     diagonal = np.zeros(n)
@@ -192,16 +199,32 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Actio
         ellipse = tight if tight.imaginary < safe.imaginary else safe
         factor = 2.0 / (ellipse.radius * ellipse.focus)
         diagonals, others = parts[1] * factor, parts[4] * factor
-        matrix = (parts[0], diagonals, parts[2], parts[3], others)
-        beta = ellipse.sign / ellipse.radius**2
-        if ellipse == safe or growth(*matrix, beta, _PROBE, probe, _room(3, n, matrix[0])) < _GROWTH:
-            return Action(scale, order, ellipse, *matrix, alone)
+        if ellipse == safe or _growth(ellipse, parts[0], diagonals, parts[2], parts[3], others, probe) < _GROWTH:
+            return Action(scale, order, ellipse, parts[0], diagonals, parts[2], parts[3], others, alone)
         tight = Ellipse(tight.centre, 1.1 * tight.real, 1.1 * tight.imaginary)
 
 
-def _room(rows: int, n: int, offsets: Integers) -> Floats:
-    """Vectors with zeros before and behind them, as far as diagonals reach."""
-    return np.zeros((rows, n + 2 * int(np.abs(offsets).max())))
+def _series(ellipse: Ellipse, offsets: Integers, rows: Integers, n: int) -> Series:
+    """The record of a series of a matrix of ``n`` rows."""
+    margin = int(np.abs(offsets).max())
+    return Series(n=n, n_offsets=len(offsets), n_entries=len(rows), margin=margin, beta=ellipse.sign / ellipse.radius**2)
+
+
+def _room(vectors: int, frame: Series) -> Floats:
+    return np.zeros((vectors, frame.n + 2 * frame.margin))
+
+
+def _growth(
+    ellipse: Ellipse, offsets: Integers, diagonals: Floats, rows: Integers, columns: Integers, entries: Floats, probe: Floats
+) -> float:
+    """How large the polynomials of a matrix become: more than a few where the ellipse does not enclose its field of values."""
+    frame = _series(ellipse, offsets, rows, len(probe))
+    frame.length = _PROBE
+    call(
+        "growth", frame, offsets=offsets, diagonals=diagonals, rows=rows, columns=columns, entries=entries, z=probe,
+        v=_room(3, frame),
+    )  # fmt: skip
+    return frame.largest
 
 
 def band_order(A: Triplets, n: int) -> Integers:
@@ -211,11 +234,14 @@ def band_order(A: Triplets, n: int) -> Integers:
 
 @lru_cache(maxsize=4)
 def _narrow(n: int, rows: bytes, columns: bytes) -> Integers:
-    from gearlib.solve.chebyshev_kernel import narrow_order
-
     i, j = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
     pattern = np.unique(np.concatenate([i * n + j, j * n + i]))
-    order: Integers = narrow_order(np.searchsorted(pattern, np.arange(n + 1) * n), pattern % n)
+    indptr = np.searchsorted(pattern, np.arange(n + 1) * n)
+    order = np.empty(n, np.int64)
+    call(
+        "narrow_order", Graph(n=n), indptr=indptr, indices=pattern % n, degree=np.diff(indptr), order=order,
+        queue=np.empty(n, np.int64), mark=np.zeros(n, np.int64), label=np.zeros(n, np.int64),
+    )  # fmt: skip
     return order
 
 
@@ -259,15 +285,17 @@ def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Float
 
     Spring and inertia, say: deflections in units of 1/sqrt(c) and speeds in units of 1/sqrt(J) make the squared norm an energy.
     """
-    from gearlib.solve.chebyshev_kernel import spread
-
     both = mirrored != 0
     i, j = rows[both], columns[both]
     weight = 0.5 * np.log(np.abs(entries[both] / mirrored[both]))  # log scale[i] - log scale[j]
     by_row = np.argsort(i, kind="stable")
     starts = np.concatenate([[0], np.cumsum(np.bincount(i, minlength=n))])
     logs, label = np.zeros(n), np.zeros(n, np.int64)
-    groups = spread(starts, j[by_row], weight[by_row], logs, label)
+    graph = Graph(n=n)
+    call(
+        "spread", graph, indptr=starts, indices=j[by_row], weight=weight[by_row], logs=logs, label=label, queue=np.empty(n, np.int64),
+    )  # fmt: skip
+    groups = graph.components
     if not both.all():
         row_sums = np.bincount(i, np.sqrt(np.abs(entries[both] * mirrored[both])), n)
         target = math.log(max(_COUPLING * float(row_sums.max()), 1.0 / span))
@@ -297,14 +325,16 @@ def _enclose(diagonal: Floats, rows: Integers, columns: Integers, entries: Float
     The bounds are Gershgorin's, of the Hermitian part of exp(-i angle) A. They do not see that the fastest vibrations are also
     the most damped ones, so that an ellipse around them all is larger than most scenes need.
     """
-    from gearlib.solve.chebyshev_kernel import hermitian_bounds
-
     single = mirrored == 0
     rows = np.concatenate([rows, columns[single]])
     symmetric = 0.5 * np.concatenate([entries + mirrored, entries[single]])
     skew = 0.5 * np.concatenate([entries - mirrored, entries[single]])
     c, s = np.cos(_ANGLES), np.sin(_ANGLES)
-    bounds = hermitian_bounds(diagonal, rows, symmetric, skew, c, s)
+    bounds = np.empty(len(c))
+    call(
+        "hermitian_bounds", Directions(n=len(diagonal), n_entries=len(rows), count=len(c)), diagonal=diagonal, rows=rows,
+        symmetric=symmetric, skew=skew, cosines=c, sines=s, sums=np.empty(len(diagonal)), bounds=bounds,
+    )  # fmt: skip
     centre, real = 0.5 * (bounds[0] - bounds[-1]), 0.5 * (bounds[0] + bounds[-1])
     imaginary = bounds[len(bounds) // 2]
     size = max(real, imaginary, 1e-3 / span)

@@ -1,26 +1,110 @@
-"""The record that SUNDIALS hands to every callback of `ida_compiled` as its user data: addresses, whole numbers, reals."""
+"""The record that SUNDIALS hands to every callback of `ida_compiled` as its user data."""
 
 from __future__ import annotations
 
-import numpy as np
+import ctypes
 
-_addresses = [
-    "rhs", "jac", "roots", "update",  # the model
-    "array_pointer", "solve", "reinit", "calc_ic", "get_ic", "root_info", "set_stop", "set_max_steps", "get_steps",  # SUNDIALS
-    "mem", "yy", "yp",
-    "data", "index", "x", "f", "y", "dy", "differential", "order", "atol", "probe",
-    "values", "matrix", "position", "diagonal", "pattern", "pattern_source", "starts", "starts_source",
-    "fired", "sides", "before", "g", "later", "times", "out", "modes_out", "time_events", "event_times", "event_roots", "scratch",
-    "counter",
-]  # fmt: skip
-_integers = [
-    "n", "nnz", "n_diagonal", "n_pattern", "n_roots", "n_algebraic", "n_times", "n_time_events", "n_modes", "first_mode",
-    "event_capacity", "started", "sample", "next_event", "events", "burst", "burst_limit", "max_steps", "flag",
-    "n_rhs", "n_jac", "steps", "attempts", "restarts", "refused", "patience", "bad_state",
-]  # fmt: skip
-_reals = [
-    "t", "origin", "t_end", "window", "burst_start", "ic_span", "attempt_time", "step_begin", "step_end", "bad_time", "rtol",
-    "first_reach", "first_guess", "slack",
-]  # fmt: skip
+from gearlib.codegen.small_language import record
 
-FRAME = np.dtype([(name, np.int64) for name in _addresses + _integers] + [(name, np.float64) for name in _reals])
+
+@record
+class IdaFrame(ctypes.Structure):
+    """Addresses, whole numbers, reals; every field is zero at first."""
+
+    # addresses: of the model
+    rhs: int
+    jac: int
+    roots: int
+    update: int
+    # addresses: of SUNDIALS
+    array_pointer: int
+    solve: int
+    reinit: int
+    calc_ic: int
+    get_ic: int
+    root_info: int
+    set_stop: int
+    set_max_steps: int
+    get_steps: int
+    # addresses: IDA's memory and its two vectors
+    mem: int
+    yy: int
+    yp: int
+    # addresses: numbers and work space
+    data: int
+    index: int
+    x: int
+    f: int
+    y: int
+    dy: int
+    differential: int
+    order: int
+    atol: int
+    probe: int
+    # addresses: the Jacobian, the iteration matrix, and where the one's entries stand in the other
+    values: int
+    matrix: int
+    position: int
+    diagonal: int
+    pattern: int
+    pattern_source: int
+    starts: int
+    starts_source: int
+    # addresses: events
+    fired: int
+    sides: int
+    before: int
+    g: int
+    later: int
+    # addresses: samples and logs
+    times: int
+    out: int
+    modes_out: int
+    time_events: int
+    event_times: int
+    event_roots: int
+    scratch: int
+    counter: int
+    # whole numbers
+    n: int
+    nnz: int
+    n_diagonal: int
+    n_pattern: int
+    n_roots: int
+    n_algebraic: int
+    n_times: int
+    n_time_events: int
+    n_modes: int
+    first_mode: int
+    event_capacity: int
+    started: int
+    sample: int
+    next_event: int
+    events: int
+    burst: int
+    burst_limit: int
+    max_steps: int
+    flag: int
+    n_rhs: int
+    n_jac: int
+    steps: int
+    attempts: int
+    restarts: int
+    refused: int
+    patience: int
+    bad_state: int
+    # reals
+    t: float
+    origin: float
+    t_end: float
+    window: float
+    burst_start: float
+    ic_span: float
+    attempt_time: float
+    step_begin: float
+    step_end: float
+    bad_time: float
+    rtol: float
+    first_reach: float
+    first_guess: float
+    slack: float

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from gearlib.codegen.machine_code import Prototype
+from gearlib.codegen.native_module import native_functions
 from gearlib.solve import ida_compiled
+from gearlib.solve.ida_frame import IdaFrame
 from gearlib.solve.ida_request import BURST, Outcome, Request
 from gearlib.solve.problem import Floats
 from gearlib.solve.sundials import Solver, Sundials
@@ -25,31 +29,35 @@ _FUNCTIONS = {
     "set_max_steps": "IDASetMaxNumSteps",
     "get_steps": "IDAGetNumSteps",
 }
-compiled: Any = ida_compiled  # numba's objects, whatever types it declares for them
 _LOG = 256  # events; grows
+
+
+def _functions() -> Mapping[str, int]:
+    """Addresses of the compiled callbacks and of the loop."""
+    return native_functions(ida_compiled.__name__).addresses
 
 
 @dataclass
 class _Run:
     """The frame that the compiled code works on, and the arrays that it points to."""
 
-    frame: Any  # one record of `compiled.FRAME`
+    frame: IdaFrame
     arrays: dict[str, Any]
 
     def point(self, **arrays: Any) -> None:
         """Let the frame point to arrays, and keep them alive."""
         for name, array in arrays.items():
             self.arrays[name] = array
-            self.frame[name] = array.ctypes.data if array.size else 0
+            setattr(self.frame, name, array.ctypes.data if array.size else 0)
 
     def log_space(self, capacity: int) -> None:
         """Make room for so many events, keeping those already logged."""
         times, roots = np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
         if "event_times" in self.arrays:
-            used = int(self.frame["events"][0])
+            used = self.frame.events
             times[:used], roots[:used] = self.arrays["event_times"][:used], self.arrays["event_roots"][:used]
         self.point(event_times=times, event_roots=roots)
-        self.frame["event_capacity"] = capacity
+        self.frame.event_capacity = capacity
 
 
 def run(sundials: Sundials, asked: Request) -> Outcome:
@@ -68,13 +76,13 @@ def run(sundials: Sundials, asked: Request) -> Outcome:
     solver = Solver(sundials, y, dy)
     try:
         state = _prepare(sundials, solver, asked, y, dy)
-        drive: Any = compiled.drive.ctypes
-        frame = ctypes.cast(state.frame.ctypes.data, drive.argtypes[0])
-        status = compiled.PAUSE
+        drive = Prototype("int32", ("int",))
+        begin, frame = _functions()["drive"], ctypes.addressof(state.frame)
+        status = ida_compiled.PAUSE
         while status > 0:
-            status = int(drive(frame))
-            if status == compiled.LOG_FULL:
-                state.log_space(2 * int(state.frame["event_capacity"][0]) + problem.n_roots)
+            status = drive(begin, frame)
+            if status == ida_compiled.LOG_FULL:
+                state.log_space(2 * state.frame.event_capacity + problem.n_roots)
         return _outcome(solver, state, asked, status)
     finally:
         solver.close()
@@ -87,7 +95,7 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
     permuted = slice(None) if matrix.order is None else matrix.order
     differential = np.asarray(problem.differential, dtype=np.float64)[permuted]
 
-    state = _Run(np.zeros(1, dtype=compiled.FRAME), {})
+    state = _Run(IdaFrame(), {})
     frame = state.frame
     state.point(
         data=asked.data,
@@ -111,56 +119,56 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         "slack": asked.slack,
     }  # fmt: skip
     for name, number in numbers.items():
-        frame[name] = number
+        setattr(frame, name, number)
     for name in ("rhs", "jac", "roots", "update"):
         function = getattr(problem, name)
-        frame[name] = 0 if function is None else function.address
+        setattr(frame, name, 0 if function is None else function.address)
     for name, function in _FUNCTIONS.items():
-        frame[name] = sundials.address(function)
+        setattr(frame, name, sundials.address(function))
     _attach(solver, state, asked, differential, permuted, n_roots)
-    frame["mem"], frame["yy"], frame["yp"] = solver.mem, solver.yy, solver.yp
+    frame.mem, frame.yy, frame.yp = solver.mem, solver.yy, solver.yp
     return state
 
 
 def _attach(solver: Solver, state: _Run, asked: Request, differential: Floats, permuted: Any, n_roots: int) -> None:
     matrix, frame = asked.matrix, state.frame
-    t, user_data = float(asked.times[0]), frame.ctypes.data
-    solver.create(compiled.residual.address, t, user_data, asked.rtol, asked.atol[permuted], differential)
+    t, user_data = float(asked.times[0]), ctypes.addressof(frame)
+    solver.create(_functions()["residual"], t, user_data, asked.rtol, asked.atol[permuted], differential)
     solver.sundials.IDASetNonlinConvCoef(solver.mem, asked.newton)
     if asked.problem.longest_step < math.inf:
         solver.sundials.IDASetMaxStep(solver.mem, asked.problem.longest_step)
     if matrix.pattern is not None:
         starts, rows = matrix.pattern
-        frame["matrix"], frame["pattern"], frame["starts"] = solver.use_sparse(len(rows))
-        frame["n_pattern"] = len(rows)
+        frame.matrix, frame.pattern, frame.starts = solver.use_sparse(len(rows))
+        frame.n_pattern = len(rows)
         state.point(pattern_source=rows, starts_source=starts)
     else:
-        frame["matrix"] = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
+        frame.matrix = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
     directions = np.repeat(np.array([0, 1], np.int32), n_roots)  # the second half: functions that turn away from zero
-    solver.attach(None if asked.problem.jac is None else compiled.jacobian.address, compiled.roots.address, directions)
+    solver.attach(None if asked.problem.jac is None else _functions()["jacobian"], _functions()["roots"], directions)
 
 
 def _outcome(solver: Solver, state: _Run, asked: Request, status: int) -> Outcome:
-    s = state.frame[0]
-    order, events = asked.matrix.order, int(s["events"])
-    worst = solver.worst() if status < 0 and s["steps"] > 0 else -1
+    s = state.frame
+    order, events = asked.matrix.order, s.events
+    worst = solver.worst() if status < 0 and s.steps > 0 else -1
     y = state.arrays["y"]
     return Outcome(
         status=status,
-        t=float(s["t"]),
+        t=s.t,
         x=state.arrays["out"],
         modes=state.arrays["modes_out"],
         event_times=state.arrays["event_times"][:events].copy(),
         event_roots=state.arrays["event_roots"][:events].copy(),
-        rhs=int(s["n_rhs"]),
-        jac=int(s["n_jac"]),
-        attempts=int(s["attempts"]),
-        restarts=int(s["restarts"]) - 1,
-        steps=int(s["steps"]),
+        rhs=s.n_rhs,
+        jac=s.n_jac,
+        attempts=s.attempts,
+        restarts=s.restarts - 1,
+        steps=s.steps,
         order=solver.number("IDAGetLastOrder", ctypes.c_int),
         step_size=solver.number("IDAGetCurrentStep"),
         worst_state=int(order[worst]) if order is not None and worst >= 0 else worst,
-        bad_time=float(s["bad_time"]) if s["refused"] > 0 else None,
-        bad_state=int(s["bad_state"]),
+        bad_time=s.bad_time if s.refused > 0 else None,
+        bad_state=s.bad_state,
         x_failed=None if status >= 0 else (y.copy() if order is None else y[np.argsort(order)]),
     )

@@ -1,4 +1,4 @@
-"""Root finding on the steps of a Runge-Kutta method, compiled as part of the loop in ``rk_loop``.
+"""Root finding on the steps of a Runge-Kutta method, part of the loop in ``rk_loop``.
 
 ``side[k]`` is the established sign of event function k, which goes with what its relation holds, or, where the event iteration does
 not say so, its sign at the start, 0 where it was exactly zero. A root has flipped where the function has another sign; a value of
@@ -10,12 +10,10 @@ Rows of ``s.g``: the event functions at the beginning of a step and at its end, 
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numpy as np
-
-from gearlib.solve.native_call import call_native, inner
-from gearlib.solve.rk_frame import doubles, ints
+from gearlib.codegen.small_language import floats_at, int32s_at, native
+from gearlib.solve.problem import MODEL
+from gearlib.solve.rk_layout import Frame
 from gearlib.solve.rk_stages import add_slope, dense_output, interpolate, last_stage
 
 __all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
@@ -28,51 +26,50 @@ LOOKS = 8  # at most for one minimum
 NEAR_START, NEAR_END = 0.05, 0.98  # outside these parts of a step the dense output is as accurate as the step
 
 
-@inner()
-def row(s: Any, i: int) -> int:
+@native
+def row(s: Frame, i: int) -> int:
     """Address of a row of ``g``."""
-    address: int = s.g + 8 * i * s.n_roots
-    return address
+    return s.g + 8 * i * s.n_roots
 
 
-@inner()
-def _copy(s: Any, i: int, j: int) -> None:
+@native
+def _copy(s: Frame, i: int, j: int) -> None:
     """Row i of ``g`` to row j."""
-    a, b = doubles(row(s, i), s.n_roots), doubles(row(s, j), s.n_roots)
-    for k in range(s.n_roots):  # numba takes a second to compile the checks of a slice assignment
+    a, b = floats_at(row(s, i)), floats_at(row(s, j))
+    for k in range(s.n_roots):
         b[k] = a[k]
 
 
-@inner()
-def flipped(s: Any, i: int) -> bool:
+@native
+def flipped(s: Frame, i: int) -> bool:
     """Whether any event function has left its side, as row i of ``g`` has it."""
-    g, side = doubles(row(s, i), s.n_roots), ints(s.side, s.n_roots)
-    for k in range(s.n_roots):  # noqa: SIM110  (numba)
+    g, side = floats_at(row(s, i)), int32s_at(s.side)
+    for k in range(s.n_roots):  # noqa: SIM110  (no generators in the small language)
         if g[k] * side[k] < 0.0 or (side[k] == 0 and g[k] != 0.0):
             return True
     return False
 
 
-@inner()
-def slopes(s: Any, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
+@native
+def slopes(s: Frame, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
     """Row j of ``g`` = time derivative of the event functions of row i, by a difference over a part of ``h`` along the solution."""
     dt = SLOPE_OVER * h
     add_slope(x, dt, f, s.y, s.size)
-    call_native(s.roots, t + dt, s.y, row(s, j), s.data, s.index)
-    g, slope = doubles(row(s, i), s.n_roots), doubles(row(s, j), s.n_roots)
+    MODEL(s.roots, t + dt, s.y, row(s, j), s.data, s.index)
+    g, slope = floats_at(row(s, i)), floats_at(row(s, j))
     for k in range(s.n_roots):
         slope[k] = (slope[k] - g[k]) / dt
 
 
-@inner()
-def _look(s: Any, t: float, h: float, theta: float, i: int) -> None:
+@native
+def _look(s: Frame, t: float, h: float, theta: float, i: int) -> None:
     """``y`` and row i of ``g`` = state and event functions at ``t + theta h``, from the dense output."""
     interpolate(s, theta, h, s.y)
-    call_native(s.roots, t + theta * h, s.y, row(s, i), s.data, s.index)
+    MODEL(s.roots, t + theta * h, s.y, row(s, i), s.data, s.index)
 
 
-@inner()
-def _dip(s: Any, t: float, h: float) -> float:
+@native
+def _dip(s: Frame, t: float, h: float) -> float:
     """Where within the step a function that keeps its side at both ends has left it in between; 2 where none has.
 
     Each function that falls at the beginning and rises at the end has a minimum. The cubic through value and slope at both ends says
@@ -81,9 +78,9 @@ def _dip(s: Any, t: float, h: float) -> float:
     is taken at what is returned.
     """
     n = s.n_roots
-    side, old, new = ints(s.side, n), doubles(row(s, OLD), n), doubles(row(s, NEW), n)
-    slope_old, slope_new = doubles(row(s, SLOPE_OLD), n), doubles(row(s, SLOPE_NEW), n)
-    free, high = doubles(row(s, FREE), n), doubles(row(s, HIGH), n)
+    side, old, new = int32s_at(s.side), floats_at(row(s, OLD)), floats_at(row(s, NEW))
+    slope_old, slope_new = floats_at(row(s, SLOPE_OLD)), floats_at(row(s, SLOPE_NEW))
+    free, high = floats_at(row(s, FREE)), floats_at(row(s, HIGH))
     for k in range(n):
         sign, left, right, last = side[k], 0.0, 1.0, -1.0
         a, b, da, db = sign * old[k], sign * new[k], sign * slope_old[k] * h, sign * slope_new[k] * h
@@ -97,7 +94,7 @@ def _dip(s: Any, t: float, h: float) -> float:
             u = -fall / (c2 + math.sqrt(max(c2 * c2 - 3.0 * c3 * fall, 0.0)))
             if not (0.0 < u < 1.0 and a + u * (fall + u * (c2 + u * c3)) < 0.1 * (rise - fall)):
                 break
-            theta: float = left + u * width
+            theta = left + u * width
             if abs(theta - last) < _ROUNDING:
                 break
             last = theta
@@ -116,21 +113,21 @@ def _dip(s: Any, t: float, h: float) -> float:
     return 2.0
 
 
-@inner()
-def _locate(s: Any, t: float, h: float, low: float, high: float, tolerance: float) -> float:
+@native
+def _locate(s: Frame, t: float, h: float, low: float, high: float, tolerance: float) -> float:
     """Right end of a bracket, no wider than ``tolerance``, of the first flip between ``low`` and ``high``.
 
     The Illinois method on the event function that seems to cross first, as in SUNDIALS, with bisections where it lasts. The
     rows LOW and HIGH of ``g`` hold the event functions at both ends at the start, and HIGH those at the right end afterwards.
     """
     lo, hi, free = LOW, HIGH, FREE
-    side = ints(s.side, s.n_roots)
+    side = int32s_at(s.side)
     alpha, last_moved = 1.0, 0
     for trial in range(200):
         if high - low <= tolerance:
             break
         fraction = 0.0
-        below, above = doubles(row(s, lo), s.n_roots), doubles(row(s, hi), s.n_roots)
+        below, above = floats_at(row(s, lo)), floats_at(row(s, hi))
         for i in range(s.n_roots):
             if above[i] * side[i] < 0.0 or (side[i] == 0 and above[i] != 0.0):
                 fraction = max(fraction, above[i] / (above[i] - alpha * below[i]))
@@ -153,15 +150,15 @@ def _locate(s: Any, t: float, h: float, low: float, high: float, tolerance: floa
     return high
 
 
-@inner()
-def crossing(s: Any, t: float, h: float, error: float) -> tuple[int, float]:
+@native
+def crossing(s: Frame, t: float, h: float, error: float) -> tuple[int, float]:
     """Look for the first event in the step from ``x`` to ``x_new``.
 
     Returns ``(found, theta)``. Without an event the step stands (found = 0). With one, ``x_new`` becomes the state just after the
     flip, at ``t + theta h``, and row NEW of ``g`` is taken there (found = 1). Where the dense output is not as accurate as the
     tolerance asks for, the step is to be tried again up to there (found = -1).
     """
-    call_native(s.roots, t + h, s.x_new, row(s, NEW), s.data, s.index)
+    MODEL(s.roots, t + h, s.x_new, row(s, NEW), s.data, s.index)
     slopes(s, t + h, h, s.x_new, last_stage(s), NEW, SLOPE_NEW)
     low, high = 0.0, 1.0
     if flipped(s, OLD):  # on the wrong side from the start
@@ -190,25 +187,25 @@ def crossing(s: Any, t: float, h: float, error: float) -> tuple[int, float]:
     return 1, theta
 
 
-@inner()
-def just_beyond(s: Any, t: float, dt: float) -> bool:
+@native
+def just_beyond(s: Frame, t: float, dt: float) -> bool:
     """Whether an event function flips within ``dt`` after the end of the step, as one does that is meant to do so at ``t``; row NEW
     of ``g`` is then taken there.
     """
     add_slope(s.x_new, dt, last_stage(s), s.y, s.size)
-    call_native(s.roots, t + dt, s.y, row(s, HIGH), s.data, s.index)
+    MODEL(s.roots, t + dt, s.y, row(s, HIGH), s.data, s.index)
     if not flipped(s, HIGH):
         return False
     _copy(s, HIGH, NEW)
     return True
 
 
-@inner()
-def _on_the_clock(s: Any, t: float, h: float, theta: float) -> float:
+@native
+def _on_the_clock(s: Frame, t: float, h: float, theta: float) -> float:
     """The same event at a time that is a floating-point number: the state is to be that of the time in the log."""
     at = t + theta * h
     if (at - t) / h < theta:
-        at = np.nextafter(at, math.inf)
+        at = math.nextafter(at, math.inf)
     later = min((at - t) / h, 1.0)
     if theta < later:
         _look(s, t, h, later, FREE)
@@ -218,8 +215,8 @@ def _on_the_clock(s: Any, t: float, h: float, theta: float) -> float:
     return theta
 
 
-@inner()
-def _take(s: Any, t: float, h: float, theta: float) -> None:
+@native
+def _take(s: Frame, t: float, h: float, theta: float) -> None:
     """Let the step end at ``theta``, where row HIGH of ``g`` was taken."""
     if theta < 1.0:
         interpolate(s, theta, h, s.x_new)

@@ -1,4 +1,4 @@
-"""What the Runge-Kutta loop works on: one record of numbers and addresses, filled in Python.
+"""The record of the Runge-Kutta loop: its state, filled in Python.
 
 Passing an array to compiled code takes a microsecond, and a run of a small model takes fifty: the loop gets one address instead.
 """
@@ -7,33 +7,91 @@ from __future__ import annotations
 
 import ctypes
 
-__all__ = ["BLOCK", "Frame"]
+from gearlib.codegen.small_language import record
 
-BLOCK = 4  # states are handled in blocks of so many, see ``rk_vectors``
-_ADDRESSES = (
-    "rhs", "roots", "update", "data", "index",  # the model; 0: none
-    "x", "x_new", "y", "atol", "k", "c", "past",  # states; rows: stages, coefficients of the dense output
-    "phases", "g", "side", "fired",  # event functions, see ``rk_events``
-    "times", "stops", "out", "modes", "log_t", "log_root",
-)  # fmt: skip
-_INTEGERS = (
-    "order", "n", "size",  # states, the same in whole blocks
-    "n_roots", "n_times", "n_stops", "n_timed", "n_modes", "first_mode",  # the first stops are time events, a last one may be an end
-    "capacity", "budget", "detect",  # of the event log; steps to take before returning; whether to look for stiffness
-    "started", "sample", "stop", "steps", "rejected", "evaluations", "events", "stiff_steps", "calm_steps", "n_past", "retry", "patience",
-    "dense",  # whether ``c`` is that of the step
-    "fresh", "known", "next_phase",  # no step accepted since the last restart; see ``rk_phases``
-)  # fmt: skip
-_REALS = (
-    "rtol", "span", "h_max", "t", "h", "h_held", "h_cut", "log_error",
-    "ratio", "ratios", "rough", "roughest",  # of the step, and the largest of the last ones: see ``rk_stages.step_error``
-    "slope", "move", "product",  # what the last two stages of the step say, see ``rk_steps.note``
-    "slopes", "moves", "products",  # their means
-    "t_past_1", "t_past_2", "t_past_3", "surprise",  # see ``rk_steps.look_back``
-)  # fmt: skip
+__all__ = ["Frame"]
 
 
+@record
 class Frame(ctypes.Structure):
-    """The record; every member is zero at first."""
+    """The record; every field is zero at first."""
 
-    _fields_ = [(name, ctypes.c_int64) for name in _ADDRESSES + _INTEGERS] + [(name, ctypes.c_double) for name in _REALS]
+    # addresses of the model's functions (0: none) and of its numbers
+    rhs: int
+    roots: int
+    update: int
+    data: int
+    index: int
+    # addresses of states; rows: stages, coefficients of the dense output, states of earlier steps
+    x: int
+    x_new: int
+    y: int
+    atol: int
+    k: int
+    c: int
+    past: int
+    # addresses of what event functions need, see ``rk_events``
+    phases: int
+    g: int
+    side: int
+    fired: int
+    # addresses of output times, of times to stop at, of the samples and of the event log
+    times: int
+    stops: int
+    out: int
+    modes: int
+    log_t: int
+    log_root: int
+    order: int
+    n: int  # states
+    size: int  # the same in whole blocks
+    n_roots: int
+    n_times: int
+    n_stops: int
+    n_timed: int  # the first stops are time events, a last one may be an end
+    n_modes: int
+    first_mode: int
+    capacity: int  # of the event log
+    budget: int  # steps to take before returning
+    detect: int  # whether to look for stiffness
+    started: int
+    sample: int
+    stop: int
+    steps: int
+    rejected: int
+    evaluations: int
+    events: int
+    stiff_steps: int
+    calm_steps: int
+    n_past: int
+    retry: int
+    patience: int
+    dense: int  # whether ``c`` is that of the step
+    fresh: int  # no step accepted since the last restart
+    known: int  # see ``rk_phases``
+    next_phase: int
+    rtol: float
+    span: float
+    h_max: float
+    t: float
+    h: float
+    h_held: float
+    h_cut: float
+    log_error: float
+    # of the step, and the largest of the last ones: see ``rk_stages.step_error``
+    ratio: float
+    ratios: float
+    rough: float
+    roughest: float
+    # what the last two stages of the step say, and their means: see ``rk_steps.note``
+    slope: float
+    move: float
+    product: float
+    slopes: float
+    moves: float
+    products: float
+    # see ``rk_steps.look_back``
+    t_past_1: float
+    t_past_2: float
+    t_past_3: float
+    surprise: float

@@ -1,28 +1,24 @@
 """The integration loop of the explicit Runge-Kutta methods: one compiled function for all models.
 
-It is compiled when this module is first imported on a machine (and found in the cache afterwards), so import it late. The
-loop keeps its state in a record and returns after a given number of steps, so that Python can look after interrupts, grow the
-event log and call again.
+It is written in the small language, and compiled once per machine (`MODULES`). The loop keeps its state in a record and returns
+after a given number of steps, so that Python can look after interrupts, grow the event log and call again.
 """
 
 from __future__ import annotations
 
-import ctypes
 import math
-from typing import Any
 
-import numba
-import numpy as np
-
-from gearlib.solve.kept import keep
-from gearlib.solve.native_call import call_native, inner
+from gearlib.codegen.small_language import floats_at, int32, int32s_at, ints_at, native
+from gearlib.solve.problem import MODEL
 from gearlib.solve.rk_events import NEW, OLD, SLOPE_NEW, SLOPE_OLD, crossing, just_beyond, row, slopes
-from gearlib.solve.rk_frame import doubles, frame_at, ints, longs
+from gearlib.solve.rk_layout import Frame
 from gearlib.solve.rk_phases import adapt, begin_phase
 from gearlib.solve.rk_stages import dense_output, interpolate, last_stage, move, step_error, take_step
-from gearlib.solve.rk_steps import first_step, is_damped, is_stiff, look_back, note
+from gearlib.solve.rk_steps import first_step, is_damped, is_stiff, look_back, note, sign
 
-__all__ = ["advance"]
+__all__ = ["MODULES", "advance"]
+
+MODULES = tuple(f"gearlib.solve.rk_{name}" for name in ("loop", "events", "phases", "stages", "steps"))  # compiled together
 
 # what ``advance`` returns
 DONE, MORE, STIFF, RHS_FAILED, UNDERFLOW, CHATTERING, UPDATE_FAILED = 0, 1, 2, -1, -2, -3, -4
@@ -34,33 +30,33 @@ CHATTER_SPAN = 1e-10
 # hundred steps where nothing else is alive, but with lightly damped vibrations that are it needs up to ten times as long as order 8
 # at rtol 1e-8 and finer. Errors of order 5 at the limit of stability hide how smooth the solution is; there the limit is one of
 # experience, FINER the exponent of 1e-6 / rtol.
-DECAY_LEFT, VIBRATION_LEFT, FINER = 500, (20_000, 10_000), 0.15
+DECAY_LEFT, VIBRATION_LEFT_5, VIBRATION_LEFT_8, FINER = 500, 20_000, 10_000, 0.15
 DECAY_SMOOTH, VIBRATION_SMOOTH = 100.0, 1.0
 ROUNDING = 8.9e-16
 LOCATED = 2.2e-14  # samples no further before an event are on the event: they hold the right-hand limit
 AT_START = 1e-16  # of the run: as near to the start as that, an event is at the start
 
 
-@inner()
-def _restart(s: Any) -> int:
+@native
+def _restart(s: Frame) -> int:
     """Begin anew at ``x``: the right-hand side, the sides of the event functions and their slopes."""
-    code: int = call_native(s.rhs, s.t, s.x, s.k, s.data, s.index)
+    code: int = MODEL(s.rhs, s.t, s.x, s.k, s.data, s.index)
     s.evaluations += 1
     s.slopes = s.moves = s.products = s.ratios = s.roughest = 0.0
     s.n_past, s.surprise = 0, math.inf
     if s.n_roots > 0 and code == 0:
-        call_native(s.roots, s.t, s.x, row(s, OLD), s.data, s.index)
+        MODEL(s.roots, s.t, s.x, row(s, OLD), s.data, s.index)
         slopes(s, s.t, max(s.h, 1e-6 * s.h_max), s.x, s.k, OLD, SLOPE_OLD)
-        side, fired, g = ints(s.side, s.n_roots), ints(s.fired, s.n_roots), doubles(row(s, OLD), s.n_roots)
+        side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, OLD))
         for i in range(s.n_roots):  # what the event iteration says, which rounding cannot make wrong
-            side[i] = fired[i] // 2 if abs(fired[i]) == 2 else np.sign(g[i])
+            side[i] = fired[i] // 2 if abs(fired[i]) == 2 else sign(g[i])
     return code
 
 
-@inner()
-def _start(s: Any) -> int:
+@native
+def _start(s: Frame) -> int:
     s.started = 1
-    if s.update != 0 and call_native(s.update, s.t, s.x, s.fired, s.data, s.index) < 0:
+    if s.update != 0 and MODEL(s.update, s.t, s.x, s.fired, s.data, s.index) < 0:
         return UPDATE_FAILED
     if _restart(s) != 0:
         return RHS_FAILED
@@ -70,21 +66,21 @@ def _start(s: Any) -> int:
     return DONE
 
 
-@inner()
-def _store(s: Any, i: int, x: int) -> None:
+@native
+def _store(s: Frame, i: int, x: int) -> None:
     """A sample: states and modes."""
-    state, out = doubles(x, s.n), doubles(s.out + 8 * i * s.n, s.n)
+    state, out = floats_at(x), floats_at(s.out + 8 * i * s.n)
     for j in range(s.n):
         out[j] = state[j]
-    held, modes = doubles(s.data + 8 * s.first_mode, s.n_modes), doubles(s.modes + 8 * i * s.n_modes, s.n_modes)
+    held, modes = floats_at(s.data + 8 * s.first_mode), floats_at(s.modes + 8 * i * s.n_modes)
     for j in range(s.n_modes):
         modes[j] = held[j]
 
 
-@inner()
-def _emit(s: Any, t: float, before: float, h: float) -> None:
+@native
+def _emit(s: Frame, t: float, before: float, h: float) -> None:
     """Store the samples before a time within the step."""
-    times, i = doubles(s.times, s.n_times), s.sample
+    times, i = floats_at(s.times), s.sample
     if i < s.n_times and times[i] < before:
         dense_output(s, t, h)
         while i < s.n_times and times[i] < before:
@@ -94,32 +90,32 @@ def _emit(s: Any, t: float, before: float, h: float) -> None:
         s.sample = i
 
 
-@inner()
-def _emit_here(s: Any) -> None:
+@native
+def _emit_here(s: Frame) -> None:
     """Store the samples at ``t`` itself."""
-    times, i = doubles(s.times, s.n_times), s.sample
+    times, i = floats_at(s.times), s.sample
     while i < s.n_times and times[i] <= s.t:
         _store(s, i, s.x)
         i += 1
     s.sample = i
 
 
-@inner()
-def _log(s: Any, root: int) -> None:
-    doubles(s.log_t, s.capacity)[s.events] = s.t
-    longs(s.log_root, s.capacity)[s.events] = root
+@native
+def _log(s: Frame, root: int) -> None:
+    floats_at(s.log_t)[s.events] = s.t
+    ints_at(s.log_root)[s.events] = root
     s.events += 1
 
 
-@inner()
-def _handle(s: Any, found: int, timed: bool) -> int:
+@native
+def _handle(s: Frame, found: int, timed: bool) -> int:
     """Call ``update`` for the roots that flipped (``found``) or a time event, write the log, begin anew."""
-    side, fired, g = ints(s.side, s.n_roots), ints(s.fired, s.n_roots), doubles(row(s, NEW), s.n_roots)
+    side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, NEW))
     from_zero = True
     for i in range(s.n_roots):
         fired[i] = 0
         if found == 1 and (g[i] * side[i] < 0.0 or (side[i] == 0 and g[i] != 0.0)):
-            fired[i] = np.sign(g[i])
+            fired[i] = sign(g[i])
             from_zero = from_zero and side[i] == 0
     before = s.events
     if timed:
@@ -130,12 +126,12 @@ def _handle(s: Any, found: int, timed: bool) -> int:
             _log(s, i)
     changed = 0
     if s.update != 0:
-        changed = call_native(s.update, s.t, s.x, s.fired, s.data, s.index)
+        changed = MODEL(s.update, s.t, s.x, s.fired, s.data, s.index)
         if changed < 0:
             return UPDATE_FAILED
     if changed == 0 and from_zero:  # a function that merely starts from zero is not worth an entry
         s.events = logged
-    times = doubles(s.times, s.n_times)
+    times = floats_at(s.times)
     while s.events > before and s.sample > 0 and times[s.sample - 1] >= s.t - max(LOCATED * abs(s.t), AT_START * s.span):
         s.sample -= 1  # a sample on an event holds the right-hand limit
     if changed != 0 or timed:  # or else the solution goes on as before
@@ -143,13 +139,13 @@ def _handle(s: Any, found: int, timed: bool) -> int:
     if _restart(s) != 0:
         return RHS_FAILED
     recent = s.events - CHATTER_EVENTS
-    if recent >= 0 and s.t - doubles(s.log_t, s.capacity)[recent] < CHATTER_SPAN * s.span:
+    if recent >= 0 and s.t - floats_at(s.log_t)[recent] < CHATTER_SPAN * s.span:
         return CHATTERING
     return DONE
 
 
-@inner()
-def _is_stiff(s: Any, t: float, left: float) -> bool:
+@native
+def _is_stiff(s: Frame, t: float, left: float) -> bool:
     """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row, and with many still ``left``."""
     note(s)
     if s.order == 8:
@@ -161,17 +157,17 @@ def _is_stiff(s: Any, t: float, left: float) -> bool:
             return False
         damped = is_damped(s.slopes, s.moves, s.products)
         if s.order == 5:
-            return bool(left > (DECAY_LEFT if damped else VIBRATION_LEFT[0] * (1e-6 / s.rtol) ** FINER))
+            return left > (DECAY_LEFT if damped else VIBRATION_LEFT_5 * (1e-6 / s.rtol) ** FINER)
         smooth = s.surprise < (DECAY_SMOOTH if damped else VIBRATION_SMOOTH)
-        return bool(smooth and left > (DECAY_LEFT if damped else VIBRATION_LEFT[1]))
+        return smooth and left > (DECAY_LEFT if damped else VIBRATION_LEFT_8)
     s.calm_steps += 1
     if s.calm_steps >= 6:
         s.stiff_steps = 0
     return False
 
 
-@inner()
-def _attempt(s: Any, t: float, h: float) -> float:
+@native
+def _attempt(s: Frame, t: float, h: float) -> float:
     """Try a step; its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops the run."""
     s.steps += 1
     code = take_step(s, t, h)
@@ -184,20 +180,20 @@ def _attempt(s: Any, t: float, h: float) -> float:
     return error if error < math.inf else math.inf
 
 
-@inner()
-def _go_on(s: Any) -> None:
+@native
+def _go_on(s: Frame) -> None:
     """Make the end of a step the start of the next one."""
     move(s.x_new, s.x, s.size)
     move(last_stage(s), s.k, s.size)
-    old, new = doubles(row(s, OLD), s.n_roots), doubles(row(s, NEW), s.n_roots)
-    slope_old, slope_new = doubles(row(s, SLOPE_OLD), s.n_roots), doubles(row(s, SLOPE_NEW), s.n_roots)
+    old, new = floats_at(row(s, OLD)), floats_at(row(s, NEW))
+    slope_old, slope_new = floats_at(row(s, SLOPE_OLD)), floats_at(row(s, SLOPE_NEW))
     for i in range(s.n_roots):
         old[i] = new[i]
         slope_old[i] = slope_new[i]
 
 
-@inner()
-def _step(s: Any, stop: float, end: float) -> int:
+@native
+def _step(s: Frame, stop: float, end: float) -> int:
     """One step toward ``stop``, up to an event in it; DONE where it went well or is to be tried again."""
     t, h = s.t, min(s.h, s.h_max)
     if s.h_cut > 0.0:
@@ -245,15 +241,15 @@ def _step(s: Any, stop: float, end: float) -> int:
     return DONE
 
 
-@inner()
-def _advance(address: int) -> int:
+@native
+def advance(address: int) -> int32:
     """Integrate for ``budget`` steps, or until something happens that Python must see to."""
-    s = frame_at(address)
+    s = Frame(address)
     if s.started == 0:
         code = _start(s)
         if code != DONE:
             return code
-    stops = doubles(s.stops, s.n_stops)
+    stops = floats_at(s.stops)
     end = stops[s.n_stops - 1]
     for _ in range(s.budget):
         _emit_here(s)
@@ -265,9 +261,3 @@ def _advance(address: int) -> int:
         if code != DONE:
             return code
     return MORE
-
-
-_numba: Any = numba  # some of its versions declare types, and not those that its functions take
-_types = _numba.types
-_compiled: Any = keep(_advance, _numba.cfunc(_types.int64(_types.int64), cache=True, error_model="numpy", _nrt=False))
-advance: Any = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(_compiled.address)  # it releases Python's lock

@@ -1,4 +1,4 @@
-"""Step sizes, compiled as parts of the loop in ``rk_loop``: from step to step, and from one event to the next.
+"""Step sizes, parts of the loop in ``rk_loop``: from step to step, and from one event to the next.
 
 Between two events the modes are the same, and such a phase often comes again: contact, flight, contact. The step that suited its
 beginning is remembered with its modes. A phase that was never met begins with a part of the step before.
@@ -7,10 +7,9 @@ beginning is remembered with its modes. A phase that was never met begins with a
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from gearlib.solve.native_call import inner
-from gearlib.solve.rk_frame import doubles
+from gearlib.codegen.small_language import floats_at, native
+from gearlib.solve.rk_layout import Frame
 from gearlib.solve.rk_steps import caution
 
 __all__ = ["adapt", "begin_phase"]
@@ -24,27 +23,27 @@ SMALL = math.log(1e-4)  # errors below it are taken for it, lest a step much too
 GROWTH_KNOWN, GROWTH_SECOND = 1.1, 1.2  # of the step that is remembered, and from the first step of a phase to the second
 
 
-@inner()
-def _signature(s: Any) -> float:
+@native
+def _signature(s: Frame) -> float:
     """A number that tells the modes apart, hardly ever two of them alike."""
-    modes, total = doubles(s.data + 8 * s.first_mode, s.n_modes), 0.0
+    modes, total = floats_at(s.data + 8 * s.first_mode), 0.0
     for i in range(s.n_modes):
         total += (1.0 + 0.6180339887 * i) * modes[i]
     return total
 
 
-@inner()
-def _find(s: Any, signature: float) -> int:
+@native
+def _find(s: Frame, signature: float) -> int:
     """Where the phase with these modes is remembered; -1 where it is not."""
-    known = doubles(s.phases, 2 * PHASES)
+    known = floats_at(s.phases)
     for i in range(PHASES):
         if known[PHASES + i] > 0.0 and known[i] == signature:
             return i
     return -1
 
 
-@inner()
-def begin_phase(s: Any, changed: bool) -> None:
+@native
+def begin_phase(s: Frame, changed: bool) -> None:
     """Choose the first step after an event: that of an earlier phase with the same modes, if they changed."""
     held = s.h_held
     s.h_held = s.h
@@ -52,21 +51,21 @@ def begin_phase(s: Any, changed: bool) -> None:
     if changed:
         place = _find(s, _signature(s))
         s.fresh, s.known = 1, place >= 0
-        s.h = doubles(s.phases, 2 * PHASES)[PHASES + place] if place >= 0 else UNKNOWN * s.h
+        s.h = floats_at(s.phases)[PHASES + place] if place >= 0 else UNKNOWN * s.h
 
 
-@inner()
-def _remember(s: Any, h: float) -> None:
+@native
+def _remember(s: Frame, h: float) -> None:
     signature = _signature(s)
-    place, known = _find(s, signature), doubles(s.phases, 2 * PHASES)
+    place, known = _find(s, signature), floats_at(s.phases)
     if place < 0:
         place = s.next_phase
         s.next_phase = (place + 1) % PHASES
     known[place], known[PHASES + place] = signature, h
 
 
-@inner()
-def adapt(s: Any, h: float, error: float) -> bool:
+@native
+def adapt(s: Frame, h: float, error: float) -> bool:
     """Choose the next step size; whether the step is accepted.
 
     PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before. These constants leave hardly a
@@ -86,7 +85,7 @@ def adapt(s: Any, h: float, error: float) -> bool:
         if log_error > SMALL:
             growth = min(growth, GROWTH_SECOND)
     else:
-        alpha, beta = (0.14, 0.08) if s.order == 5 else (0.0875, 0.05)
+        alpha, beta = 0.14 if s.order == 5 else 0.0875, 0.08 if s.order == 5 else 0.05
         growth = min(10.0, max(0.2, 0.9 * math.exp(beta * s.log_error - alpha * log_error)))
     if s.retry == 1:
         growth = min(growth, 1.0)

@@ -7,15 +7,20 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.codegen.instructions import BLOCK
+from gearlib.codegen.native_module import native_functions
 from gearlib.errors import ArgumentError, SolverError
+from gearlib.solve import rk_loop
 from gearlib.solve.problem import Floats, Integers, Problem, Solution
-from gearlib.solve.rk_layout import BLOCK, Frame
+from gearlib.solve.rk_layout import Frame
 
 __all__ = ["integrate"]
 
@@ -101,8 +106,7 @@ def integrate(
     True
     """
     times, tolerance = _checked(problem, times, rtol, atol, order)
-    from gearlib.solve import rk_loop  # imports numba
-
+    advance = _loop()
     run = _prepare(problem, times, order, rtol, tolerance)
     frame = run.frame
     frame.h, frame.detect, frame.patience = first_step or 0.0, detect_stiffness, PATIENCE if may_leave else -1
@@ -114,7 +118,7 @@ def integrate(
             raise SolverError(f"gave up {_where(frame)}: max_steps is {max_steps}")
         run.make_room()
         frame.budget = max(1, min(_STEPS_PER_CALL, left))
-        code = rk_loop.advance(address)
+        code = advance(address)
     left_behind = may_leave and code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED)
     if code < 0 and not left_behind:
         more = problem.not_settled(frame.t, run.x, run.data) if code == rk_loop.UPDATE_FAILED else ""
@@ -122,6 +126,14 @@ def integrate(
             more = problem.blamed(frame.t, run.x, run.data)
         raise SolverError(_complaint(problem, code, run) + more)
     return _solution(run, "left" if left_behind else ("stiff" if code == rk_loop.STIFF else "done"))
+
+
+@cache
+def _loop() -> Callable[[int], int]:
+    """The compiled loop; ctypes releases Python's lock while it runs."""
+    functions = native_functions(*rk_loop.MODULES)
+    advance: Any = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64)(functions.addresses["advance"])
+    return lambda address: int(advance(address))
 
 
 @dataclass
@@ -239,8 +251,6 @@ def _where(frame: Frame) -> str:
 
 def _complaint(problem: Problem, code: int, run: _Run) -> str:
     """What a negative code of the loop means."""
-    from gearlib.solve import rk_loop
-
     where = _where(run.frame)
     if code == rk_loop.UNDERFLOW:
         return f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"

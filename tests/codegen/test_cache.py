@@ -1,7 +1,4 @@
-"""The cache of machine code: damage, a folder that cannot be written, and writers at the same time cost time, never a result.
-
-There are two roads to it: numba's modules, which hold the solvers' loops, and the object code of models' functions.
-"""
+"""The cache of machine code: damage, a folder that cannot be written, and writers at the same time cost time, never a result."""
 
 from __future__ import annotations
 
@@ -17,17 +14,7 @@ import pytest
 from gearlib.codegen import cache, object_code
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCE = """
-from numba import cfunc, types
-
-@cfunc(types.float64(types.float64), cache=True)
-def f(x):
-    return {number}.0 * x
-"""
-
-
 MODEL = "def f(t: float, x: floats) -> int32:\n    x[0] = {number} * t\n    return 0\n"
-ROADS = ("numba", "model")
 made: list[str] = []  # sources compiled to object code
 
 
@@ -47,17 +34,11 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
 
 def forget(monkeypatch: pytest.MonkeyPatch) -> None:
     """As a new process would begin."""
-    monkeypatch.setattr(cache, "_loaded", {})
     object_code.compiled.cache_clear()
-    for name in [n for n in sys.modules if n.startswith("gearlib_model_")]:
-        del sys.modules[name]
 
 
-def triple(number: int = 3, road: str = "numba") -> tuple[float, int]:
+def triple(number: int = 3) -> tuple[float, int]:
     """The result of a cached function for 2, and whether its machine code was found on disk."""
-    if road == "numba":
-        compiled = cache.load(SOURCE.replace("{number}", str(number))).f
-        return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(compiled.address)(2.0), compiled.cache_hits
     made.clear()
     function, result = object_code.compiled(MODEL.format(number=number), "f"), ctypes.c_double()
     call = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p)(function.address)
@@ -69,23 +50,17 @@ def files(folder: Path, pattern: str) -> list[Path]:
     return sorted(folder.rglob(f"gearlib_model_*{pattern}"))
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_second_process_finds_the_machine_code(monkeypatch: pytest.MonkeyPatch, road: str) -> None:
-    assert triple(3, road) == (6.0, 0)
+def test_second_process_finds_the_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert triple(3) == (6.0, 0)
     forget(monkeypatch)
-    assert triple(3, road) == (6.0, 1)
+    assert triple(3) == (6.0, 1)
 
 
-@pytest.mark.parametrize(
-    ("road", "what"), [("numba", ".py"), ("numba", ".sum"), ("numba", ".nbi"), ("numba", ".nbc"), ("model", ".o")]
-)
 @pytest.mark.parametrize("how", ["cut", "changed", "emptied", "swapped", "seal changed"])
-def test_damage_costs_time_only(own_folder: Path, monkeypatch: pytest.MonkeyPatch, road: str, what: str, how: str) -> None:
-    triple(3, road)
-    triple(4, road)
-    (file, other) = files(own_folder, what)
-    if not file.read_bytes().count(b"3.0") and what == ".py":
-        file, other = other, file
+def test_damage_costs_time_only(own_folder: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    triple(3)
+    triple(4)
+    (file, other) = files(own_folder, ".o")
     good = file.read_bytes()
     half = len(good) // 2
     bad = {"cut": good[:half], "changed": good[:half] + bytes([good[half] ^ 1]) + good[half + 1 :], "emptied": b"",
@@ -94,54 +69,40 @@ def test_damage_costs_time_only(own_folder: Path, monkeypatch: pytest.MonkeyPatc
     file.write_bytes(bad)
     os.utime(file, times)
     forget(monkeypatch)
-    assert (triple(3, road)[0], triple(4, road)[0]) == (6.0, 8.0)
+    assert (triple(3)[0], triple(4)[0]) == (6.0, 8.0)
     forget(monkeypatch)
-    assert (triple(3, road), triple(4, road)) == ((6.0, 1), (8.0, 1))  # mended
-
-
-def test_code_that_fails_to_load_is_made_anew(monkeypatch: pytest.MonkeyPatch, own_folder: Path) -> None:
-    """Damage that the digests did not see."""
-    triple()
-    (file,) = files(own_folder, ".nbi")
-    file.write_bytes(b"no pickle")
-    monkeypatch.setattr(cache, "_digest", lambda path: "same")
-    (seal,) = files(own_folder, ".sum")
-    seal.write_text("same", encoding="utf-8")
-    forget(monkeypatch)
-    assert triple()[0] == 6.0
+    assert (triple(3), triple(4)) == ((6.0, 1), (8.0, 1))  # mended
 
 
 def test_object_code_that_cannot_be_linked_is_made_anew(monkeypatch: pytest.MonkeyPatch, own_folder: Path) -> None:
     """Damage that the checksum did not see."""
-    triple(3, "model")
+    triple(3)
     (file,) = files(own_folder, ".o")
     code = b"no object code"
     file.write_bytes(cache._seal(file.name, code) + code)
     forget(monkeypatch)
-    assert triple(3, "model") == (6.0, 0)
+    assert triple(3) == (6.0, 0)
 
 
 def test_another_processor_or_compiler_has_its_own_object_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    triple(3, "model")
-    compiler = object_code._compiler()
-    monkeypatch.setattr(object_code, "_compiler", lambda: compiler + "x")
+    triple(3)
+    compiler = object_code.compiler_digest()
+    monkeypatch.setattr(object_code, "compiler_digest", lambda: compiler + "x")
     forget(monkeypatch)
-    assert triple(3, "model") == (6.0, 0)
+    assert triple(3) == (6.0, 0)
     for what in (object_code._machine().triple, *object_code._processor()):
         assert what in compiler
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, road: str) -> None:
+def test_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("in the way", encoding="utf-8")
     monkeypatch.setenv("GEARLIB_CACHE", str(blocked))
-    assert triple(3, road) == (6.0, 0)
+    assert triple(3) == (6.0, 0)
     assert blocked.read_text(encoding="utf-8") == "in the way"
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_folder_that_cannot_be_written(own_folder: Path, monkeypatch: pytest.MonkeyPatch, road: str) -> None:
+def test_folder_that_cannot_be_written(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     replace = os.replace
 
     def full(source: str, target: str | Path) -> None:
@@ -150,52 +111,35 @@ def test_folder_that_cannot_be_written(own_folder: Path, monkeypatch: pytest.Mon
         replace(source, target)
 
     monkeypatch.setattr(cache.os, "replace", full)
-    assert triple(3, road) == (6.0, 0)
+    assert triple(3) == (6.0, 0)
     assert files(own_folder, "") == []
 
 
-def test_broken_source_is_an_error_and_leaves_no_module() -> None:
-    with pytest.raises(ZeroDivisionError):
-        cache.load("1 / 0")
-    assert not [n for n in sys.modules if n.startswith("gearlib_model_")]
-
-
-@pytest.mark.parametrize("road", ROADS)
-def test_writers_at_the_same_time(own_folder: Path, monkeypatch: pytest.MonkeyPatch, road: str) -> None:
-    script = f"from tests.codegen.test_cache import triple; print([triple(k, {road!r})[0] for k in (3, 4, 5)])"
+def test_writers_at_the_same_time(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = "from tests.codegen.test_cache import triple; print([triple(k)[0] for k in (3, 4, 5)])"
     path = os.pathsep.join([str(ROOT), str(ROOT / "library")])
     run = [subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, env={**os.environ, "PYTHONPATH": path},
                             stdout=subprocess.PIPE, text=True) for _ in range(3)]  # fmt: skip
     assert {process.communicate()[0] for process in run} == {"[6.0, 8.0, 10.0]\n"}
     for _ in range(2):  # what one of them left undone is done at once
-        found = [triple(k, road) for k in (3, 4, 5)]
+        found = [triple(k) for k in (3, 4, 5)]
         forget(monkeypatch)
     assert found == [(6.0, 1), (8.0, 1), (10.0, 1)]
     assert files(own_folder, ".tmp") == []
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_size_is_bounded(own_folder: Path, monkeypatch: pytest.MonkeyPatch, road: str) -> None:
-    triple(1, road)
+def test_size_is_bounded(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    triple(1)
     one = sum(file.stat().st_size for file in files(own_folder, ""))
     for number, file in enumerate(files(own_folder, "")):
         os.utime(file, (number, number))  # long ago
     monkeypatch.setattr(cache, "LARGEST", int(2.5 * one))
     for number in (2, 3, 4):
-        triple(number, road)
+        triple(number)
         assert sum(file.stat().st_size for file in files(own_folder, "")) <= 2.5 * one
     forget(monkeypatch)
-    assert triple(4, road) == (8.0, 1)
-    assert triple(1, road) == (2.0, 0)
-
-
-def test_both_roads_share_the_bound(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    triple(1, "model")
-    monkeypatch.setattr(cache, "LARGEST", 10)
-    triple(2, "numba")
-    assert not files(own_folder, ".o")
-    triple(3, "model")
-    assert not files(own_folder, ".nbi")
+    assert triple(4) == (8.0, 1)
+    assert triple(1) == (2.0, 0)
 
 
 def test_nothing_else_is_ever_removed(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,7 +148,7 @@ def test_nothing_else_is_ever_removed(own_folder: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(cache, "LARGEST", 0)
     triple(1)
     triple(2)
-    triple(3, "model")
+    triple(3)
     assert kept.exists()
 
 
