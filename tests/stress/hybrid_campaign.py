@@ -10,7 +10,7 @@ import gearlib as gl
 from tests.stress.described import Model, Train
 from tests.stress.hybrid_reference import Floats, HybridTrain
 from tests.stress.linear_reference import LinearTrain, Unclear, start_values
-from tests.stress.verdicts import RIGHT, UNCLEAR, WRONG, Verdict, attempted, distance
+from tests.stress.verdicts import RIGHT, UNCLEAR, WRONG, Verdict, attempted, distance, sizes
 
 DISTURBANCE = 1e-7
 MOST = 1e4  # by how much a disturbance may grow in a train that is judged
@@ -43,6 +43,7 @@ def _run(
     train: Train, solved: HybridTrain, rng: random.Random, times: Floats, right: dict[str, Floats], events: int
 ) -> Verdict:
     units = {n: unit(n) for n in right}
+    size = sizes(right, units)
     start, inputs = start_values(LinearTrain(train)), train.unbound()
     order = rng.choice([0, rng.randint(1, 10**6)])
     system = gl.compile(Model(train=train, order=order))
@@ -51,7 +52,7 @@ def _run(
         worst: list[tuple[float, str]] = []
         for rtol in (1e-8, 1e-11):
             result = system.simulate(train.t_end, times=times, method=method, rtol=rtol, start=start, inputs=inputs)
-            worst.append(distance({n: result[n] for n in right}, right, units))
+            worst.append(distance({n: result[n] for n in right}, right, units, size))
             if worst[-1][0] <= 1e3 * rtol * max(1.0, growth or 1.0):
                 break
             if growth is None:
@@ -71,7 +72,7 @@ def _run(
         half = system.simulate(middle, samples=3, rtol=1e-8, start=start, inputs=inputs)
         later = times[times > middle]
         rest = system.simulate(train.t_end, t_start=middle, times=later, rtol=1e-8, start=half, inputs=inputs)
-        worst_half, where = distance({n: rest[n] for n in right}, {n: right[n][times > middle] for n in right}, units)
+        worst_half, where = distance({n: rest[n] for n in right}, {n: right[n][times > middle] for n in right}, units, size)
         if worst_half > 1e-5:
             return Verdict(WRONG, f"continued at {middle!r}, order {order}: {where}")
     return Verdict(RIGHT)
@@ -87,5 +88,7 @@ def sensitivity(solved: HybridTrain, times: Floats, right: dict[str, Floats], un
             there = solved.solve(times, shift, rtol=1e-11)
         except Unclear:
             return np.inf
-        largest = max(largest, distance({n: there.values[n] for n in right}, right, units)[0] / DISTURBANCE)
+        largest = max(
+            largest, distance({n: there.values[n] for n in right}, right, units, sizes(right, units))[0] / DISTURBANCE
+        )
     return largest

@@ -289,6 +289,17 @@ class LinearTrain:
         return bool(steps.size and self.T3.size and np.abs(steps @ self.T3).max() > 1e-9)
 
     @property
+    def differentiated(self) -> bool:
+        """Whether an input that is bound to nothing acts on what has no inertia: speeds or accelerations need its derivative."""
+        massless = np.hstack([self.T2, self.T3])
+        for part in self.train.parts:
+            if part.kind in ("Torque", "Torque2") and any(not s.bound for _, s in part.signals()):
+                row = self.spread(part, (-1.0, 1.0) if part.kind == "Torque2" else (1.0, -1.0)[: len(part.at)])
+                if np.abs(row @ massless).max(initial=0.0) > 1e-9:
+                    return True
+        return False
+
+    @property
     def moments(self) -> list[float]:
         steps = [p.value("start_time") for p in self.train.parts if p.kind == "TorqueStep"]
         return sorted({*self.z.moments, *(s for s in steps if 0 < s < self.train.t_end)})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,14 +43,21 @@ def attempted(action: Callable[[], Verdict], refusal: str | None) -> Verdict:
         return Verdict(RAW, f"{type(error).__name__}: {error} ({last.filename.rsplit('/', 1)[-1]}:{last.lineno})")
 
 
-def distance(found: Mapping[str, Floats], right: Mapping[str, Floats], unit_of: Mapping[str, str]) -> tuple[float, str]:
-    """The largest error of any variable over the largest value of any variable of its unit, and where it is."""
-    sizes: dict[str, float] = {}
+def sizes(right: Mapping[str, Floats], units: Mapping[str, str], terms: Mapping[str, float] | None = None) -> dict[str, float]:
+    """The largest value of any variable of a unit; where terms cancel, a value is known as well as the terms are."""
+    found = {unit: max(1e-3, 1e-8 * (terms or {}).get(unit, 0.0)) for unit in units.values()}
     for name, values in right.items():
-        sizes[unit_of[name]] = max(sizes.get(unit_of[name], 1e-3), float(np.abs(values).max(initial=0.0)))
+        found[units[name]] = max(found[units[name]], float(np.abs(values).max(initial=0.0)))
+    return found
+
+
+def distance(
+    found: Mapping[str, Floats], right: Mapping[str, Floats], units: Mapping[str, str], size: Mapping[str, float]
+) -> tuple[float, str]:
+    """The largest error of any variable over the size of its unit, and where it is."""
     worst, where = 0.0, "nothing"
     for name, values in right.items():
-        error = np.abs(found[name] - values) / sizes[unit_of[name]]
+        error = np.abs(found[name] - values) / size[units[name]]
         k = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
         if not error[k] <= worst:
             worst = float(error[k]) if np.isfinite(error[k]) else np.inf
@@ -59,14 +65,12 @@ def distance(found: Mapping[str, Floats], right: Mapping[str, Floats], unit_of: 
     return worst, where
 
 
-def converging(
-    run: Callable[[float], Mapping[str, Any]], right: Mapping[str, Floats], units: Mapping[str, str], label: str
-) -> Verdict:
+def converging(run: Callable[[float], tuple[float, str]], label: str) -> Verdict:
     """Whether a run's error follows the tolerance: what is too far away must come near with a finer one."""
-    worst, where = distance(run(1e-8), right, units)
+    worst, where = run(1e-8)
     if worst <= 1e-5:
         return Verdict(RIGHT)
-    finer, there = distance(run(1e-11), right, units)
+    finer, there = run(1e-11)
     if finer <= max(1e-7, 0.03 * worst) and finer <= 1e-5:
         return Verdict(RIGHT)
     return Verdict(WRONG, f"{label}: error {worst:.1e}, finer {finer:.1e}: {there if finer > 1e-5 else where}")
