@@ -21,9 +21,8 @@ from gearlib.structure.analysis import Structure
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
-ROUNDING = 1e-13  # of the terms of a start value: what it may miss
-NOTHING = 1e-14  # the most that computing start values leaves where zero is right
-ITERATED = 1e-10  # the same, where equations are solved by iteration
+ROUNDING = 1e-10  # of the terms of a start value: what it may miss, as values that another program computed or printed do
+NOTHING = 1e-12  # the most that computing start values leaves where zero is right
 
 
 @dataclass(frozen=True)
@@ -176,7 +175,6 @@ def _satisfy(
     scale = here.nominal[free] if free else np.empty(0)
     moved: set[int] = set()
     nothing = _rounding(value for value, _ in fixed.values())
-    accuracy = ROUNDING if program.is_linear else ITERATED
     last = np.inf
     for _ in range(30):
         slots = evaluate(prepared, now, x[:, None], u, flags, start)
@@ -186,7 +184,7 @@ def _satisfy(
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
         # an error is measured by the terms that it is left of, not by other values: at 1e9 rad, 3 rad are no rounding
         terms = np.abs(gradient) @ np.abs(x) + np.abs(found - gradient @ x) + np.abs(wanted)
-        wrong = ~(np.abs(error) <= accuracy * terms + nothing)
+        wrong = ~(np.abs(error) <= ROUNDING * terms + nothing)
         worst = float(np.abs(error).max())
         if (not wrong.any() and not worst < 0.1 * last) or not free:
             break

@@ -190,7 +190,7 @@ def test_start_values_may_be_expressions_of_parameters() -> None:
 
 
 def test_computed_start_values_may_miss_zero_by_rounding() -> None:
-    """Of a part across one shaft, of two names of one variable, and where all terms of a constraint are rounding."""
+    """Of a part across one shaft, of two names of one variable, where all terms of a constraint are rounding, or printed."""
 
     class Train(gl.Component):
         def assemble(self) -> list[Any]:
@@ -208,6 +208,8 @@ def test_computed_start_values_may_miss_zero_by_rounding() -> None:
     given = {"a.phi": 5.2e-17, "b.phi": -1.1e-16, "c.phi": 5.6e-17, "across.phi_rel": 2.8e-17, "a.w": 3.0}
     result = system.simulate(1.0, samples=2, start=given)
     assert result["c.w"] == pytest.approx([1.5, 1.5], rel=1e-12)
+    printed = {"a.phi": 2 / 3, "b.phi": 0.666666666667, "c.phi": 0.333333333333, "a.w": 3.0, "c.w": 1.5}
+    assert system.simulate(1.0, samples=2, start=printed)["c.w"] == pytest.approx([1.5, 1.5], rel=1e-11)
     for name, other in (("across.phi_rel", {}), ("b.phi", {"a.phi": 0.0}), ("c.phi", {"a.phi": 0.0})):
         with pytest.raises(StartError, match=r"always zero|contradict each other"):
             system.simulate(1.0, samples=2, start={name: 1e-6, **other})

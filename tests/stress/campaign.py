@@ -1,7 +1,8 @@
 """The differential campaign: `python -m tests.stress.campaign linear 1000` judges a thousand random trains, each within a time limit.
 
 Prints every train that falls short, reduced to as few parts as still do, and counts at the end. ``--first`` sets the first seed,
-``--seconds`` the limit of processor time, ``--keep`` leaves the trains as they were drawn, ``--into`` adds the counts to a JSON file.
+``--seconds`` the limit of processor time, ``--keep`` leaves the trains as they were drawn, ``--into`` adds the counts to a JSON
+file, and ``page --into FILE`` puts the counts of such a file on docs/stability.md.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from tests.stress.hybrid_campaign import judge_hybrid
 from tests.stress.hybrid_draw import hybrid_train
 from tests.stress.linear_campaign import judge_linear
 from tests.stress.linear_draw import linear_train
-from tests.stress.verdicts import HANG, RIGHT, Verdict
+from tests.stress.verdicts import HANG, REFUSED, RIGHT, SHORT, UNCLEAR, Verdict
 
 FAMILIES: dict[str, tuple[Callable[[int], Train], Callable[[Train, int], Verdict]]] = {
     "linear": (linear_train, judge_linear),
@@ -115,15 +116,30 @@ def campaign(family: str, first: int, count: int, seconds: float, keep: bool, in
     return counts
 
 
+def page(counted: Path) -> None:
+    """The table of docs/stability.md from a file of counts."""
+    from tests.stress.draw import fill, table
+
+    columns = (RIGHT, REFUSED, UNCLEAR, *SHORT)
+    whole = json.loads(counted.read_text())
+    rows = [
+        [name, str(sum(counts.values())), *(str(counts.get(kind, 0)) for kind in columns)] for name, counts in whole.items()
+    ]
+    fill("campaign", table(["family", "trains", *(kind.lower() for kind in columns)], rows))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("family", choices=sorted(FAMILIES))
-    parser.add_argument("count", type=int)
+    parser.add_argument("family", choices=[*sorted(FAMILIES), "page"])
+    parser.add_argument("count", type=int, nargs="?", default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--keep", action="store_true")
     parser.add_argument("--into", type=Path)
     given = parser.parse_args()
+    if given.family == "page":
+        page(given.into)
+        return 0
     counts = campaign(given.family, given.first, given.count, given.seconds, given.keep, given.into)
     return int(any(Verdict(kind).short for kind in counts)) if counts[RIGHT] else 1
 

@@ -45,7 +45,7 @@ def attempted(action: Callable[[], Verdict], refusal: str | None) -> Verdict:
 
 def sizes(right: Mapping[str, Floats], units: Mapping[str, str], terms: Mapping[str, float] | None = None) -> dict[str, float]:
     """The largest value of any variable of a unit; where terms cancel, a value is known as well as the terms are."""
-    found = {unit: max(1e-3, 1e-8 * (terms or {}).get(unit, 0.0)) for unit in units.values()}
+    found = {unit: max(1e-3, 1e-6 * (terms or {}).get(unit, 0.0)) for unit in units.values()}
     for name, values in right.items():
         found[units[name]] = max(found[units[name]], float(np.abs(values).max(initial=0.0)))
     return found
