@@ -104,15 +104,17 @@ def _run(train: Train, solved: LinearTrain, rng: random.Random, refusal: str | N
 
 
 def disturbed(train: Train) -> Train:
-    """A train whose stiffnesses, dampings and inertias differ in their last digits."""
-    rng = random.Random(0)
+    """A train whose stiffnesses, dampings and inertias differ in their last digits, and whose nodes are numbered backwards."""
+    rng, last = random.Random(0), len(train.angles) - 1
+
+    def digits(name: str, value: Any) -> Any:
+        return value * (1 + 1e-14 * rng.uniform(-1, 1)) if name in ("J", "c", "d") else value
+
     parts = [
-        replace(
-            p, values=tuple((n, v * (1 + 1e-14 * rng.uniform(-1, 1))) if n in ("J", "c", "d") else (n, v) for n, v in p.values)
-        )
+        replace(p, at=tuple(last - node for node in p.at), values=tuple((n, digits(n, v)) for n, v in p.values))
         for p in train.parts
     ]
-    return replace(train, parts=tuple(parts))
+    return Train(tuple(parts), train.angles[::-1], train.speeds[::-1], train.t_end)
 
 
 def sample_times(solved: LinearTrain, rng: random.Random) -> Floats:
