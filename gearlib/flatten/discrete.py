@@ -50,13 +50,17 @@ def split_equations(
     continuous: list[Eq] = []
     values: list[tuple[str, Any, bool]] = []
     known = dict(discretes)
+    reinits: dict[str, list[tuple[Any, Any]]] = {}
+    states: dict[str, Any] = {}
 
     def action(given: Any, due: Any) -> None:
         if isinstance(given, Reinit):
             target = getattr(given.state, "name", str(given.state))
             if target not in variables:
                 raise DeclarationError(f"{name}: reinit({given.state}): no variable of the class; {nearest(target, variables)}")
-            values.append((target, sympy.Piecewise((value_of(given.value), due), (given.state, True)), True))
+            # of one state, all in one: each would write the state, and undo with its old value what another has set
+            reinits.setdefault(target, []).append((value_of(given.value), due))
+            states[target] = given.state
         elif isinstance(given, Eq) and getattr(given.left, "name", "") in known:
             new = value_of(given.right, f"{name}: the value of {given.left} in When")
             if given.left in new.free_symbols:
@@ -92,6 +96,8 @@ def split_equations(
             values.append((equation.left.name, value_of(equation.right, f"{name}: the value of {equation.left}"), False))
         else:
             continuous.append(equation)
+
+    values += [(target, sympy.Piecewise(*ways, (states[target], True)), True) for target, ways in reinits.items()]
 
     def is_held(symbol: str) -> bool:
         return symbol in known or symbol == "initial()" or (symbol.startswith("pre(") and symbol[4:-1] in known)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -499,3 +500,21 @@ def test_a_discrete_variable_without_any_state(method):
         result = system.simulate(1.0, times=[0, 0.25, 0.5, 0.75, 1.0], method=method, atol=1e-9)
         assert result["n"].tolist() == [0, 0, 1, 1, 1]
         assert result["y"].tolist() == [0, 0.5, 1, 1.5, 2]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_two_whens_may_set_one_state(method: str, swapped: bool) -> None:
+    """One that does not act leaves what another one sets; where both act, the one that is written first sets it."""
+
+    class Struck(gl.Component):
+        x = gl.Variable("1", "", start=0.0)
+
+        def equations(self) -> list[Any]:
+            hit = gl.When(self.x > 0.3, gl.reinit(self.x, -0.8))
+            kick = gl.When(gl.time >= 0.5, gl.reinit(self.x, self.x + 1))
+            return [gl.Eq(gl.der(self.x), 1.0), *((kick, hit) if swapped else (hit, kick))]
+
+    # -0.8 at 0.3, -0.6 + 1 at 0.5, which is above 0.3 again
+    found = gl.simulate(Struck(), 1.0, times=[0.0, 0.2, 0.4, 0.6], method=method)["x"]
+    assert found == pytest.approx([0.0, 0.2, -0.7, -0.7], abs=1e-9)
