@@ -154,7 +154,7 @@ def matched(found: Floats, A: Floats, label: str) -> Verdict:
         i, j = linear_sum_assignment(near)
         slack[j] = np.maximum(slack[j], near[i, j])
     allowed = 1e-7 * np.abs(right) + 1e4 * slack + 1e-10 * size
-    zero = np.abs(right) <= np.maximum(1e-9 * size, allowed)
+    zero = np.abs(right) <= np.maximum(max(1e-9 * size, 1e-12), allowed)
     moving, allowed = right[~zero], allowed[~zero]
     least = 0.5 * np.abs(moving).min(initial=size)
     found = found[np.abs(found) > least]
