@@ -360,11 +360,12 @@ class System:
             print(f"{self.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s")
         hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, where it was not asked for
         found = [(Part.of(run, o, first), o.stats, o.events) for (run, o), first in zip(parts, hidden, strict=True)]
+        asked = replace(asked, max_step=run.longest_step)  # a run that is done again takes the same steps
         return Result(found, self.outputs if self.outputs is not None else self.states, partial(self._again, asked))
 
     def _again(self, asked: Request, states: tuple[Node, ...], times: Floats | None = None) -> Result:
         """The same run with other states, or other times."""
-        atol = None if np.ndim(asked.atol or 0.0) else asked.atol
+        atol = asked.atol if states == self._scene.states or np.ndim(asked.atol) == 0 else None  # type: ignore[arg-type]
         return self._run(self._with(states), replace(asked, times=asked.times if times is None else times, atol=atol))
 
     def energy_balance(self, asked: Request, samples: Floats, events: Sequence[float]) -> EnergyBalance:

@@ -89,7 +89,10 @@ def _moment(
     known = {s: float(result._history(s)[sample]) for s in states}
     part = result._part_at(t)
     inputs = values(result._signals, np.array([t]))[:, 0]
-    return scene, numbers, Point(t, known, inputs, part.guess, lambda program: part.modes_at(program, t))
+    guess = part.guess.copy()
+    for v in result._scene.iterated:  # on the branch that the run is on
+        guess[v] = result._history((v, 0))[sample]
+    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.modes_at(program, t))
 
 
 def input_names(model: FlatModel) -> list[str]:
@@ -182,7 +185,7 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
     elif not scene.n_modes:  # saves the scene's own program, which a linear train does not need here
         flags = np.zeros((0, 1))
     else:
-        flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None])
+        flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
     guess = scene.guess(program, point.guess)
     return evaluate(prepared, now, x[:, None], u[:, None], flags, guess)[:, 0], flags[:, 0]
 

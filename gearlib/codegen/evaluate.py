@@ -178,8 +178,8 @@ def evaluate(
     ----------
     t : array, shape (times,)
     states, inputs, relations : arrays, shape (number, times)
-    guess : array, shape (slots,), optional
-        Where Newton's iterations start.
+    guess : array, shape (slots,) or (slots, times), optional
+        Where Newton's iterations start: at the first time, and each other time from the solution before; or at each time.
     forgiving : bool
         Whether equations without a solution leave their unknowns at the guess.
 
@@ -199,8 +199,9 @@ def evaluate(
         elif isinstance(step, Linear):
             slots[step.unknowns] = next(solutions) @ slots[step.known]
         else:
+            solve = _newton if guess is None or guess.ndim == 1 else _newton_at_once
             try:
-                _newton(step, prepared, t, slots, relations, guess)
+                solve(step, prepared, t, slots, relations, guess)
             except SolverError:
                 if not forgiving:
                     raise
@@ -234,6 +235,38 @@ def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relation
                 "better guesses: guess={...} of their variables"
             )
         slots[step.unknowns, i] = z
+
+
+def _newton_at_once(
+    step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None
+) -> None:
+    """Solve a block at all times together, each from its own guess; those with a singular matrix on the way one by one."""
+    assert guess is not None
+    n = len(step.unknowns)
+    z = guess[step.unknowns].copy()
+    left = np.arange(len(t))
+    for iteration in range(50):
+        here, flags = slots[:, left], relations[:, left]
+        here[step.unknowns] = z[:, left]
+        residual = assemble(step.residuals, t[left], here, prepared.parameters, flags, n)
+        matrix = assemble(step.jacobian, t[left], here, prepared.parameters, flags, n * n).T.reshape(-1, n, n)
+        try:
+            change = np.linalg.solve(matrix, residual.T[:, :, None])[:, :, 0].T
+        except np.linalg.LinAlgError:
+            break
+        z[:, left] -= change
+        size, moved = np.abs(z[:, left]).max(axis=0), np.abs(change).max(axis=0)
+        done = moved <= 1e-14 * size + 1e-300
+        if iteration > 8:
+            done |= moved <= 1e-11 * size + ROUNDING
+        left = left[~done] if not step.linear else left[:0]
+        if not len(left):
+            break
+    slots[step.unknowns] = z
+    for i in left.tolist():
+        one = slots[:, i : i + 1].copy()
+        _newton(step, prepared, t[i : i + 1], one, relations[:, i : i + 1], guess[:, i])
+        slots[:, i] = one[:, 0]
 
 
 def _singular_step(step: Newton, matrix: Floats, residual: Floats, z: Floats, t: float) -> Floats:

@@ -159,7 +159,7 @@ def _satisfy(
     start = here.guess(program, guess)
     slots_of = program.output_slots
     u, now = inputs[:, None], np.array([t])
-    settle = _modes_of(structure, program, parameters, now, u, discretes)
+    settle = _modes_of(here, program, parameters, now, u, guess, discretes)
     flags = settle(x)
 
     def gradients(slots: Floats) -> Floats:
@@ -220,16 +220,23 @@ def _follows(structure: Structure, name: str, gradient: Floats) -> str:
 
 
 def _modes_of(
-    structure: Structure, program: Program, parameters: Floats, t: Floats, inputs: Floats, discretes: Floats | None = None
+    scene: Scene,
+    program: Program,
+    parameters: Floats,
+    t: Floats,
+    inputs: Floats,
+    guess: Floats,
+    discretes: Floats | None = None,
 ) -> Callable[[Floats], Floats]:
     """The modes of a program at a start, as a function of the states."""
-    model = structure.model
+    structure, model = scene.structure, scene.model
     relations = relations_of(structure, program) if model.n_modes else None
     if relations is None or not (len(relations.used) or relations.discretes):
         none = np.zeros((model.n_modes, 1))
         return lambda x: none
     prepared = prepare(relations.program, structure, parameters)
-    return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs, discretes)
+    start = scene.guess(relations.program, guess)
+    return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs, discretes, start)
 
 
 def _independent(matrix: Floats) -> NDArray[np.int64]:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.codegen.evaluate import evaluate, owner_of, prepare
+from gearlib.codegen.evaluate import Prepared, evaluate, owner_of, prepare
 from gearlib.codegen.modes import relations_of
 from gearlib.codegen.program import Program
 from gearlib.errors import NameLookupError, SolverError
+from gearlib.solve.branch import Branch, follow
 from gearlib.solve.jumps import refuse_jumps
 from gearlib.solve.methods import Outcome, Run
 from gearlib.solve.scene import Scene, node_name, settle_once
@@ -35,14 +36,18 @@ class Part:
     parameters: Floats
     signals: Sequence[Any]
     guess: Floats
+    begin: float  # s, of the run; the first sample may be later
     known: dict[Node, Floats] = field(default_factory=dict)
     computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
+    events: Floats = field(default_factory=lambda: np.empty(0))
+    finer: Callable[[Floats], Part] | None = None  # the same at other times
+    branches: list[Branch] = field(default_factory=list)
 
     @classmethod
     def of(cls, run: Run, outcome: Outcome, first: int = 0) -> Part:
         """What a run brought back, from one of its samples on."""
         time, states, modes = run.times[first : len(outcome.states)], outcome.states[first:], outcome.relations[first:]
-        return cls(run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess)
+        return cls(run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]))
 
     def history(self, node: Node) -> Floats:
         """A variable that depends on the integrated states."""
@@ -91,9 +96,35 @@ class Part:
         prepared = prepare(program, scene.structure, self.parameters)
         inputs = self._inputs(program)
         modes = self._modes_for(program, inputs)
-        guess = scene.guess(program, self.guess) if program.iterated else None
+        guess = self._followed(prepared) if program.iterated else None
         self.computed.append((program, evaluate(prepared, self.time, self.states.T, inputs, modes, guess)))
         return self.computed[-1]
+
+    def _followed(self, prepared: Prepared) -> Floats:
+        """Where the iterations of a program start at each sample: on the branch that the run is on."""
+        program = prepared.program
+        start = self.scene.guess(program, self.guess)
+        if self.finer is None:
+            return start
+        unknowns = np.concatenate([s.unknowns for s in program.iterated])
+        by_slot = {slot: node for node, slot in program.slots.items()}
+        nodes = [by_slot[slot] for slot in unknowns.tolist()]
+        branch = next((b for b in self.branches if set(nodes) <= set(b.nodes)), None)
+        if branch is None:
+            finer = self.finer
+
+            def path(times: Floats) -> tuple[Floats, Floats, Floats]:
+                part = finer(times)
+                inputs = part._inputs(program)
+                modes = part._modes_for(program, inputs)
+                chosen = np.searchsorted(part.time, times)
+                return part.states.T[:, chosen], inputs[:, chosen], modes[:, chosen]
+
+            branch = follow(prepared, path, self.begin, float(self.time[-1]), self.events, start)
+            self.branches.append(branch)
+        guess = np.repeat(start[:, None], len(self.time), axis=1)
+        guess[unknowns] = branch.guess(nodes, self.time)
+        return guess
 
     def _modes_for(self, program: Program, inputs: Floats) -> Floats:
         """The modes at all samples; relations that the run had no need of are evaluated here."""
@@ -112,8 +143,9 @@ class Part:
         if not len(new):
             return modes
         prepared = prepare(found.program, scene.structure, self.parameters)
+        guess = scene.guess(found.program, self.guess) if found.program.iterated else None
         for _ in range(100):
-            passed = settle_once(found, prepared, self.time, self.states.T, inputs, modes)
+            passed = settle_once(found, prepared, self.time, self.states.T, inputs, modes, guess)
             restless = passed[new] != modes[new]
             if not restless.any():
                 break

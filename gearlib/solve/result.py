@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -48,7 +48,8 @@ class Result:
         if later:
             self.stats["charts"] = len(parts)
         self.events = list(chain.from_iterable(events for *_, events in parts))
-        self._parts = [part for part, *_ in parts]
+        times = np.array([event[0] for event in self.events], float)
+        self._parts = [replace(part, events=times, finer=partial(self._finer, k)) for k, (part, *_) in enumerate(parts)]
         self._scene, self._parameters, self._signals = first.scene, first.parameters, first.signals
         self._outputs, self._again = tuple(outputs), again
         self._known: dict[Node, Floats] = {}
@@ -57,7 +58,7 @@ class Result:
     def __reduce__(self) -> tuple[Any, ...]:
         again: Any = self._again
         system = again.func.__self__
-        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess) for p in self._parts]
+        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin) for p in self._parts]
         if any(system._scenes.get(p.scene.states) is not p.scene for p in self._parts):
             raise TypeError("a run whose states changed on the way cannot be pickled; take its histories: {name: result[name]}")
         return _restored, (self._again, parts, self._outputs, self.stats, self.events)
@@ -107,6 +108,11 @@ class Result:
             for v in scene.program.undifferentiated[0].tolist():
                 guess[v] = self._history((v, 0))[sample]
         return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
+
+    def _finer(self, k: int, times: Floats) -> Part:
+        """One part of the run at other times: the run is done again to its end, with the same steps."""
+        part: Part = self._again(self._scene.states, np.union1d(times, self.time[-1:]))._parts[k]
+        return part
 
     def _part_at(self, t: float) -> Part:
         return next(part for part in reversed(self._parts) if part.time[0] <= t)

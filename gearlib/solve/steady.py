@@ -110,7 +110,7 @@ class Search:
     def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
         """Scaled rates, their derivatives, and what rounding of every term in their equations adds to them."""
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
-        flags = scene.modes(self.numbers, now, column, inputs)
+        flags = scene.modes(self.numbers, now, column, inputs, start=self.begin.guess)
         program, n = scene.program, len(x)
         slots = evaluate(self.numbers.main, now, column, inputs, flags, scene.guess(program, self.begin.guess))[:, 0]
         size = np.abs(slots)

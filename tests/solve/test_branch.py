@@ -1,0 +1,141 @@
+"""Which solution of nonlinear equations a run shows: the one that the motion leads to, whatever times are asked for."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import gearlib as gl
+
+
+class Loop(gl.Component):
+    """An angle b that follows a through a loop with many solutions, forced or with a constant speed."""
+
+    w = gl.Parameter("rad/s", "speed", default=3.0)
+    k = gl.Parameter("1", "eccentricity", default=0.3)
+    swing = gl.Parameter("rad/s2", "acceleration", default=0.0)
+    a = gl.Variable("rad", "", start=0.0)
+    b = gl.Variable("rad", "", guess=0.0)
+    z = gl.Variable("rad.s", "", start=0.0)
+    high = gl.Variable("1", "whether b is past 5 rad")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.a), self.w + self.swing * gl.sin(7 * gl.time)),
+            gl.Eq(gl.sin(self.b - self.a), self.k * gl.sin(self.b)),
+            gl.Eq(gl.der(self.z), self.b),
+            gl.Eq(self.high, gl.Piecewise((1.0, self.b > 5.0), (0.0, True))),
+        ]
+
+
+NAMED = {outputs: gl.compile(Loop(), outputs=outputs) for outputs in (("b",), ("z", "b"), ("z",), ("a",), None)}
+
+
+def followed(times: Any, w: float = 3.0, k: float = 0.3, swing: float = 0.0, turns: int = 0) -> Any:
+    """b by its own differential equation, which the loop gives by differentiation."""
+
+    def rates(t: float, y: Any) -> Any:
+        speed = w + swing * np.sin(7 * t)
+        c = np.cos(y[1] - y[0])
+        return [speed, speed * c / (c - k * np.cos(y[1]))]
+
+    start = [0.0, 2 * np.pi * turns]
+    return solve_ivp(rates, (0.0, times[-1]), start, t_eval=times, rtol=1e-11, atol=1e-12, method="DOP853").y[1]
+
+
+@pytest.mark.parametrize("outputs", list(NAMED))
+@pytest.mark.parametrize("method", ["auto", "rk", "rk8", "ida", "exact"])
+def test_few_samples_show_the_same(outputs: tuple[str, ...] | None, method: str) -> None:
+    if method == "exact" and outputs not in (("b",), ("a",)):
+        return  # a nonlinear scene
+    for samples in (2, 3, 11):
+        result = NAMED[outputs].simulate(5.0, samples=samples, method=method, rtol=1e-8)
+        assert result["b"] == pytest.approx(followed(result.time), rel=1e-6, abs=1e-6)
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.floats(-20.0, 20.0), st.floats(-0.7, 0.7), st.floats(0.0, 60.0), st.integers(-2, 2),
+    st.sampled_from(list(NAMED)), st.lists(st.floats(0.01, 4.0), min_size=1, max_size=7, unique=True),
+)  # fmt: skip
+def test_any_times_of_any_loop(w: float, k: float, swing: float, turns: int, outputs: Any, times: list[float]) -> None:
+    times = sorted(times)
+    numbers = {"w": w, "k": k, "swing": swing, "guess(b)": 2 * np.pi * turns}
+    system = NAMED[outputs]
+    numbers = {name: value for name, value in numbers.items() if name in system.parameters}
+    expected = followed(np.array(times), w, k, swing, turns if "guess(b)" in numbers else 0)
+    found = system.simulate(times[-1], times=times, parameters=numbers, rtol=1e-8)["b"]
+    assert found == pytest.approx(expected, rel=1e-5, abs=1e-5)
+
+
+def test_what_the_start_does_not_show() -> None:
+    """The first sample may come late, and the run may be read in another process."""
+    result = NAMED["z",].simulate(5.0, times=[4.9, 5.0], rtol=1e-8)
+    assert result["b"] == pytest.approx(followed(np.array([0.0, 4.9, 5.0]))[1:], rel=1e-6)
+    again = pickle.loads(pickle.dumps(NAMED["z",].simulate(5.0, samples=2, rtol=1e-8)))
+    assert again["b"][-1] == pytest.approx(followed(np.array([0.0, 5.0]))[-1], rel=1e-6)
+
+
+def test_the_guess_chooses_the_branch() -> None:
+    class Other(Loop):
+        b = gl.Variable("rad", "", guess=6.0)
+
+    result = gl.compile(Other(), outputs=["z", "b"]).simulate(5.0, samples=2, rtol=1e-8)
+    assert result["b"] == pytest.approx(followed(np.array([0.0, 5.0]), turns=1), rel=1e-6)
+
+
+class FourBar(gl.Component):
+    """A crank and rocker: lengths 1, 3, 2.5 and 3 between the joints; a torque turns the crank against its damping."""
+
+    phi = gl.Variable("rad", "crank", start=0.0)
+    w = gl.Variable("rad/s", "", start=4.0)
+    coupler = gl.Variable("rad", "", guess=1.0)
+    rocker = gl.Variable("rad", "", guess=1.5)
+
+    def equations(self) -> list[Any]:
+        cos, sin = gl.cos, gl.sin
+        return [
+            gl.Eq(gl.der(self.phi), self.w),
+            gl.Eq(gl.der(self.w), 2.0 - 0.5 * self.w + 0.1 * sin(self.rocker)),
+            gl.Eq(cos(self.phi) + 3.0 * cos(self.coupler), 3.0 + 2.5 * cos(self.rocker)),
+            gl.Eq(sin(self.phi) + 3.0 * sin(self.coupler), 2.5 * sin(self.rocker)),
+        ]
+
+
+@pytest.mark.parametrize("method", ["auto", "ida"])
+@pytest.mark.parametrize("outputs", [["rocker", "coupler"], ["phi"]])
+def test_a_linkage_stays_assembled_as_it_is(method: str, outputs: list[str]) -> None:
+    system = gl.compile(FourBar(), outputs=outputs)
+    for samples in (2, 3, 6):
+        result = system.simulate(6.0, samples=samples, method=method, rtol=1e-9)
+        x, y = 3.0 - np.cos(result["phi"]), -np.sin(result["phi"])  # from the crank's pin to the rocker's joint
+        d = np.hypot(x, y)
+        rocker = np.arctan2(y, x) + np.pi - np.arccos((d**2 + 2.5**2 - 3.0**2) / (2 * 2.5 * d))
+        assert result["rocker"] == pytest.approx(rocker, abs=1e-8)
+
+
+class Kicked(gl.Component):
+    """The loop's parameter jumps at events of the state: b jumps with it to the nearest solution."""
+
+    a = gl.Variable("rad", "", start=0.0)
+    b = gl.Variable("rad", "", guess=0.0)
+
+    def equations(self) -> list[Any]:
+        k = gl.Piecewise((0.3, gl.sin(self.a) > 0.1), (-0.2, True))
+        return [gl.Eq(gl.der(self.a), 3.0), gl.Eq(gl.sin(self.b - self.a), k * gl.sin(self.b))]
+
+
+def test_jumps_at_events() -> None:
+    system = gl.compile(Kicked(), outputs=["b"])
+    for samples in (2, 5, 101):
+        result = system.simulate(5.0, samples=samples)
+        a, b = result["a"], result["b"]
+        k = np.where(np.sin(a) > 0.1, 0.3, -0.2)
+        assert np.sin(b - a) == pytest.approx(k * np.sin(b), abs=1e-9)
+        assert np.abs(b - a).max() < 0.5  # of b - a, arcsin(k sin b) is the solution near zero
