@@ -21,9 +21,9 @@ from gearlib.structure.incidence import Node
 Floats = NDArray[np.float64]
 Path = Callable[[Floats], tuple[Floats, Floats, Floats]]  # times -> states, inputs, modes, each (number, times)
 
-POINTS, LONGEST = 512, 32  # places to step to, and how many of them one step may pass
+POINTS, LONGEST = 2048, 32  # places to step to, and how many of them one step may pass
 SLOPE = 1 / 64  # of the distance between two places: the interval over which a slope is taken
-AGREE, SMALL = 0.2, 0.01  # of a step's length and of the range so far: how exactly value and slopes must agree
+AGREE, SMALL = 0.02, 0.001  # of a step's length and of the range so far: how exactly value and slopes must agree
 BETWEEN, NARROWEST = 16, 1e-10  # places put into an interval in which a step fails; of the run, below which it is a jump
 BEFORE = 1e-12  # of the largest time: how far before an event the place on its other side lies
 MOST_EVENTS = 2000
@@ -133,7 +133,8 @@ class _Walk:
             j = i + 1 if jump else self._reach(i, stride)
             following = float(self.places[j])
             narrow = following - t <= NARROWEST * self.span
-            step = self._step(t, z, slope, following, high - low, jump or narrow)
+            middle = float(self.places[(i + j) // 2]) if j > i + 1 else self.delta[t]
+            step = self._step(t, z, slope, following, middle, high - low, jump or narrow)
             if step is None and j > i + 1:
                 stride = max(1, (j - i) // 2)
             elif step is None:
@@ -156,19 +157,23 @@ class _Walk:
         return min(i + stride, len(self.places) - 1)
 
     def _step(
-        self, t: float, z: Floats, slope: Floats, end: float, covered: Floats, jump: bool
+        self, t: float, z: Floats, slope: Floats, end: float, middle: float, covered: Floats, jump: bool
     ) -> tuple[Floats, Floats] | None:
-        """Value and slope at the end of a step, None where they do not agree with those at its beginning."""
+        """Value and slope at the end of a step, None where they do not agree with those at its beginning, or in its middle."""
         h = end - t
         try:
             later = self._solve(end, z if jump else z + h * slope)
             later_slope = self._slope(end, later)
+            if jump:
+                return later, later_slope
+            ends = Branch(self.nodes, np.array([t, end]), np.array([z, later]), np.array([slope, later_slope]))
+            between = ends.guess(self.nodes, np.array([middle]))[:, 0]
+            halfway = self._solve(middle, between)
         except SolverError:
             if jump:
                 raise
             return None
-        if jump:
-            return later, later_slope
+        allowed = 0.5 * AGREE * h * (np.abs(slope) + np.abs(later_slope)) + SMALL * covered + 1e-9 * np.abs(z)
         error = np.abs(later - z - 0.5 * h * (slope + later_slope))
-        length = 0.5 * h * (np.abs(slope) + np.abs(later_slope))
-        return (later, later_slope) if bool((error <= AGREE * length + SMALL * covered + 1e-9 * np.abs(z)).all()) else None
+        agree = bool((error <= allowed).all() and (np.abs(halfway - between) <= allowed).all())
+        return (later, later_slope) if agree else None
