@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +49,7 @@ class Result:
             self.stats["charts"] = len(parts)
         self.events = list(chain.from_iterable(events for *_, events in parts))
         times = np.array([event[0] for event in self.events], float)
-        self._parts = [replace(part, events=times, finer=partial(self._finer, k)) for k, (part, *_) in enumerate(parts)]
+        self._parts = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]
         self._scene, self._parameters, self._signals = first.scene, first.parameters, first.signals
         self._outputs, self._again = tuple(outputs), again
         self._known: dict[Node, Floats] = {}
@@ -109,9 +109,9 @@ class Result:
                 guess[v] = self._history((v, 0))[sample]
         return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
 
-    def _finer(self, k: int, times: Floats) -> Part:
-        """One part of the run at other times: the run is done again to its end, with the same steps."""
-        part: Part = self._again(self._scene.states, np.union1d(times, self.time[-1:]))._parts[k]
+    def _finer(self, times: Floats) -> Part:
+        """The run at other times: it is done again to its end, with the same steps."""
+        part: Part = self._again(self._scene.states, np.union1d(times, self.time[-1:]))._parts[0]
         return part
 
     def _part_at(self, t: float) -> Part:
