@@ -13,6 +13,7 @@ equal intervals are recognised, and the rounding of intervals does not add up.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -123,11 +124,17 @@ def solve(A: Floats, B: Floats, signals: Sequence[Table | float], x0: Floats, ti
     out = np.empty((len(cuts.ticks), n))
     out[0] = x = np.array(x0, float)
     matrices, series = cuts.costs(n, m, rate)
+    name, E, which = "by_series", np.empty(0), np.empty(0, np.int64)
     if matrices <= series:
-        E = np.array([deviation(G, float(h))[:n] for h in cuts.kinds * cuts.unit]).reshape(-1, n, len(G))
-        corners_kernel.by_matrices(E, np.searchsorted(cuts.kinds, lengths), drive, x, out[1:])
-    else:
-        corners_kernel.by_series(G, rate, REACH, seconds, drive, x, out[1:])
+        name, which = "by_matrices", np.searchsorted(cuts.kinds, lengths).astype(np.int64)
+        E = np.array([deviation(G, float(h))[:n] for h in cuts.kinds * cuts.unit])
+    work = np.zeros((3, len(G)))
+    record = corners_kernel.Corners(n=n, inputs=m, count=len(lengths), rate=rate, reach=REACH)
+    arrays = {"matrices": E, "which": which, "G": G, "lengths": seconds, "drive": drive, "x": x, "out": out[1:],
+              "z": work[0], "term": work[1], "following": work[2]}  # fmt: skip
+    for field, array in arrays.items():
+        setattr(record, field, array.ctypes.data)
+    corners_kernel.function(name)(ctypes.addressof(record))
     states = out[cuts.rows]
     if not np.isfinite(states).all():
         t = times[int(np.argmin(np.isfinite(states).all(axis=1)))]

@@ -19,7 +19,7 @@ class Loop(gl.Component):
 
     w = gl.Parameter("rad/s", "speed", default=3.0)
     k = gl.Parameter("1", "eccentricity", default=0.3)
-    swing = gl.Parameter("rad/s2", "acceleration", default=0.0)
+    swing = gl.Parameter("rad/s", "swing of the speed", default=0.0)
     a = gl.Variable("rad", "", start=0.0)
     b = gl.Variable("rad", "", guess=0.0)
     z = gl.Variable("rad.s", "", start=0.0)
