@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import time as clock
+import warnings
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -31,6 +32,8 @@ MOST_STEPS = 100_000_000
 MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints: near a point where these are singular the steps shrink for ever
 LARGEST_EXACT = 30_000  # states
 MOST_CORNERED = 40  # states up to which tables are gone through from corner to corner with dense exponentials
+LATE = 100.0  # times its length after zero a run has a clock that is coarse beside its steps
+LEAST_STEPS = 100  # that a run is thought to take before it is known how many
 FEW_CORNERS = 50  # of tables, up to which nothing is to be gained by a choice
 SLOW_CORNER = 3e-4  # s, of a table that drives more states
 # Measured, s: a step of Runge-Kutta and its part for each slot of the program; and how many radians of the fastest motion it spans
@@ -62,10 +65,27 @@ class Run:
         if self.max_step is not None:
             return self.max_step
         scene, share = self.scene, 0.01 * float(self.times[-1] - self.times[0]) or math.inf
-        driven = scene.program.on_time or (scene.relations is not None and scene.relations.program.on_time)
-        if driven or any(callable(s) and not isinstance(s, Table) for s in self.signals):
+        if self.driven:
             return min(2.0 * float(np.diff(self.times).max(initial=0.0)), share) or math.inf
         return share if scene.relations is not None and not scene.relations.on_time.all() else math.inf
+
+    @property
+    def driven(self) -> bool:
+        """Whether time drives the scene, other than by tables."""
+        programs = [self.scene.program, *([self.scene.relations.program] if self.scene.relations is not None else [])]
+        return any(p.on_time for p in programs) or any(callable(s) and not isinstance(s, Table) for s in self.signals)
+
+    def clock(self, steps: int) -> str:
+        """What is to be said of a run that begins late, where time drives it and is known no better than the tolerance; or nothing."""
+        late, span = float(np.abs(self.times[[0, -1]]).max()), float(self.times[-1] - self.times[0])
+        resolution = math.ulp(late)
+        if late < LATE * span or not self.driven or resolution <= self.rtol * span / max(steps, LEAST_STEPS):
+            return ""
+        return (
+            f"at t = {late:.6g} s the clock's resolution is {resolution:.2g} s, too coarse for rtol={self.rtol:g}: what time drives is "
+            "known no better than that. Let the run start at 0 and add the offset to the time of the drive's own expression, or allow "
+            "a larger rtol"
+        )
 
     @property
     def still(self) -> bool:
@@ -243,7 +263,7 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
         with keep.listening() if keep.callbacks else nullcontext():
             solution = _solved(run, problem, method, hand_over)
     except SolverError as problem_:
-        raise keep.failure() or _explained(problem_, scene) from None
+        raise keep.failure() or _explained(problem_, run) from None
     failure = keep.failure()
     if failure is not None:
         raise failure
@@ -269,8 +289,11 @@ def _solved(run: Run, problem: Problem, method: str, hand_over: bool) -> Solutio
     )  # fmt: skip
 
 
-def _explained(problem: SolverError, scene: Scene) -> SolverError:
-    """The same error; where nonlinear equations are solved on the way, with a word on these."""
+def _explained(problem: SolverError, run: Run) -> SolverError:
+    """The same error; where nonlinear equations are solved on the way, or the clock is coarse, with a word on these."""
+    scene, clock = run.scene, run.clock(LEAST_STEPS)
+    if clock:
+        return SolverError(f"{problem}; {clock}")
     iterated = scene.program.iterated
     owners = dict.fromkeys(owner_of(scene.structure, int(e)) for s in iterated for e in s.equations)
     if not owners or "chatter" in str(problem):
@@ -313,13 +336,15 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
         "states": len(run.scene.states),
         **{k: v for k, v in solution.stats.items() if k != "data"},
     }
+    if clock := run.clock(int(stats.get("steps") or 0)):
+        warnings.warn(clock, RuntimeWarning, stacklevel=2)
     stats["method"] = method if method == "ida" else f"rk{solution.stats.get('order', '')}"
     left = None
     if solution.status == "left":
         native = run.scene.native_with_jacobian if method == "ida" else run.scene.native
         failure = SolverError(f"the right-hand side cannot be evaluated beyond t = {solution.t_last:.9g} s")
         left = Left(
-            solution.t_last, solution.x_last, *_memory(run.scene, native, solution), _explained(failure, run.scene)
+            solution.t_last, solution.x_last, *_memory(run.scene, native, solution), _explained(failure, run)
         )  # fmt: skip
     return Outcome(solution.x[:, : len(run.scene.states)], solution.modes, _events(run, solution), stats, left)
 

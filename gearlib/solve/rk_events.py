@@ -21,6 +21,7 @@ __all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
 OLD, NEW, SLOPE_OLD, SLOPE_NEW, LOW, HIGH, FREE = range(7)
 _ROUNDING = 4.4e-16
 AT_ONCE = 1e-9  # the part of a step after which a function that has left its side from the start is an event
+CLOCK = 64 * 2.2e-16  # of the time: over less than that, a slope would be that of the clock's rounding
 SLOPE_OVER = 1e-6  # the part of a step over which a slope is taken: a minimum is known to half of it
 LOOKS = 8  # at most for one minimum
 NEAR_START, NEAR_END = 0.05, 0.98  # outside these parts of a step the dense output is as accurate as the step
@@ -53,9 +54,9 @@ def flipped(s: Frame, i: int) -> bool:
 @native
 def slopes(s: Frame, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
     """Row j of ``g`` = time derivative of the event functions of row i, by a difference over a part of ``h`` along the solution."""
-    dt = SLOPE_OVER * h
+    dt = max(SLOPE_OVER * h, CLOCK * abs(s.origin))
     add_slope(x, dt, f, s.y, s.size)
-    MODEL(s.roots, t + dt, s.y, row(s, j), s.data, s.index)
+    MODEL(s.roots, s.origin + (t + dt), s.y, row(s, j), s.data, s.index)
     g, slope = floats_at(row(s, i)), floats_at(row(s, j))
     for k in range(s.n_roots):
         slope[k] = (slope[k] - g[k]) / dt
@@ -65,7 +66,7 @@ def slopes(s: Frame, t: float, h: float, x: int, f: int, i: int, j: int) -> None
 def _look(s: Frame, t: float, h: float, theta: float, i: int) -> None:
     """``y`` and row i of ``g`` = state and event functions at ``t + theta h``, from the dense output."""
     interpolate(s, theta, h, s.y)
-    MODEL(s.roots, t + theta * h, s.y, row(s, i), s.data, s.index)
+    MODEL(s.roots, s.origin + (t + theta * h), s.y, row(s, i), s.data, s.index)
 
 
 @native
@@ -103,7 +104,7 @@ def _dip(s: Frame, t: float, h: float) -> float:
             if flipped(s, FREE):
                 _copy(s, FREE, HIGH)
                 return theta
-            over = SLOPE_OVER * width
+            over = max(SLOPE_OVER * width, CLOCK * abs(s.origin) / h)
             _look(s, t, h, theta + over, HIGH)
             slope = sign * (high[k] - free[k]) / over
             if slope < 0.0:
@@ -158,7 +159,7 @@ def crossing(s: Frame, t: float, h: float, error: float) -> tuple[int, float]:
     flip, at ``t + theta h``, and row NEW of ``g`` is taken there (found = 1). Where the dense output is not as accurate as the
     tolerance asks for, the step is to be tried again up to there (found = -1).
     """
-    MODEL(s.roots, t + h, s.x_new, row(s, NEW), s.data, s.index)
+    MODEL(s.roots, s.origin + (t + h), s.x_new, row(s, NEW), s.data, s.index)
     slopes(s, t + h, h, s.x_new, last_stage(s), NEW, SLOPE_NEW)
     low, high = 0.0, 1.0
     if flipped(s, OLD):  # on the wrong side from the start
@@ -193,7 +194,7 @@ def just_beyond(s: Frame, t: float, dt: float) -> bool:
     of ``g`` is then taken there.
     """
     add_slope(s.x_new, dt, last_stage(s), s.y, s.size)
-    MODEL(s.roots, t + dt, s.y, row(s, HIGH), s.data, s.index)
+    MODEL(s.roots, s.origin + (t + dt), s.y, row(s, HIGH), s.data, s.index)
     if not flipped(s, HIGH):
         return False
     _copy(s, HIGH, NEW)

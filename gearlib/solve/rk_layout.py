@@ -73,6 +73,7 @@ class Frame(ctypes.Structure):
     rtol: float
     span: float
     h_max: float
+    origin: float  # s; all other times count from here, so that a late start takes no digits from them
     t: float
     h: float
     h_held: float

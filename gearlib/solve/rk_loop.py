@@ -40,12 +40,12 @@ AT_START = 1e-16  # of the run: as near to the start as that, an event is at the
 @native
 def _restart(s: Frame) -> int:
     """Begin anew at ``x``: the right-hand side, the sides of the event functions and their slopes."""
-    code: int = MODEL(s.rhs, s.t, s.x, s.k, s.data, s.index)
+    code: int = MODEL(s.rhs, s.origin + s.t, s.x, s.k, s.data, s.index)
     s.evaluations += 1
     s.slopes = s.moves = s.products = s.ratios = s.roughest = 0.0
     s.n_past, s.surprise = 0, math.inf
     if s.n_roots > 0 and code == 0:
-        MODEL(s.roots, s.t, s.x, row(s, OLD), s.data, s.index)
+        MODEL(s.roots, s.origin + s.t, s.x, row(s, OLD), s.data, s.index)
         slopes(s, s.t, max(s.h, 1e-6 * s.h_max), s.x, s.k, OLD, SLOPE_OLD)
         side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, OLD))
         for i in range(s.n_roots):  # what the event iteration says, which rounding cannot make wrong
@@ -56,7 +56,7 @@ def _restart(s: Frame) -> int:
 @native
 def _start(s: Frame) -> int:
     s.started = 1
-    if s.update != 0 and MODEL(s.update, s.t, s.x, s.fired, s.data, s.index) < 0:
+    if s.update != 0 and MODEL(s.update, s.origin + s.t, s.x, s.fired, s.data, s.index) < 0:
         return UPDATE_FAILED
     if _restart(s) != 0:
         return RHS_FAILED
@@ -126,7 +126,7 @@ def _handle(s: Frame, found: int, timed: bool) -> int:
             _log(s, i)
     changed = 0
     if s.update != 0:
-        changed = MODEL(s.update, s.t, s.x, s.fired, s.data, s.index)
+        changed = MODEL(s.update, s.origin + s.t, s.x, s.fired, s.data, s.index)
         if changed < 0:
             return UPDATE_FAILED
     if changed == 0 and from_zero:  # a function that merely starts from zero is not worth an entry
@@ -227,7 +227,7 @@ def _step(s: Frame, stop: float, end: float) -> int:
     t_new = stop if last_of_span and found == 0 else t + theta * h
     reached = t_new >= stop - ROUNDING * abs(stop)
     timed = reached and s.stop < s.n_timed
-    if found == 0 and reached and s.n_roots > 0 and stop == end and just_beyond(s, stop, LOCATED * max(abs(stop), s.span)):
+    if found == 0 and reached and s.n_roots > 0 and stop == end and just_beyond(s, stop, LOCATED * max(abs(s.origin + stop), s.span)):
         found = 1
     _emit(s, t, t_new - (LOCATED if found == 1 or timed else ROUNDING) * abs(t_new), h)
     s.t = stop if reached else t_new

@@ -73,7 +73,7 @@ def _stepper(name: str, a: Sequence[Row], c: Row, first: int, last: int, final: 
         lines += [
             "    for i in blocks(size):",
             f"        {target}[i] = {_stage(a[stage])}",
-            f"    code = MODEL(s.rhs, t + {c[stage]!r} * h, s.{target}, s.k + {8 * stage} * size, s.data, s.index)",
+            f"    code = MODEL(s.rhs, s.origin + (t + {c[stage]!r} * h), s.{target}, s.k + {8 * stage} * size, s.data, s.index)",
             "    if code != 0:",
             "        return code",
         ]

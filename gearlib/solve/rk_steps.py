@@ -31,7 +31,7 @@ def first_step(s: Frame) -> float:
     h0 = min(h0, h_max)
     add_slope(s.x, h0, s.k, s.y, s.size)
     s.evaluations += 1
-    if MODEL(s.rhs, s.t + h0, s.y, s.k + 8 * s.size, s.data, s.index) != 0:
+    if MODEL(s.rhs, s.origin + (s.t + h0), s.y, s.k + 8 * s.size, s.data, s.index) != 0:
         return 1e-3 * h0
     later = floats_at(s.k + 8 * s.size)
     for i in range(n):

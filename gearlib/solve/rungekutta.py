@@ -114,16 +114,16 @@ def integrate(
     code = rk_loop.MORE
     while code == rk_loop.MORE:
         left = max_steps - frame.steps
-        if left <= 0 and frame.t < times[-1]:
+        if left <= 0 and _now(frame) < times[-1]:
             raise SolverError(f"gave up {_where(frame)}: max_steps is {max_steps}")
         run.make_room()
         frame.budget = max(1, min(_STEPS_PER_CALL, left))
         code = advance(address)
     left_behind = may_leave and code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED)
     if code < 0 and not left_behind:
-        more = problem.not_settled(frame.t, run.x, run.data) if code == rk_loop.UPDATE_FAILED else ""
+        more = problem.not_settled(_now(frame), run.x, run.data) if code == rk_loop.UPDATE_FAILED else ""
         if code in (rk_loop.UNDERFLOW, rk_loop.RHS_FAILED):
-            more = problem.blamed(frame.t, run.x, run.data)
+            more = problem.blamed(_now(frame), run.x, run.data)
         raise SolverError(_complaint(problem, code, run) + more)
     return _solution(run, "left" if left_behind else ("stiff" if code == rk_loop.STIFF else "done"))
 
@@ -163,6 +163,7 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
     """The record of a run, and its memory in one piece: a call of numpy takes as long as some steps of a small model."""
     n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
     stops, n_timed = _stops(problem.time_events, times)
+    origin = _origin(float(times[0]), float(times[-1]))
     first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
     n_modes, size = max(last_mode - first_mode, 0), BLOCK * max(1, -(-n // BLOCK))
     stages, polynomials = _ROWS[order]
@@ -181,18 +182,23 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
         at += length
     whole[: (frame.atol - first) // 8] = 0.0
     parts["x"][:n], parts["atol"][n:], parts["atol"][:n] = problem.x0, 1.0, tolerance
-    parts["data"][:], parts["stops"][:], parts["times"][:] = problem.data, stops, times
+    parts["data"][:], parts["stops"][:], parts["times"][:] = problem.data, stops - origin, times - origin
     parts["index"].view(np.int64)[:] = problem.index
     frame.rhs, frame.roots, frame.update = (0 if f is None else f.address for f in (problem.rhs, problem.roots, problem.update))
     frame.order, frame.n, frame.size, frame.n_roots = order, n, size, n_roots
     frame.n_times, frame.n_stops, frame.n_timed, frame.capacity = n_times, stops.size, n_timed, capacity
     frame.n_modes, frame.first_mode = n_modes, first_mode
-    frame.rtol, frame.t, frame.span = rtol, times[0], times[-1] - times[0]
+    frame.rtol, frame.origin, frame.t, frame.span = rtol, origin, times[0] - origin, times[-1] - times[0]
     frame.h_max = min(0.1 * frame.span, problem.longest_step)
     return _Run(
         frame, whole, parts["x"][:n], parts["data"], parts["times"], parts["out"].reshape(n_times, n),
         parts["modes"].reshape(n_times, n_modes), parts["log_t"], parts["log_root"].view(np.int64),
     )  # fmt: skip
+
+
+def _origin(t0: float, t1: float) -> float:
+    """Where the loop's clock begins: at the start of a run that begins late. Differences of its times are then exact (Sterbenz)."""
+    return t0 if abs(t0) >= 2.0 * (t1 - t0) else 0.0
 
 
 def _solution(run: _Run, status: str) -> Solution:
@@ -205,8 +211,8 @@ def _solution(run: _Run, status: str) -> Solution:
         stats["data"] = run.data.copy()
     samples, events = frame.sample, frame.events
     return Solution(
-        t=run.times[:samples], x=run.out[:samples], modes=run.modes[:samples], status=status, t_last=frame.t, x_last=run.x.copy(),
-        event_times=run.log_t[:events].copy(), event_roots=run.log_root[:events].copy(), stats=stats,
+        t=run.times[:samples], x=run.out[:samples], modes=run.modes[:samples], status=status, t_last=_now(frame), x_last=run.x.copy(),
+        event_times=frame.origin + run.log_t[:events], event_roots=run.log_root[:events].copy(), stats=stats,
     )  # fmt: skip
 
 
@@ -245,8 +251,12 @@ def _stops(time_events: Floats, times: Floats) -> tuple[Floats, int]:
     return inside, inside.size
 
 
+def _now(frame: Frame) -> float:
+    return frame.origin + frame.t
+
+
 def _where(frame: Frame) -> str:
-    return f"at t = {frame.t:.9g} s after {frame.steps} steps ({frame.rejected} rejected, the next of {frame.h:.1g} s)"
+    return f"at t = {_now(frame):.9g} s after {frame.steps} steps ({frame.rejected} rejected, the next of {frame.h:.1g} s)"
 
 
 def _complaint(problem: Problem, code: int, run: _Run) -> str:
