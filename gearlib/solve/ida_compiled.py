@@ -108,7 +108,7 @@ def residual(t: float, yy: int, yp: int, rr: int, user: int) -> int32:
     r_address = array_of(s, rr)
     f_address = r_address if s.order == 0 else s.f
     x = natural(s, array_of(s, yy))
-    status = MODEL(s.rhs, s.origin + t, x, f_address, s.data, s.index)
+    status = MODEL(s.rhs, s.epoch + (s.origin + t), x, f_address, s.data, s.index)
     f = floats_at(f_address)
     if status < 0:
         refuse(s, s.origin + t, f, 0)
@@ -132,7 +132,7 @@ def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int,
     s = IdaFrame(user)
     s.n_jac += 1
     x = natural(s, array_of(s, yy))
-    status = MODEL(s.jac, s.origin + t, x, s.values, s.data, s.index)
+    status = MODEL(s.jac, s.epoch + (s.origin + t), x, s.values, s.data, s.index)
     values = floats_at(s.values)
     if status < 0:
         return -1
@@ -155,7 +155,7 @@ def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int,
 
 @native
 def event_values(s: IdaFrame, t: float, y: int, g: int) -> int:
-    status = MODEL(s.roots, t, natural(s, y), g, s.data, s.index)
+    status = MODEL(s.roots, s.epoch + t, natural(s, y), g, s.data, s.index)
     values = floats_at(g)
     for k in range(s.n_roots):
         if values[k] == 0.0:
@@ -186,7 +186,7 @@ def turning(s: IdaFrame, t: float, y: int, dy: int, g: int) -> None:
     if s.attempt_time > s.step_end:
         s.step_begin, s.step_end = s.step_end, s.attempt_time
     h = s.step_end - s.step_begin if s.step_end > s.step_begin else 1e-3 * s.first_guess
-    dt = SLOPE_OVER * h
+    dt = max(SLOPE_OVER * h, 64 * EPS * abs(s.epoch))  # the clock's rounding has no slope
     values, sides, later = floats_at(g), int32s_at(s.sides), floats_at(s.later)
     for k in range(s.n_roots):
         values[s.n_roots + k] = NEGATIVE_ZERO
@@ -234,7 +234,7 @@ def restart(s: IdaFrame, t: float) -> int:
     s.steps = steps_so_far(s)
     s.restarts += 1
     s.n_rhs += 1
-    status = MODEL(s.rhs, t, natural(s, s.y), s.f, s.data, s.index)
+    status = MODEL(s.rhs, s.epoch + t, natural(s, s.y), s.f, s.data, s.index)
     f, dy, d = floats_at(s.f), floats_at(s.dy), floats_at(s.differential)
     if status != 0 or not all_finite(f, n):
         refuse(s, t, f, n)
@@ -277,11 +277,11 @@ def first_step(s: IdaFrame, t: float) -> float:
     x = natural(s, s.y)
     step = span * PROBES[0]
     s.n_rhs += 1 + len(PROBES)
-    if MODEL(s.rhs, t, x, s.f, s.data, s.index) != 0:
+    if MODEL(s.rhs, s.epoch + t, x, s.f, s.data, s.index) != 0:
         return step
     for share in PROBES:
         delta = share * span
-        if t + delta > t and MODEL(s.rhs, t + delta, x, s.probe, s.data, s.index) == 0:
+        if s.epoch + (t + delta) > s.epoch + t and MODEL(s.rhs, s.epoch + (t + delta), x, s.probe, s.data, s.index) == 0:
             total = 0.0
             for i in range(n):
                 k = i if s.order == 0 else order[i]
@@ -301,7 +301,7 @@ def settle(s: IdaFrame, t: float, forced: bool) -> int:
     fired, sides, before = int32s_at(s.fired), int32s_at(s.sides), int32s_at(s.before)
     for _ in range(100):
         if s.update != 0:
-            outcome = MODEL(s.update, t, natural(s, s.y), s.fired, s.data, s.index)
+            outcome = MODEL(s.update, s.epoch + t, natural(s, s.y), s.fired, s.data, s.index)
             if outcome < 0:
                 return UPDATE_FAILED
             if outcome == 2 and s.order != 0:

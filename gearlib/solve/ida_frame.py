@@ -95,6 +95,7 @@ class IdaFrame(ctypes.Structure):
     bad_state: int
     # reals
     t: float
+    epoch: float  # s; all other times count from here, so that a late start takes no digits from them
     origin: float
     t_end: float
     window: float

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from gearlib.codegen.native_module import native_functions
 from gearlib.solve import ida_compiled
 from gearlib.solve.ida_frame import IdaFrame
 from gearlib.solve.ida_request import BURST, Outcome, Request
-from gearlib.solve.problem import Floats
+from gearlib.solve.problem import Floats, late_start
 from gearlib.solve.sundials import Solver, Sundials
 
 _FUNCTIONS = {
@@ -70,12 +70,23 @@ def run(sundials: Sundials, asked: Request) -> Outcome:
     asked
         The problem and what is wanted of it.
     """
+    epoch = late_start(float(asked.times[0]), float(asked.times[-1]))
+    if not epoch:
+        return _run(sundials, asked, 0.0)
+    found = _run(sundials, replace(asked, times=asked.times - epoch, time_events=asked.time_events - epoch), epoch)
+    bad = None if found.bad_time is None else epoch + found.bad_time
+    return replace(found, t=epoch + found.t, event_times=epoch + found.event_times, bad_time=bad)
+
+
+def _run(sundials: Sundials, asked: Request, epoch: float) -> Outcome:
+    """The same; all times in the request and in the outcome count from the epoch."""
     problem, order = asked.problem, asked.matrix.order
     x0 = np.asarray(problem.x0, dtype=np.float64)
     y, dy = np.array(x0 if order is None else x0[order]), np.zeros(len(x0))
     solver = Solver(sundials, y, dy)
     try:
         state = _prepare(sundials, solver, asked, y, dy)
+        state.frame.epoch = epoch
         drive = Prototype("int32", ("int",))
         begin, frame = _functions()["drive"], ctypes.addressof(state.frame)
         status = ida_compiled.PAUSE

@@ -75,7 +75,7 @@ class Run:
         programs = [self.scene.program, *([self.scene.relations.program] if self.scene.relations is not None else [])]
         return any(p.on_time for p in programs) or any(callable(s) and not isinstance(s, Table) for s in self.signals)
 
-    def clock(self, steps: int) -> str:
+    def coarse_clock(self, steps: int) -> str:
         """What is to be said of a run that begins late, where time drives it and is known no better than the tolerance; or nothing."""
         late, span = float(np.abs(self.times[[0, -1]]).max()), float(self.times[-1] - self.times[0])
         resolution = math.ulp(late)
@@ -263,7 +263,7 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
         with keep.listening() if keep.callbacks else nullcontext():
             solution = _solved(run, problem, method, hand_over)
     except SolverError as problem_:
-        raise keep.failure() or _explained(problem_, run) from None
+        raise keep.failure() or _explained(problem_, scene) from None
     failure = keep.failure()
     if failure is not None:
         raise failure
@@ -289,11 +289,8 @@ def _solved(run: Run, problem: Problem, method: str, hand_over: bool) -> Solutio
     )  # fmt: skip
 
 
-def _explained(problem: SolverError, run: Run) -> SolverError:
-    """The same error; where nonlinear equations are solved on the way, or the clock is coarse, with a word on these."""
-    scene, clock = run.scene, run.clock(LEAST_STEPS)
-    if clock:
-        return SolverError(f"{problem}; {clock}")
+def _explained(problem: SolverError, scene: Scene) -> SolverError:
+    """The same error; where nonlinear equations are solved on the way, with a word on these."""
     iterated = scene.program.iterated
     owners = dict.fromkeys(owner_of(scene.structure, int(e)) for s in iterated for e in s.equations)
     if not owners or "chatter" in str(problem):
@@ -336,15 +333,15 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
         "states": len(run.scene.states),
         **{k: v for k, v in solution.stats.items() if k != "data"},
     }
-    if clock := run.clock(int(stats.get("steps") or 0)):
-        warnings.warn(clock, RuntimeWarning, stacklevel=2)
+    if said := run.coarse_clock(int(stats.get("steps") or 0)):
+        warnings.warn(said, RuntimeWarning, stacklevel=2)
     stats["method"] = method if method == "ida" else f"rk{solution.stats.get('order', '')}"
     left = None
     if solution.status == "left":
         native = run.scene.native_with_jacobian if method == "ida" else run.scene.native
         failure = SolverError(f"the right-hand side cannot be evaluated beyond t = {solution.t_last:.9g} s")
         left = Left(
-            solution.t_last, solution.x_last, *_memory(run.scene, native, solution), _explained(failure, run)
+            solution.t_last, solution.x_last, *_memory(run.scene, native, solution), _explained(failure, run.scene)
         )  # fmt: skip
     return Outcome(solution.x[:, : len(run.scene.states)], solution.modes, _events(run, solution), stats, left)
 

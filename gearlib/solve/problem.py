@@ -35,6 +35,11 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+def late_start(t0: float, t1: float) -> float:
+    """Where the clock of an integrator begins: at the start of a run that begins late. Differences of times are then exact (Sterbenz)."""
+    return t0 if abs(t0) >= 2.0 * (t1 - t0) else 0.0
+
+
 class Native(Protocol):
     """Anything with the address of a native function: a compiled one or a wrapped Python callable."""
 

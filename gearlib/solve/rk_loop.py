@@ -227,7 +227,13 @@ def _step(s: Frame, stop: float, end: float) -> int:
     t_new = stop if last_of_span and found == 0 else t + theta * h
     reached = t_new >= stop - ROUNDING * abs(stop)
     timed = reached and s.stop < s.n_timed
-    if found == 0 and reached and s.n_roots > 0 and stop == end and just_beyond(s, stop, LOCATED * max(abs(s.origin + stop), s.span)):
+    if (
+        found == 0
+        and reached
+        and s.n_roots > 0
+        and stop == end
+        and just_beyond(s, stop, LOCATED * max(abs(s.origin + stop), s.span))
+    ):
         found = 1
     _emit(s, t, t_new - (LOCATED if found == 1 or timed else ROUNDING) * abs(t_new), h)
     s.t = stop if reached else t_new

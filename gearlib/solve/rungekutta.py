@@ -19,7 +19,7 @@ from gearlib.codegen.instructions import BLOCK
 from gearlib.codegen.native_module import native_functions
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solve import rk_loop
-from gearlib.solve.problem import Floats, Integers, Problem, Solution
+from gearlib.solve.problem import Floats, Integers, Problem, Solution, late_start
 from gearlib.solve.rk_layout import Frame
 
 __all__ = ["integrate"]
@@ -163,7 +163,7 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
     """The record of a run, and its memory in one piece: a call of numpy takes as long as some steps of a small model."""
     n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
     stops, n_timed = _stops(problem.time_events, times)
-    origin = _origin(float(times[0]), float(times[-1]))
+    origin = late_start(float(times[0]), float(times[-1]))
     first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
     n_modes, size = max(last_mode - first_mode, 0), BLOCK * max(1, -(-n // BLOCK))
     stages, polynomials = _ROWS[order]
@@ -194,11 +194,6 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
         frame, whole, parts["x"][:n], parts["data"], parts["times"], parts["out"].reshape(n_times, n),
         parts["modes"].reshape(n_times, n_modes), parts["log_t"], parts["log_root"].view(np.int64),
     )  # fmt: skip
-
-
-def _origin(t0: float, t1: float) -> float:
-    """Where the loop's clock begins: at the start of a run that begins late. Differences of its times are then exact (Sterbenz)."""
-    return t0 if abs(t0) >= 2.0 * (t1 - t0) else 0.0
 
 
 def _solution(run: _Run, status: str) -> Solution:

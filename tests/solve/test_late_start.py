@@ -10,7 +10,6 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import SolverError
 
 STARTS = [1e3, 1e6, 1e9, -1e9]
 
@@ -63,7 +62,7 @@ def test_late_start_changes_nothing_but_what_the_clock_rounds(method: str, t0: f
 
 
 @pytest.mark.parametrize("t0", [*STARTS, 1e12])
-@pytest.mark.parametrize("method", ["rk5", "rk8"])
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida"])
 def test_without_a_drive_a_late_start_changes_nothing(method: str, t0: float) -> None:
     given = {"start": {"body.w": 1.0}}
     reference = histories(Coasting(), 0.0, method, 1e-6, **given)[1]
@@ -71,16 +70,11 @@ def test_without_a_drive_a_late_start_changes_nothing(method: str, t0: float) ->
     assert np.abs(found - reference).max() < 3e-5
 
 
-@pytest.mark.parametrize("method", ["rk5", "rk8"])
+@pytest.mark.parametrize("method", ["rk5", "rk8", "ida"])
 def test_accuracy_that_the_clock_does_not_allow_is_said(method: str) -> None:
     with pytest.warns(RuntimeWarning, match=r"at t = 1e\+09 s the clock's resolution is 1\.2e-07 s, too coarse for rtol=1e-06"):
         gl.simulate(Driven(t0=1e9), 1e9 + 0.5, t_start=1e9, samples=5, method=method)
     gl.simulate(Driven(t0=1e6), 1e6 + 0.5, t_start=1e6, samples=5, method=method)  # no warning, which would be an error
-
-
-def test_failure_that_is_the_clock_s_says_so() -> None:
-    with pytest.raises(SolverError, match=r"became too small at t=1e\+09 .*the clock's resolution is 1\.2e-07 s"):
-        gl.simulate(Driven(t0=1e9), 1e9 + 0.5, t_start=1e9, samples=5, method="ida", rtol=1e-9)
 
 
 @pytest.mark.parametrize("method", ["rk5", "rk8", "ida"])
@@ -95,4 +89,6 @@ def test_conditions_in_time_switch_at_a_late_time(method: str) -> None:
         warnings.simplefilter("ignore", RuntimeWarning)
         run = gl.simulate(Switched(), 1e9 + 1.0, t_start=1e9, samples=11, method=method)
     assert run["x"][-1] == pytest.approx(0.7, abs=2e-7)
-    assert [(t, name) for t, name in run.events] == [(1e9 + 0.3, "Switched: der(x) = Piecewise((1.0, time >= 1000000000.3), (0.0, True))")]
+    assert [(t, name) for t, name in run.events] == [
+        (1e9 + 0.3, "Switched: der(x) = Piecewise((1.0, time >= 1000000000.3), (0.0, True))")
+    ]
