@@ -9,32 +9,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gearlib.analysis.campbell import Campbell as Campbell
-    from gearlib.analysis.campbell import campbell as campbell
-    from gearlib.analysis.describing import PreloadedBacklash as PreloadedBacklash
-    from gearlib.analysis.describing import backlash_describing_function as backlash_describing_function
-    from gearlib.analysis.describing import equivalent_stiffness as equivalent_stiffness
-    from gearlib.analysis.harmonic_balance import harmonic_balance as harmonic_balance
-    from gearlib.analysis.harmonic_response import HarmonicBalance as HarmonicBalance
-    from gearlib.analysis.modes import Modes as Modes
-    from gearlib.analysis.modes import modes as modes
-    from gearlib.analysis.orders import OrderSpectrum as OrderSpectrum
-    from gearlib.analysis.orders import OrderWaterfall as OrderWaterfall
-    from gearlib.analysis.orders import order_spectrum as order_spectrum
-    from gearlib.analysis.orders import order_waterfall as order_waterfall
-    from gearlib.analysis.plots import bode_plot as bode_plot
-    from gearlib.analysis.plots import nichols_plot as nichols_plot
-    from gearlib.analysis.plots import nyquist_plot as nyquist_plot
-    from gearlib.analysis.plots import root_locus_plot as root_locus_plot
-    from gearlib.analysis.power import PowerFlow as PowerFlow
-    from gearlib.analysis.response import FrequencyResponse as FrequencyResponse
-    from gearlib.analysis.response import frequency_response as frequency_response
-    from gearlib.analysis.response import transmission_error_response as transmission_error_response
-    from gearlib.analysis.stability import StabilityReport as StabilityReport
-    from gearlib.analysis.stability import stability as stability
-    from gearlib.analysis.statics import mobility as mobility
-    from gearlib.analysis.statics import power_flow as power_flow
-    from gearlib.analysis.statics import speed_ratio as speed_ratio
     from gearlib.errors import GearlibError as GearlibError
     from gearlib.language.component import Component as Component
     from gearlib.language.component import Connection as Connection
@@ -82,9 +56,35 @@ if TYPE_CHECKING:
     from gearlib.language.expressions import tan as tan
     from gearlib.language.expressions import tanh as tanh
     from gearlib.language.expressions import time as time
-    from gearlib.solve.energy_balance import EnergyBalance as EnergyBalance
-    from gearlib.solve.result import Result as Result
-    from gearlib.solve.table import Table as Table
+    from gearlib.linear.frequency_response import FrequencyResponse as FrequencyResponse
+    from gearlib.linear.frequency_response import frequency_response as frequency_response
+    from gearlib.linear.frequency_response import transmission_error_response as transmission_error_response
+    from gearlib.linear.loop_plots import bode_plot as bode_plot
+    from gearlib.linear.loop_plots import nichols_plot as nichols_plot
+    from gearlib.linear.loop_plots import nyquist_plot as nyquist_plot
+    from gearlib.linear.loop_plots import root_locus_plot as root_locus_plot
+    from gearlib.linear.stability import StabilityReport as StabilityReport
+    from gearlib.linear.stability import stability as stability
+    from gearlib.modes.campbell import Campbell as Campbell
+    from gearlib.modes.campbell import campbell as campbell
+    from gearlib.modes.modes import Modes as Modes
+    from gearlib.modes.modes import modes as modes
+    from gearlib.periodic.describing_function import PreloadedBacklash as PreloadedBacklash
+    from gearlib.periodic.describing_function import backlash_describing_function as backlash_describing_function
+    from gearlib.periodic.describing_function import equivalent_stiffness as equivalent_stiffness
+    from gearlib.periodic.harmonic_balance import harmonic_balance as harmonic_balance
+    from gearlib.periodic.harmonic_response import HarmonicBalance as HarmonicBalance
+    from gearlib.periodic.order_analysis import OrderSpectrum as OrderSpectrum
+    from gearlib.periodic.order_analysis import OrderWaterfall as OrderWaterfall
+    from gearlib.periodic.order_analysis import order_spectrum as order_spectrum
+    from gearlib.periodic.order_analysis import order_waterfall as order_waterfall
+    from gearlib.run.energy_balance import EnergyBalance as EnergyBalance
+    from gearlib.run.result import Result as Result
+    from gearlib.solvers.inputs.table import Table as Table
+    from gearlib.statics.power_flow import PowerFlow as PowerFlow
+    from gearlib.statics.statics import mobility as mobility
+    from gearlib.statics.statics import power_flow as power_flow
+    from gearlib.statics.statics import speed_ratio as speed_ratio
     from gearlib.system import System as System
     from gearlib.system import compile as compile
     from gearlib.system import simulate as simulate
@@ -92,19 +92,19 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    **dict.fromkeys(["Campbell", "campbell"], "gearlib.analysis.campbell"),
+    **dict.fromkeys(["Campbell", "campbell"], "gearlib.modes.campbell"),
     **dict.fromkeys(
-        ["PreloadedBacklash", "backlash_describing_function", "equivalent_stiffness"], "gearlib.analysis.describing"
+        ["PreloadedBacklash", "backlash_describing_function", "equivalent_stiffness"], "gearlib.periodic.describing_function"
     ),
-    "harmonic_balance": "gearlib.analysis.harmonic_balance",
-    "HarmonicBalance": "gearlib.analysis.harmonic_response",
-    **dict.fromkeys(["Modes", "modes"], "gearlib.analysis.modes"),
-    **dict.fromkeys(["OrderSpectrum", "OrderWaterfall", "order_spectrum", "order_waterfall"], "gearlib.analysis.orders"),
-    **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.analysis.plots"),
-    **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.analysis.response"),
-    **dict.fromkeys(["StabilityReport", "stability"], "gearlib.analysis.stability"),
-    "PowerFlow": "gearlib.analysis.power",
-    **dict.fromkeys(["mobility", "power_flow", "speed_ratio"], "gearlib.analysis.statics"),
+    "harmonic_balance": "gearlib.periodic.harmonic_balance",
+    "HarmonicBalance": "gearlib.periodic.harmonic_response",
+    **dict.fromkeys(["Modes", "modes"], "gearlib.modes.modes"),
+    **dict.fromkeys(["OrderSpectrum", "OrderWaterfall", "order_spectrum", "order_waterfall"], "gearlib.periodic.order_analysis"),
+    **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.linear.loop_plots"),
+    **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.linear.frequency_response"),
+    **dict.fromkeys(["StabilityReport", "stability"], "gearlib.linear.stability"),
+    "PowerFlow": "gearlib.statics.power_flow",
+    **dict.fromkeys(["mobility", "power_flow", "speed_ratio"], "gearlib.statics.statics"),
     "GearlibError": "gearlib.errors",
     **dict.fromkeys(["Component", "Connection", "connect"], "gearlib.language.component"),
     **dict.fromkeys(
@@ -120,10 +120,10 @@ _HOME = {
         "gearlib.language.expressions",
     ),
     "Energy": "gearlib.language.energy",
-    "EnergyBalance": "gearlib.solve.energy_balance",
+    "EnergyBalance": "gearlib.run.energy_balance",
     "check_units": "gearlib.language.dimensions",
-    "Result": "gearlib.solve.result",
-    "Table": "gearlib.solve.table",
+    "Result": "gearlib.run.result",
+    "Table": "gearlib.solvers.inputs.table",
     **dict.fromkeys(["System", "compile", "simulate"], "gearlib.system"),
 }  # fmt: skip
 

@@ -12,33 +12,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.analysis.summary import summary
 from gearlib.arguments import name_list, real, shown
-from gearlib.codegen.layout import Shared, lay_out
-from gearlib.codegen.native import rhs_source
-from gearlib.codegen.numbers import numbers_of
 from gearlib.errors import ArgumentError, ModelError, NameLookupError, SingularError, nearest
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
-from gearlib.solve.arguments import Request, absolute_tolerance, check_options, output_times
-from gearlib.solve.charts import Charts, integrate_through
-from gearlib.solve.initialize import Start, start_values, start_variable
-from gearlib.solve.jumps import refuse_jumps
-from gearlib.solve.methods import Run
-from gearlib.solve.part import Part
-from gearlib.solve.result import Result
-from gearlib.solve.scene import Numbers, Scene, needed_states, node_name
-from gearlib.solve.steady import steady_state
-from gearlib.solve.table import Function, Table, values
-from gearlib.solve.zeros import can_be_solved, factors
-from gearlib.structure.analysis import Structure, analyse, confirm, discrete_nodes
+from gearlib.native.layout import Shared, lay_out
+from gearlib.native.scene_functions import rhs_source
+from gearlib.reduce.coefficients import numbers_of
+from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
+from gearlib.reduce.rows import some
+from gearlib.run.integrate import Run
+from gearlib.run.jumps import refuse_jumps
+from gearlib.run.request import Request, absolute_tolerance, check_options, output_times
+from gearlib.run.result import Result
+from gearlib.run.scene import Numbers, Scene, needed_states, node_name
+from gearlib.run.segment import Part
+from gearlib.run.start_values import Start, start_values, start_variable
+from gearlib.run.state_switching import Charts, integrate_through
+from gearlib.run.steady import steady_state
+from gearlib.run.summary import summary
+from gearlib.run.zeros import can_be_solved, factors
+from gearlib.solvers.inputs.table import Function, Table, values
 from gearlib.structure.incidence import Node
-from gearlib.structure.rows import some
 
 if TYPE_CHECKING:
-    from gearlib.analysis.power import PowerFlow
-    from gearlib.solve.energy_balance import EnergyBalance
+    from gearlib.run.energy_balance import EnergyBalance
+    from gearlib.statics.power_flow import PowerFlow
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -371,7 +371,7 @@ class System:
     def energy_balance(self, asked: Request, samples: Floats, events: Sequence[float]) -> EnergyBalance:
         """Of the run that was asked for; `Result.energy_balance` is what a user calls."""
         from gearlib.flatten.energies import audited
-        from gearlib.solve.audit import balance
+        from gearlib.run.audit import balance
 
         self._component._assembled()
         parts = audited(self._component)
@@ -437,7 +437,7 @@ class System:
         NameLookupError, ArgumentError, StartError
             No such input or output, two with one name, or no steady state.
         """
-        from gearlib.analysis.linearize import linearize, operating_point, state_space
+        from gearlib.linear.linearize import linearize, operating_point, state_space
 
         fitting = self.fitting(parameters, at)
         if fitting is not self:
@@ -455,7 +455,7 @@ class System:
         parameters: Mapping[str, float] | None = None,
     ) -> PowerFlow:  # fmt: skip
         """Speeds, torques and powers when the train turns steadily, without a simulation: `gearlib.power_flow`."""
-        from gearlib.analysis.statics import power_flow
+        from gearlib.statics.statics import power_flow
 
         return power_flow(self, speeds, torques, parameters=parameters)
 

@@ -9,7 +9,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from gearlib.codegen.ownership import why_foreign
+from gearlib.compiler.ownership import why_foreign
 
 _ROOT = Path(__file__).resolve().parents[1]
 if "GEARLIB_TESTS" in os.environ:

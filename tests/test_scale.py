@@ -17,8 +17,8 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.codegen import cache
-from gearlib.solve import scene as scene_module
+from gearlib.compiler import cache
+from gearlib.run import scene as scene_module
 from tests import test_documents
 from tests.benchmarks.scenes import Chain, Trains, Tree, chain_speeds
 

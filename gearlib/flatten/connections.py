@@ -9,7 +9,7 @@ from functools import lru_cache
 import networkx as nx
 import sympy
 
-from gearlib.flatten.templates import Template, make_template
+from gearlib.equations.template import Template, make_template
 
 MOST_ADDENDS = 8  # longer sums are split, so that no template grows with the model
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import sympy
 
+from gearlib.equations.template import checked, parse_column, piecewise
 from gearlib.errors import DeclarationError, nearest
-from gearlib.flatten.templates import checked, parse_column, piecewise
 from gearlib.language.component import Component, declared_by, energies_of
 from gearlib.language.declarations import Connector, Flow, Potential
 from gearlib.language.expressions import time

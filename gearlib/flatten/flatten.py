@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from gearlib.equations.bindings import parameter_function
+from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.attributes import attributes_of, merge
-from gearlib.flatten.bindings import parameter_function
 from gearlib.flatten.connections import Sum, connection_sets, split_sum, sum_template
 from gearlib.flatten.instances import Tree, walk
 from gearlib.flatten.model import (
@@ -27,7 +28,6 @@ from gearlib.flatten.model import (
     UpdateGroup,
 )
 from gearlib.flatten.specialise import Raw, simplified, without_parameters
-from gearlib.flatten.templates import Template
 from gearlib.flatten.unused import refuse_unused
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential

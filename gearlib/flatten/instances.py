@@ -1,6 +1,6 @@
 """Walk a tree of components: dotted names, numbers of variables and parameters, equations by template, connections.
 
-All instances of a class with the same structural choices share one analysis (`gearlib.flatten.records`); an instance only adds
+All instances of a class with the same structural choices share one analysis (`gearlib.equations.class_record`); an instance only adds
 numbers.
 """
 
@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gearlib.arguments import shown
+from gearlib.equations.bindings import BoundInput, bind_input, canonical, is_expression, number
+from gearlib.equations.class_record import ClassRecord, Met, check_values, class_record, descend
+from gearlib.equations.template import Template
 from gearlib.errors import BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
-from gearlib.flatten.bindings import BoundInput, bind_input, canonical, is_expression, number
 from gearlib.flatten.model import Instance
-from gearlib.flatten.records import ClassRecord, Met, check_values, class_record, descend
-from gearlib.flatten.templates import Template
 from gearlib.language.component import Component, _inside
 from gearlib.language.declarations import NO_VALUE, Input
 from gearlib.language.expressions import check_depth

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.equations.template import Column, Template, parse_column
 from gearlib.errors import NameLookupError, nearest
-from gearlib.flatten.templates import Column, Template, parse_column
 from gearlib.language.declarations import Connector, Parameter, Variable
 
 Integers = NDArray[np.int64]

@@ -14,9 +14,9 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
+from gearlib.equations.template import Relation, Template, column_symbol, make_template
 from gearlib.errors import SingularError
 from gearlib.flatten.aliases import Aliases, Integers
-from gearlib.flatten.templates import Relation, Template, column_symbol, make_template
 
 # of each local: the first one that is the same variable (-1: always zero), and its sign relative to that
 Pattern = tuple[tuple[int, int], ...]

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from gearlib.equations.bindings import is_expression
 from gearlib.errors import BindingError, GearlibError
-from gearlib.flatten.bindings import is_expression
 from gearlib.flatten.instances import Tree, walk
 from gearlib.language.component import Component
 from gearlib.language.declarations import NO_VALUE, Input, Offered, Parameter, Structural

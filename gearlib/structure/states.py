@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gearlib.structure.balance import maximum_matching
+from gearlib.structure.dulmage_mendelsohn import maximum_matching
 from gearlib.structure.incidence import Entries, Node
 from gearlib.structure.pantelides import Differentiation
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.sparse import diags_array
 
-from gearlib.solve.problem import Floats
+from gearlib.solvers.problem import Floats
 from tests.benchmarks.equations import ByHand
 from tests.benchmarks.references import BenchScene, flank_event
 

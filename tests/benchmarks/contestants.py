@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 import gearlib as gl
-from gearlib.solve import exact, ida, rk_loop
-from gearlib.solve.ida_request import SAFETY
-from gearlib.solve.problem import Floats, Problem
+from gearlib.solvers.exponential import exact
+from gearlib.solvers.ida import ida
+from gearlib.solvers.ida.ida_request import SAFETY
+from gearlib.solvers.problem import Floats, Problem
+from gearlib.solvers.rungekutta import rungekutta
 from tests.benchmarks import floor_ida, floor_rk
 from tests.benchmarks.competitors import Competitor, RunAt, Unavailable
 from tests.benchmarks.equations import shown
@@ -30,7 +32,12 @@ _count = itertools.count()
 def clocked() -> Iterator[list[float]]:
     """Adds up the processor time (s) spent in gearlib's integrators themselves."""
     spent = [0.0]
-    places: list[tuple[Any, str]] = [(exact, "prepare"), (exact.ExactRun, "solve"), (ida, "integrate"), (rk_loop, "advance")]
+    places: list[tuple[Any, str]] = [
+        (exact, "prepare"),
+        (exact.ExactRun, "solve"),
+        (ida, "integrate"),
+        (rungekutta, "integrate"),
+    ]
     originals = [getattr(owner, name) for owner, name in places]
 
     def watched(original: Any) -> Any:

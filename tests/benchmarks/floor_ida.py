@@ -1,4 +1,4 @@
-"""How much slower `gearlib.solve.ida` is than the least that IDA can take, with residual and Jacobian written by hand.
+"""How much slower `gearlib.solvers.ida.ida` is than the least that IDA can take, with residual and Jacobian written by hand.
 
 The model is a chain of N inertias J_i = 0.01 (1 + i/N) kg.m2, joined by spring-dampers (1e5 N.m/rad, 5 N.m.s/rad), with a
 damper of 1 N.m.s/rad from the last to ground and a torque of 100 sin(2 pi 50 t) N.m on the first, from rest, 0..0.5 s, 101
@@ -25,10 +25,10 @@ import numpy as np
 import pytest
 from numba import carray, cfunc, types
 
-from gearlib.solve import ida
-from gearlib.solve.ida_request import SAFETY
-from gearlib.solve.problem import Problem, Solution
-from gearlib.solve.sundials import Solver, load
+from gearlib.solvers.ida import ida
+from gearlib.solvers.ida.ida_request import SAFETY
+from gearlib.solvers.ida.sundials import Solver, load
+from gearlib.solvers.problem import Problem, Solution
 
 TIMES = np.linspace(0.0, 0.5, 101)
 SOURCE = r"""

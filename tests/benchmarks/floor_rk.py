@@ -20,9 +20,9 @@ import numpy as np
 from numba import cfunc, njit, types
 from scipy.linalg import expm
 
-from gearlib.solve.problem import Floats, Problem
-from gearlib.solve.rungekutta import integrate
-from gearlib.solve.tableaux import TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
+from gearlib.solvers.problem import Floats, Problem
+from gearlib.solvers.rungekutta.rungekutta import integrate
+from gearlib.solvers.rungekutta.tableaux import TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
 
 _D, _L, _I = (types.CPointer(t) for t in (types.float64, types.int64, types.int32))
 RHS = types.int32(types.float64, _D, _D, _D, _L)

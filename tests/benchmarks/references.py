@@ -19,7 +19,7 @@ from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.solve.problem import Floats
+from gearlib.solvers.problem import Floats
 from tests.benchmarks import modelica
 from tests.benchmarks.equations import (
     BacklashPair,

@@ -9,11 +9,11 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.equations.class_record import class_record
 from gearlib.errors import BindingError, BoundError, ConnectionError, NameLookupError
 from gearlib.flatten.connections import Sum, connection_sets, split_sum
 from gearlib.flatten.flatten import flatten
 from gearlib.flatten.model import FlatModel
-from gearlib.flatten.records import class_record
 
 c = gl.connect
 

@@ -10,10 +10,10 @@ import sympy
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.codegen.schedule import _levels
+from gearlib.equations.template import template_of
 from gearlib.errors import ModelError
 from gearlib.flatten.specialise import specialised
-from gearlib.flatten.templates import template_of
+from gearlib.program.schedule import _levels
 
 c = gl.connect
 

@@ -12,8 +12,8 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.equations.class_record import class_record
 from gearlib.errors import DeclarationError, ModelError
-from gearlib.flatten.records import class_record
 
 GAIN = 1.0
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.codegen.builder import build
-from gearlib.codegen.evaluate import evaluate, prepare
-from gearlib.codegen.numbers import numbers_of
-from gearlib.codegen.sensitivity import sensitivity
 from gearlib.flatten.flatten import flatten
-from gearlib.structure.analysis import analyse
+from gearlib.program.build import build
+from gearlib.program.interpret import evaluate, prepare
+from gearlib.program.sensitivity import sensitivity
+from gearlib.reduce.coefficients import numbers_of
+from gearlib.reduce.reduction import analyse
 
 
 class Probe:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 import gearlib as gl
-from gearlib.codegen.evaluate import batch_values, evaluate, prepare
-from gearlib.codegen.modes import relations_of
+from gearlib.program.interpret import batch_values, evaluate, prepare
+from gearlib.program.relations import relations_of
 from tests.gearparts.conftest import Probe
 
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.solve.rungekutta import integrate
+from gearlib.solvers.rungekutta.rungekutta import integrate
 from gearparts.backlash import ElastoBacklash, ElastoBacklash2
 from gearparts.mesh_models import DetailedExternalMesh, DetailedInternalMesh, mesh_damping
 from tests.benchmarks import floor_rk

@@ -1,1 +1,0 @@
-"""What is asked of a system besides time histories: linear models, modes, stability, power flow."""

@@ -1,0 +1,144 @@
+"""Where machine code is kept between processes.
+
+The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of what it was made from, so concurrent writers
+agree, and every file appears complete or not at all. Object code is kept with a checksum (`kept_bytes`). What cannot be kept there is
+made anew: a damaged or unwritable cache costs time, never a result. A folder in which somebody else can write is not used, with a
+warning (`gearlib.compiler.ownership`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import metadata
+from pathlib import Path
+from threading import RLock
+
+from gearlib.compiler.ownership import is_own, make_private, read_own, why_foreign
+
+LARGEST = 512 * 2**20  # bytes; what was used longest ago goes first
+FORMAT = "4"
+ONE_IN = 16  # files of object code, which are small, has the sizes of all files added up: some 20 us for each of them
+_SEAL = 32  # bytes of the checksum before the content
+_temporary: tempfile.TemporaryDirectory[str] | None = None
+_refused: set[str] = set()  # folders that were warned of
+COMPILING = RLock()
+"""Held while anything is compiled: by one thread at a time, and not across a fork."""
+
+
+def _after_fork() -> None:
+    """In the child: what the parent keeps for its own lifetime is not the child's to remove."""
+    global _temporary
+    if _temporary is not None:
+        _temporary._finalizer.detach()  # type: ignore[attr-defined]
+        _temporary = None
+    COMPILING.release()
+
+
+if sys.platform != "win32":  # a child that began while a thread compiled would wait for that thread for ever
+    os.register_at_fork(before=COMPILING.acquire, after_in_parent=COMPILING.release, after_in_child=_after_fork)
+
+
+def _version() -> str:
+    try:
+        return metadata.version("gearlib")
+    except metadata.PackageNotFoundError:  # run from a source tree
+        return "source"
+
+
+def folder() -> Path:
+    """The cache folder of this version, made if need be."""
+    chosen = os.environ.get("GEARLIB_CACHE")
+    if not chosen:
+        from platformdirs import user_cache_dir
+
+        chosen = user_cache_dir("gearlib", appauthor=False)
+    path = Path(chosen) / f"{_version()}-{FORMAT}-py{sys.version_info.major}.{sys.version_info.minor}"
+    with suppress(OSError, RuntimeError):  # a loop of symbolic links is a RuntimeError
+        make_private(path)
+        path = path.resolve()
+        foreign = why_foreign(path)
+        if foreign is None and os.access(path, os.W_OK):
+            return path
+        if foreign is not None and chosen not in _refused:
+            _refused.add(chosen)
+            warnings.warn(
+                f"the cache {path} is not used, since what others put there would be run: {foreign}; compiled code is kept for this "
+                "process only (GEARLIB_CACHE names a folder of your own)",
+                RuntimeWarning, stacklevel=2,
+            )  # fmt: skip
+    return _private()
+
+
+def _private() -> Path:
+    """A folder of this process."""
+    global _temporary
+    if _temporary is None:
+        _temporary = tempfile.TemporaryDirectory(prefix="gearlib-", ignore_cleanup_errors=True)
+    return Path(_temporary.name)
+
+
+def kept_bytes(name: str, make: Callable[[], bytes]) -> bytes:
+    """What a file holds, made and written down where it is missing or damaged.
+
+    Parameters
+    ----------
+    name : str
+        Of the file: a digest of all that the content depends on.
+    make : callable
+        Makes the content.
+    """
+    path = folder() / name
+    with suppress(OSError):
+        seal, content = (whole := read_own(path))[:_SEAL], whole[_SEAL:]
+        if seal == _seal(name, content):
+            with suppress(OSError):
+                os.utime(path)
+            return content
+    content = make()
+    seal = _seal(name, content)
+    with suppress(OSError):
+        _write(path, seal + content)
+        if seal[0] % ONE_IN == 0:
+            _shrink(path)
+    return content
+
+
+def _seal(name: str, content: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + b"\0" + content).digest()
+
+
+def _write(path: Path, content: bytes) -> None:
+    handle, temporary = tempfile.mkstemp(prefix=f"{path.stem}.", suffix=".tmp", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
+
+
+def _shrink(kept: Path) -> None:
+    """Remove what was used longest ago when all versions together have grown too large."""
+    files: list[tuple[float, int, Path]] = []
+    for version in kept.parent.parent.glob("*-py*"):
+        if is_own(version):
+            for file in version.rglob("gearlib_model_*"):
+                with suppress(OSError):
+                    stat = file.stat()
+                    files.append((stat.st_mtime, stat.st_size, file))
+    total = sum(size for _, size, _ in files)
+    for _, size, file in sorted(files):
+        if total <= LARGEST:
+            break
+        if file != kept:
+            with suppress(OSError):
+                file.unlink()
+                total -= size

@@ -1,0 +1,73 @@
+"""Modules that are written in the small language: integration loops, callbacks of SUNDIALS, table look-up.
+
+Such a module is an ordinary Python file. What bears the decorator `native` is read as text and compiled, once per machine; numbers,
+records and prototypes that it names are those of the module. A module may add functions that it generates itself, as ``GENERATED``.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from gearlib.compiler.cache import COMPILING, kept_bytes
+from gearlib.compiler.object_code import compiler_digest, linked, optimised
+from gearlib.compiler.translate import Environment, Prototype, is_record, translated
+
+
+@dataclass(frozen=True)
+class NativeFunctions:
+    """Addresses of the exported functions of some modules, valid for as long as this object lives."""
+
+    addresses: Mapping[str, int]
+    library: Any
+
+
+@cache
+def native_functions(*modules: str) -> NativeFunctions:
+    """Compile modules together, or find them compiled.
+
+    Parameters
+    ----------
+    *modules : str
+        Dotted names. Functions of one may call those of the others; those that return ``int32`` are exported.
+    """
+    loaded = [importlib.import_module(name) for name in modules]
+    texts = [Path(str(module.__file__)).read_text(encoding="utf-8") for module in loaded]
+    generated = [str(getattr(module, "GENERATED", "")) for module in loaded]
+    values = [repr(sorted(_values(vars(module)))) for module in loaded]  # also of what a module imports from others
+    digest = hashlib.sha256("\0".join([compiler_digest(), *texts, *generated, *values]).encode()).hexdigest()[:24]
+
+    def functions() -> Iterator[tuple[ast.FunctionDef, Environment]]:
+        for module, text, more in zip(loaded, texts, generated, strict=True):
+            for node in ast.parse(text).body:
+                if isinstance(node, ast.FunctionDef) and _is_native(node):
+                    yield node, vars(module)
+            yield from ((node, vars(module)) for node in ast.parse(more).body if isinstance(node, ast.FunctionDef))
+
+    names = [node.name for node, _ in functions() if ast.unparse(node.returns or ast.Constant(None)) == "int32"]
+    with COMPILING:
+        try:
+            code = kept_bytes(f"gearlib_model_{digest}.o", lambda: optimised(translated(functions(), fused=True)))
+            addresses, held = linked(code, names)
+        except RuntimeError:  # damage that the checksum did not show
+            addresses, held = linked(optimised(translated(functions(), fused=True)), names)
+    return NativeFunctions(addresses, held)
+
+
+def _is_native(node: ast.FunctionDef) -> bool:
+    return any(isinstance(d, ast.Name) and d.id == "native" for d in node.decorator_list)
+
+
+def _values(environment: Environment) -> Iterator[tuple[str, str]]:
+    """What code can depend on besides its text: numbers, records and prototypes."""
+    for name, value in environment.items():
+        if isinstance(value, (bool, int, float, Prototype)):
+            yield name, repr(value)
+        elif is_record(value):
+            yield name, repr(value._fields_)  # type: ignore[attr-defined]

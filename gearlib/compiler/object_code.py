@@ -1,0 +1,158 @@
+"""Object code of generated functions: compiled by LLVM, kept on disk, linked into the process."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from gearlib.compiler.cache import COMPILING, kept_bytes
+from gearlib.compiler.translate import intermediate
+
+COMPILER = ("data_flow.py", "instructions.py", "native_module.py", "object_code.py", "translate.py")
+WINDOWS = sys.platform == "win32"  # LLVM's newer linker, for small code in one piece, is not at home there
+LINKED = 300  # modules that stay in the process though nobody uses them, those met last
+USES = 64
+_numbers = count()
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function in memory, for as long as this object lives."""
+
+    address: int
+    _library: Any
+
+
+@lru_cache(maxsize=LINKED)
+def compiled(source: str, name: str) -> Function:
+    r"""A function of generated source, as machine code.
+
+    Parameters
+    ----------
+    source : str
+        A module in the language of `gearlib.compiler.translate`.
+    name : str
+        A function in it that returns ``int32``.
+
+    Raises
+    ------
+    Unsupported
+        The source is not in that language.
+
+    Examples
+    --------
+    >>> import ctypes
+    >>> half = compiled("def half(t: float, x: floats) -> int32:\n    x[0] = t / 2\n    return 0", "half")
+    >>> result = ctypes.c_double()
+    >>> ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p)(half.address)(3.0, ctypes.addressof(result))
+    0
+    >>> result.value
+    1.5
+    """
+    with COMPILING:
+        digest = hashlib.sha256("\0".join((compiler_digest(), source)).encode()).hexdigest()[:24]
+        try:
+            code = kept_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source))
+            addresses, library = linked(code, [name])
+        except RuntimeError:  # damage that the checksum did not show
+            addresses, library = linked(object_code(source), [name])
+        return Function(addresses[name], library)
+
+
+@cache
+def compiler_digest() -> str:
+    """What the object code depends on besides the source: LLVM, the processor, and how it is compiled."""
+    import llvmlite
+    from llvmlite import binding
+
+    here = Path(__file__).parent
+    own = hashlib.sha256(b"".join((here / file).read_bytes() for file in COMPILER)).hexdigest()
+    llvm = ".".join(str(number) for number in binding.llvm_version_info)
+    return "\0".join((llvmlite.__version__, llvm, binding.get_process_triple(), *_processor(), own))
+
+
+@cache
+def _processor() -> tuple[str, str]:
+    """Its name and features."""
+    from llvmlite import binding
+
+    try:
+        return binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
+    except RuntimeError:  # not known to LLVM
+        return binding.get_host_cpu_name(), ""
+
+
+@cache
+def _machine() -> Any:
+    """LLVM's description of this machine."""
+    from llvmlite import binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    name, features = _processor()
+    target = binding.Target.from_triple(binding.get_process_triple())
+    reloc, model = ("static", "jitdefault") if WINDOWS else ("pic", "small")
+    return target.create_target_machine(cpu=name, features=features, opt=2, reloc=reloc, codemodel=model, jit=WINDOWS)
+
+
+@cache
+def _linker() -> Any:
+    from llvmlite import binding
+
+    return binding.create_lljit_compiler(_machine(), use_jit_link=not WINDOWS, suppress_errors=True)
+
+
+@lru_cache(maxsize=1)
+def _passes(number: int) -> tuple[Any, Any]:
+    """LLVM's passes that simplify one function, at their lowest level, and what they are run with.
+
+    They give code as fast as all passes at the highest level do, in a third of the time: loops come in the form that is wanted, and
+    with their vector instructions. Both objects become slower with every use, and llvmlite gives back no memory of theirs; so they
+    are neither kept for ever nor made every time.
+    """
+    from llvmlite import binding
+
+    builder = binding.create_pass_builder(_machine(), binding.create_pipeline_tuning_options(speed_level=1))
+    return builder.getFunctionPassManager(), builder
+
+
+def object_code(source: str) -> bytes:
+    """Compile a module."""
+    from llvmlite import binding
+
+    machine, (passes, builder) = _machine(), _passes(next(_numbers) // USES)
+    head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
+    module = binding.parse_assembly(head + intermediate(source))
+    for function in module.functions:
+        if not function.is_declaration:
+            passes.run(function, builder)
+    return bytes(machine.emit_object(module))
+
+
+def optimised(text: str) -> bytes:
+    """Compile a module of loops, given in LLVM's language, with all optimisations: inlining across functions matters there."""
+    from llvmlite import binding
+
+    machine = _machine()
+    head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
+    module = binding.parse_assembly(head + text)
+    builder = binding.create_pass_builder(machine, binding.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+def linked(code: bytes, names: Sequence[str]) -> tuple[dict[str, int], Any]:
+    """Put object code into memory: addresses of exported functions, and what must live as long. Library functions are the process's."""
+    from llvmlite import binding
+
+    unit = binding.JITLibraryBuilder().add_object_img(code).add_current_process()
+    for name in names:
+        unit.export_symbol(name)
+    tracker = unit.link(_linker(), f"gearlib_{next(_numbers)}")
+    return {name: int(tracker[name]) for name in names}, tracker

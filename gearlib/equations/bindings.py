@@ -1,0 +1,125 @@
+"""Values given to parts: numbers, expressions of the enclosing component's parameters, and for inputs of time and variables.
+
+The numbers written in an input's expression become parameters, so that 10 sin(31.4 t) and 20 sin(6.28 t) are one equation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import sympy
+
+from gearlib.arguments import shown
+from gearlib.equations.template import Relation, Template, checked, lift_relations, make_template, parse_column
+from gearlib.errors import BindingError, BoundError
+from gearlib.language.expressions import check_depth, time, value_of
+
+
+@dataclass(frozen=True)
+class BoundInput:
+    """An input's binding: a shared template, and what its symbols are here."""
+
+    template: Template  # over "bound" (the input), "v0", "v1", ... and the parameters "p0", "p1", ...
+    variables: dict[str, str]  # v0 -> relative path
+    parameters: dict[str, str | float]  # p0 -> relative path, or a number
+
+
+def number(value: Any, path: str, unit: str, description: str) -> float:
+    """The value as a finite float, or an error that names the parameter."""
+    expected = f"expected a number in {unit} ({description})" if description else f"expected a number in {unit}"
+    if isinstance(value, (bool, np.bool_)) or not isinstance(
+        value, (int, float, np.number, sympy.Number, sympy.NumberSymbol, sympy.Expr)
+    ):
+        raise BindingError(f"{path} is {shown(value)} ({type(value).__name__}); {expected}")
+    try:
+        result = float(value)
+    except TypeError:
+        raise BindingError(f"{path} is {value}; {expected}, or an expression of the enclosing component's parameters") from None
+    except OverflowError:
+        raise BoundError(f"{path} is too large; expected a finite number in {unit}") from None
+    if not math.isfinite(result):
+        raise BoundError(f"{path} is {result}; expected a finite number in {unit}")
+    return result
+
+
+def is_expression(value: Any) -> bool:
+    """Whether a given value has symbols in it."""
+    return isinstance(value, sympy.Basic) and bool(value.free_symbols)
+
+
+@lru_cache(maxsize=10_000)
+def parameter_function(expression: Any, arguments: tuple[str, ...]) -> Callable[..., Any]:
+    """A function of arrays for an expression of parameters."""
+    symbols = [sympy.Symbol(a, real=True) for a in arguments]
+    function: Callable[..., Any] = sympy.lambdify(symbols, expression, "numpy")
+    return function
+
+
+def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
+    """The expression over a0, a1, ... and the names that these stand for."""
+    names = tuple(sorted(s.name for s in expression.free_symbols))
+    if len(names) == 1 and expression.is_Symbol:
+        return sympy.Symbol("a0", real=True), names
+    table = {sympy.Symbol(n, real=True): sympy.Symbol(f"a{i}", real=True) for i, n in enumerate(names)}
+    return expression.xreplace(table), names
+
+
+_templates: dict[Any, Template] = {}
+
+
+def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str = "an input") -> BoundInput:
+    """The equation that binds an input to an expression (or a number)."""
+    check_depth(expression, path)
+    expression, relations = lift_relations(checked(value_of(expression, path), path))
+    if expression.is_Number or expression.is_NumberSymbol:
+        return BoundInput(_template(sympy.Symbol("p0", real=True), (), ("p0",)), {}, {"p0": float(expression)})
+    values: dict[str, str | float] = {}
+
+    def lift(e: Any) -> Any:
+        if e.is_Number or e.is_NumberSymbol:
+            if abs(float(e)) in (0.0, 1.0):  # part of the structure, not a number to vary
+                return sympy.Integer(int(e))
+            key = f"p{len(values)}"
+            values[key] = float(e)
+            return sympy.Symbol(key, real=True)
+        if e.is_Pow and e.exp.is_Number:
+            return sympy.Pow(lift(e.base), e.exp)
+        if e.is_Piecewise:
+            return sympy.Piecewise(*((lift(value), condition) for value, condition in e.args))
+        if not e.args or isinstance(e, sympy.logic.boolalg.Boolean):
+            return e
+        return e.func(*(lift(a) for a in e.args))
+
+    lifted = lift(expression)
+    lifted_relations = tuple(type(r)(lift(r.g), r.strict, r.negated) for r in relations)
+    symbols = set(lifted.free_symbols).union(*(r.g.free_symbols for r in lifted_relations))
+    variables: dict[str, str] = {}
+    renamed: dict[Any, Any] = {}
+    for symbol in sorted(symbols, key=str):
+        name = symbol.name
+        if symbol == time or name in values or name.startswith("relation_"):
+            continue
+        base, order = parse_column(name)
+        if is_parameter(base):
+            key = f"p{len(values)}"
+            values[key] = base
+        else:
+            key = next((k for k, v in variables.items() if v == base), f"v{len(variables)}")
+            variables[key] = base
+            key = "der(" * order + key + ")" * order
+        renamed[symbol] = sympy.Symbol(key, real=True)
+    lifted = lifted.xreplace(renamed)
+    lifted_relations = tuple(type(r)(r.g.xreplace(renamed), r.strict, r.negated) for r in lifted_relations)
+    return BoundInput(_template(lifted, lifted_relations, tuple(values)), variables, values)
+
+
+def _template(value: Any, relations: tuple[Relation, ...], parameters: tuple[str, ...]) -> Template:
+    key = (value, relations)
+    if key not in _templates:
+        _templates[key] = make_template("binding", sympy.Symbol("bound", real=True) - value, parameters, relations)
+    return _templates[key]

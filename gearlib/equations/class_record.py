@@ -1,0 +1,197 @@
+"""`class_record`: the analysis of one class with one set of structural choices, shared by all its instances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from gearlib.arguments import shown
+from gearlib.equations.discrete_updates import Update, split_equations
+from gearlib.equations.template import Template, template_of
+from gearlib.errors import DeclarationError, nearest
+from gearlib.language.component import PRIVATE, Component, Declared, declared_by, equations_of
+from gearlib.language.declarations import Connector, Declaration, Discrete
+from gearlib.language.dimensions import unit_errors, values_compared, values_given
+from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
+
+
+@dataclass(frozen=True)
+class ClassRecord:
+    """What one class with one set of structural choices declares and states."""
+
+    declared: Declared
+    variable_index: dict[str, int]
+    parameter_index: dict[str, int]
+    templates: tuple[Template, ...]
+    local: bool  # the equations hold the component's own variables and parameters only
+    updates: tuple[Update, ...]
+    discretes: dict[str, Discrete]
+    choices: frozenset[str]  # structural choices that the equations and the connectors depend on
+    own_names: frozenset[str]  # own parameters and variables that the equations hold
+
+
+Met = dict[Any, ClassRecord]  # by class and what an instance of it was made with: what one compilation has met so far
+_records: WeakKeyDictionary[type[Component], dict[Any, ClassRecord]] = WeakKeyDictionary()
+
+
+def class_record(component: Component, met: Met | None = None) -> ClassRecord:
+    """The analysis of a component's class, from the cache where equations like its own were met before.
+
+    What ``equations`` reads may have changed since then: a constant of a module, an attribute of the class or of an object. So the
+    equations are written again, once in a compilation for each class and structural choice, and the cache is asked for these.
+    """
+    kind = type(component)
+    key: Any = (kind, tuple(component._structural.items()), tuple(map(type, component._structural.values())))
+    try:
+        hash(key)
+    except Exception:  # whatever an object of the user's makes of hash()
+        raise DeclarationError(
+            f"{kind.__name__}: values of structural choices must be hashable, got {shown(component._structural)}"
+        ) from None
+    extras = _plain_attributes(component)
+    whole = id(component) if extras is None else (key, extras)
+    if met is not None and whole in met:
+        return met[whole]
+    _check_declarations(kind)
+    equations = equations_of(component)
+    parts = tuple((n, type(p), tuple(p._structural.items())) for n, p in component._parts.items()) if equations else ()
+    written = (key, parts, tuple(_written(e, kind.__name__) for e in equations))
+    known = _records.setdefault(kind, {})
+    if written not in known:
+        known[written] = _analysed(component, equations)
+    if met is not None:
+        met[whole] = known[written]
+    return known[written]
+
+
+def _written(action: Eq | When | Reinit, name: str) -> tuple[Any, ...]:
+    """An equation as what can be compared: its sides in sympy's form."""
+    if isinstance(action, When):
+        return (action.condition, *(_written(a, name) for a in action.actions))
+    if isinstance(action, Reinit):
+        return action.state, action.value, "reinit"
+    for side in (action.left, action.right):
+        check_depth(side, name)
+    try:
+        return value_of(action.left, "the left side"), value_of(action.right, "the right side")
+    except DeclarationError as problem:
+        sides = f"{shown(action.left)} == {shown(action.right)}"
+        raise DeclarationError(f"{name}.equations(): {sides} is no equation: {problem}") from None
+
+
+def _check_declarations(kind: type[Component]) -> None:
+    """Declarations are read when the class is made; what took the place of one since then would go unnoticed."""
+    now: dict[str, Any] = {}
+    for base in reversed(kind.__mro__):
+        now.update((n, v) for n, v in vars(base).items() if n in kind._declarations or isinstance(v, Declaration))
+    for name, value in now.items():
+        declared = kind._declarations.get(name)
+        if value is not declared:
+            what = (
+                f"is {shown(value)} where {shown(declared)} was declared"
+                if declared
+                else "was declared outside of a component class"
+            )
+            raise DeclarationError(
+                f"{kind.__name__}.{name} {what}; declare it in the body of the class, or again in a subclass of gl.Component"
+            )
+
+
+def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassRecord:
+    """The analysis of equations that were not met before."""
+    declared = declared_by(component)
+    name = type(component).__name__
+    lookup = _Lookup(component, declared)
+    split = split_equations(name, equations, declared.discretes, lookup.is_parameter, declared.variables)
+
+    def is_held(symbol: str) -> bool:
+        return symbol == "initial()" or symbol.removeprefix("pre(").removesuffix(")") in split.discretes
+
+    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", lookup.is_parameter, is_held) for e in split.continuous)
+    everything = (*templates, *(u.template for u in split.updates))
+    for t in everything:
+        for local in t.locals:
+            if lookup.find(local) is None:
+                raise DeclarationError(f"{t.label}: '{local}' is not declared; {nearest(local, declared.variables)}")
+    refuse_misfits(unit_errors(component, values_compared(component, equations)))
+    own = all(local in declared.variables for t in everything for local in t.locals)
+    own = own and all(p in declared.parameters for t in everything for p in t.parameters)
+    return ClassRecord(
+        declared,
+        {n: i for i, n in enumerate(declared.variables)},
+        {n: i for i, n in enumerate(declared.parameters)},
+        templates,
+        own and not split.updates and not any(t.held for t in templates),
+        split.updates,
+        split.discretes,
+        frozenset(component._read) | {d.when for d in component._declarations.values() if isinstance(d, Connector) and d.when},
+        frozenset(n for t in everything for n in (*t.locals, *t.parameters)),
+    )
+
+
+_fitting: WeakKeyDictionary[type[Component], set[Any]] = WeakKeyDictionary()  # values that were found to fit
+
+
+def check_values(component: Component) -> None:
+    """Refuse values given to parts whose units do not fit; those of an assembly that was met before are not measured again."""
+    pairs = tuple(values_given(component))
+    key = (tuple((n, type(p), tuple(p._structural.items())) for n, p in component._parts.items()), pairs)
+    known = _fitting.setdefault(type(component), set())
+    if pairs and key not in known:
+        refuse_misfits(unit_errors(component, pairs))
+        known.add(key)
+
+
+def refuse_misfits(errors: Sequence[str]) -> None:
+    """Raise what `unit_errors` has found."""
+    if errors:
+        raise DeclarationError(f"units do not fit (gl.check_units lists all misfits of a component): {'; '.join(errors)}")
+
+
+def _plain_attributes(component: Component) -> tuple[Any, ...] | None:
+    """What an instance holds besides its parts: its equations may depend on it, as on a structural choice.
+
+    None where that cannot be compared (arrays): such an instance writes its own equations.
+    """
+    own = component.__dict__
+    if len(own) == len(PRIVATE):
+        return ()
+    families = {name.split("[", 1)[0] for name in component._parts}
+    plain = tuple((n, type(v), v) for n, v in own.items() if n not in PRIVATE and n not in families)
+    try:
+        hash(plain)
+    except Exception:  # whatever an object of the user's makes of hash()
+        return None
+    return plain
+
+
+@dataclass(frozen=True)
+class _Lookup:
+    """Resolves names as seen from a component: its own, or those of its parts."""
+
+    component: Component
+    declared: Declared
+
+    def find(self, name: str) -> str | None:
+        """What the name is: "variable", "parameter" or None."""
+        if name in self.declared.variables:
+            return "variable"
+        if name in self.declared.parameters:
+            return "parameter"
+        part, local = descend(self.component, name)
+        if part is None or part is self.component:
+            return None
+        return _Lookup(part, declared_by(part)).find(local)
+
+    def is_parameter(self, name: str) -> bool:
+        return self.find(name) == "parameter"
+
+
+def descend(component: Component, name: str) -> tuple[Component | None, str]:
+    node = component
+    while "." in name and name.split(".", 1)[0] in node._parts:
+        head, name = name.split(".", 1)
+        node = node._parts[head]
+    return node, name

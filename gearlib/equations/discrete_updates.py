@@ -1,0 +1,113 @@
+"""Equations of discrete variables: evaluated at events, apart from the continuous ones.
+
+``When`` is written with what is left: a hidden variable holds its condition, and the actions are due where that has just become 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from gearlib.arguments import shown
+from gearlib.equations.template import Template, template_of_value
+from gearlib.errors import DeclarationError, nearest
+from gearlib.language.declarations import Discrete
+from gearlib.language.expressions import Eq, Reinit, When, holds, pre, value_of
+
+
+@dataclass(frozen=True)
+class Update:
+    """At an event ``target`` takes the value of the template; a state (``reinit``) or a discrete variable."""
+
+    target: str
+    template: Template
+    reinit: bool
+
+
+@dataclass(frozen=True)
+class Split:
+    """A class's equations, sorted by kind."""
+
+    continuous: tuple[Eq, ...]
+    updates: tuple[Update, ...]
+    discretes: dict[str, Discrete]  # with the hidden ones
+
+
+def split_equations(
+    name: str, equations: Sequence[Eq | When], discretes: Mapping[str, Discrete], is_parameter: Callable[[str], bool],
+    variables: Mapping[str, Any],
+) -> Split:  # fmt: skip
+    """Tell continuous from discrete equations.
+
+    Raises
+    ------
+    DeclarationError
+        An action that is none, a discrete variable with two equations or none.
+    """
+    continuous: list[Eq] = []
+    values: list[tuple[str, Any, bool]] = []
+    known = dict(discretes)
+    reinits: dict[str, list[tuple[Any, Any]]] = {}
+    states: dict[str, Any] = {}
+
+    def action(given: Any, due: Any) -> None:
+        if isinstance(given, Reinit):
+            target = getattr(given.state, "name", str(given.state))
+            if target not in variables:
+                raise DeclarationError(f"{name}: reinit({given.state}): no variable of the class; {nearest(target, variables)}")
+            # of one state, all in one: each would write the state, and undo with its old value what another has set
+            reinits.setdefault(target, []).append((value_of(given.value), due))
+            states[target] = given.state
+        elif isinstance(given, Eq) and getattr(given.left, "name", "") in known:
+            new = value_of(given.right, f"{name}: the value of {given.left} in When")
+            if given.left in new.free_symbols:
+                raise DeclarationError(
+                    f"{name}: {given.left} = {given.right} in When: the new value is given by itself; the value before the event is "
+                    f"gl.pre(self.{given.left})"
+                )
+            values.append((given.left.name, sympy.Piecewise((new, due), (pre(given.left), True)), False))
+        else:
+            raise DeclarationError(
+                f"{name}: {shown(given)} in When: expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)"
+            )
+
+    for equation in equations:
+        if isinstance(equation, When):
+            hidden = sympy.Symbol(f"when_{sum(n.startswith('when_') for n in known)}", real=True)
+            condition = value_of(equation.condition, f"{name}: the condition of When")
+            at_start = any(symbol.name == "initial()" for symbol in condition.free_symbols)
+            if all(is_parameter(symbol.name) for symbol in condition.free_symbols):
+                raise DeclarationError(
+                    f"{name}: When({equation.condition}): the condition holds parameters only, and never becomes true during a run; "
+                    "gl.initial() holds at the start"
+                )
+            known[hidden.name] = Discrete("condition of a When", start=0.0 if at_start else 1.0)
+            values.append((hidden.name, condition, False))
+            if at_start and any(isinstance(given, Reinit) for given in equation.actions):
+                raise DeclarationError(
+                    f"{name}: reinit in a When of gl.initial(): give the state a start value instead, start=..."
+                )
+            for given in equation.actions:
+                action(given, sympy.And(holds(hidden), sympy.Not(holds(pre(hidden)))))
+        elif getattr(equation.left, "name", "") in known:
+            values.append((equation.left.name, value_of(equation.right, f"{name}: the value of {equation.left}"), False))
+        else:
+            continuous.append(equation)
+
+    values += [(target, sympy.Piecewise(*ways, (states[target], True)), True) for target, ways in reinits.items()]
+
+    def is_held(symbol: str) -> bool:
+        return symbol in known or symbol == "initial()" or (symbol.startswith("pre(") and symbol[4:-1] in known)
+
+    updates = tuple(
+        Update(target, template_of_value(value, f"{name}: {target}", is_parameter, is_held), reinit)
+        for target, value, reinit in values
+    )
+    for discrete in known:
+        count = sum(u.target == discrete and not u.reinit for u in updates)
+        if count != 1:
+            raise DeclarationError(f"{name}: the discrete variable '{discrete}' has {count} equations; expected one")
+    return Split(tuple(continuous), updates, known)

@@ -1,0 +1,167 @@
+"""Kernels: the source of one scalar computation of a template, made once and shared by all instances.
+
+A kernel's text holds ``x0, x1, ...`` for the columns of its template, ``p0, ...`` for its parameters, ``r0, ...`` for its relations
+and ``t`` for time. It is printed twice: for arrays (numpy) and for scalars (native code).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+import sympy
+from sympy.printing.numpy import NumPyPrinter
+from sympy.printing.pycode import PythonCodePrinter
+
+from gearlib.equations.template import Relation, Template, column_symbol
+from gearlib.language.expressions import time
+
+
+@dataclass(frozen=True, eq=False)
+class Kernel:
+    """One scalar expression of a template.
+
+    ``columns``, ``parameters`` and ``relations`` are the positions in the template's lists that the text uses; discrete variables
+    count as relations, after these.
+    """
+
+    template: Template
+    expression: Any  # over x0, p0, r0, t
+    columns: tuple[int, ...]
+    parameters: tuple[int, ...]
+    relations: tuple[int, ...]
+
+    @cached_property
+    def scalar(self) -> str:
+        """Python source for scalars."""
+        printer = PythonCodePrinter({"fully_qualified_modules": False, "strict": False})
+        text: str = printer.doprint(self.expression)
+        return text
+
+    @cached_property
+    def function(self) -> Callable[..., Any]:
+        """A function of arrays: ``f(t, *columns, *parameters, *relations)`` in the order of the attributes."""
+        names = ["t", *(f"x{i}" for i in self.columns), *(f"p{i}" for i in self.parameters), *(f"r{i}" for i in self.relations)]
+        printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
+        source = f"lambda {', '.join(names)}: {printer.doprint(self.expression)}"
+        function: Callable[..., Any] = eval(source, dict(vars(np)))
+        return function
+
+    @cached_property
+    def on_time(self) -> bool:
+        return sympy.Symbol("t", real=True) in self.expression.free_symbols
+
+    @cached_property
+    def is_copy(self) -> bool:
+        """Whether it is one of the columns as it is."""
+        return len(self.columns) == 1 and bool(self.expression == sympy.Symbol(f"x{self.columns[0]}", real=True))
+
+    @cached_property
+    def is_zero(self) -> bool:
+        return bool(self.expression == 0)
+
+    @cached_property
+    def number(self) -> float | None:
+        """Its value where it is a plain number."""
+        return float(self.expression) if self.expression.is_number else None
+
+
+def _kernel(template: Template, expression: Any) -> Kernel:
+    table: dict[Any, Any] = {time: sympy.Symbol("t", real=True)}
+    used = expression.free_symbols
+    columns, parameters, relations = [], [], []
+    for i, column in enumerate(template.columns):
+        symbol = column_symbol(column)
+        if symbol in used:
+            table[symbol] = sympy.Symbol(f"x{i}", real=True)
+            columns.append(i)
+    for i, name in enumerate((*template.columns, *template.relation_columns)[len(template.columns) :], len(template.columns)):
+        symbol = column_symbol(name)
+        if symbol in used and symbol not in table:
+            table[symbol] = sympy.Symbol(f"x{i}", real=True)
+            columns.append(i)
+    for i, name_ in enumerate(template.parameters):
+        symbol = sympy.Symbol(name_, real=True)
+        if symbol in used:
+            table[symbol] = sympy.Symbol(f"p{i}", real=True)
+            parameters.append(i)
+    modes = [*(f"relation_{i}" for i in range(len(template.relations))), *template.held]
+    for i, name_ in enumerate(modes):
+        symbol = sympy.Symbol(name_, real=True)
+        if symbol in used:
+            table[symbol] = sympy.Symbol(f"r{i}", real=True)
+            relations.append(i)
+    renamed = expression.xreplace(table)
+    return Kernel(template, renamed, tuple(columns), tuple(parameters), tuple(relations))
+
+
+@cache
+def differentiated(template: Template, times: int) -> Template:
+    """The template of an equation's derivative of some order."""
+    for _ in range(times):
+        template = template.derivative
+    return template
+
+
+@cache
+def solve_kernel(template: Template, column: int) -> Kernel | None:
+    """The equation solved for one of its columns; None where it is not linear in it."""
+    partial = template.partials[column]
+    if column in partial.depends_on or partial.on_modes:
+        return None
+    rest = template.residual.xreplace({template.symbols[column]: sympy.S.Zero})
+    if partial.number is not None:
+        return _kernel(
+            template,
+            sympy.expand_mul(-rest / sympy.nsimplify(partial.number))
+            if abs(partial.number) == 1
+            else -rest / partial.expression,
+        )
+    return _kernel(template, -rest / partial.expression)
+
+
+@cache
+def residual_kernel(template: Template, without: frozenset[int] = frozenset()) -> Kernel:
+    """The residual, with some columns set to zero."""
+    zeros = {template.symbols[c]: sympy.S.Zero for c in without}
+    return _kernel(template, template.residual.xreplace(zeros))
+
+
+@cache
+def partial_kernel(template: Template, column: int) -> Kernel:
+    """The derivative of the residual with respect to a column."""
+    return _kernel(template, template.partials[column].expression)
+
+
+@cache
+def relation_kernel(template: Template, relation: int) -> Kernel:
+    """What a relation compares with zero."""
+    r: Relation = template.relations[relation]
+    return _kernel(template, r.g)
+
+
+@cache
+def derivative_of(kernel: Kernel, column: int) -> Kernel:
+    """The derivative of a kernel with respect to one of its columns."""
+    d = sympy.diff(kernel.expression, sympy.Symbol(f"x{column}", real=True))
+    used = {s.name for s in d.free_symbols}
+    return Kernel(
+        kernel.template, d,
+        tuple(i for i in kernel.columns if f"x{i}" in used),
+        tuple(i for i in kernel.parameters if f"p{i}" in used),
+        tuple(i for i in kernel.relations if f"r{i}" in used),
+    )  # fmt: skip
+
+
+@cache
+def rest_of(kernel: Kernel) -> Kernel:
+    """The kernel with all its columns set to zero."""
+    rest = kernel.expression.xreplace({sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns})
+    used = {s.name for s in rest.free_symbols}
+    return Kernel(
+        kernel.template, rest, (), tuple(i for i in kernel.parameters if f"p{i}" in used),
+        tuple(i for i in kernel.relations if f"r{i}" in used),
+    )  # fmt: skip

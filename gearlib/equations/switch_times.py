@@ -1,0 +1,135 @@
+"""The times at which relations of time alone switch: known beforehand, so that an integrator steps to them exactly."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from gearlib.equations.quasipolynomials import TIME, OutsideClassError, Signal, add, multiply, parse
+from gearlib.errors import ArgumentError
+
+Floats = NDArray[np.float64]
+
+MAX_SWITCHES = 100_000  # of one relation
+
+
+def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
+    """The times inside (t0, t_end) at which relations of time in an expression switch, sorted.
+
+    Examined are the relations in Piecewise and in Boolean expressions, and the arguments of Abs, sign, Heaviside, Max and Min.
+    Relations between polynomials of time, between a sinusoid and a constant, and between an exponential and a constant are
+    solved. Relations that hold another symbol (a state) are passed over: they are no function of time.
+
+    Parameters
+    ----------
+    expression : sympy.Basic
+        Expression or condition with numbers in place of the parameters.
+    t0, t_end : float
+        Interval (s), both ends excluded.
+
+    Returns
+    -------
+    ndarray
+        Times (s); times that differ by rounding only are one.
+
+    Raises
+    ------
+    ArgumentError
+        A relation depends on time alone, but none of the rules above finds where it switches.
+
+    Examples
+    --------
+    >>> import sympy
+    >>> from gearlib.equations.quasipolynomials import TIME
+    >>> times_of_breakpoints(sympy.Piecewise((1, TIME < 0.5), (2, sympy.sin(sympy.pi * TIME) > 0), (3, True)), 0.0, 2.5)
+    array([0.5, 1. , 2. ])
+    """
+    try:
+        return switch_times(expression, t0, t_end)
+    except OutsideClassError as error:
+        raise ArgumentError(f"cannot tell when {expression} switches between t = {t0:g} and {t_end:g} s: {error}") from None
+
+
+def switch_times(expression: Any, t0: float, t_end: float) -> Floats:
+    """As `times_of_breakpoints`, raising OutsideClassError."""
+    found: list[float] = []
+    for difference in _differences(expression):
+        found.extend(_roots(difference, t0, t_end))
+    return distinct(np.array(found), t0, t_end)
+
+
+def distinct(times: Floats, t0: float, t_end: float) -> Floats:
+    """``times`` sorted, inside (t0, t_end), each once up to rounding."""
+    same = rounding(t0, t_end)
+    times = np.sort(times[(times > t0 + same) & (times < t_end - same)])
+    return times[np.diff(times, prepend=-math.inf) > same]
+
+
+def rounding(*times: float) -> float:
+    """The difference (s) below which two times of the size of ``times`` are one."""
+    return 8.0 * 2.0**-53 * max(abs(t) for t in times)
+
+
+def _differences(expression: Any) -> list[Any]:
+    """Expressions of time alone whose zeros are the switches."""
+    pairs: list[tuple[Any, Any]] = []
+    for node in sympy.preorder_traversal(expression):
+        if getattr(node, "is_Relational", False):
+            pairs.append((node.lhs, node.rhs))
+        elif isinstance(node, sympy.Abs | sympy.sign | sympy.Heaviside):
+            pairs.append((node.args[0], sympy.Integer(0)))
+        elif isinstance(node, sympy.Max | sympy.Min):
+            pairs.extend(combinations(node.args, 2))
+    return list(dict.fromkeys(pair for pair in pairs if pair[0].free_symbols | pair[1].free_symbols == {TIME}))
+
+
+def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
+    """Zeros of the difference of two expressions of time. Absolute time: the zero of time - a is then a to the last bit."""
+    signal = add(parse(pair[0], 0.0), multiply({0j: [-1.0]}, parse(pair[1], 0.0)))
+    rates = [rate for rate in signal if rate != 0]
+    constant = signal.get(0j, [0.0])
+    if not rates:
+        return _polynomial_roots([c.real for c in constant])
+    if len(constant) == 1 and all(len(signal[rate]) == 1 for rate in rates):
+        if len(rates) == 1 and rates[0].imag == 0:
+            ratio = -constant[0].real / signal[rates[0]][0].real
+            return [math.log(ratio) / rates[0].real] if ratio > 0 else []
+        if len(rates) == 2 and all(rate.real == 0 for rate in rates):
+            return _sinusoid_roots(constant[0].real, signal, t0, t_end)
+    raise OutsideClassError(f"the zeros of {pair[0]} - ({pair[1]}) are not known in closed form")
+
+
+def _polynomial_roots(c: list[float]) -> list[float]:
+    if len(c) <= 1:
+        return []
+    if len(c) == 2:
+        return [-c[0] / c[1]]
+    roots = np.roots(c[::-1])
+    real = roots.real[np.abs(roots.imag) <= 1e-7 * np.abs(roots)]  # a double root splits into a pair by sqrt(rounding)
+    polynomial = np.polynomial.Polynomial(c)
+    slopes = polynomial.deriv()
+    for _ in range(3):  # eigenvalues of the companion matrix: small roots beside large ones have few digits
+        slope = slopes(real)
+        steps = np.divide(polynomial(real), slope, out=np.zeros_like(real), where=slope != 0)
+        real = real - np.where(np.abs(steps) <= 1e-3 * np.abs(real), steps, 0.0)
+    return [float(root) for root in real]
+
+
+def _sinusoid_roots(constant: float, signal: Signal, t0: float, t_end: float) -> list[float]:
+    """Zeros of constant + amplitude * cos(omega t + phase)."""
+    rate = next(rate for rate in signal if rate.imag > 0)
+    omega, half = rate.imag, signal[rate][0]
+    amplitude, phase = 2.0 * abs(half), math.atan2(half.imag, half.real)
+    if abs(constant) > amplitude:
+        return []
+    if omega * (t_end - t0) > MAX_SWITCHES * math.pi:
+        raise OutsideClassError(f"it switches more than {MAX_SWITCHES} times")
+    angle = math.acos(-constant / amplitude)
+    turns = np.arange(math.floor(omega * t0 / math.tau) - 2, math.ceil(omega * t_end / math.tau) + 3)
+    times = np.concatenate([(math.tau * turns + sign * angle - phase) / omega for sign in (1, -1)])
+    return [float(t) for t in times[(times > t0) & (times < t_end)]]

@@ -1,0 +1,1 @@
+"""Linear models: linearisation, frequency responses, stability margins."""

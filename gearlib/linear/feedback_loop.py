@@ -1,0 +1,227 @@
+"""`Loop`: one input and one output of a linear model, closed by feeding the output back: its frequency response and crossings.
+
+Everything is computed from matrices. Polynomials of a stiff train have coefficients from 1 to 1e40, and their roots, which
+python-control's `stability_margins` takes, are lost in rounding; on small well-scaled systems both agree (see the tests).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import real, shown
+from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.linear.linearize import LinearModel, label
+from gearlib.linear.poles import Poles, poles
+from gearlib.linear.subject import described, is_system
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """dx/dt = A x + b u, y = c x + d u, closed by u = r - y.
+
+    Attributes
+    ----------
+    A, b, c, d : array (n, n), array (n,), array (n,), float
+    input, output : str
+    """
+
+    A: Floats
+    b: Floats
+    c: Floats
+    d: float
+    input: str
+    output: str
+
+    @cached_property
+    def _schur(self) -> tuple[Complexes, Complexes, Complexes]:
+        from scipy.linalg import matrix_balance, schur
+
+        if not len(self.A):
+            return np.empty((0, 0), complex), np.empty(0, complex), np.empty(0, complex)
+        balanced, (scale, permutation) = matrix_balance(self.A, separate=True)
+        b, c = self.b[permutation] / scale, self.c[permutation] * scale  # scale is in the new order
+        triangle, basis = schur(balanced, output="complex")
+        return triangle, basis.conj().T @ b, c @ basis
+
+    def response(self, s: Any) -> Complexes:
+        """Transfer function at complex frequencies, by back substitution in a Schur form."""
+        points = np.asarray(s, complex)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            result: Complexes = (self._schur[2] @ self._states(points.ravel()) + self.d).reshape(points.shape)
+        return result
+
+    def rounding(self, s: Any) -> Floats:
+        """How far rounding may put the transfer function off: small differences of large terms are not known better."""
+        points = np.asarray(s, complex)
+        terms = np.abs(self._schur[2]) @ np.abs(self._states(points.ravel())) + abs(self.d)
+        result: Floats = (1e2 * np.finfo(float).eps * terms).reshape(points.shape)
+        return result
+
+    def _states(self, s: Complexes) -> Complexes:
+        triangle, b, _ = self._schur
+        x = np.zeros((len(b), len(s)), complex)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for i in range(len(b) - 1, -1, -1):
+                x[i] = (b[i] + triangle[i, i + 1 :] @ x[i + 1 :]) / (s - triangle[i, i])
+        return x
+
+    @cached_property
+    def open_poles(self) -> Poles:
+        return poles(self.A)
+
+    @cached_property
+    def closed_poles(self) -> Poles:
+        if 1 + self.d == 0:
+            raise ArgumentError(f"the loop {self.input} -> {self.output} cannot be closed: 1 + L is 0 at infinite frequency")
+        return poles(self.A - np.outer(self.b, self.c) / (1 + self.d))
+
+    @cached_property
+    def zeros(self) -> Complexes:
+        """Finite zeros of the transfer function."""
+        from scipy.linalg import eig
+
+        n = len(self.A)
+        if not n:
+            return np.empty(0, complex)
+        sizes = max(np.abs(self.b).max(), 1e-300), max(np.abs(self.c).max(), 1e-300)
+        left = np.zeros((n + 1, n + 1))
+        left[:n, :n], left[:n, n], left[n, :n] = self.A, self.b / sizes[0], self.c / sizes[1]
+        left[n, n] = self.d / sizes[0] / sizes[1]
+        right = np.diag([*np.ones(n), 0.0])
+        alpha, beta = eig(left, right, right=False, homogeneous_eigvals=True)
+        limit = 1e4 * max(np.abs(self.open_poles.values).max(), 1e-300)
+        finite = np.abs(beta) * limit > np.abs(alpha)
+        found: Complexes = alpha[finite] / beta[finite]
+        return found
+
+    @cached_property
+    def critical(self) -> Complexes:
+        """Open-loop and closed-loop poles: where 1 + L changes quickly."""
+        return np.concatenate([self.open_poles.values, self.closed_poles.values])
+
+    @cached_property
+    def scale(self) -> tuple[float, float]:
+        """Smallest and largest magnitude of a pole that is not 0, rad/s."""
+        sizes = np.abs(self.critical)
+        sizes = sizes[sizes > 0]
+        return (float(sizes.min()), float(sizes.max())) if len(sizes) else (1.0, 1.0)
+
+    def frequencies(self, decades: float = 2.0, step: float = 0.1) -> Floats:
+        """Angular frequencies that show everything the loop does: dense near poles and zeros, rad/s."""
+        low, high = self.scale
+        start, end = low / 10**decades, high * 10**decades
+        marks = np.unique(np.concatenate([np.geomspace(start, end, 200), *self._marks(start, end)]))
+        features = np.concatenate([self.critical, self.zeros])
+        features = features[np.abs(features) > 0]
+        points = refine(marks, lambda x: 1j * x, features, step)
+        return points[~np.isin(points, self.open_poles.on_axis)]
+
+    def _marks(self, start: float, end: float) -> list[Floats]:
+        distances = np.geomspace(1e-7, 0.5, 40)
+        marks = []
+        for w in (*self.open_poles.on_axis, *self.closed_poles.on_axis):
+            if w > 0:
+                marks += [w * (1 - distances), w * (1 + distances)]
+        return [m[(m > start) & (m < end)] for m in marks]
+
+
+def refine(marks: Floats, path: Any, features: Complexes, step: float) -> Floats:
+    """Parameters of a path so close together that no factor ``s - feature`` lets the phase jump.
+
+    On an interval of length h the phase of a rational function turns by less than the sum of h / distance over its poles and
+    zeros. Intervals are halved until this sum is below ``step``.
+    """
+    for _ in range(80):
+        middles = (marks[1:] + marks[:-1]) / 2
+        s = path(middles)
+        length = np.abs(path(marks[1:]) - path(marks[:-1]))
+        distance = np.abs(s[:, None] - features[None, :]) - length[:, None] / 2
+        turn = (length[:, None] / np.maximum(distance, 1e-300)).sum(axis=1)
+        wide = (turn > step) & (middles > marks[:-1]) & (middles < marks[1:])
+        wide &= length > 1e-9 * np.abs(s)
+        if not wide.any() or len(marks) > 400_000:
+            break
+        marks = np.sort(np.concatenate([marks, middles[wide]]))
+    return marks
+
+
+def as_loop(
+    model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
+    parameters: Mapping[str, float] | None = None,
+) -> Loop:  # fmt: skip
+    """The loop from an input to an output of a system or of a linear model.
+
+    Parameters
+    ----------
+    model : System, control.StateSpace, control.TransferFunction or LinearModel
+    loop : (input, output), optional
+        Names, or numbers of signals; may be left out where there is one of each.
+    gain : float
+        Factor of the feedback; -1 for positive feedback.
+    at, parameters
+        Operating point and parameters of a System, as for `System.linearize`.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        No such signal, or several and none chosen.
+    """
+    if loop is not None and (isinstance(loop, str) or not isinstance(loop, Sequence) or len(loop) != 2):
+        raise ArgumentError(f"loop is {shown(loop)}; expected (input, output)")
+    gain = real("gain", gain)
+    if is_system(model):
+        chosen = (None, None) if loop is None else ([loop[0]], [loop[1]])
+        model = model.linearize(inputs=chosen[0], outputs=chosen[1], at=at, parameters=parameters, sparse=True)
+    elif parameters or at is not None:
+        raise ArgumentError("at and parameters belong to a System; a linear model has its numbers already")
+    A, B, C, D, inputs, outputs = matrices(model)
+    j = _signal("input", loop and loop[0], inputs)
+    i = _signal("output", loop and loop[1], outputs)
+    return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, inputs[j], outputs[i])
+
+
+def check_linear(model: Any) -> None:
+    """Raise `ArgumentError` for anything but a linear model."""
+    if isinstance(model, LinearModel):
+        return
+    import control
+
+    if not isinstance(model, (control.StateSpace, control.TransferFunction)):
+        raise ArgumentError(f"expected a System, StateSpace, TransferFunction or LinearModel, got {described(model)}")
+
+
+def matrices(model: Any) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
+    """A, B, C, D as full arrays, and the names of inputs and outputs."""
+    check_linear(model)
+    if not hasattr(model, "A"):
+        import control
+
+        model = control.ss(model)
+    parts = [np.asarray(m.toarray() if hasattr(m, "toarray") else m, float) for m in (model.A, model.B, model.C, model.D)]
+    if getattr(model, "dt", None):
+        raise ArgumentError("the model is a sampled one; its stability is read from the unit circle, which is not done here")
+    inputs = list(getattr(model, "input_labels", None) or model.inputs)
+    outputs = list(getattr(model, "output_labels", None) or model.outputs)
+    return parts[0], parts[1], parts[2], parts[3], inputs, outputs
+
+
+def _signal(what: str, chosen: Any, names: Sequence[str]) -> int:
+    if chosen is None:
+        if len(names) != 1:
+            raise ArgumentError(f"choose a loop: the model has {len(names)} {what}s ({', '.join(names[:8])})")
+        return 0
+    if isinstance(chosen, int) and 0 <= chosen < len(names):
+        return chosen
+    for candidate in (chosen, label(str(chosen))):  # python-control's names have no dots
+        if candidate in names:
+            return list(names).index(candidate)
+    raise NameLookupError(f"the linear model has no {what} '{chosen}'; {nearest(str(chosen), names)}")

@@ -1,0 +1,273 @@
+"""Frequency responses: of any outputs to any inputs, and to transmission error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearlib.arguments import name_list, real, reals, shown
+from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.linear.feedback_loop import check_linear, matrices
+from gearlib.linear.linearize import input_names
+from gearlib.linear.subject import check_axes, check_system, is_system
+from gearlib.optional import optional
+
+if TYPE_CHECKING:
+    import pandas
+
+    from gearlib.system import System
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+MOST_DENSE = 400  # states up to which the matrix is handled as a full one
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Complex amplitudes of outputs per unit amplitude of inputs.
+
+    Attributes
+    ----------
+    omega : array (frequencies,)
+        Rad/s.
+    values : complex array (outputs, inputs, frequencies)
+    inputs, outputs : tuple of str
+    units : tuple of str
+        Units of the outputs, where they are known.
+    per : str
+        Unit of the inputs, where all have one.
+    """
+
+    omega: Floats
+    values: Complexes
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    per: str = ""
+
+    @property
+    def frequencies(self) -> Floats:
+        """Hz."""
+        result: Floats = self.omega / (2 * np.pi)
+        return result
+
+    def __getitem__(self, key: str | tuple[str, str]) -> Complexes:
+        """Of an output (and an input, where there are several)."""
+        if isinstance(key, tuple) and len(key) != 2:
+            raise ArgumentError(f"response[{shown(key)}]: expected response[output] or response[output, input]")
+        output, given = key if isinstance(key, tuple) else (key, None)
+        for name, valid in ((output, self.outputs), *(((given, self.inputs),) if given is not None else ())):
+            if name not in valid:
+                raise NameLookupError(f"the response has no '{name}'; {nearest(str(name), valid)}")
+        if given is None and len(self.inputs) > 1:
+            raise ArgumentError(f"choose an input: response['{output}', input], one of {', '.join(self.inputs)}")
+        row: Complexes = self.values[self.outputs.index(output), 0 if given is None else self.inputs.index(given)]
+        return row
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Magnitudes and phases (degrees) over frequency (Hz)."""
+        pandas = optional("pandas")
+
+        table: dict[tuple[str, str, str], Floats] = {}
+        for i, output in enumerate(self.outputs):
+            for j, given in enumerate(self.inputs):
+                table[output, given, "magnitude"] = np.abs(self.values[i, j])
+                table[output, given, "phase, deg"] = np.degrees(np.unwrap(np.angle(self.values[i, j])))
+        return pandas.DataFrame(table, index=pandas.Index(self.frequencies, name="frequency, Hz"))
+
+    def plot(self, *, axes: Any = None) -> Any:
+        """Draw magnitude and phase over frequency; returns the two matplotlib axes."""
+        plt = optional("matplotlib.pyplot")
+
+        if axes is None:
+            _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 5.5), height_ratios=[2, 1], layout="constrained")
+        check_axes(axes, 2)
+        for i, output in enumerate(self.outputs):
+            for j, given in enumerate(self.inputs):
+                label = output if len(self.inputs) == 1 else f"{output} / {given}"
+                axes[0].loglog(self.frequencies, np.abs(self.values[i, j]), label=label)
+                axes[1].semilogx(self.frequencies, np.degrees(np.unwrap(np.angle(self.values[i, j]))))
+        units = ", ".join(dict.fromkeys(u for u in self.units if u))
+        per = f"{units or '1'} per {self.per}" if self.per else units
+        axes[0].set_ylabel(f"amplitude{', ' if per else ''}{per}")
+        axes[0].set_title(
+            f"Response to {', '.join(self.inputs)}" if len(self.inputs) <= 2 else f"Response to {len(self.inputs)} inputs"
+        )
+        axes[0].legend(fontsize=8)
+        axes[1].set_ylabel("phase, deg")
+        low, high = axes[1].get_ylim()
+        if 90 < high - low < 1000:
+            axes[1].set_yticks(np.arange(90 * np.ceil(low / 90), high, 90 if high - low < 500 else 180))
+        axes[1].set_xlabel("frequency, Hz")
+        for ax in axes:
+            ax.grid(alpha=0.3, which="both")
+        return axes
+
+
+def frequency_response(
+    model: Any, omega: ArrayLike, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, *,
+    at: Any = None, parameters: Mapping[str, float] | None = None,
+) -> FrequencyResponse:  # fmt: skip
+    """Frequency response of a system or a linear model.
+
+    Parameters
+    ----------
+    model : System, control.StateSpace, control.TransferFunction or LinearModel
+    omega : array
+        Angular frequencies, rad/s.
+    inputs, outputs : sequences of str, optional
+        As for `System.linearize`.
+    at, parameters
+        Operating point and parameters of a System.
+
+    Returns
+    -------
+    FrequencyResponse
+
+    Raises
+    ------
+    ArgumentError
+        A frequency at which an undamped model has a pole, or that is no finite number.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Drive(gl.Component):
+    ...     def assemble(self):
+    ...         self.torque, self.load = gp.Torque(), gp.Inertia(J=2.0)
+    ...         return [gl.connect(self.torque.flange, self.load.flange_a)]
+    >>> response = gl.frequency_response(gl.compile(Drive()), [1.0, 10.0], ["torque.tau"], ["load.w"])
+    >>> abs(response["load.w"])
+    array([0.5 , 0.05])
+    """
+    expected = "a sequence of finite numbers that are not negative, rad/s"
+    grid = np.atleast_1d(reals("omega", omega, expected))
+    if grid.ndim != 1 or not len(grid) or (grid < 0).any():
+        raise ArgumentError(f"omega is {shown(omega)}; expected {expected}")
+    units: tuple[str, ...] = ()
+    per = ""
+    if is_system(model):
+        system = model
+        model = system.linearize(inputs=inputs, outputs=outputs, at=at, parameters=parameters, sparse=True)
+        units = tuple(_unit(system, name) for name in model.outputs)
+        sources = {_unit(system, name) for name in model.inputs}
+        per = sources.pop() if len(sources) == 1 else ""
+    elif inputs is not None or outputs is not None or at is not None or parameters:
+        raise ArgumentError("inputs, outputs, at and parameters belong to a System; a linear model has them already")
+    check_linear(model)
+    if hasattr(model, "A") and model.A.shape[0] > MOST_DENSE:
+        values, signals = _sparse(model, grid), (tuple(model.inputs), tuple(model.outputs))
+    else:
+        A, B, C, D, ins, outs = matrices(model)
+        values, signals = _dense(A, B, C, D, grid), (tuple(ins), tuple(outs))
+    if not np.isfinite(values).all():
+        w = grid[~np.isfinite(values).all(axis=(0, 1))][0]
+        raise ArgumentError(f"the model has a pole at {w:g} rad/s: the response there is infinite")
+    return FrequencyResponse(grid, values, *signals, units or ("",) * len(signals[1]), per)
+
+
+def _unit(system: System, name: str) -> str:
+    base, order = system._model.column(name)
+    declared = system._model.declaration(system._model.variable(base))
+    return "" if declared is None else declared.unit + "/s" * order
+
+
+def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complexes:
+    from scipy.linalg import matrix_balance
+
+    n = len(A)
+    if not n:
+        return np.repeat(D.astype(complex)[:, :, None], len(omega), axis=2)
+    balanced, (scale, permutation) = matrix_balance(A, separate=True)
+    b, c = B[permutation] / scale[:, None], C[:, permutation] * scale  # scale is in the new order
+    result = np.empty((len(C), B.shape[1], len(omega)), complex)
+    for k, w in enumerate(omega):
+        try:
+            result[:, :, k] = c @ np.linalg.solve(1j * w * np.eye(n) - balanced, b) + D
+        except np.linalg.LinAlgError:
+            result[:, :, k] = np.inf
+    return result
+
+
+def _sparse(model: Any, omega: Floats) -> Complexes:
+    import scipy.sparse as sparse
+    from scipy.sparse.linalg import splu
+
+    A = sparse.csc_matrix(model.A)
+    B, D = (m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (model.B, model.D))
+    C, eye = sparse.csr_matrix(model.C), sparse.identity(A.shape[0], format="csc")
+    result = np.empty((C.shape[0], B.shape[1], len(omega)), complex)
+    for k, w in enumerate(omega):
+        try:
+            result[:, :, k] = C @ splu((1j * w * eye - A).tocsc()).solve(B.astype(complex)) + D
+        except RuntimeError:
+            result[:, :, k] = np.inf
+    return result
+
+
+def transmission_error_response(
+    system: System, omega: ArrayLike, outputs: Sequence[str] | None = None, *, meshes: Mapping[str, complex] | Sequence[str] | None = None,
+    at: Any = None, parameters: Mapping[str, float] | None = None,
+) -> FrequencyResponse:  # fmt: skip
+    """Response to a transmission error of 1 m amplitude in some meshes at once.
+
+    Parameters
+    ----------
+    system : System
+    omega : array
+        Angular frequencies of the transmission error (mesh frequencies), rad/s.
+    outputs : sequence of str, optional
+        As for `System.linearize`.
+    meshes : sequence of str, or mapping of str to complex, optional
+        Inputs that are transmission errors (unit m) or their rates (unit m/s), by path; a mapping gives each its amplitude
+        relative to the others, so that ``exp(1j * phase)`` is a mesh phase. By default all inputs named ``e_rate`` or ``e``, once
+        where several are one.
+
+    Returns
+    -------
+    FrequencyResponse
+        With one input, ``"transmission error"``, in m.
+
+    Raises
+    ------
+    ArgumentError
+        The system has no such inputs, or one has another unit.
+    """
+    check_system(system)
+    weights = _weights(_error_inputs(system) if meshes is None else meshes)
+    if not weights:
+        raise ArgumentError("the system has no input for a transmission error (e_rate or e of a mesh)")
+    units = {name: _unit(system, name) for name in weights}
+    for name, unit in units.items():
+        if unit not in ("m", "m/s"):
+            raise ArgumentError(f"{name} is in {unit}; a transmission error is in m, its rate in m/s")
+    each = frequency_response(system, omega, list(weights), outputs, at=at, parameters=parameters)
+    factors = np.array([w * (1j * each.omega if units[n] == "m/s" else np.ones(len(each.omega))) for n, w in weights.items()])
+    values = np.einsum("oiw,iw->ow", each.values, factors)[:, None, :]
+    return FrequencyResponse(each.omega, values, ("transmission error",), each.outputs, each.units, "m")
+
+
+def _weights(meshes: Any) -> dict[str, complex]:
+    """Amplitudes by the path of the input."""
+    if not isinstance(meshes, Mapping):
+        return dict.fromkeys(name_list("meshes", meshes, "mesh.e_rate"), 1.0)
+    for name, weight in meshes.items():
+        if not (isinstance(weight, (complex, np.complexfloating)) and np.isfinite(weight)):
+            real(f"the amplitude of {name} in meshes", weight, "a finite number, which may be complex")
+    return dict(meshes)
+
+
+def _error_inputs(system: System) -> list[str]:
+    """Paths of inputs that are transmission errors, the outermost of those that are one."""
+    model = system._model
+    found: dict[int, str] = {}
+    for name in input_names(model):
+        if name.rsplit(".", 1)[-1] in ("e_rate", "e"):
+            rep = int(model.representative[model.variable(name)])
+            if rep not in found or name.count(".") < found[rep].count("."):
+                found[rep] = name
+    return list(found.values())

@@ -1,0 +1,71 @@
+"""For which gains a loop is stable: the intervals between the gains at which its curve meets -1, each tried by its eigenvalues."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gearlib.linear.feedback_loop import Loop
+from gearlib.linear.margins import PhaseCrossing
+
+
+def stable_gains(loop: Loop, crossings: Sequence[PhaseCrossing]) -> tuple[tuple[float, float], ...]:
+    """Intervals of factors of the loop's gain with no closed-loop pole in the right half-plane.
+
+    Parameters
+    ----------
+    loop : Loop
+    crossings : sequence of PhaseCrossing
+        All crossings of the negative real axis, as `margins` finds them: at these gains, and no others, poles cross the imaginary
+        axis.
+
+    Returns
+    -------
+    tuple of (float, float)
+        From 0 to infinity, by size; neighbours are joined.
+
+    Examples
+    --------
+    >>> import control
+    >>> from gearlib.linear.feedback_loop import as_loop
+    >>> from gearlib.linear.margins import margins
+    >>> loop = as_loop(control.tf([1], [1, 2, 1, 0]))       # k / (s (s + 1)^2) is stable up to k = 2
+    >>> [(low, round(high, 9)) for low, high in stable_gains(loop, margins(loop).phase_crossings)]
+    [(0.0, 2.0)]
+    """
+    edges = [0.0, *sorted({c.gain_margin for c in crossings if 0 < c.gain_margin < np.inf}), np.inf]
+    found: list[tuple[float, float]] = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        factor = (
+            1.0 if (low, high) == (0.0, np.inf) else high / 2 if not low else 2 * low if high == np.inf else np.sqrt(low * high)
+        )
+        closed = replace(loop, b=loop.b * factor, d=loop.d * factor).closed_poles
+        if not closed.right:
+            joined = found and found[-1][1] == low
+            found[-1:] = [(found[-1][0], high)] if joined else [*found[-1:], (low, high)]
+    return tuple(found)
+
+
+def gains_in_words(ranges: Sequence[tuple[float, float]]) -> str:
+    """A line for the report, "the present gain" being 1.
+
+    >>> gains_in_words([(0.0, 2.0), (5.0, float("inf"))])
+    'stable for less than 2 (+6.021 dB), and for more than 5 (+13.979 dB) times the present gain'
+    """
+    if not ranges:
+        return "no positive gain makes it stable"
+    if ranges[0] == (0.0, np.inf):
+        return "stable for every positive gain"
+    return f"stable for {', and for '.join(_between(low, high) for low, high in ranges)} times the present gain"
+
+
+def _between(low: float, high: float) -> str:
+    if not low:
+        return f"less than {_factor(high)}"
+    return f"more than {_factor(low)}" if high == np.inf else f"{_factor(low)} to {_factor(high)}"
+
+
+def _factor(value: float) -> str:
+    return f"{value:.6g} ({20 * np.log10(value):+.3f} dB)"

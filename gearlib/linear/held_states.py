@@ -1,0 +1,223 @@
+"""States that a mode holds: the slip of a locked clutch, and the angle between its shafts.
+
+A locked friction element says ``der(v) = 0``, and its torque is whatever keeps that true. The slip v is a state in every mode, and a
+linear model with it would have a pole at 0 that is no motion: in this mode nothing can move it. Where ``v = c x`` with
+``c A = 0`` and ``c B = 0``, the states with ``c x = 0`` are closed under the motion, and the model on them is that of the train with
+the element replaced by a rigid connection. The same holds for combinations of positions whose rate is a held speed.
+
+What distinguishes a held speed from one that merely does not change (a rotor that coasts has a true pole at 0) is a reaction: an
+unknown that the equation holds in another mode, not in this one, and that answers when the equation is disturbed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.program.build import build
+from gearlib.program.interpret import Prepared, assemble, evaluate, prepare
+from gearlib.program.program import Newton
+from gearlib.program.sensitivity import _entries, sensitivity
+from gearlib.reduce.reduction import Structure, integrals
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+REACTION = 1e-13  # of the largest answer in a block: what is less is rounding
+CONSTANT = 1e-9  # of its terms: a rate below this is zero
+RANK = 1e-11  # of rows that were scaled to 1
+
+
+@dataclass(frozen=True, eq=False)
+class Remaining:
+    """The states that are left of a linear model: ``x = basis @ x[keep]``."""
+
+    keep: Integers
+    basis: Any  # (states, kept), sparse where A is
+
+
+def remaining(
+    structure: Structure, prepared: Prepared, t: float, slots: Floats, flags: Floats, A: Any, B: Any = None
+) -> Remaining | None:
+    """The states without those that the mode at a point holds; None where it holds none.
+
+    Parameters
+    ----------
+    structure : Structure
+    prepared : Prepared
+        The program that computes the states' rates.
+    t : float
+    slots, flags : arrays
+        Values of the program's slots, and modes, at the point.
+    A, B : arrays or sparse matrices
+        Derivatives of the rates by the states and by the inputs.
+    """
+    speeds = _held_speeds(prepared, t, slots, flags)
+    if not speeds:
+        return None
+    n = A.shape[0]
+    A = A.tocsr() if hasattr(A, "tocsr") else np.asarray(A)
+    rates = A if B is None or not B.shape[1] else _beside(A, B)
+    held = _functionals(structure, prepared, t, slots, flags, speeds)
+    held = held[[_vanishes(row, rates) for row in held]]
+    if not len(held):
+        return None
+    pivots, reduced = _echelon(held)
+    keep, basis = _basis(n, pivots, reduced, A)
+    more = _held_positions(structure, prepared.program.states, A, rates, basis)
+    if len(more):
+        pivots, reduced = _echelon(np.vstack([reduced, more]))
+        keep, basis = _basis(n, pivots, reduced, A)
+    return Remaining(keep, basis)
+
+
+def _beside(A: Any, B: Any) -> Any:
+    if hasattr(A, "tocsr"):
+        import scipy.sparse as sparse
+
+        return sparse.hstack([A, B]).tocsr()
+    return np.hstack([A, np.asarray(B)])
+
+
+def _held_speeds(prepared: Prepared, t: float, slots: Floats, flags: Floats) -> list[Node]:
+    """Nodes v for which an equation says ``der(v) = 0`` in this mode, upheld by a reaction."""
+    blocks = [s for s in prepared.program.steps if isinstance(s, Newton)]
+    if not blocks:
+        return []
+    nodes = {slot: node for node, slot in prepared.program.slots.items() if node[1] > 0}
+    found: list[Node] = []
+    for step in blocks:
+        changing = [b for b in step.residuals if b.relations.shape[1]]
+        if changing:
+            found += _held_in(step, changing, nodes, prepared, t, slots, flags)
+    return list(dict.fromkeys(found))
+
+
+def _held_in(
+    step: Newton, changing: list[Any], nodes: dict[int, Node], prepared: Prepared, t: float, slots: Floats, flags: Floats
+) -> list[Node]:
+    n, now, here, modes = len(step.unknowns), np.array([t]), slots[:, None], flags[:, None]
+    matrix = assemble(step.jacobian, now, here, prepared.parameters, modes, n * n)[:, 0].reshape(n, n)
+    place = {int(slot): i for i, slot in enumerate(step.unknowns)}
+    found = []
+    answers: Floats | None = None
+    for batch in changing:
+        terms: dict[int, set[int]] = {}
+        for rows, columns, values in _entries(batch, now, here, prepared.parameters, modes):
+            for r, c in zip(rows[values != 0].tolist(), columns[values != 0].tolist(), strict=True):
+                terms.setdefault(r, set()).add(c)
+        for r, only in terms.items():
+            (slot,) = only if len(only) == 1 else (-1,)
+            if slot not in place or slot not in nodes:
+                continue
+            others = [place[c] for c in batch.arguments[r].tolist() if c in place and c != slot]
+            answers = _answers(matrix) if answers is None else answers
+            answer = answers[:, batch.targets[r]]
+            if others and (answer[others] > REACTION * answer.max()).any():
+                v, k = nodes[slot]
+                found.append((v, k - 1))
+    return found
+
+
+def _answers(matrix: Floats) -> Floats:
+    """How much each unknown of a block answers to a disturbance of each equation; elements side by side share it."""
+    try:
+        answers: Floats = np.abs(np.linalg.inv(matrix))
+    except np.linalg.LinAlgError:
+        answers = np.abs(np.linalg.pinv(matrix))
+    return answers
+
+
+def _functionals(
+    structure: Structure, prepared: Prepared, t: float, slots: Floats, flags: Floats, speeds: list[Node]
+) -> Floats:
+    """Rows c with ``v = c x``; a speed that needs states which the program does not have is left out."""
+    states = prepared.program.states
+    place = {node: i for i, node in enumerate(states)}
+    rows = [np.eye(len(states))[place[v]] for v in speeds if v in place]
+    others = [v for v in speeds if v not in place]
+    if others:
+        program = build(structure, others, None, dynamic=False)
+        if set(program.states) <= set(states):
+            program = build(structure, others, states, dynamic=False)
+            ready = prepare(program, structure, prepared.parameters)
+            n, m = len(states), len(program.inputs)
+            inputs = np.zeros(m)
+            inputs[: len(prepared.program.inputs)] = slots[n : n + len(prepared.program.inputs)][:m]
+            values = evaluate(ready, np.array([t]), slots[:n, None], inputs[:, None], flags[:, None])[:, 0]
+            d = sensitivity(ready, t, values, flags, range(n))[program.output_slots]
+            rows += list(d.toarray() if hasattr(d, "toarray") else d)
+    return np.array(rows).reshape(-1, len(states))
+
+
+def _vanishes(row: Floats, rates: Any) -> bool:
+    """Whether a combination of rates depends on nothing: that of a state is 0 by its equation, others may hold at one point only."""
+    if (row != 0).sum() == 1:
+        return True
+    largest = abs(rates).max(axis=0)
+    largest = np.asarray(largest.toarray() if hasattr(largest, "toarray") else largest).ravel()
+    return bool((np.abs(rates.T @ row) <= CONSTANT * largest * np.abs(row).sum()).all())
+
+
+def _echelon(rows: Floats) -> tuple[list[int], Floats]:
+    """Independent rows, each with 1 at a pivot of its own where all others have 0; single states are taken first."""
+    rows = rows / np.abs(rows).max(axis=1, keepdims=True)
+    rows = rows[np.argsort((np.abs(rows) > RANK).sum(axis=1), kind="stable")]
+    pivots: dict[int, int] = {}
+    for i in range(len(rows)):
+        size = np.abs(rows[i])
+        if size.max() <= RANK:
+            continue  # follows from the others
+        p = pivots[i] = int(np.argmax(size))
+        rows[i] /= rows[i, p]
+        others = np.arange(len(rows)) != i
+        rows[others] -= np.outer(rows[others, p], rows[i])
+        rows[np.abs(rows) <= RANK] = 0.0
+    return list(pivots.values()), rows[list(pivots)]
+
+
+def _basis(n: int, pivots: list[int], rows: Floats, A: Any) -> tuple[Integers, Any]:
+    """The kept states, and the matrix that takes them to all."""
+    keep = np.setdiff1d(np.arange(n), pivots)
+    if hasattr(A, "tocsr"):
+        import scipy.sparse as sparse
+
+        free = sparse.csr_matrix((np.ones(len(keep)), (keep, np.arange(len(keep)))), shape=(n, len(keep)))
+        place = sparse.csr_matrix((np.ones(len(pivots)), (pivots, np.arange(len(pivots)))), shape=(n, len(pivots)))
+        return keep, (free - place @ sparse.csr_matrix(rows[:, keep])).tocsr()
+    basis = np.eye(n)[:, keep]
+    basis[pivots] = -rows[:, keep]
+    return keep, basis
+
+
+def _held_positions(structure: Structure, states: tuple[Node, ...], A: Any, rates: Any, basis: Any) -> Floats:
+    """Combinations of positions whose rates are held speeds, as rows over the states.
+
+    Positions are what declared speeds are derivatives of: energy that friction has turned to heat is none, and stays.
+    """
+    from scipy.linalg import svd
+
+    known = integrals(structure.model)
+    places = [i for i, (v, k) in enumerate(states) if k == 0 and (v in known or (v, 1) in states)]
+    if not places:
+        return np.empty((0, len(states)))
+    before = rates[places]
+    inside = A[places] @ basis
+    extra = rates[places][:, A.shape[0] :]
+    before, inside, extra = (m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (before, inside, extra))
+    size = np.abs(before).max(axis=1, initial=0.0)
+    chosen = np.flatnonzero(size > 0)
+    if not len(chosen):
+        return np.empty((0, len(states)))
+    before, after = before[chosen] / size[chosen, None], np.hstack([inside, extra])[chosen] / size[chosen, None]
+    left, sizes, _ = svd(after)
+    rank = int((sizes > RANK).sum())
+    null = left[:, rank:].T  # rates that vanish now
+    turn, sizes, _ = svd(null @ before, full_matrices=False)
+    combined = turn[:, sizes > 1e-6].T @ null  # and did not before
+    rows = np.zeros((len(combined), len(states)))
+    rows[:, np.array(places)[chosen]] = combined / size[chosen]
+    return rows

@@ -1,0 +1,265 @@
+"""Exact linear models of a scene: symbolic partial derivatives, no differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import shown
+from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.flatten.model import FlatModel
+from gearlib.linear.held_states import remaining
+from gearlib.program.build import build
+from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.program.program import Program
+from gearlib.program.sensitivity import sensitivity
+from gearlib.run.scene import Scene, needed_states, node_name
+from gearlib.solvers.inputs.table import values
+from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    from gearlib.run.result import Result
+    from gearlib.system import System
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """dx/dt = A x + B u, y = C x + D u about an operating point; arrays, or sparse matrices where these would be large."""
+
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Point:
+    """An operating point: time, and a value of every state of the structure that is known there.
+
+    ``modes`` gives the relations and discrete variables of a program where a run knows them; otherwise they are as at a start.
+    """
+
+    t: float
+    states: dict[tuple[int, int], float]
+    inputs: Floats
+    guess: Floats
+    modes: Callable[[Program], Floats] | None = None
+
+
+def operating_point(
+    system: System, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None
+) -> tuple[Scene, Floats, Point]:
+    """A scene with some states, the parameters' numbers, and the point that ``at`` stands for (see `System.linearize`)."""
+    from gearlib.run.result import Result
+
+    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+        return _moment(system, states, at[0], at[1], parameters)
+    numbers = system._parameters(parameters)
+    scene = system._scenes.setdefault(states, Scene(system._structure, states))
+    signals = [0.0] * len(system.inputs)
+    if not (at is None or (isinstance(at, str) and at == "steady") or isinstance(at, Mapping)):
+        raise ArgumentError(f"at is {shown(at)}; expected start values by path, 'steady', or (result, time)")
+    begin = system._start(scene, numbers, 0.0, at, signals)
+    known = dict(zip(states, begin.states.tolist(), strict=True))
+    return scene, numbers, Point(0.0, known, np.array(signals, float), begin.guess)
+
+
+def _moment(
+    system: System, states: tuple[Node, ...], result: Result, t: Any, parameters: Mapping[str, float] | None
+) -> tuple[Scene, Floats, Point]:
+    """A moment of a run, with the run's inputs and, unless others are given, its parameters."""
+    if result._scene.structure is not system._structure:
+        raise ArgumentError(f"at names a run of another system than {system.name}; simulate this one")
+    if isinstance(t, bool) or not isinstance(t, (int, float, np.number)) or not result.time[0] <= t <= result.time[-1]:
+        raise ArgumentError(f"at names the time {t!r}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
+    t = float(t)
+    numbers = result._parameters if parameters is None else system._parameters(parameters)
+    scene = system._scenes.setdefault(states, Scene(system._structure, states))
+    result = result._with_sample(t)
+    sample = int(np.searchsorted(result.time, t))
+    known = {s: float(result._history(s)[sample]) for s in states}
+    part = result._part_at(t)
+    inputs = values(result._signals, np.array([t]))[:, 0]
+    guess = part.guess.copy()
+    for v in result._scene.iterated:  # on the branch that the run is on
+        guess[v] = result._history((v, 0))[sample]
+    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.modes_at(program, t))
+
+
+def input_names(model: FlatModel) -> list[str]:
+    """Everything that can be an input of a linear model: unbound inputs, and bound ones."""
+    unbound = [model.name(int(v)) for v in model.inputs]
+    bound = []
+    for group in model.groups:
+        if group.template.label == "binding":
+            j = group.template.locals.index("bound")
+            bound += [model.name(int(v)) for v in group.variables[:, j]]
+    return unbound + bound
+
+
+def linearize(
+    structure_scene: Scene, parameters: Floats, inputs: Sequence[str], outputs: Sequence[str], point: Point
+) -> LinearModel:
+    """Linear model from ``inputs`` to ``outputs`` with the states that these need, but those that the mode holds.
+
+    Raises
+    ------
+    NameLookupError
+        An input or output that the model does not have.
+    ArgumentError
+        An output that needs the derivative of an input.
+    """
+    structure, model = structure_scene.structure, structure_scene.model
+    targets, signs = [], []
+    for name in outputs:
+        base, order = model.column(name)
+        variable = model.variable(base, "output")
+        targets.append((int(model.representative[variable]), order))
+        signs.append(int(model.sign[variable]))
+    needed = [t for t, sign in zip(targets, signs, strict=True) if sign]  # the others are always zero
+    states = needed_states(structure, needed)
+    scene = Scene(structure, states)
+    program = build(structure, [*needed, *((v, k + 1) for v, k in states)], states, dynamic=True)
+    prepared = prepare(program, structure, parameters)
+    slots, flags = slots_at(scene, parameters, prepared, point)
+    seeds: list[int] = list(range(len(states)))
+    added: list[int] = []
+    scale: list[float] = []
+    position: list[tuple[str, int]] = []
+    for name in inputs:
+        variable = _input(model, name)
+        node, sign = (int(model.representative[variable]), 0), int(model.sign[variable])
+        _refuse_derivatives(program, node[0], name, outputs)
+        slot = program.slots.get(node)
+        scale.append(float(sign))
+        if slot is None:
+            position.append(("none", 0))
+        elif node in program.inputs:
+            position.append(("seed", len(seeds)))
+            seeds.append(slot)
+        else:
+            position.append(("added", len(added)))
+            added.append(slot)
+    d = sensitivity(prepared, point.t, slots, flags, seeds, [(slot, i, 1.0) for i, slot in enumerate(added)])
+    if not d.shape[0]:  # nothing has to be computed: all outputs are always zero
+        d = np.zeros((1, len(seeds) + len(added)))
+    n = len(states)
+    columns = [{"seed": i, "added": len(seeds) + i, "none": -1}[kind] for kind, i in position]
+    rates = d[[program.slots[v, k + 1] for v, k in states]] if n else d[:0]
+    present = [program.slots.get(t, 0) for t in targets]
+    rows = d[present]
+    sign_out = np.array(signs, float)
+    full = isinstance(d, np.ndarray)
+    B, D = _columns(rates, columns, np.array(scale), full), _columns(rows, columns, np.array(scale), full)
+    if full:
+        C, D = sign_out[:, None] * rows[:, :n], sign_out[:, None] * D
+    else:
+        import scipy.sparse as sparse
+
+        C, D = sparse.diags(sign_out) @ rows[:, :n], sparse.diags(sign_out) @ D
+    A, names = rates[:, :n], tuple(node_name(model, s) for s in states)
+    left = remaining(structure, prepared, point.t, slots, flags, A, B)
+    if left is not None:
+        A, B, C = A[left.keep] @ left.basis, B[left.keep], C @ left.basis
+        names = tuple(names[i] for i in left.keep)
+    return LinearModel(A, B, C, D, names, tuple(inputs), tuple(outputs))
+
+
+def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:
+    """Values of a program's slots, and of the discrete variables, at an operating point."""
+    program = prepared.program
+    x = np.array([point.states.get(s, 0.0) for s in scene.states])
+    u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
+    now = np.array([point.t])
+    if point.modes is not None:
+        flags = point.modes(program)[:, None]
+    elif not scene.n_modes:  # saves the scene's own program, which a linear train does not need here
+        flags = np.zeros((0, 1))
+    else:
+        flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
+    guess = scene.guess(program, point.guess)
+    return evaluate(prepared, now, x[:, None], u[:, None], flags, guess)[:, 0], flags[:, 0]
+
+
+def _input(model: FlatModel, name: str) -> int:
+    valid = input_names(model)
+    variable = model.find(name)
+    known = {int(model.representative[model.variable(v)]) for v in valid}
+    if variable is None or (name not in valid and int(model.representative[variable]) not in known):
+        raise NameLookupError(f"the model has no input '{name}'; {nearest(name, valid)}")
+    return variable
+
+
+def _refuse_derivatives(program: Program, variable: int, name: str, outputs: Sequence[str]) -> None:
+    """A program may compute with derivatives of an input: where a constraint on it, or what follows from it, is differentiated."""
+    if any(v == variable and k for v, k in program.slots):
+        raise ArgumentError(
+            f"the outputs {', '.join(outputs[:6])} need the derivative of the input {name}, for which dx/dt = A x + B u, y = C x + D u "
+            "has no place; take other outputs, or let the motion follow the input through a filter"
+        )
+
+
+def _columns(matrix: Any, columns: Sequence[int], scale: Floats, full: bool) -> Any:
+    if full:
+        result = np.zeros((matrix.shape[0], len(columns)))
+        for i, c in enumerate(columns):
+            if c >= 0:
+                result[:, i] = scale[i] * matrix[:, c]
+        return result
+    import scipy.sparse as sparse
+
+    parts = [scale[i] * matrix[:, [c]] if c >= 0 else sparse.csr_matrix((matrix.shape[0], 1)) for i, c in enumerate(columns)]
+    return sparse.hstack(parts).tocsr() if parts else sparse.csr_matrix((matrix.shape[0], 0))
+
+
+def label(name: str) -> str:
+    """The name that python-control accepts for a signal: ``torque.tau`` becomes ``torque_tau``.
+
+    >>> label("shaft[2].tau")
+    'shaft[2]_tau'
+    """
+    return name.replace(".", "_")
+
+
+def state_space(model: LinearModel, name: str | None = None) -> Any:
+    """The same as a ``control.StateSpace``; inputs and outputs have their paths with "_" for ".", states their paths.
+
+    Raises
+    ------
+    ArgumentError
+        Two signals that would have one name.
+    """
+    import control
+
+    def array(m: Any) -> Floats:
+        return m.toarray() if hasattr(m, "toarray") else np.asarray(m)
+
+    for what, names in (("input", model.inputs), ("output", model.outputs)):
+        first: dict[str, str] = {}
+        for path in names:
+            if label(path) in first:
+                other = first[label(path)]
+                alike = f"the {what}s {other} and {path} both become '{label(path)}' in python-control; sparse=True keeps paths"
+                raise ArgumentError(f"the {what} {path} is named twice" if other == path else alike)
+            first[label(path)] = path
+    B, D = array(model.B), array(model.D)
+    if not model.inputs:  # python-control takes such a model in some shapes only; an input is put in, and taken out again
+        B, D = np.zeros((len(model.states), 1)), np.zeros((len(model.outputs), 1))
+    result = control.ss(
+        array(model.A), B, array(model.C), D, states=list(model.states), name=name,
+        inputs=[label(n) for n in model.inputs] or ["none"], outputs=[label(n) for n in model.outputs],
+        remove_useless_states=False,
+    )  # fmt: skip
+    if not model.inputs:
+        result.B, result.D = B[:, :0], D[:, :0]
+        result.set_inputs([])
+    return result

@@ -1,0 +1,197 @@
+"""Margins of a loop: where its curve crosses the negative real axis and the unit circle, and how near it comes to -1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.linear.feedback_loop import Loop
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class GainCrossing:
+    """|L| = 1 at ``omega`` (rad/s): the phase may lag by ``phase_margin`` (degrees) or the loop wait ``delay_margin`` (s) more."""
+
+    omega: float
+    phase_margin: float
+    delay_margin: float
+
+
+@dataclass(frozen=True)
+class PhaseCrossing:
+    """L is real and negative at ``omega`` (rad/s): the gain may be multiplied by ``gain_margin`` until the curve meets -1."""
+
+    omega: float
+    gain_margin: float
+
+    @property
+    def gain_margin_db(self) -> float:
+        return float(20 * np.log10(self.gain_margin))
+
+
+@dataclass(frozen=True)
+class Margins:
+    """All margins of a loop.
+
+    Attributes
+    ----------
+    phase_crossings : tuple of PhaseCrossing
+        By frequency; 0 and infinity belong to them where L is real, negative and finite there.
+    gain_crossings : tuple of GainCrossing
+    modulus_margin : float
+        Smallest distance of the curve from -1, at ``modulus_omega`` (rad/s).
+    real : bool
+        The whole curve lies on the real axis (a train without damping): crossings of that axis have no meaning.
+    """
+
+    phase_crossings: tuple[PhaseCrossing, ...]
+    gain_crossings: tuple[GainCrossing, ...]
+    modulus_margin: float
+    modulus_omega: float
+    real: bool
+
+    @property
+    def gain_margin(self) -> float:
+        """The factor nearest to 1 (in decibels) that brings the curve to -1; infinite where none does."""
+        nearest = min(self.phase_crossings, key=lambda c: abs(np.log(c.gain_margin)), default=None)
+        return nearest.gain_margin if nearest else float("inf")
+
+    @property
+    def gain_margin_db(self) -> float:
+        return float(20 * np.log10(self.gain_margin))
+
+    @property
+    def phase_margin(self) -> float:
+        """The phase margin of smallest magnitude, degrees; infinite where |L| never is 1."""
+        nearest = min(self.gain_crossings, key=lambda c: abs(c.phase_margin), default=None)
+        return nearest.phase_margin if nearest else float("inf")
+
+    @property
+    def delay_margin(self) -> float:
+        """The shortest delay that brings the curve to -1, s."""
+        return min((c.delay_margin for c in self.gain_crossings), default=float("inf"))
+
+    def as_dict(self) -> dict[str, float | list[tuple[float, float]]]:
+        """Plain numbers by name, crossings as (rad/s, margin)."""
+        return {
+            "gain_margin": self.gain_margin,
+            "gain_margin_db": self.gain_margin_db,
+            "phase_margin_deg": self.phase_margin,
+            "delay_margin_s": self.delay_margin,
+            "modulus_margin": self.modulus_margin,
+            "modulus_omega": self.modulus_omega,
+            "phase_crossings": [(c.omega, c.gain_margin) for c in self.phase_crossings],
+            "gain_crossings": [(c.omega, c.phase_margin) for c in self.gain_crossings],
+        }
+
+
+def margins(loop: Loop) -> Margins:
+    """All margins of a loop, to rounding.
+
+    Parameters
+    ----------
+    loop : Loop
+
+    Returns
+    -------
+    Margins
+
+    Examples
+    --------
+    >>> import control
+    >>> from gearlib.linear.feedback_loop import as_loop
+    >>> found = margins(as_loop(control.tf([4], [1, 2, 1, 0])))     # k / (s (s + 1)^2) meets -1 at k = 2, 1 rad/s
+    >>> round(found.gain_margin, 12), round(found.phase_crossings[0].omega, 12)
+    (0.5, 1.0)
+    """
+    omega = loop.frequencies()
+    curve = loop.response(1j * omega)
+    keep = np.isfinite(curve)
+    omega, curve = omega[keep], curve[keep]
+    size = np.abs(curve)
+    real = bool(np.median(np.abs(curve.imag) / np.maximum(size, 1e-300)) < 1e-11)
+    phase = [] if real else _phase_crossings(loop, omega, curve)
+    gain = [_gain_crossing(loop, w) for w in _unit_gain(loop, omega, size)]
+    modulus, at = _nearest(loop, omega, curve)
+    return Margins(tuple(phase), tuple(gain), modulus, at, real)
+
+
+def _gain_crossing(loop: Loop, omega: float) -> GainCrossing:
+    angle = float(np.angle(-loop.response(1j * omega), deg=True))
+    return GainCrossing(omega, angle, float(np.deg2rad(angle % 360.0)) / omega)
+
+
+def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
+    """Where |L| crosses 1; where it is 1 everywhere (an all-pass), the one frequency at which the curve is nearest to -1."""
+    level = np.log(np.maximum(size, 1e-300))
+    clear = np.abs(level) > 1e-12  # on the rest rounding decides the sign
+    if not clear.any():
+        return [float(omega[np.argmin(np.abs(np.angle(-loop.response(1j * omega))))])]
+    return _roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))
+
+
+def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseCrossing]:
+    """Crossings of the negative real axis, that at 0 and at infinity included."""
+    found = []
+    if not loop.open_poles.at_zero:
+        start = float(loop.response(0.0).real)
+        if start < -10 * float(loop.rounding(0.0)):
+            found.append(PhaseCrossing(0.0, -1 / start))
+    # The tangent of the phase, which is not disturbed where L changes by orders of magnitude.
+    ratio = curve.imag / np.maximum(np.abs(curve), 1e-300)
+    noise = np.abs(ratio) < 1e-12
+    omega, ratio, curve = omega[~noise], ratio[~noise], curve[~noise]
+    for w in _roots(omega, ratio, lambda x: float((lambda z: z.imag / abs(z))(loop.response(1j * x)))):
+        value = loop.response(1j * w)
+        if value.real < 0 and abs(value.imag) < 1e-6 * abs(value) and abs(value) > 10 * loop.rounding(1j * w):
+            found.append(PhaseCrossing(w, float(-1 / value.real)))
+    if loop.d < 0:
+        found.append(PhaseCrossing(float("inf"), -1 / loop.d))
+    return found
+
+
+def _roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[float]:
+    """Where a sampled function changes sign, to rounding; a jump across a pole on the imaginary axis is no root."""
+    from scipy.optimize import brentq
+
+    def finite(x: float) -> float:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = f(x)
+        return value if np.isfinite(value) else 0.0  # ends the search at the pole
+
+    places = np.flatnonzero((values[1:] * values[:-1] < 0) & np.isfinite(values[1:]) & np.isfinite(values[:-1]))
+    found = []
+    for a, b in zip(omega[places], omega[places + 1], strict=True):
+        low, high = finite(a), finite(b)
+        if low * high < 0:
+            found.append(float(brentq(finite, a, b, xtol=1e-300, rtol=8.9e-16)))
+        else:  # alone, a point may come out on the other side than among many: it is a root to rounding
+            found.append(float(a if abs(low) < abs(high) else b))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = [w for w in found if np.isfinite(f(w))]
+    return sorted(found + [float(w) for w in omega[values == 0.0]])
+
+
+def _nearest(loop: Loop, omega: Floats, curve: Complexes) -> tuple[float, float]:
+    """Smallest distance from -1 and its frequency."""
+    from scipy.optimize import minimize_scalar
+
+    distance = np.abs(1 + curve)
+    ends = [(abs(1 + loop.d), float("inf"))]
+    if not loop.open_poles.at_zero:
+        ends.append((float(abs(1 + loop.response(0.0))), 0.0))
+    i = int(np.argmin(distance))
+    if 0 < i < len(omega) - 1:
+        best = minimize_scalar(
+            lambda x: float(abs(1 + loop.response(1j * x))), bounds=(omega[i - 1], omega[i + 1]), method="bounded",
+            options={"xatol": 1e-9 * omega[i]},
+        )  # fmt: skip
+        ends.append((float(best.fun), float(best.x)))
+    ends.append((float(distance[i]), float(omega[i])))
+    return min(ends)

@@ -1,0 +1,238 @@
+"""`stability`: what the eigenvalues say, and for a chosen loop what Nyquist's criterion and the margins say, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gearlib.arguments import real
+from gearlib.linear.feedback_loop import Loop, as_loop, check_linear
+from gearlib.linear.gain_range import gains_in_words, stable_gains
+from gearlib.linear.margins import Margins, margins
+from gearlib.linear.nyquist import NyquistCount, nyquist_count
+from gearlib.linear.poles import MEANING, Poles, Verdict, poles
+from gearlib.linear.subject import is_system
+from gearlib.modes.modes import MOST_DENSE, Modes, modes
+
+
+@dataclass(frozen=True, eq=False)
+class LoopReport:
+    """A loop closed by negative feedback: its margins, its Nyquist count, and the poles of the closed loop."""
+
+    loop: Loop
+
+    @cached_property
+    def margins(self) -> Margins:
+        return margins(self.loop)
+
+    @cached_property
+    def nyquist(self) -> NyquistCount:
+        return nyquist_count(self.loop)
+
+    @property
+    def closed_poles(self) -> Poles:
+        return self.loop.closed_poles
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the closed loop, by Nyquist's criterion; ``closed_poles.verdict`` is that of its eigenvalues."""
+        return self.nyquist.verdict
+
+    @cached_property
+    def stable_gains(self) -> tuple[tuple[float, float], ...]:
+        """Factors of the gain, from and to, with no closed-loop pole in the right half-plane (see `stable_gains`)."""
+        return stable_gains(self.loop, self.margins.phase_crossings)
+
+    def __str__(self) -> str:
+        lines = [f"Loop {self.loop.input} -> {self.loop.output}, negative feedback: {MEANING[self.verdict]}"]
+        first, rest = str(self.nyquist).split(". ", 1)
+        lines += [f"  Nyquist          {first}.", f"                   {rest}"]
+        same = "the same" if self.closed_poles.verdict == self.verdict else f"the closed loop is {self.closed_poles.verdict}"
+        found = motions(self.closed_poles)
+        lines.append(f"  eigenvalues      {same}{': ' if found else ''}{'; '.join(found)}")
+        return "\n".join([*lines, *self._margins_in_words()])
+
+    def _margins_in_words(self) -> list[str]:
+        m = self.margins
+        if m.real:
+            return ["  margins          none: the curve lies on the real axis, since nothing is damped"]
+        lines = [f"  gain             {gains_in_words(self.stable_gains)}"]
+        lines += [
+            f"  gain margin      {c.gain_margin:.6g} ({c.gain_margin_db:+.3f} dB) at {_rad(c.omega)}" for c in m.phase_crossings
+        ]
+        if not m.phase_crossings:
+            lines.append("  gain margin      infinite: the curve does not cross the negative real axis")
+        if not m.gain_crossings:
+            lines.append("  phase margin     infinite: |L| is nowhere 1")
+        lines += [
+            f"  phase margin     {g.phase_margin:.4f} deg, delay margin {g.delay_margin:.4g} s, at {_rad(g.omega)}"
+            for g in m.gain_crossings
+        ]
+        nearest = f"{m.modulus_margin:.6g}, the smallest distance from -1, at {_rad(m.modulus_omega)}"
+        return [*lines, f"  modulus margin   {nearest}"]
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityReport:
+    """Poles of a model, and of one loop if one was chosen. ``print`` it to read it.
+
+    Attributes
+    ----------
+    name : str
+    poles : Poles
+    loop : LoopReport or None
+    conditions : tuple of str
+        The operating point of a System in words, such as "open: mesh m".
+    at_zero : str
+        What the poles at 0 of a System are, where that was found out.
+    """
+
+    name: str
+    poles: Poles
+    loop: LoopReport | None = None
+    conditions: tuple[str, ...] = ()
+    at_zero: str = ""
+
+    @property
+    def eigenvalues(self) -> Any:
+        """Complex array, rad/s, by magnitude."""
+        return self.poles.values
+
+    @property
+    def damping(self) -> Any:
+        """Damping ratio of each eigenvalue."""
+        return self.poles.damping
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the model as it is, with no loop closed: "stable", "marginal", "drifting" or "unstable"."""
+        return self.poles.verdict
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.name}: {MEANING[self.verdict]}",
+            *(f"  {text}" for text in [*motions(self.poles, self.at_zero), *self.conditions]),
+            "",
+            *pole_table(self.poles),
+        ]
+        if self.loop is not None:
+            lines += ["", str(self.loop)]
+        return "\n".join(lines)
+
+
+def motions(found: Poles, at_zero: str = "") -> list[str]:
+    """What the poles mean, in words: free turning, growth, vibration without damping, and the slowest and least damped of the rest."""
+    values, words = found.values, []
+    if found.at_zero:
+        poles_at = "1 pole" if found.at_zero == 1 else f"{found.at_zero} poles"
+        chain = ", in chains: with a speed that stays, an angle grows" if len(found.chains) > 1 else ""
+        words.append(f"{poles_at} at 0: {at_zero or 'the train turns freely, or a loop of meshes keeps a preload'}{chain}")
+    for value in values[(values.real > 0) & (values.imag >= 0)][:4]:
+        what = f"a vibration at {abs(value.imag) / (2 * np.pi):.6g} Hz" if value.imag else "a motion without vibration"
+        words.append(f"{what} grows e-fold in {1 / value.real:.4g} s")
+    rings = found.on_axis[found.on_axis > 0] / (2 * np.pi)
+    if len(rings):
+        named = ", ".join(f"{f:.6g}" for f in rings[:4]) + (f" and {len(rings) - 4} more" if len(rings) > 4 else "")
+        words.append(f"rings undamped at {named} Hz" + (", growing with time" if found.chained else ""))
+    dying = values[values.real < 0]
+    if len(dying):
+        words.append(
+            f"the {'rest' if words else 'slowest motion'} falls to 1/e in {-1 / dying.real.max():.4g} s{' or less' if words else ''}"
+        )
+        vibrating = dying[dying.imag > 0]
+        if len(vibrating):
+            least = vibrating[np.argmin(-vibrating.real / np.abs(vibrating))]
+            ratio = -least.real / abs(least)
+            words.append(f"the least damped vibration has {abs(least) / (2 * np.pi):.6g} Hz and the damping ratio {ratio:.4g}")
+    return words
+
+
+def pole_table(found: Poles, most: int = 24) -> list[str]:
+    """One line for each pole or pair of poles; a frequency where it vibrates, a time in which it falls or grows e-fold."""
+    lines = ["       real, 1/s     imag, rad/s   frequency, Hz    damping   e-fold time, s"]
+    shown = [(v, z) for v, z in zip(found.values, found.damping, strict=True) if v.imag >= 0]
+    for value, ratio in shown[:most]:
+        pair, hertz, damping = "  ", "-", "-"
+        if value.imag > 0:
+            pair, hertz, damping = "+-", f"{abs(value) / (2 * np.pi):.6g}", f"{ratio:.4f}"
+        time = f"{abs(1 / value.real):.4g}{' (grows)' if value.real > 0 else ''}" if value.real else "-"
+        lines.append(f"{value.real:16.6g}  {pair}{value.imag:12.6g}  {hertz:>14}  {damping:>9}  {time:>15}")
+    if len(shown) > most:
+        lines.append(f"  ... and {len(shown) - most} more")
+    return lines
+
+
+def _rad(omega: float) -> str:
+    return f"{omega:.6g} rad/s ({omega / (2 * np.pi):.6g} Hz)" if np.isfinite(omega) else "infinite frequency"
+
+
+def stability(
+    model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
+    parameters: Mapping[str, float] | None = None,
+) -> StabilityReport:  # fmt: skip
+    """Stability of a model, and of a loop closed around it.
+
+    Parameters
+    ----------
+    model : System, control.StateSpace, control.TransferFunction or LinearModel
+    loop : (input, output), optional
+        Names of the signals of a loop that negative unit feedback closes: ``u = r - y``. Without one, only the poles of the
+        model are reported.
+    gain : float
+        Factor in the loop; a negative one stands for positive feedback.
+    at : None, "steady", mapping, or (Result, time)
+        Operating point of a System, as for `System.linearize`.
+    parameters : mapping, optional
+        Values by path, of a System.
+
+    Returns
+    -------
+    StabilityReport
+        ``.eigenvalues``, ``.damping``, ``.verdict``; for a loop ``.loop.margins``, ``.loop.nyquist``, ``.loop.verdict``.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        No such signal, or a loop that cannot be closed.
+
+    Examples
+    --------
+    >>> import control, gearlib as gl
+    >>> report = gl.stability(control.tf([1], [1, 2, 1, 0]), loop=(0, 0))
+    >>> report.verdict, report.loop.verdict, round(report.loop.margins.gain_margin, 9)
+    ('marginal', 'stable', 2.0)
+    """
+    if not is_system(model):
+        check_linear(model)
+    real("gain", gain)
+    name = getattr(model, "name", None) or type(model).__name__
+    said: tuple[str, ...] = ()
+    at_zero = ""
+    if is_system(model) and len(model.states) <= MOST_DENSE:
+        found = modes(model, at=at, parameters=parameters)
+        said, at_zero = found.conditions, _at_zero(found)
+    if loop is not None:
+        chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
+        return StabilityReport(name, chosen.open_poles, LoopReport(chosen), said, at_zero)
+    if is_system(model):
+        model = model.linearize(inputs=[], at=at, parameters=parameters, sparse=True)
+    if not hasattr(model, "A"):
+        model = as_loop(model)
+    return StabilityReport(name, poles(model.A), None, said, at_zero)
+
+
+def _at_zero(found: Modes) -> str:
+    """What a system's poles at 0 are."""
+    words = []
+    if found.free:
+        words.append("the train turns freely" + (f" in {found.free} ways" if found.free > 1 else ""))
+    words += [f"a free relative motion across {gap}" for gap in dict.fromkeys(found.gaps.values())]
+    if found.preloads:
+        words.append("loops of meshes keep preloads" if found.preloads > 1 else "a loop of meshes keeps a preload")
+    if found.positions:
+        words.append(f"nothing depends on {', '.join(found.positions)}")
+    return "; ".join(words)

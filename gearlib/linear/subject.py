@@ -1,0 +1,70 @@
+"""What a user gives an analysis to look at, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearlib.arguments import shown
+from gearlib.errors import ArgumentError
+from gearlib.language.component import Component
+from gearlib.optional import optional
+
+if TYPE_CHECKING:
+    from gearlib.run.result import Result
+    from gearlib.system import System
+
+
+def is_system(model: Any) -> bool:
+    """Whether a model is a compiled one, and not yet linear."""
+    from gearlib.system import System
+
+    return isinstance(model, System)
+
+
+def check_system(system: System) -> None:
+    """Raise `ArgumentError` for anything but a compiled system."""
+    if not is_system(system):
+        raise ArgumentError(f"expected a compiled system, got {described(system)}")
+
+
+def check_result(result: Result) -> None:
+    """Raise `ArgumentError` for anything but the result of a run."""
+    from gearlib.run.result import Result
+
+    if not isinstance(result, Result):
+        raise ArgumentError(f"expected the result of a run, got {described(result)}")
+
+
+def check_axes(axes: Any, count: int) -> None:
+    """Raise `ArgumentError` for anything but that many matplotlib Axes."""
+    Axes = optional("matplotlib.axes").Axes
+
+    given = list(axes) if isinstance(axes, (Sequence, np.ndarray)) and count > 1 else [axes]
+    if len(given) != count or not all(isinstance(one, Axes) for one in given):
+        expected = "matplotlib Axes" if count == 1 else f"{count} matplotlib Axes, such as those of plt.subplots({count})"
+        raise ArgumentError(f"axes is {shown(axes)}; expected {expected}")
+
+
+def described(value: Any) -> str:
+    """What was given in place of a system or a result, and the likely fix.
+
+    >>> described(None)
+    'None'
+    >>> described(Component)
+    'the component class Component; make one and compile it: gl.compile(Component(...))'
+    """
+    from gearlib.run.result import Result
+
+    kind = type(value).__name__
+    if isinstance(value, Component):
+        return f"the component {kind}; compile it: gl.compile({kind}(...))"
+    if isinstance(value, type) and issubclass(value, Component):
+        return f"the component class {value.__name__}; make one and compile it: gl.compile({value.__name__}(...))"
+    if isinstance(value, Result):
+        return "the result of a run; give the system that was simulated"
+    if is_system(value):
+        return "a compiled system; simulate it first: system.simulate(t_end)"
+    return shown(value) if type(value).__module__ == "builtins" else f"a {kind}"

@@ -1,0 +1,75 @@
+"""Animation of a mode: every body swings about its place as the mode has it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearlib.errors import ArgumentError
+from gearlib.modes.draw_mode import MOTION, _largest, aligned
+from gearlib.optional import optional
+
+if TYPE_CHECKING:
+    from gearlib.modes.modes import Modes
+
+COLUMNS = 6
+BODY, SLIDER = "#cfd8e3", "#66a61e"
+
+
+def animate_mode(modes: Modes, mode: int, frames: int = 48, degrees: float = 40.0) -> Any:
+    """A matplotlib animation over one period; the body that swings most does so by ``degrees`` (a slider, by half its cell).
+
+    Discs turn, squares slide. The amplitude is kept over the period, also where the mode is damped.
+    """
+    plt = optional("matplotlib.pyplot")
+    FuncAnimation = optional("matplotlib.animation").FuncAnimation
+    patches = optional("matplotlib.patches")
+
+    if isinstance(frames, bool) or not isinstance(frames, int) or frames < 2:
+        raise ArgumentError(f"frames is {frames!r}; expected a whole number, 2 or more")
+    if isinstance(degrees, bool) or not isinstance(degrees, (int, float)) or not 0 < degrees <= 180:
+        raise ArgumentError(f"degrees is {degrees!r}; expected a number above 0, up to 180")
+    bodies, left_out = _largest(aligned(modes.motions(mode)), lambda m: abs(m[2]))
+    columns = min(COLUMNS, max(1, len(bodies)))
+    rows = max(1, -(-len(bodies) // columns))
+    figure, ax = plt.subplots(figsize=(1.9 * columns + 0.4, 1.9 * rows + 0.9), layout="constrained")
+    ax.set(xlim=(-0.1, 3 * columns + 0.1), ylim=(-3 * rows, 0.6), aspect="equal")
+    ax.axis("off")
+    f, ratio = modes.frequencies[mode], modes.damping[mode]
+    note = f"; {left_out} bodies at rest not shown" if left_out else ""
+    ax.set_title(f"Mode {mode}: {f:.5g} Hz, damping ratio {ratio:.3g}{note}" if f else f"Mode {mode}: free motion{note}")
+    moving: list[tuple[Any, str, float, float, complex]] = []
+    for k, (name, unit, amplitude) in enumerate(bodies):
+        x, y = 3 * (k % columns) + 1.5, -3 * (k // columns) - 1.1
+        ax.text(x, y - 1.3, _short(name), ha="center", va="top", fontsize=7)
+        if unit == "rad":
+            ax.add_patch(patches.Circle((x, y), 1.0, facecolor=BODY, edgecolor=MOTION))
+            ax.plot([x, x], [y + 1.0, y + 1.25], color="0.7", lw=1)  # where the spoke stands at rest
+            mark: Any = ax.plot([x, x], [y, y + 1.0], color="black", lw=2.5, solid_capstyle="round")[0]
+        else:
+            ax.plot([x - 1.2, x + 1.2], [y - 0.5, y - 0.5], color="0.7", lw=1)
+            mark = ax.add_patch(patches.Rectangle((x - 0.4, y - 0.45), 0.8, 0.8, facecolor=SLIDER, edgecolor=MOTION))
+        moving.append((mark, unit, x, y, amplitude))
+
+    def update(frame: int) -> list[Any]:
+        turn = np.exp(2j * np.pi * frame / frames)
+        for mark, unit, x, y, amplitude in moving:
+            value = float((amplitude * turn).real)
+            if unit == "rad":
+                angle = np.deg2rad(degrees) * value
+                mark.set_data([x, x - np.sin(angle)], [y, y + np.cos(angle)])
+            else:
+                mark.set_x(x - 0.4 + 0.7 * value)
+        return [m[0] for m in moving]
+
+    return FuncAnimation(figure, update, frames=frames, interval=40)
+
+
+def _short(name: str) -> str:
+    """A path in lines of bearable length."""
+    parts, lines = name.split("."), [""]
+    for part in parts:
+        joined = f"{lines[-1]}.{part}" if lines[-1] else part
+        lines = [*lines[:-1], joined] if len(joined) <= 16 else [*lines, part]
+    return "\n".join(line for line in lines if line)

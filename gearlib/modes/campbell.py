@@ -1,0 +1,243 @@
+"""Campbell diagram: natural frequencies over speed, excitation orders, and the speeds where they meet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearlib.arguments import increasing, real, reals, shown
+from gearlib.errors import ArgumentError
+from gearlib.linear.subject import check_system
+from gearlib.modes.modes import Modes, modes
+from gearlib.optional import optional
+
+if TYPE_CHECKING:
+    import pandas
+
+    from gearlib.system import System
+
+Floats = NDArray[np.float64]
+RPM = 30 / np.pi
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A critical speed: an excitation order meets a natural frequency.
+
+    Attributes
+    ----------
+    speed : float
+        Of the reference shaft, rad/s.
+    order : str
+        Name of the excitation.
+    mode : int
+        Which mode, as `modes` numbers them at the operating point of that speed, free motions included: ``modes.draw(mode)`` shows it.
+    frequency : float
+        Hz.
+    damping : float
+        Damping ratio of the mode there.
+    """
+
+    speed: float
+    order: str
+    mode: int
+    frequency: float
+    damping: float
+
+
+@dataclass(frozen=True, eq=False)
+class Campbell:
+    """Natural frequencies over speed, and where excitation orders cross them.
+
+    Attributes
+    ----------
+    speeds : array (speeds,)
+        Of the reference shaft, rad/s.
+    frequencies, damping : arrays (speeds, modes)
+        Hz, and ratios; modes are followed by the likeness of their shapes.
+    modes : array of int (speeds, modes)
+        Numbers of these modes in `modes` at each speed; free motions have numbers, too, and are left out here.
+    conditions : tuple of str
+        The operating points in words, such as "open: mesh m".
+    orders : dict of str to float
+        Events for each revolution of the reference shaft.
+    crossings : tuple of Crossing
+        By speed.
+    """
+
+    speeds: Floats
+    frequencies: Floats
+    damping: Floats
+    modes: NDArray[np.int64]
+    orders: dict[str, float]
+    crossings: tuple[Crossing, ...]
+    conditions: tuple[str, ...] = ()
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The crossings."""
+        pandas = optional("pandas")
+
+        rows = [(c.speed, c.speed * RPM, c.order, c.mode, c.frequency, c.damping) for c in self.crossings]
+        return pandas.DataFrame(
+            rows, columns=["speed, rad/s", "speed, 1/min", "order", "mode", "frequency, Hz", "damping ratio"]
+        )
+
+    def __str__(self) -> str:
+        lines = ["speed, 1/min   order                 mode   frequency, Hz    damping"]
+        lines += [
+            f"{c.speed * RPM:12.6g}   {c.order:<20}  {c.mode:4d}   {c.frequency:13.6g}  {c.damping:9.5f}"
+            for c in self.crossings
+        ]
+        lines = lines if self.crossings else ["no order meets a natural frequency in this range of speed"]
+        return "\n".join([*lines, *([f"Operating point: {'; '.join(self.conditions)}."] if self.conditions else [])])
+
+    def plot(self, *, axes: Any = None) -> Any:
+        """Draw the diagram; returns the matplotlib axes."""
+        plt = optional("matplotlib.pyplot")
+
+        if axes is None:
+            _, axes = plt.subplots(figsize=(9, 5.5), layout="constrained")
+        rpm = self.speeds * RPM
+        top = 1.15 * float(self.frequencies.max(initial=0.0))
+        for k in range(self.frequencies.shape[1]):
+            axes.plot(rpm, self.frequencies[:, k], color="black", lw=1.2, label="natural frequencies" if not k else None)
+            start = (rpm[0], self.frequencies[0, k])
+            axes.annotate(
+                f"{self.modes[0, k]}", start, xytext=(-3, 0), textcoords="offset points", fontsize=8, ha="right", va="center"
+            )
+        for k, (name, order) in enumerate(self.orders.items()):
+            axes.plot(rpm, order * self.speeds / (2 * np.pi), color=f"C{k}", lw=1, ls="--", label=f"{name} (order {order:g})")
+        if self.crossings:
+            x, y = [c.speed * RPM for c in self.crossings], [c.frequency for c in self.crossings]
+            axes.plot(x, y, "o", color="#b22222", ms=5, label="crossings")
+        axes.set_xlim(rpm[0] - 0.02 * np.ptp(rpm), rpm[-1])
+        axes.set_ylim(0, top or 1.0)
+        axes.set_xlabel("speed of the reference shaft, 1/min")
+        axes.set_ylabel("frequency, Hz")
+        axes.set_title("Campbell diagram")
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+        axes.grid(alpha=0.3)
+        return axes
+
+
+def campbell(
+    system: System, speeds: ArrayLike, orders: Mapping[str, float] | Sequence[float], *, count: int | None = None,
+    at: Callable[[float], Any] | Any = None, parameters: Callable[[float], Mapping[str, float]] | Mapping[str, float] | None = None,
+) -> Campbell:  # fmt: skip
+    """Campbell diagram of a system, with all crossings of orders and natural frequencies.
+
+    Parameters
+    ----------
+    system : System
+    speeds : array
+        Speeds of the reference shaft, rad/s, increasing.
+    orders : mapping of str to float, or sequence of float
+        Events for each revolution of the reference shaft: 1 for unbalance, the number of teeth for a mesh on that shaft, times
+        its speed ratio for another one.
+    count : int, optional
+        How many modes that oscillate, from the lowest.
+    at, parameters
+        Operating point and parameters as for `System.linearize`, or functions of the speed that give them: where natural
+        frequencies depend on speed or load, they are computed at every speed.
+
+    Returns
+    -------
+    Campbell
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Rotor(gl.Component):
+    ...     def assemble(self):
+    ...         self.ground, self.shaft, self.disc = gp.Fixed(), gp.Spring(c=400.0), gp.Inertia(J=1.0)
+    ...         return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.disc.flange_a)]
+    >>> diagram = gl.campbell(gl.compile(Rotor()), [0.0, 30.0], {"mesh, 2 teeth": 2.0})
+    >>> [(round(c.speed, 9), c.order) for c in diagram.crossings]
+    [(10.0, 'mesh, 2 teeth')]
+    """
+    check_system(system)
+    grid = increasing("speeds", speeds, 2, ", rad/s")
+    named = _named(orders)
+
+    def at_speed(speed: float) -> Modes:
+        point = at(speed) if callable(at) else at
+        values = parameters(speed) if callable(parameters) else parameters
+        return modes(system, count, at=point, parameters=values)
+
+    varies = callable(at) or callable(parameters)
+    runs = [at_speed(w) for w in grid] if varies else [at_speed(float(grid[0]))] * len(grid)
+    places = _followed(runs)
+    frequencies = np.array([r.frequencies[p] for r, p in zip(runs, places, strict=True)])
+    damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])
+    at_each = at_speed if varies else None
+    crossings = [
+        _crossing(at_each, grid, frequencies, damping, places, int(i), k, name, order)
+        for name, order in named.items()
+        for k in range(frequencies.shape[1])
+        for i in np.flatnonzero(np.diff(np.sign(frequencies[:, k] - order * grid / (2 * np.pi))))
+    ]
+    found = {(c.order, c.mode, round(c.speed, 9)): c for c in crossings}
+    said = tuple(dict.fromkeys(text for run in runs for text in run.conditions))
+    return Campbell(grid, frequencies, damping, places, named, tuple(sorted(found.values(), key=lambda c: c.speed)), said)
+
+
+def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
+    """The orders by name."""
+    if isinstance(orders, Mapping):
+        return {str(name): real(f"order {name}", order) for name, order in orders.items()}
+    expected = "events for each revolution: a sequence of numbers, or a mapping of names to numbers, such as {'mesh': 21}"
+    found = reals("orders", orders, expected)
+    if found.ndim != 1:
+        raise ArgumentError(f"orders is {shown(orders)}; expected {expected}")
+    return {f"{order:g}": order for order in found.tolist()}
+
+
+def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
+    """Numbers of the modes at each speed, with each mode in its own column."""
+    from scipy.optimize import linear_sum_assignment
+
+    n = min(len(r) - r.free for r in runs)
+    places = np.empty((len(runs), n), np.int64)
+    places[0] = runs[0].free + np.arange(n)
+    for i in range(1, len(runs)):
+        if runs[i] is runs[i - 1]:
+            places[i] = places[i - 1]
+            continue
+        before = runs[i - 1].shapes[:, places[i - 1]]
+        now = runs[i].shapes[:, runs[i].free :]
+        scale = np.maximum(np.abs(before).max(axis=1, initial=0.0), np.abs(now).max(axis=1, initial=0.0))
+        before, now = (m / np.where(scale > 0, scale, 1.0)[:, None] for m in (before, now))
+        likeness = (
+            np.abs(before.conj().T @ now) / np.linalg.norm(before, axis=0)[:, None] / np.linalg.norm(now, axis=0)[None, :]
+        )
+        f = runs[i].frequencies[runs[i].free :]
+        near = np.abs(np.log(runs[i - 1].frequencies[places[i - 1]][:, None] / f[None, :]))
+        _, chosen = linear_sum_assignment(near - likeness)
+        places[i] = runs[i].free + chosen
+    return places
+
+
+def _crossing(
+    at_speed: Callable[[float], Modes] | None, grid: Floats, frequencies: Floats, damping: Floats,
+    places: NDArray[np.int64], i: int, k: int, name: str, order: float,
+) -> Crossing:  # fmt: skip
+    """Between two speeds: exact where frequencies are constant, otherwise by iteration with the modes at each speed."""
+    gap = frequencies[i : i + 2, k] - order * grid[i : i + 2] / (2 * np.pi)
+    speed = float(grid[i] + (grid[i + 1] - grid[i]) * gap[0] / (gap[0] - gap[1]))
+    f, ratio, mode = float(frequencies[i, k]), float(damping[i, k]), int(places[i, k])
+    if at_speed is not None:
+        from scipy.optimize import brentq
+
+        def nearest(w: float) -> tuple[float, float, int]:
+            found = at_speed(w)
+            expected = np.interp(w, grid[i : i + 2], frequencies[i : i + 2, k])
+            j = found.free + int(np.argmin(np.abs(found.frequencies[found.free :] - expected)))
+            return float(found.frequencies[j]), float(found.damping[j]), j
+
+        speed = float(brentq(lambda w: nearest(w)[0] - order * w / (2 * np.pi), grid[i], grid[i + 1], xtol=1e-10 * grid[i + 1]))
+        f, ratio, mode = nearest(speed)
+    return Crossing(speed, name, mode, f, ratio)

@@ -1,0 +1,115 @@
+"""Drawing of a mode: how far each body moves, and where the energy is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearlib.optional import optional
+
+if TYPE_CHECKING:
+    from gearlib.modes.modes import Modes
+
+MOST_BARS = 30
+KINETIC, POTENTIAL, MOTION = "#1f6fb4", "#d95f02", "0.35"
+NAMES = {"rad": "turning", "m": "displacement"}
+
+
+def draw_mode(modes: Modes, mode: int, axes: Any = None) -> Any:
+    """Bars of amplitudes (relative to the largest of their kind) and of shares of energy; returns two axes."""
+    plt = optional("matplotlib.pyplot")
+
+    motions = modes.motions(mode)
+    why = modes.not_given.get(mode)
+    shares = [
+        (name, modes.kinetic[mode, k], modes.potential[mode, k]) for k, name in enumerate([] if why else modes.components)
+    ]
+    motions, left_out = _largest(motions, lambda m: abs(m[2]))
+    shares, energy_left_out = _largest(shares, lambda s: max(s[1], s[2]))
+    if axes is None:
+        height = 1.6 + 0.2 * max(len(motions), len(shares), 4)
+        _, axes = plt.subplots(1, 2, figsize=(10, height), layout="constrained")
+    _motion_bars(axes[0], motions, left_out)
+    _energy_bars(axes[1], shares, energy_left_out)
+    if why:
+        axes[1].text(
+            0.5, 0.5, f"not given:\n{why}", transform=axes[1].transAxes, ha="center", va="center", fontsize=8, wrap=True
+        )
+    f, ratio = modes.frequencies[mode], modes.damping[mode]
+    what = f"{f:.5g} Hz, damping ratio {ratio:.3g}" if f else "free motion"
+    axes[0].figure.suptitle(f"Mode {mode}: {what}")
+    return axes
+
+
+def _largest(items: list[Any], size: Any) -> tuple[list[Any], int]:
+    """The items worth a bar, in their order, and how many are left out."""
+    ranked = sorted(range(len(items)), key=lambda i: -size(items[i]))[:MOST_BARS]
+    top = max((size(items[i]) for i in ranked), default=0.0)
+    kept = sorted(i for i in ranked if size(items[i]) > 1e-6 * top)
+    return [items[i] for i in kept], len(items) - len(kept)
+
+
+def aligned(motions: list[tuple[str, str, complex]]) -> list[tuple[str, str, complex]]:
+    """Amplitudes over the largest of their kind, turned so that they are as real as possible, and the largest positive.
+
+    >>> [round(m[2].real, 9) for m in aligned([("a", "rad", 1j), ("b", "rad", -2j), ("c", "m", 3j)])]
+    [-0.5, 1.0, -1.0]
+    """
+    units = [u for u in ("rad", "m") if any(m[1] == u for m in motions)]
+    if not units:
+        return []
+    phase = np.sqrt(complex(sum(m[2] ** 2 for m in motions if m[1] == units[0]))) or 1.0
+    phase *= np.sign(np.real(max((m[2] / phase for m in motions if m[1] == units[0]), key=abs))) or 1.0
+    largest = {u: max(abs(m[2]) for m in motions if m[1] == u) or 1.0 for u in units}
+    return [(name, unit, complex(value / phase * abs(phase) / largest[unit])) for name, unit, value in motions]
+
+
+def _motion_bars(ax: Any, motions: list[tuple[str, str, complex]], left_out: int) -> None:
+    units = [u for u in ("rad", "m") if any(m[1] == u for m in motions)]
+    place = np.arange(len(motions))[::-1]
+    scaled = aligned(motions)
+    for unit in units:
+        largest = max(abs(m[2]) for m in motions if m[1] == unit)
+        values = [m[2] if m[1] == unit else np.nan for m in scaled]
+        label = f"{NAMES[unit]} (largest {largest / max(abs(m[2]) for m in motions if m[1] == units[0]):.3g} {unit})"
+        ax.barh(place, np.real(values), color=MOTION if unit == units[0] else "#66a61e", height=0.7, label=label)
+        if np.nanmax(np.abs(np.imag(values))) > 0.02:
+            ax.plot(np.imag(values), place, "|", color="black", ms=9, label=f"{NAMES[unit]}, a quarter period later")
+    ax.axvline(0, color="black", lw=0.8)
+    ax.set_yticks(place, [m[0] for m in motions], fontsize=8)
+    ax.set_xlim(-1.1, 1.1)
+    ax.set_xlabel("amplitude over the largest" + (f" ({left_out} at rest not shown)" if left_out else ""))
+    ax.set_title("Motion")
+    _legend_below(ax)
+    ax.grid(axis="x", alpha=0.3)
+
+
+def _energy_bars(ax: Any, shares: list[tuple[str, float, float]], left_out: int) -> None:
+    place = np.arange(len(shares))[::-1]
+    ax.barh(place, [s[1] for s in shares], color=KINETIC, height=0.7, label="kinetic")
+    ax.barh(place, [-s[2] for s in shares], color=POTENTIAL, height=0.7, label="potential")
+    ax.axvline(0, color="black", lw=0.8)
+    ax.set_yticks(place, [s[0] for s in shares], fontsize=8)
+    ax.set_xlim(-105, 105)
+    ax.set_xticks([-100, -50, 0, 50, 100], ["100", "50", "0", "50", "100"])
+    ax.set_xlabel("share of energy, %" + (f" ({left_out} components with none not shown)" if left_out else ""))
+    ax.set_title("Energy")
+    _legend_below(ax)
+    ax.grid(axis="x", alpha=0.3)
+
+
+def _legend_below(ax: Any) -> None:
+    """Under the label of the axis, by a distance that does not depend on how high the axes are."""
+    ScaledTranslation = optional("matplotlib.transforms").ScaledTranslation
+
+    down = ax.transAxes + ScaledTranslation(0, -34 / 72, ax.figure.dpi_scale_trans)
+    ax.legend(
+        fontsize=8,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        bbox_transform=down,
+        borderaxespad=0.0,
+        ncols=2,
+        frameon=False,
+    )

@@ -1,0 +1,292 @@
+"""The lowest eigenvalues of a large sparse matrix, none left out: a block Krylov search whose result is counted by another means.
+
+The search works on ``(A - s)^-1 (A - s)^-1 A`` with a real shift s, whose eigenvalues ``x / (x - s)^2`` are 0 for poles at 0 and fall as
+1/x beyond s; where that leaves some out, on ``A (A^2 + w^2)^-1``, which is largest near the frequency w. Several vectors at once start
+it, so that repeated eigenvalues are found as often as they are repeated. The result counts only if a disc holds just those found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.modes.eigenvalue_count import missing_inside
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+BLOCK = 6  # vectors that the search starts from
+EXACT = 1e-10  # residual of an eigenpair over the eigenvalue, in scaled states
+ROUNDING = 100 * np.finfo(float).eps  # the same over the highest frequency
+NOTHING = 1e-11  # of the highest frequency: what is below counts as 0
+REAL = 1e-9  # imaginary part of what does not oscillate, over the magnitude
+FULL = 800  # states up to which the full matrix takes no longer than a second search
+WINDOWS = 25  # frequencies to search near, at most
+SWEEP = (0.08, 0.17, 0.27, 0.38, 0.49, 0.6, 0.7, 0.8, 0.9, 1.0)  # of a radius: frequencies to search about
+SWEEP_SIZE = 180  # dimension of each of these searches
+
+
+@dataclass(frozen=True, eq=False)
+class Lowest:
+    """All eigenvalues with magnitudes up to a radius, but those at 0, by magnitude, and their vectors (states, eigenvalues)."""
+
+    values: Complexes
+    vectors: Complexes
+
+
+def lowest(A: Any, count: int, at_zero: int) -> Lowest | None:
+    """All eigenvalues up to at least the ``count``-th with a positive imaginary part; None where these cannot be made sure of.
+
+    Parameters
+    ----------
+    A : sparse matrix
+    count : int
+    at_zero : int
+        How many eigenvalues are 0.
+
+    Examples
+    --------
+    >>> import scipy.sparse as sparse
+    >>> pairs = [[[0.0, w], [-w, 0.0]] for w in range(1, 200)]
+    >>> found = lowest(sparse.csc_matrix(sparse.block_diag(pairs)), 3, 0)
+    >>> found.values[found.values.imag > 0].imag.round(9).tolist()[:3]
+    [1.0, 2.0, 3.0]
+    """
+    import scipy.sparse as sparse
+
+    scale = similarity(A)
+    S = sparse.csc_matrix(sparse.diags(1 / scale) @ A @ sparse.diags(scale))
+    size = float(abs(S).sum(axis=1).max())  # no eigenvalue is larger
+    known, radius, missing = _first(S, size, count, at_zero)
+    if missing != 0:
+        radius = radius or _enough(S, size, count, known, at_zero)
+        if S.shape[0] <= FULL or not radius:
+            return None
+        known = _swept(S, size, radius, known)
+        missing = missing_inside(S, radius, known.values, at_zero)
+    idle = 0
+    for _ in range(WINDOWS):
+        inside = np.flatnonzero(np.abs(known.values) < radius)
+        if missing == 0 and (known.values[inside].imag > REAL * np.abs(known.values[inside])).sum() >= count:
+            inside = inside[np.argsort(np.abs(known.values[inside]), kind="stable")]
+            return Lowest(known.values[inside], scale[:, None] * known.vectors[:, inside])
+        if not missing:  # decays take places, or the edge of the disc cuts through an eigenvalue
+            radius *= 1.5 if missing == 0 else 1.003
+        else:
+            window = _where_missing(S, size, radius, known, at_zero, missing)
+            if window is None or idle > 1 or radius > size:
+                return None
+            space = _Space(S, 1j * np.sqrt(window[0] * window[1]))
+            space.grow(min(4 * window[2] + 60 + 60 * idle, S.shape[0] // 2))
+            before = len(known.values)
+            known = _joined(known, *space.pairs())
+            idle = 0 if len(known.values) > before else idle + 1
+        missing = missing_inside(S, radius, known.values, at_zero)
+    return None
+
+
+def _first(S: Any, size: float, count: int, at_zero: int) -> tuple[Lowest, float, int | None]:
+    """Converged eigenpairs, the radius up to which they were counted (0: too few) and how many are missing (None: not known)."""
+    space = _Space(S, size / S.shape[0])
+    wanted = 2 * count + 8
+    most = min(S.shape[0] // 2, 6 * wanted + 40)
+    dimension, missing, radius = min(2 * wanted + 40, most), None, 0.0
+    slow: Lowest | None = None
+    while True:
+        space.grow(dimension)
+        known = Lowest(*space.pairs())
+        if slow is not None:
+            known = _joined(known, slow.values, slow.vectors)
+        radius = _radius(known.values, count)
+        if radius:
+            missing = missing_inside(S, radius, known.values, at_zero)
+            if missing and slow is None:  # motions far slower than the others, such as a load that brakes the whole train
+                slow = _slower(S, size, float(np.abs(known.values).min()))
+                known = _joined(known, slow.values, slow.vectors)
+                missing = missing_inside(S, radius, known.values, at_zero)
+            if missing == 0:
+                break
+            space.refresh()
+        if dimension >= most:
+            break
+        dimension = min(int(1.3 * dimension) + 10, most)
+    return known, radius, missing
+
+
+def _swept(S: Any, size: float, radius: float, known: Lowest) -> Lowest:
+    """Searches about frequencies all over a disc: cheap beside a count."""
+    slowest = radius
+    for part in SWEEP:
+        space = _Space(S, 1j * part * radius)
+        space.grow(min(SWEEP_SIZE, S.shape[0] // 2))
+        known = _joined(known, *space.pairs())
+        slowest = min(slowest, float(np.abs(known.values).min(initial=slowest)))
+    slow = _slower(S, size, slowest)
+    return _joined(known, slow.values, slow.vectors)
+
+
+def _slower(S: Any, size: float, slowest: float) -> Lowest:
+    """What has converged in small searches about ever slower rates."""
+    found = Lowest(np.empty(0, complex), np.empty((S.shape[0], 0), complex))
+    for rate in (slowest / 4, slowest / 30, slowest / 1e3, slowest / 3e4):
+        if rate > NOTHING * size:
+            space = _Space(S, rate)
+            space.grow(48)
+            found = _joined(found, *space.pairs())
+    return found
+
+
+def _radius(values: Complexes, count: int) -> float:
+    """A radius in the widest gap beyond the ``count``-th oscillation; 0 where there is none."""
+    sizes = np.sort(np.abs(values))
+    ringing = np.sort(np.abs(values[values.imag > REAL * np.abs(values)]))
+    if len(ringing) < count:
+        return 0.0
+    beyond = sizes[sizes >= ringing[count - 1]]
+    gaps = beyond[1:] / beyond[:-1]
+    if not len(gaps) or gaps.max() < 1 + 1e-6:
+        return 0.0
+    k = int(np.argmax(gaps))
+    return float(np.sqrt(beyond[k] * beyond[k + 1]))
+
+
+def _enough(S: Any, size: float, count: int, known: Lowest, at_zero: int) -> float:
+    """A radius that holds as many eigenvalues as are wanted, but not many more; 0 where there is none."""
+    low, high, radius = 0.0, size, size / S.shape[0]
+    for _ in range(40):
+        missing = missing_inside(S, radius, known.values, at_zero)
+        if missing is None:
+            radius *= 1.01
+            continue
+        held = missing + int((np.abs(known.values) < radius).sum())
+        if 2 * count <= held <= 3 * count + 8 or (low and high < 1.05 * low):
+            return radius if held >= 2 * count else high
+        low, high = (radius, high) if held < 2 * count else (low, radius)
+        radius = min(4 * radius, np.sqrt(low * high)) if low else radius / 4
+        if low > 0.9 * size:
+            break
+    return 0.0
+
+
+def _where_missing(
+    S: Any, size: float, radius: float, known: Lowest, at_zero: int, total: int
+) -> tuple[float, float, int] | None:
+    """A narrow ring (inner, outer radius, how many) with eigenvalues that were not found; None where they are at 0."""
+    low, high, below = 0.0, radius, 0
+    if total < 0:
+        return None
+    for _ in range(40):
+        if low and high < 1.15 * low:
+            break
+        middle = np.sqrt(low * high) if low else high / 8
+        if middle < NOTHING * size:
+            return None
+        found = missing_inside(S, middle, known.values, at_zero)
+        if found is None:
+            break
+        if (found > 0 and not low) or found - below > total - found:
+            high, total = middle, found
+        else:
+            low, below = middle, found
+    return low or high / 8, high, total - below
+
+
+def _joined(known: Lowest, values: Complexes, vectors: Complexes) -> Lowest:
+    """Those found before and those that are new: repeated eigenvalues have independent vectors."""
+    new = []
+    for k, value in enumerate(values):
+        near = np.flatnonzero(np.abs(known.values - value) < 1e-6 * abs(value))
+        rest = vectors[:, k]
+        if len(near):
+            basis = np.linalg.qr(known.vectors[:, near])[0]
+            rest = rest - basis @ (basis.conj().T @ rest)
+        if np.linalg.norm(rest) > 1e-3:
+            new.append(k)
+    return Lowest(np.concatenate([known.values, values[new]]), np.hstack([known.vectors, vectors[:, new]]))
+
+
+class _Space:
+    """A block Krylov space of the mapped matrix; full orthogonalisation, no restart."""
+
+    def __init__(self, S: Any, shift: complex) -> None:
+        import scipy.sparse as sparse
+        from scipy.sparse.linalg import splu
+
+        self.S, self._size, self._swings = S, float(abs(S).sum(axis=1).max()), bool(np.imag(shift))
+        eye = sparse.identity(S.shape[0], format="csc")
+        try:
+            self._solve = splu((S - shift * eye).tocsc()).solve
+        except RuntimeError:  # the shift is an eigenvalue
+            self._solve = splu((S - 0.97 * shift * eye).tocsc()).solve
+        self._random = np.random.default_rng(0)
+        self._basis = np.empty((S.shape[0], 0))
+        self._mapped = np.empty((S.shape[0], 0))
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Go on from other random vectors: what the first ones did not hold comes in."""
+        self._next = self._map(self._random.normal(size=(self.S.shape[0], BLOCK)))
+
+    def _map(self, x: Floats) -> Floats:
+        result: Floats = self._solve(x.astype(complex)).real if self._swings else self._solve(self._solve(self.S @ x))
+        return result
+
+    def grow(self, dimension: int) -> None:
+        """Add blocks up to a dimension, or until nothing new comes."""
+        while self._basis.shape[1] < dimension:
+            block = self._next / np.maximum(np.linalg.norm(self._next, axis=0), 1e-300)
+            for _ in range(2):
+                block = block - self._basis @ (self._basis.T @ block)
+            q, triangle = np.linalg.qr(block)
+            fresh = np.abs(np.diag(triangle)) > 1e-13
+            if not fresh.all():  # the space holds all that this block leads to
+                q = np.linalg.qr(np.hstack([q[:, fresh], self._random.normal(size=(len(q), BLOCK - fresh.sum()))]))[0]
+                q = np.linalg.qr(q - self._basis @ (self._basis.T @ q))[0]
+            mapped = self._map(q)
+            self._basis, self._mapped = np.hstack([self._basis, q]), np.hstack([self._mapped, mapped])
+            self._next = mapped
+
+    def pairs(self) -> tuple[Complexes, Complexes]:
+        """Eigenpairs that have converged, but those at 0."""
+        images, inner = np.linalg.eig(self._basis.T @ self._mapped)
+        order = np.argsort(-np.abs(images), kind="stable")
+        vectors = self._mapped @ inner[:, order].astype(complex)
+        vectors /= np.maximum(np.linalg.norm(vectors, axis=0), 1e-300)
+        product = self.S @ vectors
+        values = (vectors.conj() * product).sum(axis=0)
+        residual = np.linalg.norm(product - vectors * values, axis=0)
+        good = (residual <= EXACT * np.abs(values) + ROUNDING * self._size) & (np.abs(values) > NOTHING * self._size)
+        return values[good], vectors[:, good]
+
+
+def similarity(A: Any) -> Floats:
+    """Scales of the states for which the entries ``a_ij`` and ``a_ji`` are alike in size, as far as they can be.
+
+    Where energy is kept, the matrix of the scaled states is then skew, so that it amplifies no rounding.
+    """
+    import scipy.sparse as sparse
+    from scipy.sparse.linalg import spsolve
+
+    n = A.shape[0]
+    size = abs(sparse.csr_matrix(A))
+    size.setdiag(0.0)
+    size.eliminate_zeros()
+    both = size.multiply(size.T).tocoo()
+    i, j = both.row, both.col
+    log = np.zeros(n)
+    if len(i):
+        forward, back = (np.asarray(size[p, q]).ravel() for p, q in ((i, j), (j, i)))
+        step = 0.5 * np.log(back / forward)  # of log scale, from i to j
+        graph = sparse.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+        degree = np.asarray(graph.sum(axis=1)).ravel()
+        right = np.bincount(j, step, n) - np.bincount(i, step, n)
+        log = spsolve(sparse.csc_matrix(2 * (sparse.diags(degree + 1e-9) - graph)), right)
+    for _ in range(30):  # what has no partner: rows and columns of one size
+        scaled = sparse.diags(np.exp(-log)) @ size @ sparse.diags(np.exp(log))
+        rows, columns = np.asarray(scaled.sum(axis=1)).ravel(), np.asarray(scaled.sum(axis=0)).ravel()
+        used = (rows > 0) & (columns > 0)
+        log[used] += 0.25 * np.log(rows[used] / columns[used])
+    scale: Floats = np.exp(log - log.mean())
+    return scale

@@ -1,0 +1,225 @@
+"""Kinetic and potential energy of each component in a mode, from the component's own equations.
+
+Nothing but the equations is asked for, so that every component that has mechanical connectors takes part, also a user's own. With
+``x`` the amplitudes of its positions and ``f(s)`` those of the forces that its linearised equations then demand at its
+connectors, the component's dynamic stiffness along the mode is ``d(s) = x* f(s) = m s^2 + c s + k``. Its value and its derivative at
+``s = i w``, w being the mode's natural frequency, give the three numbers::
+
+    m = Im(d') / (2 w)        c = Re(d')        k = Re(d) + m w^2
+
+and with them the kinetic energy ``m w^2 / 4`` and the potential energy ``k / 4`` (means over a period). For a component with
+motions of its own inside, the same two formulas are the energy theorem of reactance networks: exact without damping, and of second
+order in it otherwise. What a component with both stores cannot be told from its flanges: a spring and a damper in series would get
+a negative mass. Such motions show in the second derivative, which is ``2 m`` without them, and with the share of what is lost
+it tells how far the two energies may be off. A constraint does no work, so gears, grounds and kinematics come out as zero.
+
+References
+----------
+R. M. Foster, "A reactance theorem", Bell System Technical Journal 3 (1924) 259-267, doi 10.1002/j.1538-7305.1924.tb01358.x
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import partial_kernel
+from gearlib.flatten.model import EquationGroup, FlatModel, Instance
+from gearlib.language.declarations import Flow, Input, Potential
+from gearlib.program.build import Builder
+from gearlib.program.interpret import Prepared, batch_values
+from gearlib.reduce.reduction import Structure
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+WORK = {("rad", "N.m"), ("m", "N")}  # units of potential and flow whose product is an energy
+
+
+@dataclass(frozen=True)
+class Family:
+    """Components whose linearised equations have one pattern, with the numbers of each.
+
+    Attributes
+    ----------
+    instances : tuple of int
+    unknown, given : arrays (components, columns)
+        Variables that the component determines, and those that it is given: positions of connectors, and inputs.
+    L : array (orders, components, rows, columns)
+        Partial derivatives with respect to each order of derivative; unknowns first.
+    pairs : tuple of (int, int, float)
+        For each connector: column of its flow, column of its potential, product of their signs.
+    """
+
+    instances: tuple[int, ...]
+    unknown: Any
+    given: Any
+    L: Floats
+    pairs: tuple[tuple[int, int, float], ...]
+
+
+def families(structure: Structure, prepared: Prepared, slots: Floats, flags: Floats, t: float) -> list[Family]:
+    """The linearised equations of every component that has mechanical connectors and no parts, by pattern."""
+    model = structure.model
+    rows = _rows(structure, prepared, slots, flags, t)
+    found: dict[Any, list[tuple[int, list[int], list[int], list[tuple[int, int, int, float]]]]] = defaultdict(list)
+    kinds: dict[Any, tuple[tuple[int, int, float], ...]] = {}
+    for number, entries in rows.items():
+        ports = _ports(model, model.instances[number])
+        if not ports:
+            continue
+        given = _given(model, model.instances[number])
+        present = dict.fromkeys(v for _, v, _, _ in entries)
+        unknown = [v for v in present if v not in given]
+        known = list(dict.fromkeys([*(v for v in present if v in given), *(p for p, _, _ in ports)]))
+        place = {v: j for j, v in enumerate([*unknown, *known])}
+        pairs = tuple((place[f], place[p], sign) for p, f, sign in ports if f in place)
+        if not pairs:
+            continue
+        inner = [(r, place[v], order, value) for r, v, order, value in entries]
+        key = (tuple((r, c, order) for r, c, order, _ in inner), len(unknown), len(known), pairs)
+        found[key].append((number, unknown, known, inner))
+        kinds[key] = pairs
+    return [_family(members, kinds[key]) for key, members in found.items()]
+
+
+def _family(members: Any, pairs: tuple[tuple[int, int, float], ...]) -> Family:
+    first = members[0][3]
+    n_rows, n_columns = 1 + max(r for r, _, _, _ in first), len(members[0][1]) + len(members[0][2])
+    L = np.zeros((1 + max(2, *(o for _, _, o, _ in first)), len(members), n_rows, n_columns))
+    values = np.array([[value for _, _, _, value in m[3]] for m in members])
+    for k, (r, c, order, _) in enumerate(first):
+        L[order, :, r, c] += values[:, k]
+    unknown = np.array([m[1] for m in members], np.int64).reshape(len(members), -1)
+    given = np.array([m[2] for m in members], np.int64).reshape(len(members), -1)
+    return Family(tuple(m[0] for m in members), unknown, given, L, pairs)
+
+
+def _rows(
+    structure: Structure, prepared: Prepared, slots: Floats, flags: Floats, t: float
+) -> dict[int, list[tuple[int, int, int, float]]]:
+    """Of each instance the entries (row, variable, order, value) of its linearised equations."""
+    model, program = structure.model, prepared.program
+    builder = Builder(structure, (), program.states)
+    top = 1 + max([1, *(k for _, k in program.slots)])
+    builder.table = np.zeros((max(top, 4), model.n_variables), np.int64)
+    for (v, k), slot in program.slots.items():
+        builder.table[k, v] = slot
+    count: dict[int, int] = defaultdict(int)
+    result: dict[int, list[tuple[int, int, int, float]]] = defaultdict(list)
+    for g, group in enumerate(model.groups):
+        owners = group.owners.tolist()
+        numbers = [0] * len(group)
+        for i, owner in enumerate(owners):
+            numbers[i] = count[owner]
+            count[owner] += 1
+        if group.template.label == "binding":
+            continue
+        variables = np.where(group.signs == 0, _silent(model, group), group.variables).tolist()
+        signs = np.where((group.signs == 0) & (np.array(variables).reshape(group.signs.shape) < 0), 1, group.signs).tolist()
+        for c, (j, order) in enumerate(group.template.local_columns):
+            kernel = partial_kernel(group.template, c)
+            batch = builder.batch(kernel, g, 0, [(i, i, 1) for i in range(len(group))])
+            value = batch_values(batch, np.array([t]), slots[:, None], prepared.parameters, flags[:, None])
+            value = np.broadcast_to(value, (len(group), 1))[:, 0].tolist()
+            for i, owner in enumerate(owners):
+                if owner >= 0 and signs[i][j]:
+                    result[owner].append((numbers[i], variables[i][j], order, signs[i][j] * value[i]))
+    return result
+
+
+def _silent(model: FlatModel, group: EquationGroup) -> Any:
+    """Numbers below 0 for forces that are zero because nothing is connected; they are what would hold the connector."""
+    result = np.zeros(group.variables.shape, np.int64)
+    for j, name in enumerate(group.template.locals):
+        for i in np.flatnonzero(group.signs[:, j] == 0).tolist():
+            instance = model.instances[int(group.owners[i])] if group.owners[i] >= 0 else None
+            if instance is not None and isinstance(instance.variables.get(name), Flow):
+                result[i, j] = -1 - instance.first_variable - list(instance.variables).index(name)
+    return result
+
+
+def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]:
+    """(potential, flow, sign of their product) of each mechanical pair of an instance's connectors."""
+    halves: dict[str, tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
+    units: dict[str, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
+    for offset, (name, declared) in enumerate(instance.variables.items()):
+        if "." in name and isinstance(declared, (Potential, Flow)):
+            side = int(isinstance(declared, Flow))
+            port = name.rsplit(".", 1)[0]
+            halves[port][side].append(instance.first_variable + offset)
+            units[port][side].append(declared.unit)
+    result = []
+    for port, (potentials, flows) in halves.items():
+        for p, f, unit in zip(potentials, flows, zip(*units[port], strict=True), strict=True):
+            if unit in WORK and model.sign[p]:
+                flow, sign = (int(model.representative[f]), int(model.sign[f])) if model.sign[f] else (-1 - f, 1)
+                result.append((int(model.representative[p]), flow, float(sign * int(model.sign[p]))))
+    return result
+
+
+def _given(model: FlatModel, instance: Instance) -> set[int]:
+    """What a component does not determine: potentials of its connectors, and its inputs."""
+    return {
+        int(model.representative[instance.first_variable + offset])
+        for offset, declared in enumerate(instance.variables.values())
+        if isinstance(declared, (Potential, Input))
+    }
+
+
+def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats, Floats, Floats]:
+    """Kinetic and potential energy (J, means over a period) of a family's components, and how far they may be off.
+
+    Parameters
+    ----------
+    family : Family
+    amplitude : array (variables,)
+        Complex amplitude of every variable in the mode.
+    omega : float
+        Natural frequency, rad/s.
+    """
+    s = 1j * omega
+    n = family.unknown.shape[1]
+    L, slope, bend = family.L[-1].astype(complex), np.zeros(family.L.shape[1:], complex), np.zeros(family.L.shape[1:], complex)
+    for part in family.L[-2::-1]:  # Horner's scheme for the polynomial, its derivative and half of its second one
+        bend = bend * s + slope
+        slope = slope * s + L
+        L = L * s + part
+    given = amplitude[family.given]
+    inverse, scale = _pseudo_inverse(L[:, :, :n])
+    unknown = -_solve(inverse, scale, np.einsum("irc,ic->ir", L[:, :, n:], given))
+    both = np.concatenate([unknown, given], axis=1)
+    change = -_solve(inverse, scale, np.einsum("irc,ic->ir", slope, both))
+    second = np.einsum("irc,ic->ir", slope[:, :, :n], change) + np.einsum("irc,ic->ir", bend, both)
+    second = -_solve(inverse, scale, second)
+    d, derivative, half = (np.zeros(len(given), complex) for _ in range(3))
+    for flow, potential, sign in family.pairs:
+        x = np.conj(given[:, potential - n]) * sign
+        d += x * unknown[:, flow]
+        derivative += x * change[:, flow]
+        half += x * second[:, flow]
+    m = derivative.imag / (2 * omega)
+    kinetic, potential_ = m * omega**2 / 4, (d.real + m * omega**2) / 4
+    inside = np.abs(half - m) * omega**2 / 4
+    stored = np.maximum(np.abs(kinetic) + np.abs(potential_), inside)
+    lost = np.divide(np.abs(d.imag) / 4, stored, out=np.zeros(len(d)), where=stored > 0)
+    return kinetic, potential_, inside * np.minimum(lost, 1.0) ** 2
+
+
+def _pseudo_inverse(L: Complexes) -> tuple[Complexes, tuple[Floats, Floats]]:
+    """Pseudo-inverses with rows and columns scaled; a torque that does no work stays undetermined and is taken as small."""
+    row = np.abs(L).max(axis=2, initial=0.0)
+    row = np.where(row > 0, row, 1.0)
+    scaled = L / row[:, :, None]
+    column = np.abs(scaled).max(axis=1, initial=0.0)
+    column = np.where(column > 0, column, 1.0)
+    inverse: Complexes = np.asarray(np.linalg.pinv(scaled / column[:, None, :], rcond=1e-10), complex)
+    return inverse, (np.asarray(row, float), np.asarray(column, float))
+
+
+def _solve(inverse: Complexes, scale: tuple[Floats, Floats], rhs: Complexes) -> Complexes:
+    result: Complexes = np.einsum("icr,ir->ic", inverse, rhs / scale[0]) / scale[1]
+    return result

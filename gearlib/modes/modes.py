@@ -1,0 +1,440 @@
+"""`modes`: natural frequencies, damping, mode shapes, and where each mode keeps its energy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import shown
+from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.flatten.model import FlatModel
+from gearlib.language.declarations import Flow, Potential
+from gearlib.linear.condition import conditions, described, matters_elsewhere
+from gearlib.linear.held_states import remaining
+from gearlib.linear.linearize import operating_point, slots_at
+from gearlib.linear.subject import check_system
+from gearlib.modes.mode_energies import Family, energies, families
+from gearlib.modes.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
+from gearlib.optional import optional
+from gearlib.program.build import build
+from gearlib.program.interpret import prepare
+from gearlib.program.sensitivity import sensitivity
+from gearlib.reduce.reduction import Structure
+from gearlib.run.scene import needed_states, node_name
+from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    import pandas
+
+    from gearlib.system import System
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+MOST_DENSE = 500  # states up to which all eigenvalues are computed
+UNSURE = 1e-3  # of a mode's energy: shares that may be off by more are not given
+NEGATIVE = 1e-6  # of a mode's energy: an energy below is no rounding
+
+
+@dataclass(frozen=True, eq=False)
+class _Shares:
+    """Of the components that keep energy in some mode: shares in percent, which of them move, and why modes have none."""
+
+    numbers: list[int]
+    kinetic: Floats
+    potential: Floats
+    bodies: NDArray[np.bool_]
+    unknown: dict[int, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes of a system about an operating point: free motions first, then by natural frequency.
+
+    Attributes
+    ----------
+    eigenvalues : complex array (modes,)
+        Rad/s; one of each conjugate pair. 0 for free motions.
+    shapes : complex array (states, modes)
+        Amplitudes of the states.
+    states : tuple of str
+    free : int
+        Free motions: ways to turn with no spring strained.
+    preloads : int or None
+        Poles at 0 that are no motion but a constant preload locked into a loop of meshes (not counted for large systems).
+    positions : tuple of str
+        States on which nothing depends, each a pole at 0 that is neither: the phase of a mesh, a place inside an open gap.
+    gaps : dict of int to str
+        Free motions that are relative motions across something open, and across what.
+    conditions : tuple of str
+        The operating point in words, such as "open: mesh m".
+    decays : array
+        Poles (1/s) of motions that die away without oscillating; for large systems those that are not much faster than the modes.
+    """
+
+    eigenvalues: Complexes
+    shapes: Complexes
+    states: tuple[str, ...]
+    free: int
+    preloads: int | None
+    decays: Floats
+    positions: tuple[str, ...]
+    gaps: dict[int, str]
+    conditions: tuple[str, ...]
+    _model: FlatModel
+    _rows: Any  # (variables, states): amplitude of each representative variable ...
+    _orders: Any  # ... in this order of its derivative, -1 where it is not known
+    _find_families: Callable[[], list[Family]]
+    _preloaded: bool  # whether the free motions hold preloads, too
+
+    def __len__(self) -> int:
+        return len(self.eigenvalues)
+
+    @property
+    def omega(self) -> Floats:
+        """Natural angular frequencies, rad/s."""
+        return np.abs(self.eigenvalues)
+
+    @property
+    def frequencies(self) -> Floats:
+        """Natural frequencies, Hz: magnitude of the eigenvalue over 2 pi (the undamped ones where damping is proportional)."""
+        result: Floats = self.omega / (2 * np.pi)
+        return result
+
+    @property
+    def damped_frequencies(self) -> Floats:
+        """Frequencies at which the modes ring, Hz."""
+        result: Floats = np.abs(self.eigenvalues.imag) / (2 * np.pi)
+        return result
+
+    @property
+    def damping(self) -> Floats:
+        """Damping ratios; 0 for free motions."""
+        size = self.omega
+        return np.divide(0.0 - self.eigenvalues.real, size, out=np.zeros(len(size)), where=size > 0)
+
+    def amplitudes(self, mode: int) -> Complexes:
+        """Complex amplitude of every representative variable; of free motions, the rates are real and finite."""
+        s = self._s(mode)
+        known = np.asarray(self._rows @ self.shapes[:, mode]).ravel()
+        with np.errstate(all="ignore"):
+            value = known / s ** np.maximum(self._orders, 0)
+        if self.eigenvalues[mode] == 0 and self._preloaded:  # what is no rate is a preload
+            value = np.where(self._orders == 0, 0.0, value)
+        return np.where(self._orders < 0, 0.0, value)
+
+    def _s(self, mode: int) -> complex:
+        value = complex(self.eigenvalues[mode])
+        return value if value else 1j * self._slow
+
+    @cached_property
+    def _slow(self) -> float:
+        moving = self.omega[self.omega > 0]
+        return float(moving.min()) if len(moving) else 1.0
+
+    def shape(self, mode: int, *names: str) -> Complexes:
+        """Complex amplitudes of variables (or of derivatives, ``"der(load.w)"``) in a mode.
+
+        Of a free motion these are the amplitudes over those of a slow oscillation, so that ratios of speeds are right.
+        """
+        self._check(mode)
+        amplitude, s = self.amplitudes(mode), self._s(mode)
+        result = []
+        for name in names:
+            base, order = self._model.column(name)
+            v = self._model.variable(base)
+            rep = int(self._model.representative[v])
+            if self._model.sign[v] and self._orders[rep] < 0:
+                raise NameLookupError(f"{name} has no amplitude in the mode; {nearest(name, self.states)}")
+            result.append(int(self._model.sign[v]) * amplitude[rep] * s**order)
+        return np.array(result)
+
+    def _check(self, mode: int) -> None:
+        if isinstance(mode, bool) or not isinstance(mode, (int, np.integer)) or not -len(self) <= mode < len(self):
+            raise ArgumentError(f"there is no mode {shown(mode)}; there are {len(self)}, from 0")
+
+    @cached_property
+    def _families(self) -> list[Family]:
+        return self._find_families()
+
+    @cached_property
+    def components(self) -> tuple[str, ...]:
+        """Components that keep energy in some mode, in the order of the model."""
+        return tuple(self._model.instances[i].path for i in self._energies.numbers)
+
+    @cached_property
+    def _energies(self) -> _Shares:
+        numbers = [i for family in self._families for i in family.instances]
+        kinetic, potential, off = (np.zeros((len(self), len(numbers))) for _ in range(3))
+        for mode, value in enumerate(self.eigenvalues):
+            amplitude = self.amplitudes(mode)
+            parts = [energies(family, amplitude, abs(self._s(mode))) for family in self._families]
+            if parts:
+                kinetic[mode], potential[mode], off[mode] = (np.concatenate(kind) for kind in zip(*parts, strict=True))
+                potential[mode] *= bool(value)
+        unknown = self._unknown_shares(numbers, kinetic, potential, off)
+        for table in (kinetic, potential):
+            np.maximum(table, 0.0, out=table)  # what is less is rounding, or is not given
+            total = table.sum(axis=1, keepdims=True)
+            np.divide(100 * table, total, out=table, where=total > 0)
+            table[:, table.max(axis=0, initial=0.0) < 1e-5] = 0.0  # percent: rounding of components that keep none
+        order = [k for k in np.argsort(numbers) if kinetic[:, k].any() or potential[:, k].any()]
+        kinetic, potential = kinetic[:, order], potential[:, order]
+        bodies = np.asarray(kinetic.any(axis=0), bool)
+        for table in (kinetic, potential):
+            table[list(unknown)] = np.nan
+        return _Shares([numbers[k] for k in order], kinetic, potential, bodies, unknown)
+
+    def _unknown_shares(self, numbers: list[int], kinetic: Floats, potential: Floats, off: Floats) -> dict[int, str]:
+        """Modes of which no shares can be given, and why."""
+        unknown: dict[int, str] = {}
+        if not numbers:
+            return unknown
+        for mode in range(len(self)):
+            total = max(np.abs(kinetic[mode]).sum(), np.abs(potential[mode]).sum())
+            paths = [
+                self._model.instances[numbers[int(k)]].path
+                for k in (off[mode].argmax(), kinetic[mode].argmin(), potential[mode].argmin())
+            ]
+            if off[mode].sum() > UNSURE * total:
+                unknown[mode] = (
+                    f"{paths[0]} stores energy and damps inside, which its equations at the flanges do not tell apart"
+                )
+            elif kinetic[mode].min() < -NEGATIVE * total:
+                unknown[mode] = f"the kinetic energy of {paths[1]} is negative"
+            elif potential[mode].min() < -NEGATIVE * total:
+                unknown[mode] = f"the potential energy of {paths[2]} is negative: its stiffness pushes away"
+        return unknown
+
+    @property
+    def kinetic(self) -> Floats:
+        """Share of each component in the mode's kinetic energy, 0 to 100 percent, shape (modes, components); NaN where `not_given`."""
+        return self._energies.kinetic
+
+    @property
+    def potential(self) -> Floats:
+        """Share of each component in the mode's potential energy, 0 to 100 percent; 0 for free motions, NaN where `not_given`."""
+        return self._energies.potential
+
+    @property
+    def not_given(self) -> dict[int, str]:
+        """Modes of which no shares of energy are given, and the reason."""
+        return self._energies.unknown
+
+    def motions(self, mode: int) -> list[tuple[str, str, complex]]:
+        """Amplitudes of the bodies: (component, "rad" or "m", amplitude) of those that keep kinetic energy in some mode."""
+        self._check(mode)
+        result = []
+        for number, moves in zip(self._energies.numbers, self._energies.bodies, strict=True):
+            instance = self._model.instances[number]
+            own = [(n, d.unit) for n, d in instance.variables.items() if isinstance(d, Potential) and d.unit in ("rad", "m")]
+            first = [(n, unit) for n, unit in own if n.split(".")[0] == own[0][0].split(".")[0]]
+            if moves:
+                value = self.shape(mode, *(f"{instance.path}.{n}" if instance.path else n for n, _ in first))
+                labels = [n.rsplit(".", 1)[1] for n, _ in first]
+                for (_, unit), label, amplitude in zip(first, labels, value, strict=True):
+                    result.append((instance.path + (f".{label}" if len(first) > 1 else ""), unit, complex(amplitude)))
+        return result
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """A row for each mode: frequencies, damping, and the shares of energy as columns ``("kinetic", component)``."""
+        pandas = optional("pandas")
+
+        table = {
+            ("mode", "frequency, Hz"): self.frequencies,
+            ("mode", "damped frequency, Hz"): self.damped_frequencies,
+            ("mode", "damping ratio"): self.damping,
+        }
+        for kind, shares in (("kinetic, %", self.kinetic), ("potential, %", self.potential)):
+            table |= {(kind, c): shares[:, k] for k, c in enumerate(self.components) if shares[:, k].any()}
+        return pandas.DataFrame(table, index=pandas.RangeIndex(len(self), name="mode"))
+
+    def __str__(self) -> str:
+        most = [[self._largest(shares[k]) for shares in (self.kinetic, self.potential)] for k in range(len(self))]
+        width = max([34, *(len(kinetic) for kinetic, _ in most)])
+        lines = [f"mode  frequency, Hz    damping   {'kinetic energy':{width}}  potential energy"]
+        for k, (kinetic, potential) in enumerate(most):
+            line = f"{k:4d}  {self.frequencies[k]:13.6g}  {self.damping[k]:9.5f}   {kinetic:{width}}  {potential}"
+            lines.append(line.rstrip())
+        lines += [f"Shares of energy of mode {k} are not given: {why}." for k, why in self.not_given.items()]
+        lines += [f"Mode {k} is a free relative motion across {across}." for k, across in self.gaps.items()]
+        if self.positions:
+            lines.append(f"Nothing depends on {', '.join(self.positions)}.")
+        if self.conditions:
+            lines.append(f"Operating point: {'; '.join(self.conditions)}.")
+        if self.preloads:
+            are = "pole at 0 is a constant preload" if self.preloads == 1 else "poles at 0 are constant preloads"
+            lines.append(f"Besides these, {self.preloads} {are}, locked into loops of meshes.")
+        if len(self.decays):
+            lines.append(f"Decays without oscillation, 1/s: {', '.join(f'{-d:.6g}' for d in self.decays[:8])}")
+        return "\n".join(lines)
+
+    def _largest(self, shares: Floats) -> str:
+        best = [i for i in np.argsort(-shares, kind="stable")[:2] if shares[i] > 0.5]
+        return ", ".join(f"{self.components[i]} {shares[i]:.0f} %" for i in best)
+
+    def draw(self, mode: int, *, axes: Any = None) -> Any:
+        """Draw a mode: amplitudes of the bodies, and the shares of energy. Returns the matplotlib axes."""
+        from gearlib.modes.draw_mode import draw_mode
+
+        self._check(mode)
+        return draw_mode(self, int(mode) % len(self), axes)
+
+    def animate(self, mode: int, *, frames: int = 48, degrees: float = 40.0) -> Any:
+        """Animate a mode over one period: every body swings about its place. Returns a matplotlib ``FuncAnimation``.
+
+        Keep it in a variable, and show it or save it: ``animation.save("mode.gif", writer="pillow")``.
+
+        Parameters
+        ----------
+        mode : int
+        frames : int
+            Pictures of a period.
+        degrees : float
+            Swing of the body that turns most.
+        """
+        from gearlib.modes.animate_mode import animate_mode
+
+        self._check(mode)
+        return animate_mode(self, int(mode) % len(self), frames, degrees)
+
+
+def modes(system: System, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None) -> Modes:
+    """Natural frequencies, damping ratios and mode shapes, with the energy of each component.
+
+    Parameters
+    ----------
+    system : System
+    count : int, optional
+        How many modes that oscillate, from the lowest; all by default (20 above 500 states, where sparse matrices are used).
+    at : None, "steady", mapping, or (Result, time)
+        Operating point, as for `System.linearize`.
+    parameters : mapping, optional
+        Values by path.
+
+    Returns
+    -------
+    Modes
+
+    Notes
+    -----
+    Of a repeated frequency the shapes are one choice out of many, and so are the shares of energy of each; their sums are not.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Pair(gl.Component):
+    ...     def assemble(self):
+    ...         self.a, self.b, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=3.0), gp.Spring(c=3.0)
+    ...         return [gl.connect(self.a.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.b.flange_a)]
+    >>> found = gl.modes(gl.compile(Pair()))
+    >>> print(found)
+    mode  frequency, Hz    damping   kinetic energy                      potential energy
+       0              0    0.00000   b 75 %, a 25 %
+       1       0.31831    0.00000   a 75 %, b 25 %                      shaft 100 %
+    """
+    check_system(system)
+    if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1):
+        raise ArgumentError(f"count is {count!r}; expected a whole number, 1 or more")
+    system = system.fitting(parameters, at)
+    structure = system._structure
+    states = _moving_states(structure)
+    scene, numbers, point = operating_point(system, states, at, parameters)
+    nodes = _amplitude_nodes(structure)
+    targets = [(v, k) for v, k in nodes.items()]
+    program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
+    prepared = prepare(program, structure, numbers)
+    slots, flags = slots_at(scene, numbers, prepared, point)
+    d = sensitivity(prepared, point.t, slots, flags, range(len(states)))
+    A = d[[program.slots[v, k + 1] for v, k in states]]
+    n_variables = structure.model.n_variables
+    orders = np.full(n_variables, -1)
+    pick = np.zeros(n_variables, np.int64)
+    for v, k in nodes.items():
+        if (v, k) in program.slots:
+            orders[v], pick[v] = k, program.slots[v, k]
+    rows, kept = d[pick], states
+    left = remaining(structure, prepared, point.t, slots, flags, A)
+    if left is not None:
+        A, rows, kept = A[left.keep] @ left.basis, rows @ left.basis, tuple(states[i] for i in left.keep)
+    angles = any(k == 0 and structure.model.potential[v] for v, k in states)
+    speeds, forces = rows[np.flatnonzero(orders == 1)], rows[_forces(structure.model, orders)]
+    spectrum = _spectrum(A, speeds, forces, count, angles)
+    free, alone = without_preloads(A, speeds, spectrum.free)
+    unused, words = _unused(A, speeds, forces), conditions(scene, numbers, point)
+    return Modes(
+        np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([free, spectrum.vectors]),
+        tuple(node_name(structure.model, s) for s in kept), spectrum.free.shape[1], spectrum.preloads, spectrum.decays,
+        tuple(described(structure, kept[i]) for i in unused), _gaps(structure, kept, A, free, unused, words.open),
+        words.said, structure.model, rows, orders,
+        lambda: families(structure, prepared, slots, flags, point.t), not alone,
+    )  # fmt: skip
+
+
+def _forces(model: FlatModel, orders: Any) -> Any:
+    """Variables that are flows of connectors, as far as their amplitudes are known."""
+    flows = [
+        int(model.representative[v])
+        for instance in model.instances
+        for v, declared in enumerate(instance.variables.values(), instance.first_variable)
+        if isinstance(declared, Flow) and model.sign[v]
+    ]
+    found = np.unique(np.array(flows, np.int64))
+    return found[orders[found] == 0]
+
+
+def _unused(A: Any, speeds: Any, forces: Any) -> list[int]:
+    """States that no rate, speed or force depends on."""
+    total = sum(np.asarray(abs(m).sum(axis=0)).ravel() for m in (A, speeds, forces))
+    return np.flatnonzero(total == 0).tolist()
+
+
+def _gaps(
+    structure: Structure, kept: tuple[Node, ...], A: Any, free: Complexes, unused: Sequence[int], open_: frozenset[str]
+) -> dict[int, str]:
+    """Free motions that change a deflection on which nothing depends here, since its component is open."""
+    owners = {i: structure.model.name(kept[i][0]).rsplit(".", 1)[0] for i in unused}
+    gaps = [i for i in unused if owners[i] in open_ and matters_elsewhere(structure, kept, kept[i])]
+    result = {}
+    if gaps:
+        moved, terms = np.abs(np.asarray(A[gaps] @ free)), np.asarray(abs(A[gaps]) @ np.abs(free))
+        for mode in range(free.shape[1]):
+            across = [owners[i] for i, m, t in zip(gaps, moved[:, mode], terms[:, mode], strict=True) if m > 1e-9 * t]
+            if across:
+                result[mode] = ", ".join(across)
+    return result
+
+
+def _spectrum(A: Any, speeds: Any, forces: Any, count: int | None, angles: bool) -> Spectrum:
+    """All modes of a small matrix, the lowest of a large one."""
+    if A.shape[0] <= MOST_DENSE:
+        full = [m.toarray() if hasattr(m, "toarray") else np.asarray(m) for m in (A, speeds, forces)]
+        return dense_spectrum(full[0], full[1], count, full[2])
+    return sparse_spectrum(A, speeds, 20 if count is None else count, angles)
+
+
+def _moving_states(structure: Structure) -> tuple[Node, ...]:
+    """All states but absolute angles that nothing depends on."""
+    wanted = [s for s in structure.states if s not in structure.angles]
+    return tuple(sorted({*wanted, *needed_states(structure, [(v, k + 1) for v, k in wanted])}))
+
+
+def _amplitude_nodes(structure: Structure) -> dict[int, int]:
+    """For each variable an order of derivative whose amplitude is known without integrating absolute angles."""
+    choice, model = structure.choice, structure.model
+    states = set(structure.states) - set(structure.angles)
+    solved = set(choice.solved_by)
+    result: dict[int, int] = {}
+    top = 1 + max([0, *(k for _, k in solved)])
+    absolute = {v for v, _ in structure.angles}
+    for v in sorted({int(r) for r in np.unique(model.representative[model.sign != 0])}):
+        preferred = (1, 0) if model.potential[v] or v in absolute else (0, 1)
+        for k in (*preferred, *range(2, top)):
+            if (v, k) in solved or (v, k) in states:
+                result[v] = k
+                break
+    return result

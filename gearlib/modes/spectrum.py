@@ -1,0 +1,175 @@
+"""Eigenvalues and eigenvectors of a train's matrix: all of a small one, the lowest of a large sparse one.
+
+A train has poles at 0 in three ways: it turns freely, a loop of meshes carries a constant preload, or nothing depends on a position (the
+phase of a mesh, a place inside an open gap). They are told apart by whether anything moves, and by whether a force acts. In
+large trains there may be hundreds of them, so they are counted beforehand, and the search passes them by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+from gearlib.linear.poles import deflate
+from gearlib.modes.lowest_eigenvalues import lowest
+from gearlib.structure.sparse_elimination import factorise
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+ACTING = 1e-9  # of the largest speed or force: what is less is rounding
+MOST_FULL = 4000  # states up to which all eigenvalues are computed where the lowest alone cannot be made sure of
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Oscillating modes, free motions, decays.
+
+    Attributes
+    ----------
+    values, vectors : complex arrays (modes,), (states, modes)
+        By magnitude, positive imaginary parts.
+    free : array (states, free motions)
+    preloads : int or None
+    decays : array
+        Real poles, slowest first.
+    """
+
+    values: Complexes
+    vectors: Complexes
+    free: Complexes
+    preloads: int | None
+    decays: Floats
+
+
+def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats | None = None) -> Spectrum:
+    """All eigenvalues; ``speeds`` (variables, states) tells free motions from what rests, and ``forces`` preloads from positions."""
+    from scipy.linalg import eig, matrix_balance
+
+    n = len(A)
+    if not n:
+        return Spectrum(np.empty(0, complex), np.empty((0, 0), complex), np.empty((0, 0), complex), 0, np.empty(0))
+    balanced, (scale, permutation) = matrix_balance(A, separate=True)
+    zero, others, chains = deflate(balanced)
+    values, vectors = eig(others.T @ balanced @ others) if others.shape[1] else (np.empty(0, complex), np.empty((0, 0)))
+    inner, coupling = zero.T @ balanced @ zero, zero.T @ balanced @ others
+    full = np.zeros((n, len(values)), complex)
+    for k, value in enumerate(values):
+        w = vectors[:, k]
+        at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
+        full[:, k] = others @ w + zero @ at_zero
+    zero_ = zero
+    full, zero = _unscaled(full, scale, permutation), _unscaled(zero, scale, permutation)
+    free = _free(zero, speeds)
+    still = zero_[:, : chains[0]] if chains else zero_  # with no rate at all; in a chain a motion is a place and a speed
+    rates, acting = (np.asarray(rows)[:, permutation] * scale for rows in (speeds, speeds if forces is None else forces))
+    preloads = 0 if forces is None else _preloads(still, rates, acting)
+    return _ordered(values, full, free, preloads, count)
+
+
+def _preloads(still: Floats, speeds: Floats, forces: Floats) -> int:
+    """How many independent directions among those that stay for ever have forces and no speeds."""
+
+    def seen(rows: Floats) -> tuple[int, Floats]:
+        """How many directions the rows tell apart, and the directions, those told apart first."""
+        size = np.abs(rows).max(initial=0.0)
+        if not size or not still.shape[1]:
+            return 0, still
+        _, sizes, turn = np.linalg.svd(rows @ still / size)
+        return int((sizes > ACTING).sum()), still @ turn.T
+
+    moving, still = seen(speeds)
+    still = still[:, moving:]
+    return seen(forces)[0]
+
+
+def _unscaled(vectors: Any, scale: Floats, permutation: Any) -> Any:
+    """Vectors of the balanced matrix in the states' own order and units."""
+    result = np.empty_like(vectors)
+    result[permutation] = vectors * scale[:, None]  # scale is in the new order
+    return result
+
+
+def _free(zero: Floats, speeds: Any) -> Complexes:
+    """Those combinations of motions at 0 in which something turns."""
+    if not zero.shape[1]:
+        return np.empty((len(zero), 0), complex)
+    moving = np.asarray(speeds @ zero)
+    size = np.abs(moving).max(initial=0.0)
+    if not size:
+        return np.empty((len(zero), 0), complex)
+    # A unit of preload and a unit of speed differ by orders of magnitude; what counts is whether anything turns at all.
+    per_column = np.abs(moving).max(axis=0)
+    moving = np.where(per_column > 1e-9 * np.abs(zero).max(axis=0), moving, 0.0)
+    _, sizes, rows = np.linalg.svd(moving / size, full_matrices=False)
+    rank = int((sizes > 1e-9).sum())
+    result: Complexes = (zero @ rows[:rank].conj().T).astype(complex)
+    return result
+
+
+def _ordered(values: Complexes, vectors: Complexes, free: Complexes, preloads: int | None, count: int | None) -> Spectrum:
+    size = np.maximum(np.abs(values), 1e-300)
+    real = np.abs(values.imag) <= 1e-9 * size
+    decays = np.sort(values[real].real)[::-1]
+    ringing = np.flatnonzero(~real & (values.imag > 0))
+    ringing = ringing[np.argsort(np.abs(values[ringing]), kind="stable")][:count]
+    chosen = values[ringing]
+    # What rounding leaves of a damping that is not there.
+    chosen = np.where(np.abs(chosen.real) < 1e-11 * np.abs(values).max(initial=0.0), 1j * chosen.imag, chosen)
+    shapes = vectors[:, ringing]
+    peak = np.abs(shapes).max(axis=0, initial=1e-300)
+    return Spectrum(chosen, shapes / peak, free, preloads, decays)
+
+
+def sparse_spectrum(A: Any, speeds: Any, count: int, chained: bool = True) -> Spectrum:
+    """The lowest modes of a large matrix, and the decays that are not faster; ``chained`` where angles are states.
+
+    Raises
+    ------
+    SolverError
+        The lowest modes could not be told for sure, and the matrix is too large for a full one.
+    """
+    import scipy.sparse as sparse
+
+    A = sparse.csc_matrix(A)
+    free, at_zero = _free_motions(A, speeds, chained)
+    found = lowest(A, count, at_zero)
+    if found is not None:
+        return _ordered(found.values, found.vectors, free, None, count)
+    if A.shape[0] > MOST_FULL:
+        raise SolverError(
+            f"the lowest {count} modes of {A.shape[0]} states could not be told from all others: decays without oscillation lie "
+            f"between them, or there are fewer; ask for a smaller count, or for a part of the train ({MOST_FULL} states have all theirs)"
+        )
+    return dense_spectrum(A.toarray(), speeds.toarray() if hasattr(speeds, "toarray") else speeds, count)
+
+
+def _free_motions(A: Any, speeds: Any, chained: bool) -> tuple[Complexes, int]:
+    """Free motions of a large matrix, and the number of its poles at 0, from its sparse elimination: chains have up to two if chained."""
+    import scipy.sparse as sparse
+
+    n = A.shape[0]
+    found = factorise(sparse.bmat([[A, -sparse.identity(n)], [None, A]]) if chained else A)  # x and A x, with A (A x) = 0
+    scale, looks, most = found.column[:n], 8, found.matrix.shape[0] - found.rank
+    while True:  # random motions at 0: more than are independent show how many are
+        zero = np.linalg.qr(found.directions(min(looks, most))[:n])[0]
+        free = scale[:, None] * _free(zero, speeds @ sparse.diags(scale))
+        if free.shape[1] < looks:
+            return free, most
+        looks *= 4
+
+
+def without_preloads(A: Any, speeds: Any, free: Complexes) -> tuple[Complexes, bool]:
+    """Free motions without the preloads that are mixed into them, and whether these could be left out.
+
+    A preload is in states that no speed depends on: without them it must still be a motion at 0.
+    """
+    alone = free * (np.asarray(abs(speeds).sum(axis=0)).ravel() > 0)[:, None]
+    size = abs(A)
+    largest = np.asarray(size.max(axis=1).toarray() if hasattr(size, "toarray") else size.max(axis=1, initial=0.0)).ravel()
+    terms = size @ np.abs(alone) + 1e-6 * largest[:, None] * np.abs(alone).max(axis=0, initial=0.0)
+    possible = bool((np.abs(A @ alone) <= 1e-6 * terms).all())
+    return (alone if possible else free), possible

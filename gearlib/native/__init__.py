@@ -1,0 +1,1 @@
+"""A program as source in the small language: right-hand side, Jacobian, event functions."""

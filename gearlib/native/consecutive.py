@@ -1,0 +1,106 @@
+"""Loops over consecutive slots: the fast form of a linear equation that many neighbours share.
+
+Slots are numbered so that neighbours in a chain lie side by side. A run is a stretch of rows in which every slot grows by one; inside
+it the loop reads and writes plain stretches of memory, which the compiler turns into vector instructions. The coefficients of a
+linear equation depend on parameters only, so they are computed once per run of the solver and lie side by side as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import Kernel, derivative_of, rest_of
+from gearlib.program.program import Batch
+
+Integers = NDArray[np.int64]
+SHORTEST = 8  # rows that runs must have on average to be worth it
+
+
+def starts_of_runs(columns: Integers) -> Integers:
+    """First rows of the stretches in which all columns grow by one.
+
+    >>> starts_of_runs(np.array([[0, 5], [1, 6], [2, 9], [3, 10]]))
+    array([0, 2])
+    """
+    breaks = (np.diff(columns, axis=0) != 1).any(axis=1)
+    return np.concatenate([[0], 1 + np.flatnonzero(breaks)])
+
+
+def has_runs(batch: Batch) -> bool:
+    """Whether a batch (of one pattern of signs) is a linear equation whose rows mostly lie side by side."""
+    kernel = batch.kernel
+    if len(batch) < SHORTEST or not kernel.columns or kernel.relations or (batch.argument_signs == 0).any():
+        return False
+    rest = rest_of(kernel)
+    if rest.on_time or rest.relations or any(k.columns or k.relations or k.on_time for k in _coefficients(kernel)):
+        return False
+    starts = starts_of_runs(np.column_stack([batch.targets, batch.arguments]))
+    return len(batch) >= SHORTEST * len(starts)
+
+
+def _coefficients(kernel: Kernel) -> list[Kernel]:
+    return [derivative_of(kernel, c) for c in kernel.columns]
+
+
+def coefficient_batches(batch: Batch) -> list[Batch]:
+    """The coefficients that are no plain numbers, and the constant part if there is one: to be computed before a run."""
+    found = []
+    for a, kernel in enumerate(_coefficients(batch.kernel)):
+        if kernel.number is None:
+            found.append(_of_parameters(batch, kernel, batch.signs * batch.argument_signs[:, a]))
+    rest = rest_of(batch.kernel)
+    if not rest.is_zero:
+        found.append(_of_parameters(batch, rest, batch.signs))
+    return found
+
+
+def _of_parameters(batch: Batch, kernel: Kernel, signs: Integers) -> Batch:
+    parameters = batch.parameters[:, [batch.kernel.parameters.index(p) for p in kernel.parameters]]
+    none = np.empty((len(batch), 0), np.int64)
+    return replace(
+        batch, kernel=kernel, signs=signs, arguments=none, argument_signs=none, parameters=parameters, relations=none
+    )
+
+
+def run_lines(batch: Batch, place: str) -> list[str]:
+    """The loop over runs; ``place`` holds the index array that `run_index` makes."""
+    n_x, n_q = batch.arguments.shape[1], len(coefficient_batches(batch))
+    width = 2 + n_x + n_q
+    terms, q = [], 0
+    for a, kernel in enumerate(_coefficients(batch.kernel)):
+        if kernel.number is None:
+            terms.append(f"+ data[q{q} + k] * data[x{a} + k]")
+            q += 1
+        else:
+            number = kernel.number * int(batch.signs[0] * batch.argument_signs[0, a])
+            factor = "" if abs(number) == 1.0 else f"{abs(number)!r} * "
+            terms.append(f"{'-' if number < 0 else '+'} {factor}data[x{a} + k]")
+    if not rest_of(batch.kernel).is_zero:
+        terms.append(f"+ data[q{q} + k]")
+    label = batch.kernel.template.label.replace("\n", " ")
+    return [
+        f"# {label}",
+        f"o = {place}",
+        "for g in range(index[o]):",
+        f"    h = o + 1 + {width} * g",
+        "    y = index[h + 1]",
+        *(f"    x{a} = index[h + {2 + a}]" for a in range(n_x)),
+        *(f"    q{i} = index[h + {2 + n_x + i}]" for i in range(n_q)),
+        "    for k in parallel(index[h]):",
+        f"        data[y + k] = {' '.join(terms).removeprefix('+ ')}",
+    ]
+
+
+def run_index(batch: Batch, slots_at: int, coefficients_at: int) -> Integers:
+    """Number of runs, then of each its length, and where in ``data`` its first slots and its coefficients lie."""
+    columns = np.column_stack([batch.targets, batch.arguments])
+    starts = starts_of_runs(columns)
+    lengths = np.diff([*starts, len(batch)])
+    n_q = len(coefficient_batches(batch))
+    places = coefficients_at + starts[:, None] + len(batch) * np.arange(n_q)[None, :]
+    return np.concatenate([[len(starts)], np.column_stack([lengths, slots_at + columns[starts], places]).ravel()]).astype(
+        np.int64
+    )

@@ -1,0 +1,119 @@
+"""Native functions of a program: generated source and its machine code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.compiler.object_code import Function, compiled
+from gearlib.native.events import root_numbers, roots_body, update_body
+from gearlib.native.identifiers import identifiers
+from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of
+from gearlib.native.layout import Layout, Shared, lay_out
+from gearlib.native.linear_solve import SOLVE
+from gearlib.native.source import HEADER, Body, function, is_small, looped, written_out
+from gearlib.program.program import Program
+from gearlib.program.relations import Relations
+
+Integers = NDArray[np.int64]
+
+
+RHS, JAC, ROOTS, UPDATE, TABLES = range(5)  # entries of ``index`` that say where each function's integers begin, and tables'
+
+
+@dataclass(frozen=True)
+class NativeFunction:
+    """A compiled function and its parts of the data and index blocks."""
+
+    machine_code: Function
+    body: Body
+    layout: Layout
+    source: str
+
+    @property
+    def address(self) -> int:
+        return self.machine_code.address
+
+
+@dataclass(frozen=True)
+class NativeScene:
+    """All native functions of a scene, with one data and one index block between them."""
+
+    rhs: NativeFunction
+    jac: NativeFunction | None
+    pattern: Pattern | None
+    roots: NativeFunction | None
+    update: NativeFunction | None
+    shared: Shared
+    index: Integers
+    size: int  # of the data block
+
+
+def rhs_source(
+    program: Program, layout: Layout, names: Callable[[], Sequence[str]], parameter_names: Sequence[str]
+) -> tuple[str, Body]:
+    """Source of the right-hand side: written out where it is small, else in loops, which need no names."""
+    if is_small(program):
+        body = written_out(program, layout, dict(enumerate(identifiers(names()))), parameter_names)
+    else:
+        body = looped(program, layout)
+    return function("rhs", ["x", "dx", "data", "index"], body, RHS), body
+
+
+def compile_scene(
+    program: Program, relations: Relations | None, names: Callable[[], Sequence[str]], parameter_names: Sequence[str],
+    n_relations: int, n_discrete: int, jacobian: bool,
+) -> NativeScene:  # fmt: skip
+    """Compile what a run needs.
+
+    Parameters
+    ----------
+    program : Program
+        Computes the derivatives of the states.
+    relations : Relations, optional
+        Where the program uses relations.
+    names : callable
+        Gives those of the slots.
+    parameter_names : sequence of str
+    n_relations, n_discrete : int
+        Of the whole model.
+    jacobian : bool
+        Whether the analytic Jacobian is wanted.
+    """
+    n_modes = n_relations + (2 * n_discrete + 1 if n_discrete else 0)
+    shared = Shared(len(parameter_names), n_modes, len(program.inputs))
+    layout = lay_out(program, shared, shared.size)
+    text, body = rhs_source(program, layout, names, parameter_names)
+    rhs = _compile("rhs", text, body, layout)
+    end = layout.size + body.n_coefficients
+    jac = pattern = roots = update = None
+    if jacobian:
+        layout = lay_out(program, shared, end)
+        pattern = pattern_of(program)
+        body, end = jacobian_body(program, layout, pattern)
+        jac = _compile("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
+    if relations is not None:
+        layout = lay_out(relations.program, shared, end)
+        if len(root_numbers(relations)):
+            body = roots_body(relations, layout)
+            roots = _compile("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
+        body = update_body(relations, layout, n_relations, n_discrete)
+        end = layout.size + body.n_coefficients
+        update = _compile("update", function("update", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
+    packed: list[Integers] = []
+    bases, base = [], 5
+    for part in (rhs, jac, roots, update):
+        bases.append(base)
+        if part is not None:
+            packed.append(part.body.packed(base))
+            base += len(packed[-1])
+    index = np.concatenate([np.array([*bases, 0], np.int64), *packed])
+    return NativeScene(rhs, jac, pattern, roots, update, shared, index, end)
+
+
+def _compile(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:
+    full = HEADER + (SOLVE if "solve(" in text else "") + text
+    return NativeFunction(compiled(full, name), body, layout, full)

@@ -1,0 +1,1 @@
+"""Periodic motions: harmonic balance, describing functions, order analysis."""

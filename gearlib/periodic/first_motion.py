@@ -1,0 +1,284 @@
+"""The forcing of a train, and the first periodic motion that harmonic balance starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import finite
+from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
+from gearlib.periodic.fourier_balance import Balance, rigid_motions
+from gearlib.periodic.periods import Driven, fourier
+from gearlib.run.scene import Scene, needed_states, node_name
+
+if TYPE_CHECKING:
+    from gearlib.system import System
+
+Floats = NDArray[np.float64]
+SINGULAR = 1e-14  # of the largest singular value: a smaller one is rounding
+ROUNDING = 1e-12  # of the terms of a rate
+SETTLE = 100  # periods of a run that looks for a first motion
+
+
+@dataclass(frozen=True, eq=False)
+class First:
+    """The equations, scaled, and a solution."""
+
+    balance: Balance
+    z: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Forced:
+    """What a branch is asked for, with its forcing."""
+
+    system: System
+    frequency: str | None
+    parameters: dict[str, float]
+    inputs: dict[str, Any]
+    harmonics: int
+    turning: dict[str, float]
+
+    def scene(self, outputs: Sequence[str]) -> Scene:
+        """The states that the outputs need.
+
+        Raises
+        ------
+        ArgumentError
+            There are none, or some of them have a memory.
+        """
+        system = self.system
+        structure = system._structure
+        if isinstance(outputs, str) or not outputs:
+            raise ArgumentError(f"outputs is {outputs!r}; expected a list of names, such as ['mesh.q']")
+        states = needed_states(structure, [system._node(n, "output") for n in outputs])
+        if not states:
+            raise ArgumentError(f"{', '.join(outputs)} depend on no states, so there is nothing to balance")
+        scene = system._scenes.setdefault(states, Scene(structure, states))
+        _refuse_memory(scene)
+        if len(scene.program.inputs) > len(system.inputs):
+            raise ArgumentError("the model differentiates an input; give its derivative to a component that takes it instead")
+        return scene
+
+    def values(self, omega: float) -> dict[str, float]:
+        if self.frequency is None:
+            return self.parameters
+        return {**self.parameters, self.frequency: omega / (2 * np.pi) if self._in_hertz else omega}
+
+    @cached_property
+    def _in_hertz(self) -> bool:
+        """Whether the frequency's parameter is declared in Hz."""
+        for instance in self.system._model.instances:
+            for name, declared in instance.parameters.items():
+                if (f"{instance.path}.{name}" if instance.path else name) == self.frequency:
+                    return declared.unit == "Hz"
+        return False
+
+    def repeating(self) -> tuple[str, ...]:
+        """The states but those that only add up what others do: absolute angles and phases of meshes, which may grow."""
+        structure = self.system._structure
+        names = {node_name(structure.model, s): s for s in structure.states}
+        left = []
+        for name in self.system.states:
+            v, k = names[name]
+            follows = needed_states(structure, [(v, k + 1)])
+            others = [(u, j + 1) for u, j in structure.states if (u, j) != (v, k)]
+            if name not in self.turning and not (follows and (v, k) not in {*follows, *needed_states(structure, others)}):
+                left.append(name)
+        return tuple(left or [n for n in self.system.states if n not in self.turning])
+
+    def driven(self, scene: Scene) -> Callable[[float], Driven]:
+        """The scene at a frequency; the last ones are kept."""
+        system = self.system
+        self._check_inputs()
+        given = [self.inputs.get(name, 0.0) for name in system.inputs]
+
+        def signals(phase: Floats, omega: float) -> Floats:
+            rows = [
+                [_finite(name, g(float(p), omega)) for p in phase % (2 * np.pi)] if callable(g) else np.full(len(phase), g)
+                for name, g in zip(system.inputs, given, strict=True)
+            ]
+            return np.array(rows, float).reshape(len(given), len(phase))
+
+        growth = self.growth(scene)
+
+        @lru_cache(maxsize=8)
+        def at(omega: float) -> Driven:
+            return Driven(scene, scene.numbers(system._parameters(self.values(omega))), signals, omega, growth)
+
+        if self.frequency is not None:
+            return at
+        fixed = scene.numbers(system._parameters(self.parameters))
+        return lambda omega: Driven(scene, fixed, signals, omega, growth)
+
+    def growth(self, scene: Scene) -> Floats:
+        """How far each state gets over one radian of phase."""
+        for name, turns in self.turning.items():
+            if name not in scene.state_names:
+                raise NameLookupError(f"the system has no state '{name}'; {nearest(str(name), scene.state_names)}")
+            if isinstance(turns, bool) or not isinstance(turns, (int, float, np.number)) or not np.isfinite(turns) or not turns:
+                raise ArgumentError(f"turning[{name!r}] is {turns!r}; expected the periods of 2 pi in one period of the motion")
+        return np.array([float(self.turning.get(name, 0.0)) for name in scene.state_names])
+
+    def _check_inputs(self) -> None:
+        self.system._signals({name: 0.0 if callable(g) else g for name, g in self.inputs.items()})
+
+    def first(
+        self, scene: Scene, omega: float, samples: int, guess: Mapping[str, float] | None, known: Floats | None = None
+    ) -> First:
+        """A periodic motion at the first frequency: by Newton's method from the start values, or from the end of a run.
+
+        ``known`` are the coefficients of an approximation with fewer harmonics.
+        """
+        system = self.system
+        driven = self.driven(scene)
+        numbers = system._parameters(self.values(omega))
+        now = [
+            _finite(n, g(0.0, omega)) if callable(g) else g for n, g in ((n, self.inputs.get(n, 0.0)) for n in system.inputs)
+        ]
+        means = system._start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
+        size = (2 * self.harmonics + 1, len(scene.states))
+        for tried in (omega, 1.2345678 * omega):  # forcing whose frequency is fixed may repeat at one by chance
+            _check_forcing(driven(tried), means, self.frequency)
+        varies = self.frequency is not None or any(callable(g) for g in self.inputs.values())
+        nominal = np.maximum(scene.nominal, 1e-300)
+        rigid = rigid_motions(driven(omega), means, nominal, nominal)
+        balance = Balance(driven, self.harmonics, samples, nominal, rigid, varies)
+        c = np.zeros(size)
+        c[0] = means
+        if known is not None:
+            c[: len(known)] = known
+        z = _newton(balance, balance.unknowns(c), omega)
+        if z is None and not self.turning:
+            c = self._settled(scene, omega, samples, guess)
+            z = _newton(balance, balance.unknowns(c), omega)
+        if z is None:
+            _refuse_undetermined(balance, balance.unknowns(c), omega)
+            raise SolverError(
+                f"no periodic motion was found at {omega:g} rad/s, neither from the start values nor from a run over {SETTLE} "
+                "periods; start where the response is small or linear, or give a guess of the means"
+            )
+        _refuse_undetermined(balance, z, omega)
+        return _rescaled(balance, z, driven(omega), nominal)
+
+    def _settled(self, scene: Scene, omega: float, samples: int, guess: Mapping[str, float] | None) -> Floats:
+        """Fourier coefficients of the last period of a run."""
+        period = 2 * np.pi / omega
+        times = np.append(0.0, (SETTLE + np.arange(samples) / samples) * period)
+        timed = {
+            name: (lambda t, g=g: g((omega * t) % (2 * np.pi), omega)) if callable(g) else g for name, g in self.inputs.items()
+        }
+        run = self.system.simulate(float(times[-1]), times=times, parameters=self.values(omega), inputs=timed, rtol=1e-8,
+                                   start=dict(guess) if guess else None)  # fmt: skip
+        x = np.array([run._history(s)[1:] for s in scene.states])
+        basis = fourier(omega * times[1:], self.harmonics)
+        result: Floats = np.linalg.lstsq(basis, x.T, rcond=None)[0]
+        return result
+
+
+def _finite(name: str, value: Any) -> float:
+    return finite(lambda: f"the input {name} returned", value)
+
+
+def _refuse_memory(scene: Scene) -> None:
+    """Discrete variables may follow from the states; what remembers has no place in a Fourier series."""
+    relations = scene.relations
+    if relations is None:
+        return
+    model = scene.model
+    n, d = model.n_relations, len(model.discretes)
+    batches = [*relations.batches, *relations.discretes]
+    kept = {int(r) - n - d for b in batches for r in b.relations.ravel() if n + d <= r < n + 2 * d}
+    if kept or relations.reinits:
+        names = ", ".join(model.discretes.names[k] for k in sorted(kept)) or "a state that is reinitialised"
+        raise ArgumentError(f"the system has a memory ({names}), which harmonic balance cannot take; simulate it")
+
+
+def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
+    """The rates must change over a period, and repeat after it."""
+    phase = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # no round number, at which something may switch
+    x = means[:, None] + driven.growth[:, None] * phase
+    once, slopes = driven.linear_rates(phase, x, driven.modes(phase, x))
+    terms = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # forces that balance leave their rounding
+    x = x + 2 * np.pi * driven.growth[:, None]
+    again = driven.rates(phase + 2 * np.pi, x, driven.modes(phase + 2 * np.pi, x))
+    size = np.abs(once).max(axis=1)
+    nominal = driven.scene.nominal
+    size = np.maximum(
+        size, 1e-9 * nominal * float((size / nominal).max()) + 1e-300
+    )  # what should cancel does so but for rounding
+    names = driven.scene.state_names
+    if not np.isfinite(once).all():
+        bad = names[int(np.flatnonzero(~np.isfinite(once).all(axis=1))[0])]
+        raise ArgumentError(f"der({bad}) is not finite at the start values; give a guess of the means")
+    off = np.maximum(np.abs(again - once).max(axis=1) - ROUNDING * terms, 0.0) / size
+    if (off > 1e-6).any():
+        worst = names[int(np.argmax(off))]
+        raise ArgumentError(
+            f"der({worst}) does not repeat after 2 pi / {driven.omega:g} rad/s; "
+            + (
+                "name the parameter that is the forcing frequency (frequency=...), and make all functions of time repeat with it"
+                if frequency is None
+                else f"{frequency} was set to that frequency, and something varies with time otherwise: a frequency that does not follow "
+                f"from it, a ramp, or {frequency} counts in Hz and is not declared so"
+            )
+        )
+    if (np.ptp(once, axis=1) <= 1e-12 * size).all():
+        raise ArgumentError(
+            "nothing varies over the period: bind an input to a function of the phase, give frequency=..., or, where the phase of a "
+            "mesh excites the train, turning={'mesh.turned': 1.0}"
+        )
+
+
+def _refuse_undetermined(balance: Balance, z: Floats, omega: float) -> None:
+    """A motion whose mean nothing determines, such as the place of an unloaded wheel in its gap, is none that could be followed."""
+    _, matrix, _ = balance.equations(z, omega)
+    _, sizes, directions = np.linalg.svd(matrix)
+    if sizes[-1] > SINGULAR * sizes[0]:
+        return
+    scene = balance.driven(omega).scene
+    size = np.abs(directions[-1].reshape(-1, len(scene.states)) * balance.scale / scene.nominal).max(axis=0)
+    raise SolverError(
+        f"at {omega:g} rad/s the mean of {scene.state_names[int(np.argmax(size))]} is undetermined: it can have other values with the "
+        "same motion, as inside a gap that stays open. Load the train so that its teeth touch, or give a guess of the means with contact"
+    )
+
+
+def _newton(balance: Balance, z: Floats, omega: float) -> Floats | None:
+    """Newton's method at a fixed frequency, halving steps that do not help."""
+    rest, matrix, _ = balance.equations(z, omega)
+    for _ in range(60):
+        try:
+            change = np.linalg.solve(matrix, rest)
+        except np.linalg.LinAlgError:
+            return None
+        if not np.isfinite(change).all():
+            return None
+        for share in (1.0, 0.5, 0.25, 0.1):
+            tried = balance.equations(z - share * change, omega)
+            if np.linalg.norm(tried[0]) < np.linalg.norm(rest):
+                break
+        z, (rest, matrix, _) = z - share * change, tried
+        if share * np.abs(change).max() <= 1e-11 * np.abs(z).max() + 1e-300:
+            return z
+        if np.linalg.norm(rest) <= 1e-13 * max(float(np.linalg.norm(z)), 1e-300):
+            return z
+    return None
+
+
+def _rescaled(balance: Balance, z: Floats, driven: Driven, nominal: Floats) -> First:
+    """The same motion, states measured by how far they vibrate there."""
+    c = balance.coefficients(z)
+    spread = np.abs(c[1:]).max(axis=0)
+    largest = float((spread / nominal).max())
+    if largest == 0.0:
+        raise SolverError("the forcing moves nothing: no state vibrates at the first frequency")
+    scale = np.where(spread > 1e-9 * largest * nominal, spread, largest * nominal)
+    rigid = rigid_motions(driven, balance.rigid.means, scale, nominal)
+    new = Balance(balance.driven, balance.harmonics, balance.samples, scale, rigid, balance.varies)
+    return First(new, new.unknowns(c))

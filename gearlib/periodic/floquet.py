@@ -1,0 +1,64 @@
+"""Floquet multipliers: how small disturbances of a periodic motion grow over a period."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.periodic.periods import Cuts, Driven, Moments
+
+Floats = NDArray[np.float64]
+
+
+def multipliers(
+    driven: Driven, coefficients: Floats, found: Moments, cuts: Cuts | None, samples: int
+) -> NDArray[np.complex128]:
+    """Eigenvalues of the matrix that takes a disturbance over one period.
+
+    Between switches the linear equations are integrated by Magnus' expansion to fourth order with a Padé approximant of the
+    exponential; where the rates jump, the disturbance jumps as well.
+
+    References
+    ----------
+    S. Blanes, F. Casas, J. A. Oteo, J. Ros, Physics Reports 470 (2009) 151-238, https://doi.org/10.1016/j.physrep.2008.11.001.
+    R. I. Leine, H. Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems", Springer 2004,
+    https://doi.org/10.1007/978-3-540-44398-8.
+    """
+    n = coefficients.shape[1]
+    begins, widths, modes, last = [], [], [], []
+    for begin, end, flags in found.pieces:
+        panels = max(1, int(np.ceil((end - begin) / (4 * np.pi / samples))))
+        width = (end - begin) / panels
+        begins.append(begin + width * np.arange(panels))
+        widths.append(np.full(panels, width))
+        modes.append(np.repeat(flags[:, None], panels, axis=1))
+        last.append(panels)
+    starts, length, flags = np.concatenate(begins), np.concatenate(widths), np.concatenate(modes, axis=1)
+    offset = length * np.sqrt(3) / 6
+    phase = np.concatenate([starts + length / 2 - offset, starts + length / 2 + offset])
+    x = driven.states(phase, coefficients)
+    _, slopes = driven.linear_rates(phase, x, np.tile(flags, (1, 2)))
+    first, second = slopes[: len(starts)], slopes[len(starts) :]
+    h = (length / driven.omega)[:, None, None]
+    exponent = h / 2 * (first + second) - np.sqrt(3) / 12 * h**2 * (first @ second - second @ first)
+    even = np.eye(n) + exponent @ exponent / 12
+    steps = np.linalg.solve(even - exponent / 2, even + exponent / 2)
+    jumped = {} if cuts is None else {float(p): i for i, p in enumerate(cuts.phase)}
+    whole, at = np.eye(n), 0
+    for (start, _, _), panels in zip(found.pieces, last, strict=True):
+        i = jumped.get(start)
+        if cuts is not None and i is not None:
+            whole = whole + np.outer(cuts.jump[i], cuts.gradient[i] @ whole) / cuts.rate[i]
+        whole = _product(steps[at : at + panels]) @ whole
+        at += panels
+    return np.linalg.eigvals(whole).astype(complex)
+
+
+def _product(steps: Floats) -> Floats:
+    """Of matrices, the first one rightmost; pair by pair."""
+    while len(steps) > 1:
+        odd = steps[-1:] if len(steps) % 2 else steps[:0]
+        even = steps[: len(steps) - len(odd)]
+        steps = np.concatenate([even[1::2] @ even[::2], odd])
+    result: Floats = steps[0]
+    return result

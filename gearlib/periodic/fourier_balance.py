@@ -1,0 +1,258 @@
+"""The equations of harmonic balance of one system: Fourier coefficients of its states, and what is left of their rates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+from gearlib.periodic.floquet import multipliers
+from gearlib.periodic.periods import Cuts, Driven, Moments, fourier, jumps, moments, turn
+
+Floats = NDArray[np.float64]
+RIGID = 1e-9  # relative singular value of a motion that nothing holds back
+SMALL = 1e-3  # of its scale: a state that vibrates less counts as if it did so much
+KEPT = 1e-6  # of a unit direction: what a kept quantity says less of, it does not determine
+UNBALANCED = 1e-7  # of the sizes of the rates: a mean that nothing can balance
+
+
+@dataclass(frozen=True, eq=False)
+class Rigid:
+    """Sums of the rates that no state has an influence on, and what determines the means in their place.
+
+    Such a sum is a quantity that the train keeps: the momentum of one that turns freely, the preload of a loop of meshes. Its mean
+    stays as it starts. Where that does not determine the means (an angle, the phase of a mesh), the motion that nothing holds back
+    stays where it starts.
+
+    Attributes
+    ----------
+    sums : array (states, number)
+        Orthonormal, in scaled rates.
+    rows : array (number, states)
+        Combinations of the scaled means that stay as they are in ``means``.
+    chained : int
+        How many of them are motions: these are multipliers of 1 besides those of the sums.
+    means : array (states,)
+        Of the states.
+    """
+
+    sums: Floats
+    rows: Floats
+    chained: int
+    means: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """Harmonic balance: ``w D c - transform(f(t, x)) = 0`` with ``x = c_0 + sum(c_k cos(k w t) + s_k sin(k w t))``.
+
+    Attributes
+    ----------
+    driven : callable
+        The scene at a frequency.
+    harmonics, samples : int
+    scale : array (states,)
+        Of the states; unknowns ``z`` are the coefficients over it, residuals the rates over it and over w.
+    rigid : Rigid
+    varies : bool
+        Whether the frequency enters otherwise than through the phase.
+    """
+
+    driven: Callable[[float], Driven]
+    harmonics: int
+    samples: int
+    scale: Floats
+    rigid: Rigid
+    varies: bool
+
+    def coefficients(self, z: Floats) -> Floats:
+        result: Floats = z.reshape(2 * self.harmonics + 1, len(self.scale)) * self.scale
+        return result
+
+    def unknowns(self, coefficients: Floats) -> Floats:
+        result: Floats = (coefficients / self.scale).ravel()
+        return result
+
+    def equations(self, z: Floats, omega: float) -> tuple[Floats, Floats, Floats]:
+        """Residual, and its derivatives by the unknowns and by the frequency."""
+        driven, c = self.driven(omega), self.coefficients(z)
+        found = moments(driven, c, self.samples)
+        cuts = jumps(driven, c, found, self._step(c))
+        basis = fourier(found.phase, self.harmonics)
+        back = self._back(found.phase, found.weights, basis)
+        f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.modes)
+        mean = back @ (f / self.scale[:, None]).T
+        derivative = turn(self.harmonics)
+        rest = derivative @ z.reshape(mean.shape) - mean / omega
+        rest[0] += driven.growth / self.scale
+        by_z = np.kron(derivative, np.eye(len(self.scale))) - self._blocks(basis, back, slopes, cuts) / omega
+        by_w = mean / omega**2 - self._explicit(found, c, omega) / omega
+        self._check(rest[0], mean, omega)
+        return self._held(z, rest, by_z, by_w)
+
+    def _step(self, c: Floats) -> Floats:
+        size: Floats = np.maximum(np.abs(c).max(axis=0), 1e-3 * self.scale)
+        return size
+
+    def _back(self, phase: Floats, weights: Floats, basis: Floats) -> Floats:
+        """The matrix that takes values at the moments to Fourier coefficients."""
+        result: Floats = (basis * (2 * weights)[:, None]).T
+        result[0] /= 2
+        return result
+
+    def _blocks(self, basis: Floats, back: Floats, slopes: Floats, cuts: Cuts | None) -> Floats:
+        """Derivative of the mean rates by the unknowns."""
+        n, size = len(self.scale), basis.shape[1]
+        scaled = slopes * self.scale / self.scale[:, None]
+        pairs = (back[:, None, :] * basis.T).reshape(size * size, -1)
+        blocks = (pairs @ scaled.reshape(-1, n * n)).reshape(size, size, n, n).transpose(0, 2, 1, 3)
+        if cuts is not None:  # a cut moves with the unknowns
+            at = fourier(cuts.phase, self.harmonics)
+            there = self._back(cuts.phase, np.full(len(at), 1 / (2 * np.pi)), at)
+            moved = cuts.gradient * self.scale / cuts.slope[:, None]
+            blocks = blocks + np.einsum("kc,ci,cl,cj->kilj", there, cuts.jump / self.scale, at, moved, optimize=True)
+        return np.asarray(blocks.reshape(size * n, size * n))
+
+    def _explicit(self, found: Moments, c: Floats, omega: float) -> Floats:
+        """Derivative of the mean rates by the frequency, at fixed phases."""
+        if not self.varies:
+            return np.zeros((len(c), len(self.scale)))
+        h = 1e-6 * omega
+        basis = fourier(found.phase, self.harmonics)
+        x = self.driven(omega).states(found.phase, c)
+        ahead, behind = (self.driven(omega + s).rates(found.phase, x, found.modes) for s in (h, -h))
+        slope = (ahead - behind) / (2 * h * self.scale[:, None])
+        result: Floats = self._back(found.phase, found.weights, basis) @ slope.T
+        return result
+
+    def _check(self, first: Floats, mean: Floats, omega: float) -> None:
+        """Mean rates that no state can balance must vanish by themselves."""
+        if not self.rigid.sums.shape[1]:
+            return
+        rest = -omega * self.rigid.sums @ (self.rigid.sums.T @ first)
+        worst = int(np.argmax(np.abs(rest)))
+        if abs(rest[worst]) > UNBALANCED * max(float(np.abs(mean).max()), 1e-300):
+            driven = self.driven(omega)
+            if driven.growth.any():
+                raise _other_speed(driven)
+            name = driven.scene.state_names[worst]
+            raise SolverError(
+                f"there is no periodic motion at {omega:g} rad/s: {name} changes by {rest[worst] * self.scale[worst]:.3g} per second on "
+                "average, and nothing in the train can hold it back. Balance the mean torques, add a load that grows with speed, or "
+                "leave out outputs that are absolute angles"
+            )
+
+    def _held(self, z: Floats, rest: Floats, by_z: Floats, by_w: Floats) -> tuple[Floats, Floats, Floats]:
+        """Replace the equations that are redundant by ones that keep what the train keeps."""
+        rows, sums = self.rigid.rows, self.rigid.sums
+        if len(rows):
+            n = len(self.scale)
+            keep = np.eye(n) - sums @ sums.T
+            rest[0] = keep @ rest[0] + sums @ (rows @ (z[:n] - self.rigid.means / self.scale))
+            by_z[:n] = keep @ by_z[:n]
+            by_z[:n, :n] += sums @ rows
+            by_w[0] = keep @ by_w[0]
+        return rest.ravel(), by_z, by_w.ravel()
+
+    def error(self, z: Floats, omega: float) -> tuple[float, float]:
+        """How far the motion is off in time, over a state's vibration: at its own harmonics, and with those left out.
+
+        The rates are evaluated at other moments, and transformed to more harmonics than the motion has. What the train, linearised
+        about its mean, would make of the difference is the correction that is missing.
+        """
+        driven, c = self.driven(omega), self.coefficients(z)
+        many = 2 * self.harmonics + 8
+        found = moments(driven, c, max(self.samples + self.samples // 2 + 1, 8 * many))
+        basis = fourier(found.phase, many)
+        f, slopes = driven.linear_rates(found.phase, driven.states(found.phase, c), found.modes)
+        padded = np.zeros((2 * many + 1, len(self.scale)))
+        padded[: len(c)] = c / self.scale
+        rest = turn(many) @ padded - self._back(found.phase, found.weights, basis) @ (f / self.scale[:, None]).T / omega
+        rest[0] += driven.growth / self.scale
+        mean = np.tensordot(found.weights, slopes, 1) * self.scale / self.scale[:, None] / omega
+        k = np.arange(1, many + 1)
+        swings = 1j * k[:, None, None] * np.eye(len(mean)) - mean
+        try:
+            missing = np.linalg.solve(swings, (rest[1::2] - 1j * rest[2::2])[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:
+            return np.inf, np.inf
+        constant = np.linalg.lstsq(mean, rest[0], rcond=1e-9)[0]
+        wave = np.exp(1j * np.outer(2 * np.pi * np.arange(4 * many) / (4 * many), k))
+        low = (wave[:, : self.harmonics] @ missing[: self.harmonics]).real - constant
+        high = (wave[:, self.harmonics :] @ missing[self.harmonics :]).real
+        x = fourier(found.phase, self.harmonics) @ (c / self.scale)
+        size = np.maximum(np.ptp(x, axis=0) / 2, SMALL)
+        return float((np.abs(low) / size).max()), float((np.abs(low + high) / size).max())
+
+    def multipliers(self, z: Floats, omega: float) -> NDArray[np.complex128]:
+        """Floquet multipliers of the motion; those of rigid motions and of the phase (1) are left out."""
+        driven, c = self.driven(omega), self.coefficients(z)
+        found = moments(driven, c, self.samples)
+        cuts = jumps(driven, c, found, self._step(c))
+        all_ = multipliers(driven, c, found, cuts, self.samples)
+        order = np.argsort(np.abs(all_ - 1.0))
+        free = len(self.rigid.rows) + self.rigid.chained
+        result: NDArray[np.complex128] = all_[np.sort(order[free:])]
+        return result
+
+
+def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats) -> Rigid:
+    """Find them: combinations of rates that depend on no state, wherever the states are.
+
+    The states are drawn at random over many decades, so that a coupling that has play at one of them is closed at others.
+    """
+    n = len(scale)
+    random = np.random.default_rng(1)
+    count = max(64, 4 * n)
+    size = nominal[:, None] * 10.0 ** random.uniform(-2, 6, (n, count))
+    x = means[:, None] + np.where(random.random((n, count)) < 0.5, -1, 1) * size
+    phase = random.uniform(0, 2 * np.pi, count)
+    with np.errstate(all="ignore"):
+        _, slopes = driven.linear_rates(phase, x, driven.modes(phase, x))
+    slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * scale / scale[:, None] / driven.omega
+    if not len(slopes):
+        return Rigid(np.empty((n, 0)), np.empty((0, n)), 0, means)
+    sums = _kernel(np.swapaxes(slopes, 1, 2).reshape(-1, n))
+    turning = np.eye(n)[:, driven.growth != 0]  # where in its period a mesh starts is a matter of choice
+    if sums.shape[1] < turning.shape[1]:
+        raise _other_speed(driven)
+    # With everything in contact the means are left open along as few directions as they ever are.
+    rest = min((_kernel(slope) for slope in slopes), key=lambda directions: directions.shape[1])
+    rows, chained = np.empty((0, n)), 0
+    # The frequency tells how fast a mesh turns, so that its phase is what is open; a kept quantity comes before what is merely held.
+    for candidates, kept in ((turning, False), (sums, True), (_kernel(slopes.reshape(-1, n)), False)):
+        left, sizes, right = np.linalg.svd(candidates.T @ rest)
+        rank = min(int((sizes > KEPT).sum()), sums.shape[1] - len(rows))
+        rows = np.vstack([rows, left[:, :rank].T @ candidates.T])
+        rest = rest @ right[rank:].T
+        chained += 0 if kept else rank
+    if len(rows) < sums.shape[1]:
+        name = driven.scene.state_names[int(np.argmax(np.abs(rest).max(axis=1, initial=0.0)))] if rest.size else "a state"
+        raise SolverError(
+            f"the mean of {name} is undetermined: nothing in the train holds it, and no quantity that it keeps does; add a load or a "
+            "support, or leave out outputs that need it"
+        )
+    return Rigid(sums, rows, chained, means)
+
+
+def _kernel(matrix: Floats) -> Floats:
+    """Orthonormal basis of what a matrix takes to zero."""
+    row = np.abs(matrix).max(axis=1)
+    matrix = matrix[row > 0] / row[row > 0, None]
+    if not len(matrix):
+        return np.eye(matrix.shape[1])
+    _, s, vt = np.linalg.svd(matrix, full_matrices=len(matrix) < matrix.shape[1])
+    rank = int((s > RIGID * s[0]).sum())
+    result: Floats = vt[rank:].T.copy()
+    return result
+
+
+def _other_speed(driven: Driven) -> SolverError:
+    names = ", ".join(s for s, g in zip(driven.scene.state_names, driven.growth.tolist(), strict=True) if g)
+    return SolverError(
+        f"the train turns with {names} at a speed that its torques determine, which is not the one that {driven.omega:g} rad/s asks for; "
+        "make the torques that drive and load it constant, and let them balance"
+    )

@@ -1,0 +1,227 @@
+"""Harmonic balance of a periodically forced train: periodic motions followed over frequency, round folds and onto unstable branches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gearlib.arguments import by_name, name_list, one_name, real
+from gearlib.errors import ArgumentError, SolverError
+from gearlib.linear.frequency_response import _unit
+from gearlib.linear.subject import check_system
+from gearlib.periodic.continuation import Path, follow
+from gearlib.periodic.first_motion import Forced
+from gearlib.periodic.fourier_balance import Balance
+from gearlib.periodic.harmonic_response import HarmonicBalance
+from gearlib.periodic.periods import Driven, Floats, fourier
+from gearlib.program.build import build
+from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.run.scene import Scene
+
+if TYPE_CHECKING:
+    from gearlib.system import System
+
+HARMONICS = (4, 8, 16, 32, 64)  # numbers that are tried
+OFF = 1e-2  # of the vibration: an error at the motion's own harmonics that is none of the harmonics left out
+Input = float | Callable[[float, float], float]
+
+
+def harmonic_balance(
+    system: System, start: float, end: float, *, frequency: str | None = None, harmonics: int | None = None, samples: int | None = None,
+    outputs: Sequence[str] | None = None, inputs: Mapping[str, Input] | None = None, turning: Mapping[str, float] | None = None,
+    parameters: Mapping[str, float] | None = None, guess: Mapping[str, float] | None = None, step: float = 0.02,
+    points: int = 2000, accuracy: float = 5e-3,
+) -> HarmonicBalance:  # fmt: skip
+    """Follow the periodic response of a forced system over its forcing frequency.
+
+    States are taken as Fourier series, ``x = c_0 + sum(c_k cos(k w t) + s_k sin(k w t))``, means included. The model's rates are
+    evaluated over a period and transformed back (alternating frequency and time); where a relation switches, the period is cut, so
+    that backlash costs no accuracy. The branch is followed by pseudo-arclength continuation. Stability is told by the
+    Floquet multipliers of the motion found.
+
+    Parameters
+    ----------
+    system : System
+        Without memory in its discrete variables (no sticking clutch). A free-turning train keeps the mean speed that it starts with.
+    start, end : float
+        Frequencies at which to start and to end, rad/s; the branch goes round folds in between. Start where the
+        response is small or linear.
+    frequency : str, optional
+        A parameter that is the forcing's angular frequency, where the forcing is written in the model; all functions of time must
+        repeat with it.
+    harmonics : int, optional
+        Number of harmonics. By default as many as the accuracy takes at every point; what was reached is in the result's ``error``.
+        A number that is given is taken as it is: one harmonic is the describing function, which may be far off.
+    samples : int, optional
+        Moments of a period at which the system is evaluated (at least 64, and 8 for each harmonic; 256 where something switches).
+    outputs : sequence of str, optional
+        Variables; by default the system's outputs, or its states.
+    inputs : mapping, optional
+        Of unbound inputs: a number, or a function of phase (rad, ``w t``) and frequency (rad/s), 2 pi periodic in the phase.
+    turning : mapping, optional
+        States in rad that grow, by path, and how many times 2 pi each grows in one period: ``{"mesh.turned": 1.0}`` where the phase
+        of a mesh excites the train, ``frequency`` being not needed then. The mean speed follows from the frequency, so that the
+        torques that drive and load the train must be constant and balance.
+    parameters : mapping, optional
+        Values by path.
+    guess : mapping, optional
+        Start values by path: where to look for the means at ``start``, and the mean speed of a free-turning train.
+    step : float
+        Largest step of the continuation, over the length of the interval.
+    points : int
+        Largest number of points.
+    accuracy : float
+        Where the number of harmonics is not given: largest error of a state's waveform over its vibration.
+
+    Returns
+    -------
+    HarmonicBalance
+
+    Raises
+    ------
+    ArgumentError
+        What is forced does not repeat with the frequency, or nothing is forced; a system with memory.
+    SolverError
+        No periodic motion was found at ``start`` (or there is none, because a free-turning train speeds up), or a step became too
+        small; the mean of a state is undetermined; or the equations do not hold in time to the accuracy asked for.
+
+    References
+    ----------
+    T. M. Cameron, J. H. Griffin, Journal of Applied Mechanics 56 (1989) 149-154, https://doi.org/10.1115/1.3176036.
+    M. Krack, J. Gross, "Harmonic Balance for Nonlinear Vibration Problems", Springer 2019,
+    https://doi.org/10.1007/978-3-030-14023-6.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp, numpy as np
+    >>> class Rotor(gl.Component):
+    ...     def assemble(self):
+    ...         self.torque, self.body, self.ground = gp.Torque(), gp.Inertia(J=1.0), gp.Fixed()
+    ...         self.shaft = gp.SpringDamper(c=1.0, d=0.2)
+    ...         return [gl.connect(self.torque.flange, self.body.flange_a),
+    ...                 gl.connect(self.body.flange_b, self.shaft.flange_a),
+    ...                 gl.connect(self.shaft.flange_b, self.ground.flange)]
+    >>> drive = {"torque.tau": lambda phase, w: np.cos(phase)}
+    >>> response = gl.harmonic_balance(gl.compile(Rotor()), 0.5, 1.5, inputs=drive, outputs=["body.phi"])
+    >>> w = response.omega
+    >>> bool(np.allclose(response.amplitude("body.phi"), 1 / np.abs(1 - w**2 + 0.2j * w), rtol=1e-9))
+    True
+    """
+    check_system(system)
+    _check_numbers(start, end, harmonics, step, points, accuracy)
+    if frequency is not None:
+        one_name("frequency", frequency, "mesh.w")
+    parameters = by_name("parameters", parameters, "a mapping of paths to numbers")
+    inputs = by_name("inputs", inputs, "a mapping of paths to numbers, or functions of phase and frequency")
+    turning = by_name("turning", turning, "a mapping of states to periods of 2 pi, such as {'mesh.turned': 1.0}")
+    guess = by_name("guess", guess, "a mapping of start values by path")
+    cases = HARMONICS if harmonics is None else (harmonics,)
+    known = None
+    for count_ in cases:
+        task = Forced(system, frequency, parameters, inputs, count_, turning)
+        default = system.outputs if system.outputs is not None else task.repeating()
+        names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
+        scene = task.scene(names)
+        count = _samples(samples, count_, scene.relations is not None)
+        first = task.first(scene, float(start), count, guess, known)
+        known = first.balance.coefficients(first.z)
+        watch = _Watch(first.balance, accuracy if harmonics is None else np.inf)
+        if not watch(first.z, float(start)):
+            continue
+        path = follow(first.balance.equations, first.z, float(start), float(end), float(step), points, len(scene.states), watch)
+        if watch.worst <= watch.accuracy:
+            return _result(task, scene, first.balance, path, names)
+    raise SolverError(
+        f"{count_} harmonics leave an error of {watch.worst:.2g} of the vibration at {watch.where:g} rad/s, more than "
+        f"accuracy={accuracy:g}; ask for less, or take that many with harmonics=..."
+    )
+
+
+def _samples(samples: int | None, harmonics: int, switching: bool) -> int:
+    count = samples if samples is not None else max(256 if switching else 64, 8 * harmonics)
+    if isinstance(count, bool) or not isinstance(count, int) or count < 2 * harmonics + 2:
+        raise ArgumentError(f"samples is {samples!r}; {harmonics} harmonics need a whole number from {2 * harmonics + 2} on")
+    return count
+
+
+class _Watch:
+    """Accepts points whose motion obeys the equations in time."""
+
+    def __init__(self, balance: Balance, accuracy: float) -> None:
+        self.balance, self.accuracy = balance, accuracy
+        self.worst, self.where = 0.0, 0.0
+
+    def __call__(self, z: Floats, omega: float) -> bool:
+        _, error = self.balance.error(z, omega)
+        if not error <= self.worst:
+            self.worst, self.where = error, omega
+        return bool(error <= self.accuracy)
+
+
+def _check_numbers(start: float, end: float, harmonics: int | None, step: float, points: int, accuracy: float) -> None:
+    for name, value in (("start", start), ("end", end), ("step", step), ("accuracy", accuracy)):
+        real(name, value)
+    if not 0 < accuracy < 1:
+        raise ArgumentError(f"accuracy is {accuracy!r}; expected an error over the vibration, above 0 and below 1")
+    if not (start > 0 and end > 0 and start != end):
+        raise ArgumentError(f"start and end are {start!r} and {end!r}; expected two different positive frequencies, rad/s")
+    if harmonics is not None and (isinstance(harmonics, bool) or not isinstance(harmonics, int) or harmonics < 1):
+        raise ArgumentError(f"harmonics is {harmonics!r}; expected a whole number, 1 or more")
+    if not 0 < step <= 1 or isinstance(points, bool) or not isinstance(points, int) or points < 2:
+        raise ArgumentError(f"step is {step!r} and points is {points!r}; expected 0 < step <= 1 and a whole number from 2 on")
+
+
+def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: list[str]) -> HarmonicBalance:
+    """Outputs and stability along a path."""
+    system = task.system
+    model, structure = scene.model, scene.structure
+    variables = [(model.variable(base), order) for base, order in map(model.column, names)]
+    targets = [(int(model.representative[v]), order) for v, order in variables]
+    signs = np.array([float(model.sign[v]) for v, _ in variables])
+    program = build(structure, [*targets, *((v, k + 1) for v, k in scene.states)], scene.states, dynamic=True)
+    rows = [program.slots.get(t, 0) for t in targets]
+    prepared = None
+    coefficients: list[Floats] = []
+    multipliers = []
+    errors = []
+    count = balance.samples
+    phase = 2 * np.pi * np.arange(count) / count
+    basis = fourier(phase, balance.harmonics)
+    back = basis.T * 2 / count
+    back[0] /= 2
+    for z, omega in zip(path.z, path.w, strict=True):
+        driven = balance.driven(float(omega))
+        x = driven.states(phase, balance.coefficients(z))
+        if prepared is None or task.frequency is not None:
+            prepared = prepare(program, structure, driven.numbers.parameters)
+        slots = evaluate(prepared, phase / omega, x, driven.inputs(phase, float(omega)), driven.modes(phase, x))
+        if task.turning and not coefficients:
+            _check_repeating(names, slots[rows], driven, x, prepared, rows)
+        coefficients.append(back @ (signs[:, None] * slots[rows]).T)
+        multipliers.append(balance.multipliers(z, float(omega)))
+        low, error = balance.error(z, float(omega))
+        if not low <= OFF:
+            raise SolverError(
+                f"at {omega:g} rad/s the motion that was found does not obey the equations between the {count} samples of a period "
+                f"(off by {low:.2g} of its vibration); take more samples"
+            )
+        errors.append(error)
+    units = tuple(_unit(system, name) for name in names)
+    return HarmonicBalance(
+        path.w, np.array(coefficients), np.array(multipliers), path.folds, tuple(names), units, path.complete, np.array(errors)
+    )
+
+
+def _check_repeating(
+    names: Sequence[str], once: Floats, driven: Driven, x: Floats, prepared: Prepared, rows: Sequence[int]
+) -> None:
+    """Outputs must not grow with the mesh phase."""
+    phase = 2 * np.pi * (1 + np.arange(x.shape[1]) / x.shape[1])
+    later = x + 2 * np.pi * driven.growth[:, None]
+    slots = evaluate(prepared, phase / driven.omega, later, driven.inputs(phase, driven.omega), driven.modes(phase, later))
+    grown = np.abs(slots[rows] - once).max(axis=1)
+    bad = np.flatnonzero(grown > 1e-6 * np.maximum(np.abs(once).max(axis=1), 1e-300))
+    if len(bad):
+        raise ArgumentError(f"{names[bad[0]]} grows by {grown[bad[0]]:g} in each period; leave it out, or take its rate")

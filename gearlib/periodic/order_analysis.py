@@ -1,0 +1,245 @@
+"""Order analysis of a run: spectra over the angle of a shaft instead of time, and waterfalls over speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import one_name, real
+from gearlib.errors import ArgumentError
+from gearlib.linear.subject import check_result
+from gearlib.optional import optional
+
+if TYPE_CHECKING:
+    import pandas
+
+    from gearlib.run.result import Result
+
+Floats = NDArray[np.float64]
+RPM = 30 / np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class OrderSpectrum:
+    """Amplitudes over orders (events for each revolution of the reference shaft).
+
+    Attributes
+    ----------
+    orders, amplitudes : arrays (orders,)
+        Peak amplitudes in the signal's unit.
+    name, reference, unit : str
+    """
+
+    orders: Floats
+    amplitudes: Floats
+    name: str
+    reference: str
+    unit: str
+
+    def at(self, order: float) -> float:
+        """The amplitude at the nearest line; above the highest one an error, since the samples do not show what is there."""
+        highest = float(self.orders[-1])
+        if not 0 <= real("order", order) <= highest + 0.5 * float(self.orders[1] if len(self.orders) > 1 else 0.0):
+            raise ArgumentError(
+                f"order {order:g} is not in this spectrum of {self.name}, which goes from 0 to {highest:.4g}; give a higher "
+                "max_order, or sample the run more often"
+            )
+        return float(self.amplitudes[int(np.argmin(np.abs(self.orders - order)))])
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        pandas = optional("pandas")
+
+        return pandas.DataFrame({self.name: self.amplitudes}, index=pandas.Index(self.orders, name="order"))
+
+    def plot(self, *, axes: Any = None) -> Any:
+        """Draw the spectrum; returns the matplotlib axes."""
+        plt = optional("matplotlib.pyplot")
+
+        if axes is None:
+            _, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
+        axes.semilogy(self.orders, np.maximum(self.amplitudes, 1e-12 * self.amplitudes.max(initial=1e-300)), lw=1)
+        axes.set_xlabel(f"order of {self.reference}, events per revolution")
+        axes.set_ylabel(f"amplitude of {self.name}{', ' if self.unit else ''}{self.unit}")
+        axes.set_title(f"Order spectrum of {self.name}")
+        axes.grid(alpha=0.3)
+        return axes
+
+
+@dataclass(frozen=True, eq=False)
+class OrderWaterfall:
+    """Order spectra of successive pieces of a run.
+
+    Attributes
+    ----------
+    times, speeds : arrays (pieces,)
+        Middle of each piece, s, and its mean speed, rad/s.
+    orders : array (orders,)
+    amplitudes : array (pieces, orders)
+    """
+
+    times: Floats
+    speeds: Floats
+    orders: Floats
+    amplitudes: Floats
+    name: str
+    reference: str
+    unit: str
+
+    def plot(self, *, axes: Any = None, decibels: float = 80.0) -> Any:
+        """Draw amplitudes as colours over order and speed (over time where the speed does not grow); returns the axes."""
+        plt = optional("matplotlib.pyplot")
+
+        if not real("decibels", decibels, "a positive range, dB") > 0:
+            raise ArgumentError(f"decibels is {decibels!r}; expected a positive range, dB")
+        if axes is None:
+            _, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
+        monotonic = (np.diff(self.speeds) > 0).all() or (np.diff(self.speeds) < 0).all()
+        height, label = (self.speeds * RPM, f"mean speed of {self.reference}, 1/min") if monotonic else (self.times, "time, s")
+        top = max(float(self.amplitudes.max(initial=0.0)), 1e-300)
+        level = 20 * np.log10(np.maximum(self.amplitudes / top, 10 ** (-decibels / 20)))
+        image = axes.pcolormesh(
+            self.orders, height, level, shading="nearest", cmap="viridis", vmin=-decibels, vmax=0, rasterized=True
+        )
+        axes.figure.colorbar(image, ax=axes, label=f"amplitude of {self.name}, dB over {top:.3g} {self.unit}")
+        axes.set_xlabel(f"order of {self.reference}, events per revolution")
+        axes.set_ylabel(label)
+        axes.set_title(f"Order spectra of {self.name}")
+        return axes
+
+
+def order_spectrum(
+    result: Result, name: str, reference: str, *, t_start: float | None = None, t_end: float | None = None,
+    max_order: float | None = None,
+) -> OrderSpectrum:  # fmt: skip
+    """Order spectrum of a variable of a run.
+
+    The signal is taken over equal steps of angle, by quintic splines, through a Hann window over as many whole revolutions as
+    the interval holds; two orders are told apart where they differ by more than 2 over the number of revolutions.
+
+    Parameters
+    ----------
+    result : Result
+        Sampled several times as fast as the highest order of interest.
+    name : str
+        The variable.
+    reference : str
+        Angle (rad) or speed (rad/s) of the shaft that orders refer to; it must turn in one direction.
+    t_start, t_end : float, optional
+        Interval, s.
+    max_order : float, optional
+        Highest order kept; by default, and at most, half the samples of a revolution where the shaft turns fastest.
+
+    Returns
+    -------
+    OrderSpectrum
+
+    Raises
+    ------
+    ArgumentError
+        Less than one revolution, or a reference that turns back.
+    """
+    time, angle, signal = _prepared(result, name, reference, t_start, t_end)
+    revolutions = int((angle[-1] - angle[0]) / (2 * np.pi) * (1 + 1e-12))
+    if revolutions < 1:
+        raise ArgumentError(
+            f"{reference} turns {(angle[-1] - angle[0]) / (2 * np.pi):.3g} times in the interval; a spectrum needs one"
+        )
+    orders, rows = _spectra(time, angle, signal, [0.0], revolutions, max_order)
+    return OrderSpectrum(orders, rows[0], name, reference, _unit(result, name))
+
+
+def order_waterfall(
+    result: Result, name: str, reference: str, *, revolutions: int = 8, overlap: float = 0.5, max_order: float | None = None
+) -> OrderWaterfall:
+    """Order spectra of successive pieces of a run, each of some revolutions.
+
+    Parameters
+    ----------
+    result, name, reference, max_order
+        As for `order_spectrum`.
+    revolutions : int
+        Length of a piece.
+    overlap : float
+        Part of a piece that the next one shares, 0 .. 0.95.
+
+    Returns
+    -------
+    OrderWaterfall
+    """
+    if isinstance(revolutions, bool) or not isinstance(revolutions, (int, np.integer)) or revolutions < 1:
+        raise ArgumentError(f"revolutions is {revolutions!r}; expected a whole number, 1 or more")
+    if not 0 <= real("overlap", overlap, "a number from 0 to 0.95") <= 0.95:
+        raise ArgumentError(f"overlap is {overlap!r}; expected a number from 0 to 0.95")
+    time, angle, signal = _prepared(result, name, reference, None, None)
+    total = (angle[-1] - angle[0]) / (2 * np.pi)
+    starts = np.arange(0.0, total - revolutions + 1e-9, revolutions * (1 - overlap))
+    if not len(starts):
+        raise ArgumentError(f"{reference} turns {total:.3g} times in the run; a piece needs {revolutions}")
+    orders, rows = _spectra(time, angle, signal, starts.tolist(), int(revolutions), max_order)
+    edges = np.interp(angle[0] + 2 * np.pi * np.array([starts, starts + revolutions]), angle, time)
+    speeds = 2 * np.pi * revolutions / (edges[1] - edges[0])
+    return OrderWaterfall(edges.mean(axis=0), speeds, orders, rows, name, reference, _unit(result, name))
+
+
+def _prepared(
+    result: Result, name: str, reference: str, t_start: float | None, t_end: float | None
+) -> tuple[Floats, Floats, Floats]:
+    """Time, growing angle, and signal in the interval."""
+    from scipy.interpolate import make_interp_spline
+
+    check_result(result)
+    for what, limit in (("t_start", t_start), ("t_end", t_end)):
+        if limit is not None:
+            real(what, limit, "a finite number of seconds")
+    name, reference = one_name("name", name, "load.w"), one_name("reference", reference, "motor.phi")
+    time, signal, motion = result.time, result[name], result[reference]
+    inside = (time >= (time[0] if t_start is None else t_start)) & (time <= (time[-1] if t_end is None else t_end))
+    time, signal, motion = time[inside], signal[inside], motion[inside]
+    if len(time) < 12:
+        raise ArgumentError(f"the interval holds {len(time)} samples; a spectrum needs more")
+    unit = _unit(result, reference)
+    if unit == "rad/s":
+        motion = make_interp_spline(time, motion, k=5).antiderivative()(time)
+    elif unit != "rad":
+        raise ArgumentError(f"{reference} is in {unit or 'no unit'}; expected an angle (rad) or a speed (rad/s)")
+    angle = motion if motion[-1] > motion[0] else -motion
+    if (np.diff(angle) <= 0).any():
+        raise ArgumentError(f"{reference} does not turn in one direction all the time; choose an interval in which it does")
+    return time, angle, signal
+
+
+def _unit(result: Result, name: str) -> str:
+    model = result._scene.model
+    base, order = model.column(name)
+    declared = model.declaration(model.variable(base))
+    return "" if declared is None else declared.unit + "/s" * order
+
+
+def _spectra(
+    time: Floats, angle: Floats, signal: Floats, starts: list[float], revolutions: int, max_order: float | None
+) -> tuple[Floats, Floats]:
+    """Orders, and the spectrum of each piece that begins at ``starts`` revolutions."""
+    from scipy.interpolate import make_interp_spline
+
+    step = float(np.diff(angle).max())
+    per_revolution = max(8, int(np.ceil(2 * np.pi / step)))
+    over_time, turning = make_interp_spline(time, signal, k=5), make_interp_spline(time, angle, k=5)
+    rate = turning.derivative()
+    n = per_revolution * revolutions
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
+    orders = np.arange(n // 2 + 1) / revolutions
+    shown = np.pi / step  # two samples for each wave where it turns fastest
+    kept = orders <= (shown if max_order is None else min(max_order, shown))
+    rows = []
+    for start in starts:
+        wanted = angle[0] + 2 * np.pi * (start + np.arange(n) / per_revolution)
+        t = np.interp(wanted, angle, time)
+        for _ in range(4):  # Newton's iterations for the time of each angle
+            t = np.clip(t - (turning(t) - wanted) / rate(t), time[0], time[-1])
+        line = np.abs(np.fft.rfft(over_time(t) * window)) * 2 / window.sum()
+        line[0] /= 2
+        rows.append(line[kept])
+    return orders[kept], np.array(rows)

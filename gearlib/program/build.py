@@ -1,0 +1,257 @@
+"""`build`: from sorted blocks to a `Program`."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import (
+    Kernel,
+    differentiated,
+    partial_kernel,
+    relation_kernel,
+    residual_kernel,
+    solve_kernel,
+)
+from gearlib.equations.template import Template
+from gearlib.program.program import Batch, Linear, Newton, Program
+from gearlib.program.schedule import renumber, schedule
+from gearlib.reduce.reduction import Structure
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import Block, reach, sort_blocks
+from gearlib.structure.tearing import Tearing, tear
+
+Integers = NDArray[np.int64]
+# (kernel, group, times differentiated) -> (row of the group, target, sign) of each instance
+Found = dict[tuple[Kernel, int, int], list[tuple[int, int, int]]]
+
+
+def build(structure: Structure, targets: Iterable[Node], states: Sequence[Node] | None, dynamic: bool) -> Program:
+    """The program that computes ``targets`` from states and inputs.
+
+    Parameters
+    ----------
+    structure : Structure
+    targets : iterable of (variable, order)
+    states : sequence of nodes, optional
+        Which states hold the first slots, in that order; by default those in use.
+    dynamic : bool
+        Whether the derivatives of all states in use are targets as well.
+    """
+    targets = list(dict.fromkeys(targets))
+    unknowns, used = reach(structure.dependence, targets, dynamic)
+    order = tuple(states) if states is not None else tuple(sorted(used))
+    blocks = sort_blocks(structure.dependence, unknowns)
+    outputs = [(v, k + 1) for v, k in order] if dynamic else targets
+    return Builder(structure, blocks, order).program(tuple(outputs))
+
+
+class Builder:
+    """Collects steps while it goes through the blocks."""
+
+    def __init__(self, structure: Structure, blocks: Sequence[Block], states: tuple[Node, ...]) -> None:
+        self.structure, self.model, self.blocks = structure, structure.model, blocks
+        self.states = states
+        given = set(self.model.inputs.tolist())
+        inputs = [(int(v), 0) for v in self.model.inputs]
+        extra: set[Node] = set()
+        if given:  # derivatives of inputs, where a constraint on one was differentiated
+            counts = structure.differentiation.counts
+            extra = {n for e, c in enumerate(counts) for n in structure.dependence.columns(e, c) if n[0] in given and n[1] > 0}
+            extra = {(v, k) for v, top in extra for k in range(1, top + 1)}
+        self.inputs = (*inputs, *sorted(extra))
+        self.slots: dict[Node, int] = {n: i for i, n in enumerate((*states, *self.inputs))}
+        for block in blocks:
+            for node in block.unknowns:
+                self.slots.setdefault(node, len(self.slots))
+        self.n_slots = len(self.slots)
+        self.table = np.full((1 + max((k for _, k in self.slots), default=0), self.model.n_variables), -1)
+        for (v, k), slot in self.slots.items():
+            self.table[k, v] = slot
+        self.groups = (*self.model.groups, *(u.equations for u in self.model.discretes.updates))
+        self.first_equation = np.cumsum([0, *(len(g) for g in self.model.groups)])
+        self.variables = [g.variables.tolist() for g in self.model.groups]
+        self.signs = [g.signs.tolist() for g in self.model.groups]
+
+    def program(self, outputs: tuple[Node, ...]) -> Program:
+        scalar: Found = defaultdict(list)
+        pivots: Found = defaultdict(list)
+        others: list[Linear | Newton] = []
+        for block in self.blocks:
+            done = len(block.unknowns) == 1 and self._assign(block, scalar, pivots)
+            if not done:
+                others.append(self._block(block, scalar))
+        batches = self._batches(scalar)
+        checks = self._batches(pivots)
+        n_known = len(self.states) + len(self.inputs)
+        steps = schedule(batches, others, self.n_slots, n_known)
+        place, steps = renumber(steps, self.n_slots, n_known)
+        slots = {node: int(place[slot]) for node, slot in self.slots.items()}
+        return Program(self.states, self.inputs, slots, int(place.max(initial=-1)) + 1, steps, outputs, checks)
+
+    def places(self, used: Integers) -> list[tuple[Kernel, int, int, int, int, int]]:
+        """(kernel, group, row, kind, target, sign) of what must be evaluated: 0 relations, 1 discrete variables, 2 states."""
+        model, n_relations, n_discrete = self.model, self.model.n_relations, len(self.model.discretes)
+        found: list[tuple[Kernel, int, int, int, int, int]] = []
+        for relation in used[used < n_relations].tolist():
+            g = int(np.searchsorted(model.first_relations, relation, side="right")) - 1
+            i, j = divmod(relation - int(model.first_relations[g]), len(self.groups[g].template.relations))
+            found.append((relation_kernel(self.groups[g].template, j), g, i, 0, relation, 1))
+        discrete = {int(m - n_relations) % n_discrete for m in used if n_relations <= m < n_relations + 2 * n_discrete}
+        position = {node: i for i, node in enumerate(self.states)}
+        for u, update in enumerate(model.discretes.updates):
+            g = len(model.groups) + u
+            kernel = residual_kernel(update.equations.template)
+            for i, target in enumerate(update.targets.tolist()):
+                node = (int(model.representative[target]), 0) if update.reinit else (-1, 0)
+                if update.reinit and node in position:
+                    found.append((kernel, g, i, 2, position[node], int(model.sign[target])))
+                elif not update.reinit and target in discrete:
+                    found.append((kernel, g, i, 1, n_relations + target, 1))
+        return found
+
+    def nodes(self, kernel: Kernel, g: int, i: int) -> list[Node]:
+        """Variables with their orders that a kernel of one row needs."""
+        group = self.groups[g]
+        columns = [*kernel.template.columns, *kernel.template.relation_columns]
+        where = {name: c for c, name in enumerate(group.template.locals)}
+        named = [(where[columns[c][0]], columns[c][1]) for c in kernel.columns]
+        return [(int(group.variables[i, c]), order) for c, order in named if group.signs[i, c]]
+
+    def modes(self, kernel: Kernel, g: int, i: int) -> Integers:
+        """Relations and discrete values that a kernel of one row needs."""
+        modes: Integers = self._modes(kernel, g, np.array([i]))[0]
+        return modes
+
+    def _modes(self, kernel: Kernel, g: int, rows: Integers) -> Integers:
+        group, template = self.groups[g], kernel.template
+        n = len(template.relations)
+        result = np.empty((len(rows), len(kernel.relations)), np.int64)
+        for a, c in enumerate(kernel.relations):
+            if c < n:
+                result[:, a] = self.model.first_relations[g] + rows * n + c
+            else:
+                result[:, a] = self.model.n_relations + group.held[rows, group.template.held.index(template.held[c - n])]
+        return result
+
+    def _place(self, e: int) -> tuple[int, int]:
+        return self.structure.rows[e]
+
+    def _template(self, e: int, k: int) -> tuple[Template, int, int]:
+        g, i = self._place(e)
+        return differentiated(self.model.groups[g].template, k), g, i
+
+    def _positions(self, template: Template, g: int, i: int) -> list[tuple[int, Node, int]]:
+        """(column, node, sign) of one equation; what is always zero is left out."""
+        variables, signs = self.variables[g][i], self.signs[g][i]
+        base = self.model.groups[g].template.locals
+        if template.locals == base:
+            return [(c, (variables[j], o), signs[j]) for c, (j, o) in enumerate(template.local_columns) if signs[j]]
+        where = {name: j for j, name in enumerate(base)}
+        result = []
+        for c, (name, order) in enumerate(template.columns):
+            j = where[name]
+            if signs[j]:
+                result.append((c, (variables[j], order), signs[j]))
+        return result
+
+    def _assign(self, block: Block, scalar: Found, pivots: Found) -> bool:
+        """An unknown that its equation can be solved for by itself; False where it cannot."""
+        node, (e, k) = block.unknowns[0], block.equations[0]
+        template, g, i = self._template(e, k)
+        mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
+        if len(mine) != 1:
+            return False
+        column, sign = mine[0]
+        kernel = solve_kernel(template, column)
+        if kernel is None:
+            return False
+        if self._copies(kernel, template, g, i, node, sign):
+            return True
+        partial = template.partials[column]
+        if partial.number is None and partial.constant:
+            pivots[partial_kernel(template, column), g, k].append((i, 0, 1))
+        scalar[kernel, g, k].append((i, self.slots[node], sign))
+        return True
+
+    def _copies(self, kernel: Kernel, template: Template, g: int, i: int, node: Node, sign: int) -> bool:
+        """An unknown that equals another one gets its slot. (What is bound to an input keeps one of its own: it may be varied.)"""
+        if not kernel.is_copy:
+            return False
+        source = [(n, s) for c, n, s in self._positions(template, g, i) if c == kernel.columns[0]]
+        if len(source) != 1 or source[0][1] * sign != 1 or template.label == "binding":
+            return False
+        (v, k), (w, m) = node, source[0][0]
+        self.table[k, v] = self.slots[node] = self.table[m, w]
+        return True
+
+    def _block(self, block: Block, scalar: Found) -> Linear | Newton:
+        """A block of several unknowns: constant linear, or for Newton's method in the order of its tearing."""
+        position = {node: c for c, node in enumerate(block.unknowns)}
+        rows = []
+        safe: list[dict[int, bool]] = []
+        constant = linear = True
+        for e, k in block.equations:
+            template, g, i = self._template(e, k)
+            inside = [(c, position[node], sign) for c, node, sign in self._positions(template, g, i) if node in position]
+            columns = frozenset(c for c, _, _ in inside)
+            partials = [template.partials[c] for c, _, _ in inside]
+            constant &= all(p.constant for p in partials)
+            linear &= not any(p.depends_on & columns for p in partials)
+            safe.append({u: p.constant for (_, u, _), p in zip(inside, partials, strict=True)})
+            rows.append((template, g, i, k, columns, inside))
+        order = tear(safe) if not (constant and linear) else Tearing(tuple(range(len(rows))), tuple(range(len(rows))), 0)
+        place = {column: c for c, column in enumerate(order.columns)}
+        rows = [rows[r] for r in order.rows]
+        unknowns = np.array([self.slots[block.unknowns[u]] for u in order.columns], np.int64)
+        equations = np.array([block.equations[r][0] for r in order.rows], np.int64)
+        matrix: Found = defaultdict(list)
+        for r, (template, g, i, k, _, inside) in enumerate(rows):
+            for c, u, sign in inside:
+                matrix[partial_kernel(template, c), g, k].append((i, r * len(rows) + place[u], sign))
+        entries = self._batches(matrix)
+        if not (constant and linear):
+            residual: Found = defaultdict(list)
+            for r, (template, g, i, k, _, _) in enumerate(rows):
+                residual[residual_kernel(template), g, k].append((i, r, 1))
+            counts = self.structure.differentiation.counts
+            constrained = not linear and any(k < counts[e] for e, k in block.equations)
+            return Newton(unknowns, self._batches(residual), entries, linear, equations, order.lead, constrained)
+        known, known_rows = [], []
+        for r, (template, g, i, k, columns, _) in enumerate(rows):
+            kernel = residual_kernel(template, columns)
+            if not kernel.is_zero:
+                known.append(self.n_slots)
+                known_rows.append(r)
+                scalar[kernel, g, k].append((i, self.n_slots, 1))
+                self.n_slots += 1
+        return Linear(unknowns, entries, np.array(known, np.int64), np.array(known_rows, np.int64), equations)
+
+    def _batches(self, found: Found) -> tuple[Batch, ...]:
+        return tuple(self.batch(kernel, g, k, rows) for (kernel, g, k), rows in found.items())
+
+    def batch(self, kernel: Kernel, g: int, k: int, found: list[tuple[int, int, int]]) -> Batch:
+        """The rows (row of the group, target, sign) of one kernel as a batch."""
+        group = self.groups[g]
+        rows, targets, signs = (np.array(x, np.int64) for x in zip(*found, strict=True))
+        where = {name: j for j, name in enumerate(group.template.locals)}
+        template = kernel.template
+        columns = [*template.columns, *template.relation_columns]
+        arguments = np.empty((len(rows), len(kernel.columns)), np.int64)
+        argument_signs = np.empty_like(arguments)
+        for a, c in enumerate(kernel.columns):
+            name, order = columns[c]
+            j = where[name]
+            argument_signs[:, a] = group.signs[rows, j]
+            used = argument_signs[:, a] != 0
+            arguments[:, a] = 0
+            arguments[used, a] = self.table[order, group.variables[rows[used], j]] if used.any() else 0
+        own = {name: j for j, name in enumerate(group.template.parameters)}
+        parameters = group.parameters[rows][:, [own[template.parameters[p]] for p in kernel.parameters]]
+        continuous = g < len(self.model.groups)
+        equations = self.first_equation[g] + rows if continuous else -1 - group.owners[rows]
+        relations = self._modes(kernel, g, rows)
+        return Batch(kernel, equations, targets, signs, arguments, argument_signs, parameters, relations)

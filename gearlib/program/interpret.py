@@ -1,0 +1,295 @@
+"""Carry out a program with numpy: many times at once, nothing compiled.
+
+This serves what is asked for after a run, start values, linearisation, and everything that must be known once per run: the
+factorised matrices of linear blocks.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SingularError, SolverError
+from gearlib.program.factored import Factored
+from gearlib.program.program import ROUNDING, Batch, Linear, Newton, Program
+from gearlib.program.scalars import constants
+from gearlib.reduce.reduction import Structure
+
+Floats = NDArray[np.float64]
+SINGULAR = 1e-13  # reciprocal condition below which a matrix counts as singular
+MOST_DENSE = 400  # unknowns up to which a block's matrix is handled as a full one
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A program with numbers: parameters, and of each linear block the matrix that takes g to the unknowns."""
+
+    program: Program
+    parameters: Floats
+    solutions: tuple[Floats | Factored, ...]  # in the order of the linear blocks: (unknowns, known)
+
+    @property
+    def listed(self) -> list[float]:
+        """The numbers of all solutions one after the other."""
+        listed: list[float] = []
+        for s in self.solutions:
+            listed += s.ravel().tolist() if isinstance(s, np.ndarray) else itertools.chain.from_iterable(s.tolist())
+        return listed
+
+
+def batch_values(batch: Batch, t: Floats | float, slots: Floats, parameters: Floats, relations: Floats) -> Floats:
+    """The kernel's values, shape (instances, times)."""
+    arguments = [slots[places] if signs is None else slots[places] * signs for places, signs in batch.columns]
+    constants = [parameters[batch.parameters[:, p], None] for p in range(batch.parameters.shape[1])]
+    flags = [relations[batch.relations[:, r]] for r in range(batch.relations.shape[1])]
+    with np.errstate(all="ignore"):
+        value = np.asarray(batch.kernel.function(t, *arguments, *constants, *flags), float)
+    return value if batch.sign_column is None else value * batch.sign_column
+
+
+def constant_values(batch: Batch, parameters: Floats) -> Floats:
+    """Values of a kernel that depends on parameters only, shape (instances,)."""
+    with np.errstate(all="ignore"):
+        value = batch.kernel.function(0.0, *parameters[batch.parameters.T])
+    return np.broadcast_to(np.asarray(value, float), (len(batch),)) * batch.signs
+
+
+def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepared:
+    """Factorise what is constant during a run, and check that nothing that is divided by vanishes.
+
+    Raises
+    ------
+    SingularError
+        Names the components whose values are at fault.
+    """
+    pivots, matrices = _constants(program, parameters)
+    wrong = (pivots == 0.0) | ~np.isfinite(pivots)
+    if wrong.any():
+        raise _divided(program, structure, parameters, int(np.argmax(wrong)))
+    blocks = [s for s in program.steps if isinstance(s, Linear)]
+    return Prepared(program, parameters, tuple(_solution(b, structure, m) for b, m in zip(blocks, matrices, strict=True)))
+
+
+def _divided(program: Program, structure: Structure, parameters: Floats, row: int) -> SingularError:
+    for batch in program.pivots:
+        if row < len(batch):
+            break
+        row -= len(batch)
+    names = ", ".join(f"{structure.model.parameters.names[p]} = {parameters[p]:g}" for p in batch.parameters[row])
+    owner = owner_of(structure, int(batch.equations[row]))
+    return SingularError(f"{owner}: {batch.kernel.template.label} cannot be solved with {names}; a zero is divided by")
+
+
+def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Floats]]:
+    """Values of the pivots, and of each linear block's entries."""
+    function, groups = constants(program), program.constant_groups
+    if function is None:
+        parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
+    else:
+        try:
+            everything = np.array(function(parameters.tolist()), float)
+        except (ZeroDivisionError, ValueError, OverflowError):  # let the array road say nan or inf
+            parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
+        else:
+            parts = [everything[here] for here in program.constant_parts]
+    return parts[0], list(parts[1:])
+
+
+def owner_of(structure: Structure, equation: int) -> str:
+    """Path of the component that wrote an equation."""
+    if equation < 0:
+        instance = structure.model.instances[-1 - equation]
+        return instance.path or instance.kind
+    return structure.model.owner(*structure.rows[equation])
+
+
+def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | Factored:
+    """-inverse(A), the columns for which there is a g."""
+    n = len(block.unknowns)
+    places = block.places
+    if not np.isfinite(entries).all():
+        raise _singular(block, structure)
+    if n <= MOST_DENSE:
+        inverse = _inverse(n, places.tobytes(), entries.tobytes())
+        if inverse is None:
+            raise _singular(block, structure)
+        solved: Floats = -inverse[:, block.known_rows]
+        return solved
+    import scipy.sparse as sparse
+    from scipy.sparse.linalg import splu
+
+    try:
+        factors = splu(sparse.csc_matrix((entries, np.divmod(places, n)), shape=(n, n)))
+    except RuntimeError:
+        raise _singular(block, structure) from None
+    diagonal = np.abs(factors.U.diagonal())
+    if not diagonal.min() > SINGULAR * diagonal.max() * 1e-3:
+        raise _singular(block, structure)
+    return Factored(factors, block.known_rows)
+
+
+@lru_cache(maxsize=4)
+def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
+    """Inverse of a matrix, None of a singular one; the programs of a scene have their blocks in common."""
+    summed = np.bincount(np.frombuffer(places, np.int64), np.frombuffer(entries), n * n)
+    matrix = np.asarray(summed, float).reshape(n, n)
+    row_scale = np.abs(matrix).max(axis=1)
+    if not row_scale.all():
+        return None
+    matrix /= row_scale[:, None]
+    column_scale = np.abs(matrix).max(axis=0)
+    if not column_scale.all():
+        return None
+    matrix /= column_scale
+    try:
+        inverse: Floats = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return None
+    bound = n * n * max(inverse.max(), -inverse.min())  # of the condition, since the matrix is scaled
+    if not bound < 1 / SINGULAR and not np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max() < 1 / SINGULAR:
+        return None
+    inverse /= column_scale[:, None]
+    inverse /= row_scale
+    return inverse
+
+
+def _singular(block: Linear | Newton, structure: Structure) -> SingularError:
+    owners = list(dict.fromkeys(owner_of(structure, int(e)) for e in block.equations))
+    owners = [o for o in owners if o != "connection"]
+    some = ", ".join(owners[:8]) + (f" and {len(owners) - 8} more" if len(owners) > 8 else "")
+    return SingularError(
+        f"the equations of {some} are singular with these parameters: they leave a torque or an acceleration undetermined "
+        "(a mass that is zero, two rigid paths, or ratios that cancel)"
+    )
+
+
+def evaluate(
+    prepared: Prepared, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None = None,
+    forgiving: bool = False,
+) -> Floats:  # fmt: skip
+    """All slots of a program.
+
+    Parameters
+    ----------
+    t : array, shape (times,)
+    states, inputs, relations : arrays, shape (number, times)
+    guess : array, shape (slots,) or (slots, times), optional
+        Where Newton's iterations start: at the first time, and each other time from the solution before; or at each time.
+    forgiving : bool
+        Whether equations without a solution leave their unknowns at the guess.
+
+    Returns
+    -------
+    array, shape (slots, times)
+    """
+    program = prepared.program
+    slots = np.zeros((program.n_slots, len(t)))
+    n, m = len(program.states), len(program.inputs)
+    slots[:n] = states
+    slots[n : n + m] = inputs
+    solutions = iter(prepared.solutions)
+    for step in program.steps:
+        if isinstance(step, Batch):
+            slots[step.targets] = batch_values(step, t, slots, prepared.parameters, relations)
+        elif isinstance(step, Linear):
+            slots[step.unknowns] = next(solutions) @ slots[step.known]
+        else:
+            solve = _newton if guess is None or guess.ndim == 1 else _newton_at_once
+            try:
+                solve(step, prepared, t, slots, relations, guess)
+            except SolverError:
+                if not forgiving:
+                    raise
+    return slots
+
+
+def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None) -> None:
+    """Solve a block one time after the other, each from the solution before."""
+    n = len(step.unknowns)
+    z = np.zeros(n) if guess is None else guess[step.unknowns].copy()
+    for i in range(len(t)):
+        if step.linear:  # from nothing: a guess takes digits from what is small, and what is undetermined shall be zero
+            z = np.zeros(n)
+        here, flags, now = slots[:, i : i + 1].copy(), relations[:, i : i + 1], t[i : i + 1]
+        for iteration in range(50):
+            here[step.unknowns, 0] = z
+            residual = assemble(step.residuals, now, here, prepared.parameters, flags, n)[:, 0]
+            matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n)[:, 0].reshape(n, n)
+            try:
+                change = np.linalg.solve(matrix, residual)
+            except np.linalg.LinAlgError:
+                change = _singular_step(step, matrix, residual, z, t[i])
+            z = z - change
+            if step.linear or np.abs(change).max() <= 1e-14 * np.abs(z).max() + 1e-300:
+                break
+            if iteration > 8 and np.abs(change).max() <= 1e-11 * np.abs(z).max() + ROUNDING:
+                break
+        else:
+            raise SolverError(
+                f"the nonlinear equations {_labels(step)} were not solved at t = {t[i]:g} s; they have no solution there, or need "
+                "better guesses: guess={...} of their variables"
+            )
+        slots[step.unknowns, i] = z
+
+
+def _newton_at_once(
+    step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None
+) -> None:
+    """Solve a block at all times together, each from its own guess; those with a singular matrix on the way one by one."""
+    assert guess is not None
+    n = len(step.unknowns)
+    z = guess[step.unknowns].copy()
+    left = np.arange(len(t))
+    for iteration in range(50):
+        here, flags = slots[:, left], relations[:, left]
+        here[step.unknowns] = z[:, left]
+        residual = assemble(step.residuals, t[left], here, prepared.parameters, flags, n)
+        matrix = assemble(step.jacobian, t[left], here, prepared.parameters, flags, n * n).T.reshape(-1, n, n)
+        try:
+            change = np.linalg.solve(matrix, residual.T[:, :, None])[:, :, 0].T
+        except np.linalg.LinAlgError:
+            break
+        z[:, left] -= change
+        size, moved = np.abs(z[:, left]).max(axis=0), np.abs(change).max(axis=0)
+        done = moved <= 1e-14 * size + 1e-300
+        if iteration > 8:
+            done |= moved <= 1e-11 * size + ROUNDING
+        left = left[~done] if not step.linear else left[:0]
+        if not len(left):
+            break
+    slots[step.unknowns] = z
+    for i in left.tolist():
+        one = slots[:, i : i + 1].copy()
+        _newton(step, prepared, t[i : i + 1], one, relations[:, i : i + 1], guess[:, i])
+        slots[:, i] = one[:, 0]
+
+
+def _singular_step(step: Newton, matrix: Floats, residual: Floats, z: Floats, t: float) -> Floats:
+    """The least change where the matrix is singular; away from here where that leaves a residual (x**2 = 4 at x = 0)."""
+    finite = bool(np.isfinite(matrix).all() and np.isfinite(residual).all())
+    change: Floats = np.zeros(len(z))
+    if finite:
+        change = np.asarray(np.linalg.lstsq(matrix, residual, rcond=None)[0], np.float64)
+    if not finite or np.abs(residual - matrix @ change).max() > 1e-9 * np.abs(residual).max():
+        if step.linear or not finite:
+            raise SolverError(f"the equations {_labels(step)} have no solution at t = {t:g} s: they depend on each other there")
+        change = np.asarray(change - 1e-3 * np.maximum(np.abs(z), 1.0), np.float64)
+    return change
+
+
+def _labels(step: Newton) -> str:
+    labels = list(dict.fromkeys(batch.kernel.template.label for batch in step.residuals))
+    return "; ".join(labels[:4]) + (f" and {len(labels) - 4} more" if len(labels) > 4 else "")
+
+
+def assemble(batches: Sequence[Batch], t: Floats, slots: Floats, parameters: Floats, relations: Floats, size: int) -> Floats:
+    """Sum batches' values at their targets, shape (size, times)."""
+    result = np.zeros((size, slots.shape[1]))
+    for batch in batches:
+        np.add.at(result, batch.targets, batch_values(batch, t, slots, parameters, relations))
+    return result

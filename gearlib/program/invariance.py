@@ -1,0 +1,169 @@
+"""Which changes of the states leave a program's results as they are, wherever the states are: its symmetries.
+
+A train looks the same however far it has turned, so that nothing but its angles may grow when it turns steadily. A change ``dx`` is
+such a symmetry if the linear parts of all equations pass on nothing of it, and if no argument that an equation is nonlinear in changes.
+This is carried forward through the program as `gearlib.program.sensitivity` carries derivatives, with constant coefficients only. What
+comes out holds for all states at once: a spring inside its gap does not look free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import Kernel, derivative_of
+from gearlib.program.interpret import Prepared
+from gearlib.program.program import Batch, Linear, Newton
+from gearlib.program.relations import Relations
+
+Floats = NDArray[np.float64]
+LOOKS = 24  # random arguments at which a nonlinear kernel is examined
+DECADES = (-6.0, 4.0)  # of these arguments
+INDEPENDENT = 1e-9  # smallest singular value of directions that count as different
+
+
+def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relations, Prepared] | None, scale: Floats) -> Floats:
+    """An orthonormal basis of the changes of the states that leave all targets and all events as they are.
+
+    Parameters
+    ----------
+    prepared : Prepared
+    targets : sequence of int
+        Slots of what must not change.
+    events : pair, optional
+        What the program's events compare, with the same parameters.
+    scale : array
+        Nominal values of the states; the changes are counted in them.
+
+    Returns
+    -------
+    array, shape (states, how many)
+    """
+    rows = [_Carried(prepared, scale)]
+    parts = [rows[0].run(targets)]
+    if events is not None:
+        relations, numbers = events
+        carried = _Carried(numbers, scale)
+        parts += [carried.run(()), *(carried.change(batch) for batch in (*relations.batches, *relations.discretes))]
+        parts += [carried.constraints()]
+        rows.append(carried)
+    n, widths = len(scale), [carried.width for carried in rows]
+    total = n + sum(width - n for width in widths)
+    wide = []  # the unknowns of iterations in each program have columns of their own
+    for k, part in enumerate(parts):
+        at = n if k == 0 else total - (widths[-1] - n)
+        here = np.zeros((len(part), total))
+        here[:, :n] = part[:, :n]
+        here[:, at : at + part.shape[1] - n] = part[:, n:]
+        wide.append(here)
+    kept = _null_space(np.vstack(wide))[:n]
+    left, sizes, _ = np.linalg.svd(kept, full_matrices=False)
+    found = left[:, sizes > INDEPENDENT]
+    return np.where(np.abs(found) > INDEPENDENT, found, 0.0)
+
+
+class _Carried:
+    """Changes of all slots of a program for a change of each state, and of each unknown of an iteration."""
+
+    def __init__(self, prepared: Prepared, scale: Floats) -> None:
+        program = prepared.program
+        self._prepared = prepared
+        self._unknowns = [int(u) for s in program.steps if isinstance(s, Newton) for u in s.unknowns]
+        n = len(scale)
+        self.width = n + len(self._unknowns)
+        self.slots = np.zeros((program.n_slots, self.width))
+        self.slots[np.arange(n), np.arange(n)] = scale
+        self.slots[self._unknowns, n + np.arange(len(self._unknowns))] = 1.0
+        self._rows: list[Floats] = []
+
+    def run(self, targets: Sequence[int]) -> Floats:
+        """Go through the program. Returns what has to vanish: changes of the targets, and of what is nonlinear."""
+        solutions = iter(self._prepared.solutions)
+        for step in self._prepared.program.steps:
+            if isinstance(step, Batch):
+                self.slots[step.targets] = self.change(step)
+            elif isinstance(step, Linear):
+                self.slots[step.unknowns] = next(solutions) @ self.slots[step.known]
+            else:
+                rest = np.zeros((len(step.unknowns), self.width))
+                for batch in step.residuals:
+                    np.add.at(rest, batch.targets, self.change(batch))
+                self._rows.append(rest)
+        return np.vstack([self.slots[list(targets)], self.constraints()])
+
+    def constraints(self) -> Floats:
+        """Changes of nonlinear arguments that were met since the last call."""
+        found, self._rows = self._rows, []
+        return np.vstack([np.zeros((0, self.width)), *found])
+
+    def change(self, batch: Batch) -> Floats:
+        """Change of a batch's values, as far as its coefficients are constant; the arguments of others go to the constraints."""
+        result = np.zeros((len(batch), self.width))
+        varying: list[int] = []
+        for a, c in enumerate(batch.kernel.columns):
+            slope = derivative_of(batch.kernel, c)
+            if slope.is_zero:
+                continue
+            if slope.columns or slope.relations or slope.on_time:
+                varying.append(a)
+                continue
+            value = self._values(batch, slope, None, None) * batch.signs * batch.argument_signs[:, a]
+            result += np.broadcast_to(value, (len(batch),))[:, None] * self.slots[batch.arguments[:, a]]
+        if varying:
+            moves = self.slots[batch.arguments[:, varying]] * batch.argument_signs[:, varying, None]
+            if len(varying) > 1:
+                moves = self._directions(batch, varying) @ moves
+            self._rows.append(moves.reshape(-1, self.width))
+        return result
+
+    def _directions(self, batch: Batch, varying: Sequence[int]) -> Floats:
+        """Of each row, directions of the arguments that its value depends on: one for a function of their difference."""
+        random = np.random.default_rng(len(varying))
+        shape = (LOOKS, len(batch.kernel.columns))
+        points = np.where(random.random(shape) < 0.5, -1, 1) * 10.0 ** random.uniform(*DECADES, shape)
+        flags = (random.random((LOOKS, len(batch.kernel.relations))) < 0.5).astype(float)
+        slopes = [
+            self._values(batch, derivative_of(batch.kernel, batch.kernel.columns[a]), points, flags)
+            * np.ones((len(batch), LOOKS))
+            for a in varying
+        ]
+        table = np.stack(slopes, axis=2)  # (rows, looks, arguments)
+        size = np.abs(table).max(axis=2, keepdims=True)
+        with np.errstate(all="ignore"):
+            table = np.where(np.isfinite(size) & (size > 0), table / size, 0.0)
+        _, sizes, right = np.linalg.svd(table, full_matrices=False)
+        if table.shape[1] < table.shape[2]:
+            return np.broadcast_to(np.eye(table.shape[2]), (len(batch), *table.shape[2:] * 2))
+        return np.asarray(right * (sizes > INDEPENDENT * sizes[:, :1].clip(1e-300))[:, :, None], float)
+
+    def _values(self, batch: Batch, slope: Kernel, points: Floats | None, flags: Floats | None) -> Floats:
+        """A derivative of the batch's kernel, with the parameters of each row, at some points."""
+        kernel, parameters = batch.kernel, self._prepared.parameters
+        arguments = [] if points is None else [points[:, kernel.columns.index(c)] for c in slope.columns]
+        constants = [parameters[batch.parameters[:, kernel.parameters.index(p)]] for p in slope.parameters]
+        modes = [] if flags is None else [flags[:, kernel.relations.index(r)] for r in slope.relations]
+        if points is not None:
+            constants = [c[:, None] for c in constants]
+        with np.errstate(all="ignore"):
+            return np.asarray(slope.function(0.0, *arguments, *constants, *modes), float)
+
+
+def _null_space(matrix: Floats) -> Floats:
+    """A basis of what a matrix takes to zero; rows and columns are scaled, so that a weak coupling counts as well as a strong one."""
+    matrix = matrix[np.isfinite(matrix).all(axis=1) & matrix.any(axis=1)]
+    column = np.ones(matrix.shape[1])
+    if not len(matrix):
+        return np.eye(matrix.shape[1])
+    for _ in range(4):
+        matrix = matrix / np.abs(matrix).max(axis=1, keepdims=True)
+        factors = np.sqrt(np.abs(matrix).max(axis=0))
+        factors[factors == 0] = 1.0
+        matrix, column = matrix / factors, column / factors
+    if len(matrix) > matrix.shape[1]:
+        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
+    _, sizes, right = np.linalg.svd(matrix)
+    rank = int((sizes > INDEPENDENT * max(float(sizes[0]), 1e-300)).sum())
+    kept: Floats = column[:, None] * right[rank:].T
+    return np.asarray(kept / np.abs(kept).max(axis=0, initial=1e-300), float)

@@ -1,0 +1,165 @@
+"""`Program`: what to compute, in which order, in arrays of integers.
+
+Every quantity has a slot: first the states, then the given inputs, then the unknowns. A `Batch` applies one kernel to many
+instances; a `Linear` block solves equations whose matrix is constant during a run (factorised beforehand); a `Newton` block solves
+the others.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import Kernel
+from gearlib.structure.incidence import Node
+
+Integers = NDArray[np.int64]
+
+
+LOST = 1e6  # times its solution, the change of a linear block leaves too few digits of it: it is solved once more from there
+ROUNDING = 1e-12  # change of an unknown that may be all rounding: of unknowns near zero no relative accuracy can be asked
+
+
+@dataclass(frozen=True)
+class Batch:
+    """One kernel for many instances: ``slot[targets] = signs * kernel(slot[arguments] * argument_signs, ...)``."""
+
+    kernel: Kernel
+    equations: Integers  # which wrote it; -1 - instance for equations of discrete variables
+    targets: Integers  # (n,)
+    signs: Integers  # (n,)
+    arguments: Integers  # (n, columns)
+    argument_signs: Integers
+    parameters: Integers  # (n, parameters) into the parameter table
+    relations: Integers  # (n, relations) into the relation values
+
+    def __len__(self) -> int:
+        return len(self.targets)
+
+    @cached_property
+    def columns(self) -> tuple[tuple[Integers, Integers | None], ...]:
+        """Slots of each argument, and their signs as a column, None where all are plus."""
+        pairs = zip(self.arguments.T, self.argument_signs.T, strict=True)
+        return tuple((np.ascontiguousarray(a), None if (s == 1).all() else s[:, None].copy()) for a, s in pairs)
+
+    @cached_property
+    def sign_column(self) -> Integers | None:
+        """The signs as a column, None where all are plus."""
+        return None if (self.signs == 1).all() else self.signs[:, None].copy()
+
+    def take(self, rows: Integers) -> Batch:
+        return Batch(
+            self.kernel, self.equations[rows], self.targets[rows], self.signs[rows], self.arguments[rows],
+            self.argument_signs[rows], self.parameters[rows], self.relations[rows],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Linear:
+    """``A z + g = 0`` with a matrix that is constant during a run; g in slots of its own (rows without one have none)."""
+
+    unknowns: Integers  # slots
+    matrix: tuple[Batch, ...]  # targets: row * n + column
+    known: Integers  # slots of g
+    known_rows: Integers
+    equations: Integers
+
+    @cached_property
+    def places(self) -> Integers:
+        """Where each entry of the matrix stands: row * n + column."""
+        return np.concatenate([b.targets for b in self.matrix])
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Equations solved by iteration (once, where they are linear with a matrix that varies), in the order of their tearing."""
+
+    unknowns: Integers  # slots
+    residuals: tuple[Batch, ...]  # targets: row
+    jacobian: tuple[Batch, ...]  # targets: row * n + column
+    linear: bool
+    equations: Integers
+    lead: int  # so many unknowns follow from the others one after another: the matrix begins with a lower triangular part
+    constrained: bool  # whether constraints on the states are among the equations, so that other states may be needed somewhere
+
+
+Step = Batch | Linear | Newton
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Steps in an order in which they can be carried out.
+
+    Attributes
+    ----------
+    states, inputs : tuples of (variable, order)
+        Held by the first slots.
+    slots : mapping of (variable, order) to int
+    n_slots : int
+    steps : tuple
+        Level by level: batches as large as possible.
+    outputs : tuple of (variable, order)
+        What the program is for; derivatives of the states, usually.
+    pivots : tuple of Batch
+        Coefficients that are divided by, and so must not vanish.
+    """
+
+    states: tuple[Node, ...]
+    inputs: tuple[Node, ...]
+    slots: dict[Node, int]
+    n_slots: int
+    steps: tuple[Step, ...]
+    outputs: tuple[Node, ...]
+    pivots: tuple[Batch, ...]
+
+    @cached_property
+    def output_slots(self) -> Integers:
+        return np.array([self.slots[n] for n in self.outputs], np.int64)
+
+    @cached_property
+    def undifferentiated(self) -> tuple[Integers, Integers]:
+        """Variables themselves, not their derivatives: their numbers and their slots."""
+        pairs = [(v, slot) for (v, k), slot in self.slots.items() if k == 0]
+        table = np.array(pairs, np.int64).reshape(-1, 2)
+        return table[:, 0], table[:, 1]
+
+    @cached_property
+    def constant_groups(self) -> tuple[tuple[Batch, ...], ...]:
+        """What depends on parameters only: the pivots, and each linear block's matrix."""
+        return (self.pivots, *(s.matrix for s in self.steps if isinstance(s, Linear)))
+
+    @cached_property
+    def constant_parts(self) -> tuple[slice, ...]:
+        """Where each group stands when their values follow each other."""
+        ends = [0, *itertools.accumulate(sum(len(b) for b in group) for group in self.constant_groups)]
+        return tuple(itertools.starmap(slice, itertools.pairwise(ends)))
+
+    @cached_property
+    def on_time(self) -> bool:
+        """Whether anything depends on time itself."""
+        return any(
+            b.kernel.on_time
+            for s in self.steps
+            for b in ([s] if isinstance(s, Batch) else s.residuals if isinstance(s, Newton) else ())
+        )
+
+    @cached_property
+    def iterated(self) -> tuple[Newton, ...]:
+        """The blocks that take several iterations."""
+        return tuple(s for s in self.steps if isinstance(s, Newton) and not s.linear)
+
+    @property
+    def n_unknowns(self) -> int:
+        return len(self.slots) - len(self.states) - len(self.inputs)
+
+    @cached_property
+    def is_linear(self) -> bool:
+        """Linear in states and unknowns, with constant coefficients (inputs and time may enter in any way)."""
+        return all(
+            not isinstance(s, Newton) and all(b.kernel.template.linear for b in ([s] if isinstance(s, Batch) else s.matrix))
+            for s in self.steps
+        )

@@ -1,0 +1,81 @@
+"""What changes at events: the relations and discrete variables of a program, and how they are computed."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.program.build import Builder, Found, build
+from gearlib.program.program import Batch, Newton, Program
+from gearlib.reduce.reduction import Structure
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Relations:
+    """What changes at events: comparisons and discrete variables that a program uses, and the program that they need.
+
+    Modes are numbered through the whole model: relations, then discrete values (see `gearlib.flatten.model.Discretes`). Each batch
+    holds one kernel; its targets are modes, or states for ``reinits``.
+    """
+
+    program: Program
+    batches: tuple[Batch, ...]  # what relations compare
+    discretes: tuple[Batch, ...]
+    reinits: tuple[Batch, ...]
+    used: Integers  # relations, sorted
+    on_time: NDArray[np.bool_]  # of each used one: compares nothing but time
+
+    @cached_property
+    def timed(self) -> tuple[NDArray[np.bool_] | None, ...]:
+        """Of each batch, which rows compare nothing but time; None where none does."""
+        masks = [np.isin(batch.targets, self.used[self.on_time]) for batch in self.batches]
+        return tuple(mask if mask.any() else None for mask in masks)
+
+
+def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:
+    """Everything needed to handle the events of a program, and of discrete variables that are wanted as outputs."""
+    model = structure.model
+    builder = Builder(structure, (), program.states)
+    used = np.union1d(_used_modes(program), model.n_relations + np.array(wanted, np.int64))
+    while True:
+        places = builder.places(used)
+        nodes = sorted({n for p in places for n in builder.nodes(*p[:3])})
+        helper = build(structure, nodes, program.states, dynamic=False)
+        held = [builder.modes(*p[:3]) for p in places]
+        more = np.unique(np.concatenate([used, _used_modes(helper), *held]).astype(np.int64))
+        if len(more) == len(used):
+            break
+        used = more
+    builder.table = _slot_table(helper, model.n_variables)
+    kinds: list[Found] = [defaultdict(list) for _ in range(3)]
+    for kernel, g, i, kind, target, sign in places:
+        kinds[kind][kernel, g, 0].append((i, target, sign))
+    batches = [tuple(builder.batch(kernel, g, k, rows) for (kernel, g, k), rows in kind.items()) for kind in kinds]
+    relations = used[used < model.n_relations]
+    moving = {p[4] for p in places if p[3] == 0 and (builder.nodes(*p[:3]) or len(builder.modes(*p[:3])))}
+    on_time = np.array([int(r) not in moving for r in relations], bool)
+    return Relations(helper, batches[0], batches[1], batches[2], relations, on_time)
+
+
+def _used_modes(program: Program) -> Integers:
+    parts = [np.empty(0, np.int64)]
+    for step in program.steps:
+        if isinstance(step, Batch):
+            parts.append(step.relations.ravel())
+        elif isinstance(step, Newton):
+            parts += [b.relations.ravel() for b in (*step.residuals, *step.jacobian)]
+    return np.unique(np.concatenate(parts))
+
+
+def _slot_table(program: Program, n_variables: int) -> Integers:
+    table = np.full((1 + max((k for _, k in program.slots), default=0), n_variables), -1)
+    for (v, k), slot in program.slots.items():
+        table[k, v] = slot
+    return table

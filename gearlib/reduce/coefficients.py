@@ -1,0 +1,55 @@
+"""Numerical values of partial derivatives at the start, for the structural decisions that need them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gearlib.equations.kernel import Kernel, partial_kernel, residual_kernel
+from gearlib.flatten.model import EquationGroup, FlatModel, Floats
+from gearlib.reduce.rows import Numbers
+
+
+def start_guess(model: FlatModel, parameters: Floats) -> Floats:
+    """A value of every representative variable: its start or guess value where it has one, else zero."""
+    values = np.zeros(model.n_variables)
+    representatives, signs, slots = model.guessed
+    values[representatives] = signs * parameters[slots]
+    return values
+
+
+def numbers_of(model: FlatModel, parameters: Floats, t: float, known: Floats | None = None) -> Numbers:
+    """Partial derivatives of all equations at the start values, or at known ones.
+
+    ``known[k]`` holds the k-th derivatives of all variables; higher ones count as zero, as all do at the start.
+    """
+    values = start_guess(model, parameters)[None, :] if known is None else known
+
+    def apply(kernel: Kernel, group: EquationGroup) -> Floats:
+        template = kernel.template
+        where = {name: j for j, name in enumerate(template.locals)}
+        columns = [*template.columns, *template.relation_columns]
+        arguments = []
+        for c in kernel.columns:
+            name, order = columns[c]
+            j = where[name]
+            value = values[order, group.variables[:, j]] if order < len(values) else np.zeros(len(group))
+            arguments.append(value * group.signs[:, j])
+        constants = [parameters[group.parameters[:, p]] for p in kernel.parameters]
+        flags = [np.zeros(len(group)) for _ in kernel.relations]
+        with np.errstate(all="ignore"):
+            result = kernel.function(t, *arguments, *constants, *flags)
+        return np.broadcast_to(np.asarray(result, float), (len(group),))
+
+    def partial(g: int, column: int) -> Floats:
+        group = model.groups[g]
+        return apply(partial_kernel(group.template, column), group)
+
+    def rest(g: int) -> Floats:
+        group = model.groups[g]
+        template = group.template
+        kernel = residual_kernel(template, frozenset(range(len(template.columns))))
+        if template.on_time:
+            return np.full(len(group), np.nan)
+        return apply(kernel, group)
+
+    return Numbers(partial, rest)

@@ -1,0 +1,297 @@
+"""`analyse`: from flat equations to states, and which equation determines each other unknown.
+
+The steps, in order: loops (numbers), balance, Pantelides, states (numbers). A redundant equation is left out before anything is
+counted, and one torque that nothing determines any more is set to zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
+from gearlib.flatten.model import FlatModel
+from gearlib.reduce.redundancy import alphabetical, balanced, flows_beside, redundant_rows, shifted, without
+from gearlib.reduce.rows import Numbers, Rows
+from gearlib.structure.defining_equations import Determined
+from gearlib.structure.incidence import Entries, Node
+from gearlib.structure.pantelides import Differentiation, pantelides
+from gearlib.structure.sorting import Dependence, sinks
+from gearlib.structure.states import StateChoice, choose_states
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A flat model, reduced and ready to be sorted."""
+
+    model: FlatModel  # without redundant equations
+    rows: tuple[tuple[int, int], ...]  # (group, row) of each equation
+    differentiation: Differentiation
+    choice: StateChoice
+    dependence: Dependence
+    angles: frozenset[Node]  # states that are integrals nobody depends on
+    redundant: tuple[str, ...]  # owners of the equations that were left out
+    closed: tuple[str, ...]  # flows set to zero
+    complete: FlatModel  # with the redundant equations
+
+    @property
+    def states(self) -> tuple[Node, ...]:
+        return self.choice.states
+
+    def computes(self, node: Node) -> bool:
+        """Whether a variable, or a derivative of one, is a state, given, or can be computed from these."""
+        dependence, solved = self.dependence, self.choice.solved_by
+        given = node[1] == 0 and node[0] in dependence.given
+        return given or node in dependence.is_state or node in solved or (isinstance(solved, Determined) and solved.knows(node))
+
+    def named(self, name: str, what: str, refusal: tuple[str, str]) -> tuple[Node, int]:
+        """The node that a name stands for, and its sign (0: always zero).
+
+        Parameters
+        ----------
+        name : str
+            A variable's path, or "der(path)".
+        what : str
+            What it is to be, in messages.
+        refusal : pair of str
+            What a variable cannot be that the equations do not give, and what the one without derivatives can.
+
+        Raises
+        ------
+        NameLookupError
+            The model has no such variable, or its equations do not give it.
+        """
+        base, order = self.model.column(name)
+        variable = self.model.variable(base, what)
+        node, sign = (int(self.model.representative[variable]), order), int(self.model.sign[variable])
+        if sign and not self.computes(node):
+            why = "needs the derivative of an input" if order else "does not occur in the model's equations"
+            raise NameLookupError(f"{name} {why}, so it {refusal[0]}{f'; {base} {refusal[1]}' if order else ''}")
+        return node, sign
+
+    @cached_property
+    def switching(self) -> frozenset[int]:
+        """Equations that are differentiated and hold relations."""
+        groups = self.model.groups
+        return frozenset(
+            e for e, count in enumerate(self.differentiation.counts) if count and groups[self.rows[e][0]].template.relations
+        )
+
+
+def analyse(model: FlatModel, numbers: Numbers) -> Structure:
+    """Reduce a flat model.
+
+    Raises
+    ------
+    LoopError, BalanceError, SingularError
+        With the names of the equations and variables at fault.
+    """
+    complete = model
+    rows = Rows(model)
+    dropped = redundant_rows(model, rows, numbers)
+    redundant = tuple(model.owner(*rows.place[e]) for e in dropped)
+    around = [[rows.place[e] for e in loop] for loop in dropped.values()]
+    beside = flows_beside(model, [place for loop in around for place in loop])
+    loops = [sorted({o for place in loop if (o := model.owner(*place)) != "connection"}, key=alphabetical) for loop in around]
+    if dropped:
+        model = without(model, rows, dropped)
+        numbers = shifted(numbers, rows, dropped)
+        rows = Rows(model)
+    model, closed = balanced(model, rows, numbers, beside, loops)
+    if closed:
+        rows = Rows(model)
+    given = frozenset(model.inputs.tolist())
+    result = pantelides(len(rows.place), lambda e, k: [n for n in rows.columns(e, k) if n[0] not in given])
+    _refuse_differentiated_inputs(model, rows, result, given)
+    varying = _varying(model, rows, result)
+    choice = choose_states(result, _entries(model, rows, result, numbers), _badness(model, result), varying)
+    if choice.singular:
+        owners = sorted({model.owner(*rows.place[e]) for e in choice.singular})
+        raise SingularError(
+            f"the constraints of {', '.join(owners)} depend on each other at these values (a combination of ratios makes a pivot "
+            "zero); change a ratio, or make one of the connections elastic"
+        )
+    _refuse_reinits_of_no_state(model, choice)
+    choice = _with_derivatives(model, rows, choice)
+    dependence, angles = _dependence(model, rows, choice)
+    return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed, complete)
+
+
+def choose_again(structure: Structure, numbers: Numbers) -> Structure | None:
+    """The same equations with states that fit other values (numbers of ``structure.model``); None where no others do."""
+    model, result = structure.model, structure.differentiation
+    rows = Rows(model)
+    entries, varying = _entries(model, rows, result, numbers), _varying(model, rows, result)
+    by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
+    for badness in (by_declaration, {}):
+        choice = choose_states(result, entries, badness, varying)
+        kept = all((v, 0) in choice.states for v in _reinitialised(model))
+        if not choice.singular and kept and set(choice.states) != set(structure.states):
+            choice = _with_derivatives(model, rows, choice)
+            dependence, angles = _dependence(model, rows, choice)
+            return replace(structure, choice=choice, dependence=dependence, angles=angles)
+    return None
+
+
+def _with_derivatives(model: FlatModel, rows: Rows, choice: StateChoice) -> StateChoice:
+    """The choice, with the derivatives that can be computed on demand."""
+    given = frozenset(model.inputs.tolist())
+    return replace(choice, solved_by=Determined(choice.solved_by, rows.columns, choice.states, given))
+
+
+def _varying(model: FlatModel, rows: Rows, result: Differentiation) -> frozenset[int]:
+    """Constraints whose coefficients change during a run."""
+    return frozenset(e for e, (g, _) in enumerate(rows.place) if result.counts[e] and not model.groups[g].template.linear)
+
+
+def _dependence(model: FlatModel, rows: Rows, choice: StateChoice) -> tuple[Dependence, frozenset[Node]]:
+    """What depends on what, and the states that are integrals nobody depends on."""
+    given = frozenset(model.inputs.tolist())
+    dependence = Dependence(choice, rows.columns, given, frozenset(choice.states), decisive_nodes(model, rows))
+    plain_rates = integrals(model)
+
+    def position(state: Node) -> bool:
+        """A potential, or a variable that a declared speed is the derivative of."""
+        return state[1] == 0 and (bool(model.potential[state[0]]) or state[0] in plain_rates)
+
+    return dependence, sinks(dependence, choice.states, position)
+
+
+def confirm(structure: Structure, numbers: Numbers) -> None:
+    """Check that what was redundant still is, with other numbers (of ``structure.complete``).
+
+    Raises
+    ------
+    LoopError
+        The equations that were left out do not follow from the others any more.
+    """
+    if not structure.redundant:
+        return
+    rows = Rows(structure.complete)
+    dropped = redundant_rows(structure.complete, rows, numbers)
+    if len(dropped) != len(structure.redundant):
+        raise LoopError(
+            f"the model was compiled with equations of {', '.join(structure.redundant)} that followed from the others, and with these "
+            "parameters they do not; give the parameters to the components and compile again"
+        )
+
+
+def _refuse_differentiated_inputs(model: FlatModel, rows: Rows, result: Differentiation, given: frozenset[int]) -> None:
+    if not given:
+        return
+    for e, count in enumerate(result.counts):
+        for v, order in rows.columns(e, count):
+            if v in given and order:
+                raise ModelError(
+                    f"{model.owner(*rows.place[e])}: the input {model.name(v)} would have to be differentiated; bind it to an "
+                    "expression of gl.time that can be, or let the motion follow it through a filter (exact=False)"
+                )
+
+
+def decisive_nodes(model: FlatModel, rows: Rows) -> dict[int, list[Node]]:
+    """Of each equation with relations or discrete variables: the variables that decide on these, through all updates."""
+    n = len(model.discretes)
+    known: dict[int, list[Node]] = {}
+    result: dict[int, list[Node]] = {}
+    for g, group in enumerate(model.groups):
+        template = group.template
+        if not (template.relation_columns or template.held):
+            continue
+        where = {name: j for j, name in enumerate(template.locals)}
+        for i in range(len(group)):
+            found = {(int(group.variables[i, where[c]]), o) for c, o in template.relation_columns if group.signs[i, where[c]]}
+            for place in group.held[i].tolist():
+                if place < 2 * n:
+                    d = place % n
+                    if d not in known:
+                        known[d] = discrete_nodes(model, d)
+                    found.update(known[d])
+            result[int(rows.first[g]) + i] = sorted(found)
+    return result
+
+
+def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
+    """The variables that decide on a discrete variable (those of its own equation and, through it, of others)."""
+    found: set[Node] = set()
+    seen: set[int] = set()
+    stack = [discrete]
+    n = len(model.discretes)
+    while stack:
+        d = stack.pop()
+        if d in seen:
+            continue
+        seen.add(d)
+        for update in model.discretes.updates:
+            if update.reinit:
+                continue
+            group = update.equations
+            where = {name: j for j, name in enumerate(group.template.locals)}
+            for i in np.flatnonzero(update.targets == d).tolist():
+                columns = [*group.template.columns, *group.template.relation_columns]
+                found |= {(int(group.variables[i, where[c]]), o) for c, o in columns if group.signs[i, where[c]]}
+                stack += [p % n for p in group.held[i].tolist() if p < 2 * n]
+    return sorted(found)
+
+
+def integrals(model: FlatModel) -> set[int]:
+    """Variables x of equations der(x) = w: positions, where w is a speed."""
+    found: set[int] = set()
+    for group in model.groups:
+        t = group.template
+        if len(t.columns) == 2 and not t.parameters and sorted(o for _, o in t.columns) == [0, 1] and t.linear:
+            j = next(j for j, o in t.local_columns if o == 1)
+            found.update(group.variables[:, j].tolist())
+    return found
+
+
+def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Numbers) -> Entries:
+    """Partial derivatives of every equation that is differentiated."""
+    counts = np.array(result.counts)
+    e_all, v_all, o_all, a_all = [], [], [], []
+    for g, group in enumerate(model.groups):
+        first = int(rows.first[g])
+        differentiated = np.flatnonzero(counts[first : first + len(group)])
+        if not len(differentiated):
+            continue
+        for c, (j, order) in enumerate(group.template.local_columns):
+            values = np.asarray(numbers.partial(g, c))[differentiated] * group.signs[differentiated, j]
+            e_all.append(first + differentiated)
+            v_all.append(group.variables[differentiated, j])
+            o_all.append(np.full(len(differentiated), order))
+            a_all.append(values)
+    empty = [np.empty(0, np.int64)]
+    return Entries(
+        np.concatenate(e_all or empty), np.concatenate(v_all or empty), np.concatenate(o_all or empty),
+        np.concatenate(a_all or [np.empty(0)]),
+    )  # fmt: skip
+
+
+def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[float, ...]]:
+    """How little each candidate is wanted as a state: by declaration, then derivatives, then without a fixed start value."""
+    wanted = set(model.representative[model.starts.variables[model.starts.fixed]].tolist())
+    bad: dict[Node, tuple[float, ...]] = {}
+    for v, order in result.orders.items():
+        for k in range(order):
+            preference = int(model.preference[v])
+            bad[v, k] = (3.0 - preference if k == 0 else max(2.0, 3.0 - preference), float(v not in wanted))
+    for v in _reinitialised(model):
+        if (v, 0) in bad:
+            bad[v, 0] = (-1.0, 0.0)
+    return bad
+
+
+def _reinitialised(model: FlatModel) -> list[int]:
+    """Variables that an event gives new values."""
+    return [int(model.representative[v]) for update in model.discretes.updates if update.reinit for v in update.targets]
+
+
+def _refuse_reinits_of_no_state(model: FlatModel, choice: StateChoice) -> None:
+    for v in _reinitialised(model):
+        if (v, 0) not in choice.states:
+            states = ", ".join("der(" * k + model.name(w) + ")" * k for w, k in choice.states)
+            raise ModelError(
+                f"reinit({model.name(v)}): {model.name(v)} is no state, so that it cannot be given a value; the states are "
+                f"{states or 'none'}. A variable is one where its derivative is written, as gl.der({model.name(v)})"
+            )

@@ -1,0 +1,250 @@
+"""Equations that follow from the others are left out; the flows that nothing determines any more are set to zero.
+
+A rigid loop of gears has an equation too many between its positions and, by the same token, a torque that runs round in it and that no
+equation determines. Both are found with numbers, since structure alone cannot tell a torque in the loop from one beside it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gearlib.errors import BalanceError, LoopError
+from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.reduce.rows import Numbers, Rows, listed, some
+from gearlib.structure.dulmage_mendelsohn import Balance, dulmage_mendelsohn
+from gearlib.structure.rigid_loops import determining, examine, null_space
+
+
+def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, tuple[int, ...]]:
+    """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others.
+
+    With each, the equations of the loop that makes it follow.
+    """
+    candidates: list[int] = []
+    coefficients: list[dict[int, float]] = []
+    constants: list[float] = []
+    for g, group in enumerate(model.groups):
+        t = group.template
+        if not (t.linear and (t.columns or t.parameters)) or any(order for _, order in t.columns) or t.label == "binding":
+            continue
+        eligible = ~(model.flow[group.variables] & (group.signs != 0)).any(axis=1)
+        if not eligible.any():
+            continue
+        partials = [numbers.partial(g, c) for c in range(len(t.columns))]
+        rest = numbers.rest(g)
+        for i in np.flatnonzero(eligible).tolist():
+            row: dict[int, float] = {}
+            for c, (j, _) in enumerate(t.local_columns):
+                v = int(group.variables[i, j])
+                row[v] = row.get(v, 0.0) + int(group.signs[i, j]) * float(partials[c][i])
+            candidates.append(int(rows.first[g]) + i)
+            coefficients.append(row)
+            constants.append(-float(rest[i]))
+    loops = examine(coefficients, constants, frozenset())
+    for found in loops.contradictory:
+        held = [r for r in found.rows if len(coefficients[r]) == 1]
+        if len(held) > 1:
+            variables = dict.fromkeys(model.name(v) for r in held for v in coefficients[r])
+            raise BalanceError(
+                f"the model is not balanced. over-determined: held twice by {listed(model, rows, [candidates[r] for r in held])}. "
+                f"The variables: {'; '.join(variables)}. Remove one of them, or make a connection between them elastic"
+            )
+    for bad in loops.contradictory:
+        owners = list(dict.fromkeys(model.owner(*rows.place[candidates[r]]) for r in bad.rows))
+        if len(owners) == 1:
+            raise BalanceError(
+                "the model is not balanced. over-determined: these equations contradict each other: "
+                f"{listed(model, rows, [candidates[r] for r in bad.rows])}"
+            )
+        what = f"force {model.name(bad.variable)} to stand still" if bad.variable >= 0 else "contradict each other"
+        raise LoopError(
+            f"the rigid loop through {', '.join(owners)} cannot turn: its ratios {what}; check the ratios of these components, or "
+            "make one of the connections elastic"
+        )
+    return {candidates[found.last]: tuple(candidates[r] for r in found.rows) for found in loops.redundant}
+
+
+def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel:
+    """The model without some equations."""
+    groups = list(model.groups)
+    for g in {rows.place[e][0] for e in dropped}:
+        gone = [rows.place[e][1] for e in dropped if rows.place[e][0] == g]
+        group = groups[g]
+        groups[g] = EquationGroup(
+            group.template, np.delete(group.variables, gone, 0), np.delete(group.signs, gone, 0),
+            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0), np.delete(group.held, gone, 0),
+        )  # fmt: skip
+    return model.with_groups(tuple(groups), model.redundant + len(dropped))
+
+
+def shifted(numbers: Numbers, rows: Rows, dropped: Iterable[int]) -> Numbers:
+    """The numbers of that model."""
+    gone: dict[int, list[int]] = {}
+    for e in dropped:
+        g, i = rows.place[e]
+        gone.setdefault(g, []).append(i)
+    return Numbers(
+        lambda g, c: np.delete(numbers.partial(g, c), gone.get(g, [])), lambda g: np.delete(numbers.rest(g), gone.get(g, []))
+    )
+
+
+def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozenset[int]:
+    """The flows of the components that wrote some equations."""
+    owners = (model.instances[o] for g, i in places if (o := int(model.groups[g].owners[i])) >= 0)
+    own = {int(v) for o in owners for v in model.representative[o.first_variable : o.first_variable + len(o.variables)]}
+    return frozenset(v for v in own if model.flow[v])
+
+
+def balanced(
+    model: FlatModel, rows: Rows, numbers: Numbers, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
+) -> tuple[FlatModel, tuple[str, ...]]:
+    """Check the balance; close what redundant equations leave open by setting flows to zero, if possible ``wanted`` ones.
+
+    ``loops`` are the components round each redundant equation.
+    """
+    closed: list[int] = []
+    given = set(model.inputs.tolist())
+    candidates: list[int] | None = None  # the closing of which leaves no flow undetermined, whatever the order of declaration
+    while True:
+        incidence = [list({v for v, _ in rows.columns(e, 0) if v not in given}) for e in range(len(rows.place))]
+        unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
+        balance = dulmage_mendelsohn(incidence, unknown)
+        if balance.balanced:
+            return model, tuple(model.name(v) for v in closed)
+        if balance.surplus == 0 and candidates is None and model.redundant:
+            values = null_space(_flow_rows(model, rows, numbers))
+            candidates = determining(values, _last_first(model, values, wanted))
+        free = [v for v in candidates or () if v not in closed and v in balance.undetermined]
+        if balance.surplus or len(closed) >= model.redundant or not free:
+            if balance.surplus == 0 and balance.deficit <= model.redundant - len(closed) and wanted & set(balance.undetermined):
+                raise BalanceError(_split(loops))
+            raise BalanceError(_explain(model, rows, balance))
+        closing = free[: balance.deficit]
+        closed += closing
+        for v in closing:
+            model = _zeroed(model, v)
+        rows = Rows(model)
+
+
+def _last_first(model: FlatModel, variables: Collection[int], wanted: Collection[int]) -> list[int]:
+    """Variables in the order in which they are set to zero: wanted ones first, the alphabet's last first.
+
+    The name of a variable is the last in the alphabet of all that equal it: which of them represents them depends on the order in
+    which the parts were made, and nothing that is computed may.
+    """
+    names: dict[int, list[str]] = {v: [] for v in variables}
+    for same in np.flatnonzero(np.isin(model.representative, list(names)) & (model.sign != 0)).tolist():
+        names[int(model.representative[same])].append(model.name(same))
+    known = {v: max(map(alphabetical, same)) for v, same in names.items() if v < model.auxiliary}
+    return sorted(sorted(known, key=known.__getitem__, reverse=True), key=lambda v: v not in wanted)
+
+
+def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:
+    """For sorting names so that ``body[10]`` comes after ``body[9]``.
+
+    >>> sorted(["body[10].w", "body[9].w", "axle"], key=alphabetical)
+    ['axle', 'body[9].w', 'body[10].w']
+    """
+    return tuple(
+        (int(part.isdigit()), int(part) if part.isdigit() else 0, part) for part in re.split(r"([0-9]+)", name) if part
+    )
+
+
+def _definitions(model: FlatModel, rows: Rows) -> frozenset[int]:
+    """Equations that only say what some variable is, as a sensor's power: nothing else depends on it, and no flow obeys them."""
+    plain = ~(model.flow | model.potential)
+    plain[model.inputs] = False
+    count: dict[int, int] = {}
+    for e in range(len(rows.place)):
+        for v in {v for v, _ in rows.columns(e, 0)}:
+            count[v] = count.get(v, 0) + 1
+    return frozenset(
+        e for e in range(len(rows.place)) if any(order == 0 and count[v] == 1 and plain[v] for v, order in rows.columns(e, 0))
+    )
+
+
+def _flow_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> list[dict[int, float]]:
+    """The flows' coefficients in each equation: what they must obey where nothing moves. What is given is no unknown."""
+    result: list[dict[int, float]] = []
+    unknown = model.flow.copy()
+    unknown[model.inputs] = False
+    definitions = _definitions(model, rows)
+    for g, group in enumerate(model.groups):
+        flows = unknown[group.variables] & (group.signs != 0)
+        columns = [(c, j) for c, (j, _) in enumerate(group.template.local_columns) if flows[:, j].any()]
+        found: list[dict[int, float]] = [{} for _ in range(len(group) if columns else 0)]
+        for c, j in columns:
+            values = np.array(numbers.partial(g, c), float)
+            if not group.template.partials[c].constant:  # any value that is not special
+                values = np.where(
+                    np.isfinite(values) & (values != 0.0), values, np.pi + 0.1 * np.sin(np.arange(len(values)) + c)
+                )
+            for i in np.flatnonzero(flows[:, j]).tolist():
+                if int(rows.first[g]) + i in definitions:
+                    continue
+                v = int(group.variables[i, j])
+                found[i][v] = found[i].get(v, 0.0) + int(group.signs[i, j]) * float(values[i])
+        result += found
+    return result
+
+
+def _zeroed(model: FlatModel, variable: int) -> FlatModel:
+    sign = np.where(model.representative == variable, 0, model.sign)
+
+    def zeroed(group: EquationGroup) -> EquationGroup:
+        return replace(group, signs=np.where(group.variables == variable, 0, group.signs))
+
+    updates = tuple(replace(u, equations=zeroed(u.equations)) for u in model.discretes.updates)
+    return replace(
+        model, sign=sign, groups=tuple(zeroed(g) for g in model.groups), discretes=replace(model.discretes, updates=updates),
+        closed=(*model.closed, variable),
+    )  # fmt: skip
+
+
+def _split(loops: Sequence[Sequence[str]]) -> str:
+    """Paths side by side whose losses or friction depend on how they share the torque."""
+    named = "; ".join(", ".join(owners) for owners in loops)
+    return (
+        f"the model is not balanced. A rigid loop goes through {named}: its paths share the torque in a way that no equation "
+        "determines, and the losses in them depend on it. Make one of the paths elastic (a SpringDamper in series, or an elastic "
+        "mesh), or join the paths into one component"
+    )
+
+
+def _left_open(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
+    """Connectors whose potential is in no equation, with the likely fix."""
+    used = {v for e in range(len(rows.place)) for v, _ in rows.columns(e, 0)}
+    text = []
+    for v in balance.undetermined:
+        if model.potential[v] and v not in used:
+            alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
+            name = min(alike, key=lambda n: n.count("."))
+            connector = name.rpartition(".")[0]
+            owner, _, local = connector.rpartition(".")
+            instance = next(i for i in model.instances if i.path == owner)
+            switch = instance.connectors[local].when
+            off = f", or leave it switched off ({switch}=False of {owner or instance.kind})" if switch else ""
+            text.append(f"Nothing determines {name}: connect {connector} to a component that does{off}.")
+    return text[:3]
+
+
+def _explain(model: FlatModel, rows: Rows, balance: Balance) -> str:
+    text = _left_open(model, rows, balance)
+    if balance.surplus:
+        text.append(
+            f"over-determined: {len(balance.excess_equations)} equations for {len(balance.excess_variables)} variables, "
+            f"{balance.surplus} too many. The equations: {listed(model, rows, balance.excess_equations)}. "
+            f"The variables: {some([model.name(v) for v in balance.excess_variables]) or 'none that is not given or zero'}. "
+            "Is something held or driven twice (two sources or grounds on one rigid shaft), or a source not connected?"
+        )
+    if balance.deficit:
+        text.append(
+            f"under-determined: {len(balance.undetermined)} variables in {len(balance.missing_equations)} equations, "
+            f"{balance.deficit} too few. The variables: {some([model.name(v) for v in balance.undetermined])}. "
+            "Is a flange left unconnected inside a composite, or a variable without an equation?"
+        )
+    return "the model is not balanced. " + " ".join(text)

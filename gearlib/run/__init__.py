@@ -1,0 +1,1 @@
+"""A compiled model at work: scene, start values, linear form, request, segments, result."""

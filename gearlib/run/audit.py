@@ -1,0 +1,205 @@
+"""Integrate the powers of a run: the run is done again with the nodes of a quadrature as its samples, until that has converged.
+
+Between breakpoints (the samples and the events) all powers are smooth. Each panel between them has the 15 nodes of Kronrod's rule, which
+hold the 7 of Gauss's: the difference of both tells which panels are cut into four. Stored energies at the ends of a panel follow from its
+nodes by interpolation, from the left and from the right, so that jumps at events are seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import GearlibError, NameLookupError
+from gearlib.flatten.energies import Audited, Term
+from gearlib.run.energy_balance import EnergyBalance
+
+if TYPE_CHECKING:
+    from gearlib.run.result import Result
+
+Floats = NDArray[np.float64]
+MOST_SAMPLES, MOST_PANELS, PASSES = 1000, 20_000, 8
+NARROW = 1e-10  # of the run: panels narrower than that, between events at one place, are left out
+EXPLAINED = 100.0  # times the relative tolerance: a residual up to that, over the throughput, needs no explanation
+
+# Kronrod's 15 nodes and weights, and Gauss's weights at every other node (Piessens et al., QUADPACK, 1983, routine QK15).
+_HALF = np.array([
+    0.991455371120812639206854697526329, 0.949107912342758524526189684047851, 0.864864423359769072789712788640926,
+    0.741531185599394439863864773280788, 0.586087235467691130294144991693013, 0.405845151377397166906606412076961,
+    0.207784955007898467600689403773245, 0.0,
+])  # fmt: skip
+_KRONROD = np.array([
+    0.022935322010529224963732008058970, 0.063092092629978553290700663189204, 0.104790010322250183839876322541518,
+    0.140653259715525918745189590510238, 0.169004726639267902826583426598550, 0.190350578064785409913256402421014,
+    0.204432940075298892414161999234649, 0.209482141084727828012999174891714,
+])  # fmt: skip
+_GAUSS = np.array([
+    0.0, 0.129484966168869693270611432679082, 0.0, 0.279705391489276667901467771423780,
+    0.0, 0.381830050505118944950369775488975, 0.0, 0.417959183673469387755102040816327,
+])  # fmt: skip
+NODES = np.concatenate([-_HALF, _HALF[-2::-1]])
+KRONROD = np.concatenate([_KRONROD, _KRONROD[-2::-1]])
+GAUSS = np.concatenate([_GAUSS, _GAUSS[-2::-1]])
+
+
+def _to_the_ends() -> Floats:
+    """Weights that give a polynomial's values at -1 and 1 from those at the nodes, shape (2, nodes)."""
+    found = np.empty((2, len(NODES)))
+    for row, end in enumerate((-1.0, 1.0)):
+        for i, node in enumerate(NODES):
+            others = np.delete(NODES, i)
+            found[row, i] = np.prod((end - others) / (node - others))
+    return found
+
+
+ENDS = _to_the_ends()
+
+
+def balance(
+    parts: Sequence[Audited], samples: Floats, events: Sequence[float], rtol: float, run: Callable[[Floats], Result],
+    parameters: dict[str, float],
+) -> EnergyBalance:  # fmt: skip
+    """The energies of a run.
+
+    Parameters
+    ----------
+    parts : sequence of Audited
+    samples : array
+        Times of the result.
+    events : sequence of float
+        Times at which powers may jump.
+    rtol : float
+        Of the run.
+    run : callable
+        Does the run again, with these samples.
+    parameters : dict
+        Values by path.
+    """
+    step = -(-len(samples) // MOST_SAMPLES)
+    reported = np.unique(np.append(samples[::step], samples[-1]))
+    span = float(reported[-1] - reported[0])
+    marks = np.unique([t for t in events if reported[0] < t < reported[-1]])
+    cuts = np.unique(np.concatenate([reported, marks]))
+    cuts = cuts[np.append(True, np.diff(cuts) > NARROW * span)]
+    cuts[-1] = reported[-1]
+    tolerance = max(0.1 * rtol, 1e-11)
+    for attempt in range(PASSES):
+        middle, half = (cuts[1:] + cuts[:-1]) / 2, np.diff(cuts) / 2
+        times = (middle[:, None] + half[:, None] * NODES).ravel()
+        found = run(times)
+        powers = _Powers(parts, found, parameters, half)
+        coarse = powers.error > tolerance * powers.throughput * np.maximum(half * 2 / span, 1e-3)
+        coarse &= half > 1e-9 * span
+        if not coarse.any() or len(cuts) + 3 * coarse.sum() > MOST_PANELS or attempt == PASSES - 1:
+            break
+        quarters = [(middle + x * half)[coarse] for x in (-0.5, 0.0, 0.5)]
+        cuts = np.sort(np.concatenate([cuts, *quarters]))
+    place = np.searchsorted(cuts, reported - 0.5 * NARROW * span)
+    at_event = np.isin(cuts, marks)
+    return powers.summed(reported, np.minimum(place, len(cuts) - 1), at_event, rtol)
+
+
+class _Powers:
+    """The integrals of all powers over each panel, and the stored energies at the panels' ends."""
+
+    def __init__(self, parts: Sequence[Audited], found: Result, parameters: dict[str, float], half: Floats) -> None:
+        self.parts, self.unknown = parts, [p.path for p in parts if p.unknown]
+        self.through: dict[str, Floats] = {}
+        self.heat_in: dict[str, Floats] = {}
+        self.heat: dict[str, Floats] = {}
+        self.supplied: dict[str, Floats] = {}
+        self.ends: dict[str, Floats] = {}  # (2, panels)
+        self.error, self.throughput = np.zeros(len(half)), 0.0
+        known: dict[str, Floats | float] = dict(parameters)
+
+        def values(term: Term) -> Floats:
+            for name in term.names:
+                if name not in known:
+                    known[name] = found.time if name == "time" else found[name]
+            with np.errstate(all="ignore"):
+                result = np.asarray(term.function(*(known[n] for n in term.names)), float)
+            return np.broadcast_to(result, found.time.shape).reshape(len(half), len(NODES))
+
+        def integral(term: Term) -> Floats:
+            power = values(term) * half[:, None]
+            whole: Floats = power @ KRONROD
+            self.error += np.abs(whole - power @ GAUSS)
+            self.throughput += float(np.abs(power) @ KRONROD @ np.ones(len(half))) / 2
+            return whole
+
+        for part in parts:
+            try:
+                self.through[part.path] = integral(part.through)
+                for term, kept in ((part.heat_in, self.heat_in), (part.heat, self.heat), (part.supplied, self.supplied)):
+                    if term is not None:
+                        kept[part.path] = integral(term)
+                if part.stored is not None:
+                    self.ends[part.path] = ENDS @ values(part.stored).T
+            except NameLookupError:  # the equations do not give a speed: nothing can be said of its power
+                self.unknown.append(part.path)
+
+    def summed(self, time: Floats, place: NDArray[np.int64], at_event: NDArray[np.bool_], rtol: float) -> EnergyBalance:
+        n = len(self.error)
+
+        def over_time(panels: Floats) -> Floats:
+            total: Floats = np.concatenate([[0.0], np.cumsum(panels)])[place]
+            return total
+
+        zero = np.zeros(n)
+        work: dict[str, Floats] = {}
+        heat = {path: over_time(panels) for path, panels in self.heat.items()}
+        stored: dict[str, Floats] = {}
+        jumps: dict[str, Floats] = {}
+        residuals: dict[str, Floats] = {}
+        unaccounted: dict[str, Floats] = {}
+        returned = np.zeros(len(time))
+        for part in self.parts:
+            path = part.path
+            if path in self.unknown:
+                continue
+            through, heat_in = self.through[path], self.heat_in.get(path)
+            supplied = self.supplied.get(path, zero)
+            if not part.declares:
+                unaccounted[path] = over_time(through + (zero if heat_in is None else heat_in))
+                continue
+            if part.source:
+                supplied = self.heat.get(path, zero) - through
+            if part.source or part.supplied is not None:
+                work[path] = over_time(supplied)
+            left = self.heat.get(path, zero) - supplied - through
+            if part.stored is not None:
+                start, end = self.ends[path]
+                stored[path] = np.append(start, end[-1])[place]
+                gap = np.concatenate([[0.0], start[1:] - end[:-1], [0.0]])  # at the breakpoints
+                jump = np.cumsum(np.where(at_event, gap, 0.0))[place]
+                if np.abs(jump).max() > 1e-9 * np.abs(self.ends[path]).max():
+                    jumps[path] = jump
+                residual = stored[path] - stored[path][0] - (jump if path in jumps else 0.0) + over_time(left)
+            else:
+                residual = over_time(left)
+            if heat_in is not None:
+                returned = returned - over_time(heat_in)
+                residual = residual - over_time(heat_in + self.heat.get(path, zero))
+            residuals[path] = residual
+        sums = [sum(values.values(), np.zeros(len(time))) for values in (stored, work, jumps, heat, unaccounted)]
+        throughput = self.throughput + float(sum(np.abs(e - e[0]).max() for e in stored.values()))
+        residual = sums[0] - sums[0][0] - sums[1] - sums[2] + sums[3] - returned + sums[4]
+        return EnergyBalance(
+            time, work, stored, heat, returned, jumps, unaccounted, tuple(dict.fromkeys(self.unknown)), residuals, residual,
+            throughput, float(self.error.sum()), rtol,
+        )  # fmt: skip
+
+
+def explained(found: EnergyBalance, tighter: Callable[[float], EnergyBalance]) -> bool:
+    """Whether a residual is what the tolerance of the run explains: it is small, or shrinks with the tolerance."""
+    allowed = EXPLAINED * found.rtol + 10 * found.quadrature / max(found.throughput, 1e-300)
+    if found.unknown or found.relative_residual <= allowed:
+        return True
+    try:
+        finer = tighter(max(found.rtol / 100, 1e-12))
+    except GearlibError:
+        return False
+    return finer.relative_residual <= max(allowed / 10, found.relative_residual / 10)

@@ -1,0 +1,90 @@
+"""Which variable, component and expression a run came to grief over: evaluated again with numpy, a little further on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+from gearlib.program.interpret import batch_values, evaluate, owner_of
+from gearlib.program.program import Batch
+from gearlib.run.scene import Numbers, Scene, node_name
+
+Floats = NDArray[np.float64]
+AHEAD = (0.0, *np.logspace(-16, -3, 14).tolist())  # of the run: where the tangent to the solution is looked at
+
+
+def culprit(scene: Scene, numbers: Numbers, t: float, span: float, x: Floats, inputs: Floats, modes: Floats) -> str:
+    """What cannot be evaluated at the end of a run that failed, as a part of its message; else which state goes fastest.
+
+    Parameters
+    ----------
+    scene, numbers : Scene, Numbers
+    t, span : float
+        Where the run ended, and how long (s) it should have been.
+    x, inputs, modes : arrays
+        States, inputs and modes there.
+    """
+    program, n = scene.program, len(scene.states)
+    if not n or not np.isfinite(x).all():
+        return ""
+    rate = np.zeros(n)
+    for share in AHEAD:
+        now = np.array([t + share * span])
+        with np.errstate(all="ignore"):
+            try:
+                slots = evaluate(numbers.main, now, (x + share * span * rate)[:, None], inputs[:, None], modes[:, None], None)
+            except SolverError:
+                return ""
+        if not np.isfinite(slots).all():
+            return _first(scene, numbers, now, slots, modes)
+        if not share:
+            rate = slots[program.output_slots, 0]
+    pace = np.abs(rate) / np.maximum(np.abs(x), scene.nominal)
+    i = int(np.argmax(pace))
+    if not pace[i] * span > 1e3:
+        return ""
+    return (
+        f"; fastest of all goes {scene.state_names[i]} = {x[i]:.6g}, with der({scene.state_names[i]}) = {rate[i]:.6g}"
+        + _solved(scene, int(program.output_slots[i]))
+    )
+
+
+def _solved(scene: Scene, slot: int) -> str:
+    """The equation that a slot is computed from."""
+    for step in scene.program.steps:
+        if isinstance(step, Batch) and slot in step.targets:
+            row = int(np.flatnonzero(step.targets == slot)[0])
+            return f" from {_equation(scene, step, row)}"
+    return ""
+
+
+def _equation(scene: Scene, batch: Batch, row: int) -> str:
+    who, label = owner_of(scene.structure, int(batch.equations[row])), batch.kernel.template.label
+    return label if label.startswith(f"{who}: ") else f"{who}: {label}"
+
+
+def _first(scene: Scene, numbers: Numbers, t: Floats, slots: Floats, modes: Floats) -> str:
+    """The first value that is not finite, the equation that it comes from, and what goes into that."""
+    for step in scene.program.steps:
+        if not isinstance(step, Batch):
+            continue
+        values = batch_values(step, t, slots, numbers.parameters, modes[:, None]) * np.ones((len(step), 1))
+        wrong = np.flatnonzero(~np.isfinite(values[:, 0]))
+        if len(wrong):
+            row = int(wrong[0])
+            node = next((n for n, slot in scene.program.slots.items() if slot == step.targets[row]), None)
+            name = "a value" if node is None else node_name(scene.model, node)
+            return f"; {name} is {values[row, 0]:g} there, from {_equation(scene, step, row)}" + _numbers(
+                scene, step, row, t, slots, numbers
+            )
+    return ""
+
+
+def _numbers(scene: Scene, batch: Batch, row: int, t: Floats, slots: Floats, numbers: Numbers) -> str:
+    """The numbers that go into an equation there, by name."""
+    known = {slot: node_name(scene.model, node) for node, slot in scene.program.slots.items()}
+    found = {known.get(slot, "a value"): slots[slot, 0] for slot in batch.arguments[row].tolist()}
+    found |= {scene.model.parameters.names[p]: numbers.parameters[p] for p in batch.parameters[row].tolist()}
+    found |= {"time": t[0]} if batch.kernel.on_time else {}
+    return ", with " + ", ".join(f"{name} = {value:.6g}" for name, value in found.items()) if found else ""

@@ -1,0 +1,179 @@
+"""The unknowns of nonlinear equations, followed along a run: which solution they take depends on the motion, not on the samples.
+
+sin(b - a) = 0.3 sin(b) has many solutions b for one a. The run follows one of them from its start on; what is computed after the run
+must take the same. So the equations are solved along the run, at times that have nothing to do with the samples, in steps that are
+halved until value and slope at both ends agree: the slope, taken over a tiny interval, would show another branch, or turns left out.
+At events the unknowns may jump; each event is stepped to from just before it. The samples start from what lies between two steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+from gearlib.program.interpret import Prepared, evaluate
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+Path = Callable[[Floats], tuple[Floats, Floats, Floats]]  # times -> states, inputs, modes, each (number, times)
+
+POINTS, LONGEST = 2048, 32  # places to step to, and how many of them one step may pass
+SLOPE = 1 / 64  # of the distance between two places: the interval over which a slope is taken
+AGREE, SMALL = 0.02, 0.001  # of a step's length and of the range so far: how exactly value and slopes must agree
+BETWEEN, NARROWEST = 16, 1e-10  # places put into an interval in which a step fails; of the run, below which it is a jump
+BEFORE = 1e-12  # of the largest time: how far before an event the place on its other side lies
+MOST_EVENTS = 2000
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Values and slopes of some unknowns at the ends of steps."""
+
+    nodes: tuple[Node, ...]
+    times: Floats
+    values: Floats  # (times, nodes)
+    slopes: Floats
+
+    def guess(self, nodes: Sequence[Node], times: Floats) -> Floats:
+        """Values between the steps, cubic, (nodes, times)."""
+        columns = [self.nodes.index(node) for node in nodes]
+        i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, max(len(self.times) - 2, 0))
+        values, slopes = self.values[:, columns], self.slopes[:, columns]
+        if len(self.times) == 1:
+            return np.repeat(values.T, len(times), axis=1)
+        h = (self.times[i + 1] - self.times[i])[:, None]
+        s = ((times - self.times[i])[:, None] / h).clip(0.0, 1.0)
+        u = 1.0 - s
+        cubic = (
+            values[i] * u**2 * (1 + 2 * s)
+            + values[i + 1] * s**2 * (3 - 2 * s)
+            + h * s * u * (u * slopes[i] - s * slopes[i + 1])
+        )
+        result: Floats = cubic.T
+        return result
+
+
+def follow(prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats) -> Branch:
+    """Follow the unknowns of a program's nonlinear blocks from the start of a run on.
+
+    Parameters
+    ----------
+    prepared : Prepared
+    path : callable
+        The run at any times.
+    begin, end : float
+        Of the run (s).
+    events : array
+        Times of events.
+    guess : array, shape (slots,)
+        Where the iterations start at the beginning.
+
+    Raises
+    ------
+    SolverError
+        The equations have no solution somewhere.
+    """
+    return _Walk(prepared, path, begin, end, events, guess).whole()
+
+
+class _Walk:
+    """The places along a run, what is known there, and how far the unknowns have been followed."""
+
+    def __init__(self, prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats) -> None:
+        self.prepared, self.path, self.start = prepared, path, guess
+        program = prepared.program
+        self.unknowns = np.concatenate([s.unknowns for s in program.iterated])
+        by_slot = {slot: node for node, slot in program.slots.items()}
+        self.nodes = tuple(by_slot[slot] for slot in self.unknowns.tolist())
+        self.span = end - begin
+        inside = np.unique(events[(events > begin) & (events <= end)])[:MOST_EVENTS]
+        before = inside - BEFORE * max(abs(begin), abs(end))
+        self.jumps = set(inside.tolist())
+        self.places = np.unique(np.concatenate([np.linspace(begin, end, POINTS + 1), before[before > begin], inside]))
+        self.known: dict[float, tuple[Floats, Floats, Floats]] = {}
+        self.delta: dict[float, float] = {}
+        self._look(self.places, self.span / POINTS, end)
+
+    def _look(self, places: Floats, apart: float, end: float) -> None:
+        """Find the run's states at some places, and near them for slopes."""
+        near = np.where(places + SLOPE * apart <= end, places + SLOPE * apart, places - SLOPE * apart)
+        self.delta |= dict(zip(places.tolist(), near.tolist(), strict=True))
+        times = np.unique(np.concatenate([places, near]))
+        states, inputs, modes = self.path(times)
+        for i, t in enumerate(times.tolist()):
+            self.known[t] = states[:, i : i + 1], inputs[:, i : i + 1], modes[:, i : i + 1]
+
+    def _solve(self, t: float, z: Floats) -> Floats:
+        guess = self.start.copy()
+        guess[self.unknowns] = z
+        x, u, modes = self.known[t]
+        solved: Floats = evaluate(self.prepared, np.array([t]), x, u, modes, guess)[self.unknowns, 0]
+        return solved
+
+    def _slope(self, t: float, z: Floats) -> Floats:
+        near = self.delta[t]
+        if near == t:
+            return np.zeros(len(z))
+        slope: Floats = (self._solve(near, z) - z) / (near - t)
+        return slope
+
+    def whole(self) -> Branch:
+        t = float(self.places[0])
+        z = self._solve(t, self.start[self.unknowns])
+        found = [(t, z, self._slope(t, z))]
+        low, high = z.copy(), z.copy()
+        i, stride = 0, LONGEST // 4
+        while i < len(self.places) - 1:
+            t, z, slope = found[-1]
+            jump = float(self.places[i + 1]) in self.jumps
+            j = i + 1 if jump else self._reach(i, stride)
+            following = float(self.places[j])
+            narrow = following - t <= NARROWEST * self.span
+            middle = float(self.places[(i + j) // 2]) if j > i + 1 else self.delta[t]
+            step = self._step(t, z, slope, following, middle, high - low, jump or narrow)
+            if step is None and j > i + 1:
+                stride = max(1, (j - i) // 2)
+            elif step is None:
+                apart = (following - t) / (BETWEEN + 1)
+                more = np.linspace(t, following, BETWEEN + 2)[1:-1]
+                self._look(more, apart, following)
+                self.places = np.concatenate([self.places[: i + 1], more, self.places[i + 1 :]])
+            else:
+                found.append((following, *step))
+                low, high = np.minimum(low, step[0]), np.maximum(high, step[0])
+                i, stride = j, min(LONGEST, 2 * stride)
+        times, values, slopes = zip(*found, strict=True)
+        return Branch(self.nodes, np.array(times), np.array(values), np.array(slopes))
+
+    def _reach(self, i: int, stride: int) -> int:
+        """The place to step to: no further than just before the next event."""
+        for j in range(i + 1, min(i + stride, len(self.places) - 1)):
+            if float(self.places[j + 1]) in self.jumps:
+                return j
+        return min(i + stride, len(self.places) - 1)
+
+    def _step(
+        self, t: float, z: Floats, slope: Floats, end: float, middle: float, covered: Floats, jump: bool
+    ) -> tuple[Floats, Floats] | None:
+        """Value and slope at the end of a step, None where they do not agree with those at its beginning, or in its middle."""
+        h = end - t
+        try:
+            later = self._solve(end, z if jump else z + h * slope)
+            later_slope = self._slope(end, later)
+            if jump:
+                return later, later_slope
+            ends = Branch(self.nodes, np.array([t, end]), np.array([z, later]), np.array([slope, later_slope]))
+            between = ends.guess(self.nodes, np.array([middle]))[:, 0]
+            halfway = self._solve(middle, between)
+        except SolverError:
+            if jump:
+                raise
+            return None
+        allowed = 0.5 * AGREE * h * (np.abs(slope) + np.abs(later_slope)) + SMALL * covered + 1e-9 * np.abs(z)
+        error = np.abs(later - z - 0.5 * h * (slope + later_slope))
+        agree = bool((error <= allowed).all() and (np.abs(halfway - between) <= allowed).all())
+        return (later, later_slope) if agree else None

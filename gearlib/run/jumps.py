@@ -1,0 +1,136 @@
+"""Equations that are differentiated must not jump: where one does, the motion that it prescribes would take an infinite torque."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from math import isfinite
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import differentiated
+from gearlib.equations.quasipolynomials import TIME, OutsideClassError
+from gearlib.equations.switch_times import switch_times
+from gearlib.equations.template import Relation, Template
+from gearlib.errors import ModelError
+from gearlib.program.program import Batch, Newton, Program
+from gearlib.reduce.reduction import Structure
+
+Floats = NDArray[np.float64]
+Function = Callable[..., Any]  # of time and the parameters
+MOST = 50  # switches that are looked at
+APART = 1e-9  # of a time, by which both sides of a switch are told
+SMALL = 1e-9  # of the sizes on both sides: a difference below this is rounding
+KINDS = ("a jump", "a kink")
+_differentiated: WeakKeyDictionary[Program, tuple[list[tuple[int, Template]], bytes]] = (
+    WeakKeyDictionary()
+)  # and what was looked at
+
+
+def refuse_jumps(structure: Structure, program: Program, parameters: Floats, t0: float, t1: float) -> None:
+    """Raise an error where a program differentiates an equation at a time at which it jumps.
+
+    Looked at are equations whose relations compare nothing but time, and jumps that depend on nothing else.
+
+    Raises
+    ------
+    ModelError
+        Names the variable, the time, and by how much it jumps.
+    """
+    if program not in _differentiated:
+        _differentiated[program] = _uses(structure, program), b""
+    uses, seen = _differentiated[program]
+    slots = [structure.model.groups[structure.rows[e][0]].parameters[structure.rows[e][1]] for e, _ in uses]
+    key = parameters[np.concatenate([np.empty(0, np.int64), *slots])].tobytes() + np.array([t0, t1]).tobytes()
+    if key != seen:
+        for e, template in uses:
+            _check(structure, e, template, parameters, t0, t1)
+        _differentiated[program] = uses, key
+
+
+def _uses(structure: Structure, program: Program) -> list[tuple[int, Template]]:
+    """The equations of a program that are differentiated and hold relations, and how they stand in it."""
+    batches: list[Batch] = []
+    for step in program.steps:
+        batches += (step,) if isinstance(step, Batch) else step.residuals if isinstance(step, Newton) else ()
+    return [(e, b.kernel.template) for b in batches for e in np.unique(b.equations).tolist() if e in structure.switching]
+
+
+def _check(structure: Structure, e: int, used: Template, parameters: Floats, t0: float, t1: float) -> None:
+    """Of one equation: what stands under its derivatives, level by level."""
+    g, i = structure.rows[e]
+    group = structure.model.groups[g]
+    template, numbers = group.template, list(parameters[group.parameters[i]])
+    symbols = tuple(sympy.Symbol(name, real=True) for name in template.parameters)
+    timed = [(j, r) for j, r in enumerate(template.relations) if r.g.free_symbols <= {TIME, *symbols}]
+    times = _times([r.g.xreplace(dict(zip(symbols, map(_float, numbers), strict=True))) for _, r in timed], t0, t1)
+    level = 0
+    while differentiated(template, level) is not used and times:
+        for last, t, following in zip([t0, *times], times, [*times[1:], t1], strict=False):
+            flags = [tuple((j, _flag(r, symbols, numbers, t, side)) for j, r in timed) for side in (-1, 1)]
+            pieces = _pieces(differentiated(template, level), symbols, *flags)
+            if pieces is not None and _jump(pieces, numbers, t, (last, following)):
+                raise _refused(structure, g, i, t, level)
+        level += 1
+
+
+def _float(number: float) -> Any:
+    return sympy.Float(number, 17)
+
+
+def _times(expressions: list[Any], t0: float, t1: float) -> list[float]:
+    try:
+        return sorted({t for x in expressions for t in switch_times(x > 0, t0, t1).tolist()})[:MOST]
+    except OutsideClassError:
+        return []
+
+
+def _flag(relation: Relation, symbols: tuple[Any, ...], numbers: list[float], t: float, side: int) -> int:
+    with np.errstate(all="ignore"):
+        value = float(_function(relation.g, symbols)(np.float64(t + side * APART * max(abs(t), 1.0)), *numbers))
+    return int(value < 0 if relation.negated else value > 0)
+
+
+@lru_cache(maxsize=256)
+def _pieces(template: Template, symbols: tuple[Any, ...], *sides: tuple[tuple[int, int], ...]) -> list[Function] | None:
+    """An equation on both sides of a switch, as functions of time and the parameters; None where variables tell how they differ."""
+    found = [
+        template.residual.xreplace({sympy.Symbol(f"relation_{j}", real=True): sympy.Integer(x) for j, x in s}) for s in sides
+    ]
+    if (found[1] - found[0]).free_symbols - {TIME, *symbols}:
+        return None
+    return [_function(x.xreplace({s: sympy.S.Zero for s in x.free_symbols - {TIME, *symbols}}), symbols) for x in found]
+
+
+def _jump(pieces: list[Function], numbers: list[float], t: float, ends: tuple[float, float]) -> bool:
+    """Whether two functions of time differ at one by more than rounding of the values that they take up to the ends of their pieces."""
+    values, sizes = [], [0.0]
+    for function, end in zip(pieces, ends, strict=True):
+        with np.errstate(all="ignore"):
+            near = [abs(float(function(np.float64(t + share * (end - t)), *numbers))) for share in (0.1, 0.5, 1.0)]
+            values.append(float(function(np.float64(t), *numbers)))
+        sizes += [x for x in (abs(values[-1]), *near) if isfinite(x)]
+    return abs(values[1] - values[0]) > SMALL * max(sizes)
+
+
+@lru_cache(maxsize=256)
+def _function(expression: Any, symbols: tuple[Any, ...]) -> Function:
+    function: Function = sympy.lambdify((TIME, *symbols), expression, "numpy")
+    return function
+
+
+def _refused(structure: Structure, g: int, i: int, t: float, level: int) -> ModelError:
+    model, group = structure.model, structure.model.groups[g]
+    owner, template = model.owner(g, i), group.template
+    what = f"the equation {template.label}"
+    if "bound" in template.locals:
+        what = model.name(int(group.variables[i, template.locals.index("bound")]))
+    return ModelError(
+        f"{owner}: {what} has {KINDS[min(level, 1)]} at t = {t:.9g} s, but must be differentiated there: what it "
+        "moves has inertia, and would need an infinite torque. Round it off, or let the motion follow it through "
+        "a filter (exact=False)"
+    )

@@ -1,0 +1,204 @@
+"""The linear time-invariant form of a scene, and what drives it: x' = A x + B u(t)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary, ref
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import Kernel, derivative_of
+from gearlib.equations.template import Relation
+from gearlib.errors import SingularError
+from gearlib.program.interpret import owner_of
+from gearlib.program.linear_plan import LinearPlan, linear_plan
+from gearlib.program.program import Batch
+from gearlib.program.scalars import linear_function
+from gearlib.program.sensitivity import affine_seeds, rest_expression, sensitivity
+from gearlib.run.scene import Numbers, Scene
+from gearlib.solvers.inputs.table import Table
+
+Floats = NDArray[np.float64]
+TIME: Any = sympy.Symbol("time", real=True)
+MOST_WRITTEN = 60  # states up to which the matrices' entries are written out as scalar operations
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """x' = A x + B u(t); the inputs u are tables, or expressions of time with numbers in them."""
+
+    A: Any  # (states, states), array or sparse
+    B: Floats  # (states, inputs)
+    inputs: tuple[Any, ...]
+
+
+@dataclass(eq=False)
+class _Plan:
+    """What the linear form of a scene needs that does not depend on numbers, and the inputs that were recognised last."""
+
+    seeds: list[tuple[Batch, int]]
+    added: list[int]
+    written: Any  # a function that gives the matrices quickly, or None
+    sparse: LinearPlan | None  # how larger ones come about, or None
+    slots: NDArray[np.int64]  # parameters in the driving expressions
+    last: tuple[Any, ...] = ()  # key, expressions
+    form: tuple[Any, ...] = ()  # numbers, key, the linear form
+
+
+_plans: WeakKeyDictionary[Scene, _Plan] = WeakKeyDictionary()
+
+
+def _plan(scene: Scene) -> _Plan:
+    if scene not in _plans:
+        program = scene.program
+        seeds = affine_seeds(program)
+        added = [int(batch.targets[i]) for batch, i in seeds]
+        slots = [np.empty(0, np.int64)]
+        for batch, i in seeds:
+            g, row = scene.structure.rows[int(batch.equations[i])]
+            slots.append(scene.model.groups[g].parameters[row])
+        once = len(set(added)) == len(added)
+        written = linear_function(program, added) if once and len(scene.states) < MOST_WRITTEN else None
+        sparse = linear_plan(program, added) if written is None else None
+        _plans[scene] = _Plan(seeds, added, written, sparse, np.unique(np.concatenate(slots)))
+    return _plans[scene]
+
+
+def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linear | str:
+    """The linear form of a scene, or the reason why it has none.
+
+    Parameters
+    ----------
+    scene : Scene
+    numbers : Numbers
+    signals : sequence
+        The unbound inputs: numbers, tables or functions of time.
+    """
+    program = scene.program
+    if not program.is_linear:
+        return "the equations are not linear with constant coefficients"
+    if scene.relations is not None and not (scene.relations.on_time.all() and not scene.relations.discretes):
+        return "relations between variables make events"
+    if any(callable(s) and not isinstance(s, Table) for s in signals):
+        return "an input is a Python function"
+    plan = _plan(scene)
+    key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
+    if plan.form and plan.form[0]() is numbers and plan.form[1] == key:
+        found: Linear = plan.form[2]
+        return found
+    if plan.last[:1] != (key,):
+        plan.last = (key, *_drives(scene, numbers, signals, plan))
+    inputs, mix = plan.last[1:]
+    form = Linear(*_matrices(scene, numbers, plan, mix), inputs)
+    plan.form = (ref(numbers), key, form)
+    return form
+
+
+def _drives(scene: Scene, numbers: Numbers, signals: Sequence[Any], plan: _Plan) -> tuple[tuple[Any, ...], Floats]:
+    """The inputs as expressions, and how much of each goes into the scene's inputs and the terms added to slots."""
+    m = len(scene.program.inputs)
+    expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
+    constant = [k for k, e in enumerate(expressions) if e.is_number]
+    moving = [k for k, e in enumerate(expressions) if not e.is_number]
+    inputs = [s if isinstance(s, Table) else sympy.Float(float(s), 17) for s in signals]
+    inputs += [sympy.Integer(0)] * (m - len(inputs)) + [expressions[k] for k in moving]
+    rows = [*range(m), *(m + k for k in moving), *(m + k for k in constant)]
+    columns = [*range(m + len(moving)), *[m + len(moving)] * len(constant)]
+    shares = [*[1.0] * (m + len(moving)), *(float(expressions[k]) for k in constant)]
+    if constant:
+        inputs.append(sympy.Integer(1))
+    mix = np.zeros((m + len(plan.added), len(inputs)))
+    mix[rows, columns] = shares
+    return tuple(inputs), mix
+
+
+def _matrices(scene: Scene, numbers: Numbers, plan: _Plan, mix: Floats) -> tuple[Any, Floats]:
+    """A and B."""
+    program = scene.program
+    n, m = len(program.states), len(program.inputs)
+    if plan.written is not None:
+        try:
+            entries = plan.written(numbers.parameters.tolist(), numbers.main.listed)
+        except (ArithmeticError, ValueError):
+            raise not_finite(scene, numbers) from None
+        written = np.zeros((n, n + len(mix)))
+        written[plan.written.places] = entries
+        return written[:, :n], written[:, n:] @ mix
+    if plan.sparse is not None:
+        entries = plan.sparse.entries(numbers.main)
+        if not np.isfinite(entries).all():
+            raise not_finite(scene, numbers)
+        return _sorted(entries, plan.sparse, n, mix)
+    slots, flags = np.zeros(program.n_slots), np.zeros(scene.n_modes)
+    shares = zip(*(x.tolist() for x in np.nonzero(mix[m:])), strict=True)
+    added = [(plan.added[k], column - m, float(mix[m + k, column])) for k, column in shares]
+    d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), added)[program.output_slots]
+    B = np.zeros((n, mix.shape[1]))
+    B[:, : d.shape[1] - n] = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
+    return d[:, :n], B
+
+
+def _sorted(entries: Floats, plan: LinearPlan, n: int, mix: Floats) -> tuple[Any, Floats]:
+    """A, sparse, and B from the entries of a plan."""
+    from scipy.sparse import csr_array
+
+    inner = plan.seeds < n
+    starts = np.concatenate([[0], np.cumsum(np.bincount(plan.rows[inner], minlength=n))])
+    A = csr_array((entries[inner], plan.seeds[inner], starts), shape=(n, n))
+    seeds = plan.seeds[~inner] - n
+    column = np.abs(mix).argmax(axis=1)[seeds]  # each goes into one column
+    places, width = plan.rows[~inner] * mix.shape[1] + column, mix.shape[1]
+    B = np.asarray(np.bincount(places, entries[~inner] * mix[seeds, column], n * width), float)
+    return A, B.reshape(n, width)
+
+
+def not_finite(scene: Scene, numbers: Numbers) -> SingularError:
+    """The error that names an equation with a coefficient that cannot be evaluated, and its parameters."""
+    for step in scene.program.steps:
+        if isinstance(step, Batch):
+            for c in step.kernel.columns:
+                kernel = derivative_of(step.kernel, c)
+                with np.errstate(all="ignore"):
+                    values = kernel.function(0.0, *numbers.parameters[step.parameters[:, _places(step, kernel)].T])
+                bad = np.flatnonzero(~np.isfinite(np.broadcast_to(np.asarray(values, float), (len(step),))))
+                if len(bad):
+                    i = int(bad[0])
+                    names = ", ".join(
+                        f"{scene.model.parameters.names[p]} = {numbers.parameters[p]:g}" for p in step.parameters[i]
+                    )
+                    owner = owner_of(scene.structure, int(step.equations[i]))
+                    return SingularError(f"{owner}: {step.kernel.template.label} cannot be evaluated with {names}")
+    return SingularError("the linear equations cannot be evaluated with these parameters: something is divided by zero")
+
+
+def _places(step: Batch, kernel: Kernel) -> list[int]:
+    return [step.kernel.parameters.index(p) for p in kernel.parameters]
+
+
+def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats) -> Any:
+    """What a batch's row adds of its own, as an expression of time with numbers."""
+    kernel, template = batch.kernel, batch.kernel.template
+    g, i = scene.structure.rows[int(batch.equations[row])]
+    group = scene.model.groups[g]
+    value = {
+        name: sympy.Float(parameters[slot], 17)
+        for name, slot in zip(group.template.parameters, group.parameters[i].tolist(), strict=True)
+    }
+    table: dict[Any, Any] = {sympy.Symbol("t", real=True): TIME}
+    table |= {sympy.Symbol(f"p{k}", real=True): value[name] for k, name in enumerate(template.parameters)}
+    by_name = {sympy.Symbol(name, real=True): v for name, v in value.items()}
+    for r in kernel.relations:
+        held = sympy.Ne(sympy.Symbol(f"r{r}", real=True), 0)
+        table[held] = _condition(template.relations[r]).xreplace(by_name)
+    return int(batch.signs[row]) * rest_expression(batch).xreplace(table)
+
+
+def _condition(relation: Relation) -> Any:
+    zero = sympy.S.Zero
+    if relation.negated:
+        return relation.g < zero if relation.strict else relation.g <= zero
+    return relation.g > zero if relation.strict else relation.g >= zero

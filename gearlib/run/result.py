@@ -1,0 +1,236 @@
+"""`Result`: the outcome of a run. Variables that were not integrated are computed from the states when they are asked for."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import ArgumentError
+from gearlib.optional import optional
+from gearlib.run.scene import Scene
+from gearlib.run.segment import Part
+from gearlib.run.start_values import Start
+from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    import pandas
+
+    from gearlib.run.energy_balance import EnergyBalance
+
+Floats = NDArray[np.float64]
+ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "seconds")  # over the parts of a run
+
+
+class Result:
+    """Time histories of one run.
+
+    ``result["load.w"]`` is the history of a variable, ``result["der(load.w)"]`` that of its derivative, ``result.time`` the
+    instants, ``result.stats`` what the solver did. Everything that the model holds can be asked for; what the run did not need is
+    computed then, and an absolute angle that was not integrated is integrated then.
+    """
+
+    def __init__(
+        self, parts: Sequence[tuple[Part, Mapping[str, Any], Sequence[Any]]], outputs: Sequence[str],
+        again: Callable[..., Result],
+    ) -> None:  # fmt: skip
+        (first, stats, _), *later = parts
+        self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
+        self.stats = dict(stats)
+        for _, more, _ in later:
+            self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
+        if later:
+            self.stats["charts"] = len(parts)
+        self.events = list(chain.from_iterable(events for *_, events in parts))
+        times = np.array([event[0] for event in self.events], float)
+        self._parts = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]
+        self._scene, self._parameters, self._signals = first.scene, first.parameters, first.signals
+        self._outputs, self._again = tuple(outputs), again
+        self._known: dict[Node, Floats] = {}
+        self._extended: Result | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        again: Any = self._again
+        system = again.func.__self__
+        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin) for p in self._parts]
+        if any(system._scenes.get(p.scene.states) is not p.scene for p in self._parts):
+            raise TypeError("a run whose states changed on the way cannot be pickled; take its histories: {name: result[name]}")
+        return _restored, (self._again, parts, self._outputs, self.stats, self.events)
+
+    def __getitem__(self, name: str) -> Floats:
+        if not isinstance(name, str):
+            raise ArgumentError(
+                f"result[{name!r}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
+            )
+        if name in self._scene.model.discretes.names:
+            return self._joined(part.discrete(name) for part in self._parts)
+        node, sign = self._scene.named(name)
+        if sign == 0:
+            return np.zeros_like(self.time)
+        return sign * self._history(node)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._outputs)
+
+    def __len__(self) -> int:
+        return len(self._outputs)
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self._scene.model.find(self._scene.model.column(name)[0]) is not None
+
+    @property
+    def states(self) -> Floats:
+        """Histories of the integrated states, shape (samples, states)."""
+        if len(self._parts) == 1:
+            return self._parts[0].states
+        return np.column_stack([self._history(node) for node in self._scene.states])
+
+    def _with_sample(self, t: float) -> Result:
+        """The run itself if a moment is one of its samples, else the run up to that moment, done again."""
+        if t in self.time:
+            return self
+        return self._again(self._scene.states, np.append(self.time[self.time < t], t))
+
+    def _moment(self, scene: Scene, t: float) -> Start:
+        """What a run of a scene starts from that goes on from here at a time."""
+        if t not in self.time:
+            return self._with_sample(t)._moment(scene, t)
+        sample, part = int(np.searchsorted(self.time, t)), self._part_at(t)
+        states = np.array([self._history(node)[sample] for node in scene.states], float)
+        guess = part.guess.copy()
+        if scene.program.iterated:  # on the branch on which the run was
+            for v in scene.program.undifferentiated[0].tolist():
+                guess[v] = self._history((v, 0))[sample]
+        return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
+
+    def _finer(self, times: Floats) -> Part:
+        """The run at other times: it is done again to its end, with the same steps."""
+        part: Part = self._again(self._scene.states, np.union1d(times, self.time[-1:]))._parts[0]
+        return part
+
+    def _part_at(self, t: float) -> Part:
+        return next(part for part in reversed(self._parts) if part.time[0] <= t)
+
+    def _joined(self, histories: Iterable[Floats]) -> Floats:
+        """One history of the parts'; each later part begins at the end of the one before."""
+        first, *later = histories
+        return np.concatenate([first, *(history[1:] for history in later)]) if later else first
+
+    def _history(self, node: Node) -> Floats:
+        if node not in self._known:
+            missing = self._scene.missing(node)
+            if not missing and len(self._parts) == 1:
+                return self._parts[0].history(node)
+            if not missing:
+                self._known[node] = self._joined(part.history(node) for part in self._parts)
+            else:
+                if self._extended is None or any(s not in self._extended._scene.place_of for s in missing):
+                    more = () if self._extended is None else self._extended._scene.states
+                    self._extended = self._again(tuple(sorted({*self._scene.states, *more, *missing})))
+                self._known[node] = self._extended._history(node)
+        return self._known[node]
+
+    @cached_property
+    def _energy_balance(self) -> EnergyBalance:
+        again: Any = self._again
+        return again.func.__self__.energy_balance(again.args[0], self.time, [t for t, _ in self.events])  # type: ignore[no-any-return]
+
+    def energy_balance(self) -> EnergyBalance:
+        """Work put in, energy stored and heat of every component, over time, and the residual; printed, it is a table.
+
+        The run is done again, with as many samples as the integrals of the powers need; a run that is not asked has no part of it.
+
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Spin(gl.Component):
+        ...     def assemble(self):
+        ...         self.body, self.bearing, self.ground = gp.Inertia(J=2.0, start={"w": 3.0}), gp.Damper(d=1.0), gp.Fixed()
+        ...         return [
+        ...             gl.connect(self.body.flange_b, self.bearing.flange_a),
+        ...             gl.connect(self.bearing.flange_b, self.ground.flange),
+        ...         ]
+        >>> found = gl.simulate(Spin(), 20.0, samples=2).energy_balance()
+        >>> {path: round(float(heat[-1]), 6) for path, heat in found.heat.items()}
+        {'bearing': 9.0}
+        """
+        return self._energy_balance
+
+    def check_energy(self) -> None:
+        """Put the residual into ``stats``, and warn where it exceeds what the tolerance of the run explains."""
+        from gearlib.run.audit import explained
+
+        again: Any = self._again
+        found, asked = self.energy_balance(), again.args[0]
+
+        def tighter(rtol: float) -> EnergyBalance:
+            events = [t for t, _ in self.events]
+            return again.func.__self__.energy_balance(replace(asked, rtol=rtol), self.time, events)  # type: ignore[no-any-return]
+
+        self.stats["energy_residual"] = found.relative_residual
+        if not explained(found, tighter):
+            warnings.warn(
+                f"the energy balance is off by {found.relative_residual:.2g} of the energy exchanged, more than rtol = {found.rtol:g} "
+                f"explains, most of all in {found.worst or 'the whole'}: its equations and its energies() contradict each other, or "
+                "the run is wrong (result.energy_balance())",
+                RuntimeWarning, stacklevel=3,
+            )  # fmt: skip
+
+    def to_dataframe(self, names: Sequence[str] | None = None) -> pandas.DataFrame:
+        """The outputs (or the variables named) as a pandas DataFrame over time."""
+        pandas = optional("pandas")
+
+        if isinstance(names, str) or not (names is None or isinstance(names, Iterable)):
+            raise ArgumentError(f"names is {names!r}; expected a list of names, such as ['load.w']")
+        chosen = list(names) if names is not None else list(self._outputs)
+        return pandas.DataFrame({n: self[n] for n in chosen}, index=pandas.Index(self.time, name="time"))
+
+    def plot(self, *names: str, axes: Any = None) -> Any:
+        """Plot variables over time with matplotlib; returns the axes.
+
+        Parameters
+        ----------
+        *names : str
+            Variables; by default the outputs.
+        axes : matplotlib Axes, optional
+            To draw into.
+        """
+        plt = optional("matplotlib.pyplot")
+
+        chosen = names or self._outputs
+        if not chosen:
+            raise ArgumentError("plot() needs the names of variables")
+        if axes is None:
+            _, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
+        units = []
+        for name in chosen:
+            axes.plot(self.time, self[name], label=name)
+            base, order = self._scene.model.column(name)
+            declared = self._scene.model.declaration(self._scene.model.variable(base))
+            units.append("" if declared is None else declared.unit + "/s" * order)
+        axes.set_xlabel("time, s")
+        axes.set_ylabel(", ".join(dict.fromkeys(u for u in units if u)))
+        axes.legend()
+        axes.grid(alpha=0.3)
+        return axes
+
+    def __repr__(self) -> str:
+        method = self.stats.get("method", "?")
+        return f"<Result: {len(self.time)} samples, {self.time[0]:g} .. {self.time[-1]:g} s, {len(self._scene.states)} states, {method}>"
+
+
+def _restored(
+    again: Any, parts: Sequence[tuple[Any, ...]], outputs: Sequence[str], stats: dict[str, Any], events: list[Any]
+) -> Result:
+    """A result that comes from another process."""
+    system = again.func.__self__
+    made = [(Part(system._with(states), *rest), stats, ()) for states, *rest in parts]
+    result = Result(made, outputs, again)
+    result.stats, result.events = stats, events
+    return result

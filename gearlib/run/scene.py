@@ -1,0 +1,307 @@
+"""`Scene`: a reduced model and the states that a run integrates; programs and native code are made when first needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.flatten.model import FlatModel
+from gearlib.native.events import relation_of
+from gearlib.native.layout import fill
+from gearlib.native.scene_functions import NativeScene, compile_scene
+from gearlib.program.build import build
+from gearlib.program.interpret import Prepared, batch_values, evaluate, owner_of, prepare
+from gearlib.program.program import Batch, Newton, Program
+from gearlib.program.relations import Relations, relations_of
+from gearlib.reduce.reduction import Structure
+from gearlib.run.time_switches import TimeSwitches, time_switches
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import reach
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def node_name(model: FlatModel, node: Node) -> str:
+    """The path of a variable, or "der(path)" of its derivative."""
+    return "der(" * node[1] + model.name(node[0]) + ")" * node[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """A scene's programs with the numbers of one set of parameters."""
+
+    parameters: Floats
+    main: Prepared
+    relations: Prepared | None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is integrated.
+
+    Attributes
+    ----------
+    structure : Structure
+    states : tuple of nodes
+        In the order in which they are integrated.
+    wanted : tuple of int
+        Discrete variables that are outputs.
+    outputs : tuple of nodes
+        Outputs that are no states: they are computed together.
+    """
+
+    structure: Structure
+    states: tuple[Node, ...]
+    wanted: tuple[int, ...] = ()
+    outputs: tuple[Node, ...] = ()
+    _named: dict[str, tuple[Node, int]] = field(default_factory=dict)
+    _computing: dict[Node, Program] = field(default_factory=dict)
+    _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
+
+    @property
+    def model(self) -> FlatModel:
+        return self.structure.model
+
+    @cached_property
+    def program(self) -> Program:
+        """Computes the derivatives of the states."""
+        return build(self.structure, [(v, k + 1) for v, k in self.states], self.states, dynamic=True)
+
+    @cached_property
+    def place_of(self) -> dict[Node, int]:
+        """Where each state stands."""
+        return {node: i for i, node in enumerate(self.states)}
+
+    def named(self, name: str) -> tuple[Node, int]:
+        """The node that a name stands for, and its sign (0: always zero).
+
+        Raises
+        ------
+        NameLookupError
+            The model has no such variable, or its equations do not contain it.
+        """
+        if name not in self._named:
+            self._named[name] = self.structure.named(name, "variable", ("is not computed", "is"))
+        return self._named[name]
+
+    def missing(self, node: Node) -> tuple[Node, ...]:
+        """States that must be integrated too to know a variable."""
+        if node not in self._missing:
+            self._missing[node] = tuple(s for s in needed_states(self.structure, [node]) if s not in self.place_of)
+        return self._missing[node]
+
+    def computing(self, node: Node) -> Program:
+        """Computes a variable from the states; kept for the next run."""
+        if node not in self._computing:
+            together = self.outputs if node in self.outputs else (node,)
+            program = build(self.structure, together, self.states, dynamic=False)
+            self._computing.update(dict.fromkeys(together, program))
+        return self._computing[node]
+
+    @cached_property
+    def iterated(self) -> tuple[int, ...]:
+        """Variables that the run finds by iteration."""
+        unknowns = {slot for step in self.program.iterated for slot in step.unknowns.tolist()}
+        return tuple(v for (v, k), slot in self.program.slots.items() if k == 0 and slot in unknowns)
+
+    @property
+    def n_modes(self) -> int:
+        return self.model.n_modes
+
+    @cached_property
+    def relations(self) -> Relations | None:
+        """What changes at events, if anything does."""
+        if not self.n_modes:
+            return None
+        found = relations_of(self.structure, self.program, self.wanted)
+        return found if len(found.used) or found.discretes or found.reinits else None
+
+    @cached_property
+    def time_switches(self) -> TimeSwitches:
+        """When conditions in time switch."""
+        return time_switches(self.relations)
+
+    @cached_property
+    def slot_names(self) -> list[str]:
+        names = [""] * self.program.n_slots
+        for node, slot in self.program.slots.items():
+            names[slot] = names[slot] or node_name(self.model, node)  # copies share a slot
+        return [name or f"known_{i}" for i, name in enumerate(names)]
+
+    @cached_property
+    def native(self) -> NativeScene:
+        """Compiled functions without a Jacobian."""
+        return self._compiled(False)
+
+    @cached_property
+    def native_with_jacobian(self) -> NativeScene:
+        """Compiled functions with one."""
+        return self._compiled(True)
+
+    def _compiled(self, jacobian: bool) -> NativeScene:
+        return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model.parameters.names,
+                             self.model.n_relations, len(self.model.discretes), jacobian)  # fmt: skip
+
+    @cached_property
+    def state_names(self) -> tuple[str, ...]:
+        return tuple(node_name(self.model, s) for s in self.states)
+
+    @cached_property
+    def root_names(self) -> tuple[str, ...]:
+        """Component and equation of each root function."""
+        relations = self.relations
+        return () if relations is None else tuple(self.relation_names[int(n)] for n in relations.used[~relations.on_time])
+
+    @cached_property
+    def relation_names(self) -> dict[int, str]:
+        """Component and equation of each relation that is used."""
+        owner: dict[int, str] = {}
+        for batch in () if self.relations is None else self.relations.batches:
+            for i, number in enumerate(batch.targets.tolist()):
+                who, label = owner_of(self.structure, int(batch.equations[i])), batch.kernel.template.label
+                owner[number] = label if label.startswith(f"{who}: ") else f"{who}: {label}"  # the outermost one is its class
+        return owner
+
+    @cached_property
+    def nominal(self) -> Floats:
+        return np.array([self.model.nominal[v] if k == 0 else 1.0 for v, k in self.states])
+
+    @cached_property
+    def everything(self) -> tuple[Integers, Integers]:
+        """Variable and order of every state of the structure."""
+        table = np.array(self.structure.states, np.int64).reshape(-1, 2)
+        return table[:, 0], table[:, 1]
+
+    @cached_property
+    def places(self) -> Integers:
+        """Where the states of the scene stand among those of the structure."""
+        place = {node: i for i, node in enumerate(self.structure.states)}
+        return np.array([place[s] for s in self.states], np.int64)
+
+    @cached_property
+    def unfixed(self) -> tuple[str, ...] | None:
+        """States that no start value fixes; None where fixed variables are no states, so that equations must be solved."""
+        fixed = set(self.model.fixed[0].tolist())
+        if any((v, 0) in self.structure.choice.solved_by for v in fixed - {v for v, k in self.structure.states if k == 0}):
+            return None
+        return tuple(name for name, (v, k) in zip(self.state_names, self.states, strict=True) if k or v not in fixed)
+
+    def numbers(self, parameters: Floats) -> Numbers:
+        """Prepare for a set of parameters."""
+        main = prepare(self.program, self.structure, parameters)
+        relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
+        return Numbers(parameters, main, relations)
+
+    def modes(
+        self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,
+        start: Floats | None = None,
+    ) -> Floats:  # fmt: skip
+        """Relations and discrete variables as they are at some times, each by itself, shape (modes, times).
+
+        Discrete variables are as if the run was started there, from the values given or those of the model. ``start``: values of
+        variables at which iterations start.
+        """
+        if self.relations is None or numbers.relations is None:
+            return np.zeros((self.n_modes, len(t)))
+        guess = None if start is None else self.guess(self.relations.program, start)
+        return modes_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
+
+    def data(
+        self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, start: Floats, slots: Floats | None = None
+    ) -> Floats:
+        """The data block of a run. Its iterations start at values of variables, or at slots of the main program where it goes on."""
+        guess = self.guess(self.program, start) if slots is None else slots
+        shared = native.shared
+        data = np.zeros(native.size)
+        data[: shared.n_parameters] = numbers.parameters
+        data[shared.relations : shared.relations + shared.n_relations] = flags
+        data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
+        fill(data, native.rhs.layout, native.rhs.body.coefficients, numbers.main, guess)
+        if native.jac is not None:
+            fill(data, native.jac.layout, native.jac.body.coefficients, numbers.main, guess)
+        for part in (native.roots, native.update):
+            if part is not None and numbers.relations is not None:
+                program = numbers.relations.program
+                others = self.guess(program, start)
+                for node in self.program.slots.keys() & program.slots.keys() if slots is not None and program.iterated else ():
+                    others[program.slots[node]] = guess[self.program.slots[node]]
+                fill(data, part.layout, part.body.coefficients, numbers.relations, others)
+        return data
+
+    def guess(self, program: Program, start: Floats) -> Floats:
+        """Where Newton's iterations start: the start values of variables, zero for their derivatives."""
+        result = np.zeros(program.n_slots)
+        variables, slots = program.undifferentiated
+        result[slots] = start[variables]
+        return result
+
+
+def modes_at_start(
+    model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
+    discretes: Floats | None = None, guess: Floats | None = None,
+) -> Floats:  # fmt: skip
+    """Relations and discrete variables of a run that is started there, shape (modes, times)."""
+    modes = np.zeros((model.n_modes, len(t)))
+    n, d = model.n_relations, len(model.discretes)
+    if d:
+        modes[n : n + d] = modes[n + d : n + 2 * d] = (model.discretes.starts if discretes is None else discretes)[:, None]
+        modes[n + 2 * d] = 1.0
+    for _ in range(100):
+        for _ in range(100):
+            # equations need have a solution in the end only: before, friction that moves may be tried as stuck
+            new = settle_once(relations, prepared, t, states, inputs, modes, guess, forgiving=True)
+            settled, modes = bool((new == modes).all()), new
+            if settled:
+                break
+        before = modes[n + d : n + 2 * d].copy()
+        modes[n + d : n + 2 * d] = modes[n : n + d]
+        if d:
+            modes[n + 2 * d] = 0.0
+        if not settled or (before == modes[n + d : n + 2 * d]).all():
+            break  # what does not settle here, the run's own event iteration may settle; if not, it names it
+    if any(isinstance(step, Newton) for step in prepared.program.steps):
+        settle_once(relations, prepared, t, states, inputs, modes, guess)
+    return modes
+
+
+def settle_once(
+    relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats,
+    guess: Floats | None = None, forgiving: bool = False,
+) -> Floats:  # fmt: skip
+    """One pass of the event iteration, in the order of the native one: discrete variables, unknowns, relations."""
+    new = modes.copy()
+    slots = np.zeros((prepared.program.n_slots, len(t)))
+    if any(batch.arguments.size for batch in relations.discretes):
+        slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
+    for batch in relations.discretes:  # in the order and with the meaning of the native event iteration
+        new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
+    slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
+    late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
+    pairs = zip(relations.batches, relations.timed, strict=True)
+    flags = [_relation_flags(b, timed, late, t, slots, prepared.parameters, new) for b, timed in pairs]
+    for batch, flag in zip(relations.batches, flags, strict=True):
+        new[batch.targets] = flag
+    return new
+
+
+def _relation_flags(
+    batch: Batch, timed: NDArray[np.bool_] | None, late: Floats, t: Floats, slots: Floats, parameters: Floats, flags: Floats
+) -> Floats:
+    """1 where a relation holds, 0 where it does not; relations of time (``timed``) take their right-hand limit."""
+    g = batch_values(batch, t, slots, parameters, flags) * np.ones((len(batch), len(t)))
+    if timed is not None:
+        g[timed] = (batch_values(batch, late, slots, parameters, flags) * np.ones((len(batch), len(t))))[timed]
+    strict, negated = relation_of(batch)
+    test = {(False, False): np.greater_equal, (True, False): np.greater, (False, True): np.less_equal, (True, True): np.less}
+    return test[strict, negated](g, 0).astype(float)
+
+
+def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, ...]:
+    """The states that must be integrated to know some variables."""
+    _, states = reach(structure.dependence, targets, dynamic=True, events=True)
+    return tuple(sorted(states))

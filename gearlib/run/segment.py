@@ -1,0 +1,164 @@
+"""`Part`: a stretch of a run in which the same states were integrated, and what follows from them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import NameLookupError, SolverError
+from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
+from gearlib.program.program import Program
+from gearlib.program.relations import relations_of
+from gearlib.run.branch import Branch, follow
+from gearlib.run.integrate import Outcome, Run
+from gearlib.run.jumps import refuse_jumps
+from gearlib.run.scene import Scene, node_name, settle_once
+from gearlib.solvers.inputs.table import values
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """States and modes at the samples; other variables are computed from them when they are asked for."""
+
+    scene: Scene
+    time: Floats
+    states: Floats  # (samples, states)
+    modes: Floats  # (samples, modes)
+    parameters: Floats
+    signals: Sequence[Any]
+    guess: Floats
+    begin: float  # s, of the run; the first sample may be later
+    known: dict[Node, Floats] = field(default_factory=dict)
+    computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
+    events: Floats = field(default_factory=lambda: np.empty(0))
+    finer: Callable[[Floats], Part] | None = None  # the same at other times
+    branches: list[Branch] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, run: Run, outcome: Outcome, first: int = 0) -> Part:
+        """What a run brought back, from one of its samples on."""
+        time, states, modes = run.times[first : len(outcome.states)], outcome.states[first:], outcome.relations[first:]
+        return cls(run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]))
+
+    def history(self, node: Node) -> Floats:
+        """A variable that depends on the integrated states."""
+        if node not in self.known:
+            place = self.scene.place_of.get(node)
+            if place is not None:
+                self.known[node] = self.states[:, place].copy()
+            else:
+                found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
+                history = self.known[node] = found[1][found[0].slots[node]]
+                if not math.isfinite(np.vdot(history, history)):  # the quickest look at all of them
+                    self._tell(node, history)
+        return self.known[node]
+
+    def _tell(self, node: Node, history: Floats) -> None:
+        """Warn of values that are not finite."""
+        bad = np.flatnonzero(~np.isfinite(history))
+        if len(bad):
+            more = f" and at {len(bad) - 1} more samples" if len(bad) > 1 else ""
+            warnings.warn(
+                f"{node_name(self.scene.model, node)} is {history[bad[0]]} at t = {self.time[bad[0]]:.9g} s{more}: its equations give it "
+                "no finite value there",
+                RuntimeWarning, stacklevel=5,
+            )  # fmt: skip
+
+    def discrete(self, name: str) -> Floats:
+        """A discrete variable."""
+        scene, model = self.scene, self.scene.model
+        used, place = scene.relations, model.n_relations + model.discretes.names.index(name)
+        if used is None or not any(place in b.targets for b in used.discretes):
+            raise NameLookupError(f"the discrete variable {name} was not needed in this run; name it in outputs=[...]")
+        return self.modes[:, place].copy()
+
+    def modes_at(self, program: Program, t: float) -> Floats:
+        """The modes of a program at the last sample before a time."""
+        return self._modes_for(program, self._inputs(program))[:, int(np.searchsorted(self.time, t, side="right")) - 1]
+
+    def _inputs(self, program: Program) -> Floats:
+        return values(self.signals, self.time, len(program.inputs))
+
+    def _compute(self, node: Node) -> tuple[Program, Floats]:
+        scene = self.scene
+        program = scene.computing(node)
+        if scene.structure.switching and len(self.time):
+            refuse_jumps(scene.structure, program, self.parameters, float(self.time[0]), float(self.time[-1]))
+        prepared = prepare(program, scene.structure, self.parameters)
+        inputs = self._inputs(program)
+        modes = self._modes_for(program, inputs)
+        guess = self._followed(prepared) if program.iterated else None
+        self.computed.append((program, evaluate(prepared, self.time, self.states.T, inputs, modes, guess)))
+        return self.computed[-1]
+
+    def _followed(self, prepared: Prepared) -> Floats:
+        """Where the iterations of a program start at each sample: on the branch that the run is on."""
+        program = prepared.program
+        start = self.scene.guess(program, self.guess)
+        if self.finer is None:
+            return start
+        unknowns = np.concatenate([s.unknowns for s in program.iterated])
+        by_slot = {slot: node for node, slot in program.slots.items()}
+        nodes = [by_slot[slot] for slot in unknowns.tolist()]
+        branch = next((b for b in self.branches if set(nodes) <= set(b.nodes)), None)
+        if branch is None:
+            finer = self.finer
+
+            def path(times: Floats) -> tuple[Floats, Floats, Floats]:
+                part = finer(times)
+                inputs = part._inputs(program)
+                modes = part._modes_for(program, inputs)
+                chosen = np.searchsorted(part.time, times)
+                return part.states.T[:, chosen], inputs[:, chosen], modes[:, chosen]
+
+            branch = follow(prepared, path, self.begin, float(self.time[-1]), self.events, start)
+            self.branches.append(branch)
+        guess = np.repeat(start[:, None], len(self.time), axis=1)
+        guess[unknowns] = branch.guess(nodes, self.time)
+        return guess
+
+    def _modes_for(self, program: Program, inputs: Floats) -> Floats:
+        """The modes at all samples; relations that the run had no need of are evaluated here."""
+        scene, model = self.scene, self.scene.model
+        modes = self.modes.T
+        if not scene.n_modes:
+            return modes
+        found = relations_of(scene.structure, program)
+        tracked = np.empty(0, np.int64) if scene.relations is None else scene.relations.used
+        held = {int(m) for b in found.discretes for m in b.targets}
+        known = set() if scene.relations is None else {int(m) for b in scene.relations.discretes for m in b.targets}
+        if held - known:
+            names = ", ".join(model.discretes.names[m - model.n_relations] for m in sorted(held - known))
+            raise NameLookupError(f"the discrete variables {names} were not needed in this run; name them in outputs=[...]")
+        new = np.setdiff1d(found.used, tracked)
+        if not len(new):
+            return modes
+        prepared = prepare(found.program, scene.structure, self.parameters)
+        guess = scene.guess(found.program, self.guess) if found.program.iterated else None
+        for _ in range(100):
+            passed = settle_once(found, prepared, self.time, self.states.T, inputs, modes, guess)
+            restless = passed[new] != modes[new]
+            if not restless.any():
+                break
+            modes = modes.copy()
+            modes[new] = passed[new]
+        else:
+            held = set(new[restless.any(axis=1)].tolist())
+            owners = dict.fromkeys(
+                owner_of(scene.structure, int(e))
+                for b in found.batches for e, target in zip(b.equations, b.targets.tolist(), strict=True) if target in held
+            )  # fmt: skip
+            t = self.time[int(np.argmax(restless.any(axis=0)))]
+            raise SolverError(
+                f"a relation of {', '.join(owners)} holds if and only if it does not at t = {t:g} s: no value fits"
+            )
+        return modes

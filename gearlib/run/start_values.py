@@ -1,0 +1,264 @@
+"""Consistent start values: what is fixed holds, what is only guessed gives way, contradictions are named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import NameLookupError, StartError
+from gearlib.flatten.model import FlatModel
+from gearlib.program.build import build
+from gearlib.program.interpret import evaluate, prepare
+from gearlib.program.program import Program
+from gearlib.program.relations import relations_of
+from gearlib.program.sensitivity import sensitivity
+from gearlib.reduce.coefficients import start_guess
+from gearlib.reduce.reduction import Structure
+from gearlib.run.scene import Scene, modes_at_start, node_name
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+ROUNDING = 1e-10  # of the terms of a start value: what it may miss, as values that another program computed or printed do
+NOTHING = 1e-12  # the most that computing start values leaves where zero is right
+
+
+@dataclass(frozen=True)
+class Start:
+    """Start values."""
+
+    states: Floats  # of the scene
+    guess: Floats  # of every representative variable, for iterations
+    free: tuple[str, ...]  # states that nothing fixes
+    modes: Floats | None = None  # relations and discrete variables, where these do not follow from the model and the states
+
+
+def start_variable(model: FlatModel, name: str) -> int:
+    """The number of a variable that a start value is given for.
+
+    Raises
+    ------
+    NameLookupError
+        No such variable, or one that has no start value: a derivative, a discrete variable, an input.
+    """
+    if isinstance(name, str):
+        base, order = model.column(name)
+        if order and model.find(base) is not None:
+            raise NameLookupError(f"{name} is a derivative, which has no start value; {base} has one")
+        if name in model.discretes.names:
+            part, _, local = name.rpartition(".")
+            raise NameLookupError(
+                f"{name} is a discrete variable; its start value is part of the model: start={{'{local}': ...}} of {part or 'it'}"
+            )
+    found = model.variable(name)
+    if model.representative[found] in model.inputs:
+        raise NameLookupError(f"{name} is an input, which has no start value; give inputs={{'{name}': ...}}")
+    return found
+
+
+def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, float]) -> dict[int, tuple[float, str]]:
+    """Fixed start values by representative variable, with the name under which each was given; those of a run win."""
+    fixed: dict[int, tuple[float, str]] = {}
+    own = {int(model.representative[v]) for v in overrides}
+    given = [
+        (int(v), float(parameters[slot]))
+        for v, slot, is_fixed in zip(model.starts.variables, model.starts.slots, model.starts.fixed, strict=True)
+        if is_fixed and int(model.representative[v]) not in own
+    ]
+    nothing = _rounding(value for _, value in [*given, *overrides.items()])
+    for v, value in [*given, *overrides.items()]:
+        rep, sign = int(model.representative[v]), int(model.sign[v])
+        if sign == 0:
+            if abs(value) > nothing:
+                raise StartError(f"start of {model.name(v)} is {value:g}, but it is always zero")
+            continue
+        if rep in fixed and abs(fixed[rep][0] - sign * value) > ROUNDING * abs(value) + nothing:
+            other = fixed[rep][1]
+            raise StartError(
+                f"start values contradict each other: {other} and {model.name(v)} are one variable (up to its sign), but are "
+                f"fixed at {fixed[rep][0]:{_digits(fixed[rep][0], sign * value)}} and {sign * value:{_digits(fixed[rep][0], sign * value)}}"
+            )
+        fixed[rep] = (sign * value, model.name(v))
+    return fixed
+
+
+def _rounding(values: Iterable[float]) -> float:
+    """What may stand for zero among start values that were computed from each other."""
+    return min(NOTHING, ROUNDING * max(map(abs, values), default=0.0))
+
+
+def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
+    """Whether all fixed start values are those in ``guess``."""
+    representatives, signs, slots = model.fixed
+    return bool(
+        (guess[representatives] == signs * parameters[slots]).all() and (signs.all() or not parameters[slots][signs == 0].any())
+    )
+
+
+def start_values(
+    scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float], discretes: Floats | None = None
+) -> Start:
+    """Find the start of a run.
+
+    Parameters
+    ----------
+    scene : Scene
+    parameters : array
+    inputs : array, shape (inputs,)
+        Values of the inputs at the start.
+    t : float
+    overrides : mapping of int to float
+        Start values given for this run, by variable.
+    discretes : array, optional
+        Start values of all discrete variables, instead of the model's.
+
+    Raises
+    ------
+    StartError
+        Fixed values that contradict each other.
+    """
+    structure, model = scene.structure, scene.model
+    guess = start_guess(model, parameters)
+    everything = structure.states
+    variables, orders = scene.everything
+    if not overrides and scene.unfixed is not None and _agree(model, parameters, guess):
+        x = np.where(orders == 0, guess[variables], 0.0)
+        return Start(x[scene.places], guess, scene.unfixed)
+    fixed = fixed_values(model, parameters, overrides)
+    for v, (value, _) in fixed.items():
+        guess[v] = value
+    x = np.where(orders == 0, guess[variables], 0.0)
+    place = {node: i for i, node in enumerate(everything)}
+    direct = {place[v, 0] for v in fixed if (v, 0) in place}
+    others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]
+    free = [i for i in range(len(everything)) if i not in direct]
+    settled = set(direct)
+    if others:
+        own = {int(model.representative[v]) for v in overrides}
+        settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free, own, discretes)
+    open_ = tuple(name for name, i in zip(scene.state_names, scene.places.tolist(), strict=True) if i not in settled)
+    return Start(x[scene.places], guess, open_)
+
+
+def _satisfy(
+    structure: Structure, scene: Scene, parameters: Floats, inputs: Floats, t: float, x: Floats, guess: Floats,
+    others: list[Node], fixed: dict[int, tuple[float, str]], free: list[int], own: Collection[int] = (),
+    discretes: Floats | None = None,
+) -> set[int]:  # fmt: skip
+    """Move the free states (as little as possible) until the other fixed values hold. Changes ``x``; returns what moved.
+
+    A variable whose value is given for this run (one of ``own``) and that follows from a single state stands for that state, so
+    that the model's start value of the state gives way.
+    """
+    program = build(structure, others, structure.states, dynamic=False)
+    prepared = prepare(program, structure, parameters)
+    wanted = np.array([fixed[v][0] for v, _ in others])
+    here = Scene(structure, structure.states)
+    start = here.guess(program, guess)
+    slots_of = program.output_slots
+    u, now = inputs[:, None], np.array([t])
+    settle = _modes_of(here, program, parameters, now, u, guess, discretes)
+    flags = settle(x)
+
+    def gradients(slots: Floats) -> Floats:
+        return _dense(sensitivity(prepared, t, slots[:, 0], flags[:, 0], range(len(x)))[slots_of])
+
+    if own:
+        rows = gradients(evaluate(prepared, now, x[:, None], u, flags, start))
+        for row, (v, _) in zip(rows, others, strict=True):
+            needed = np.flatnonzero(row).tolist() if v in own else []
+            if len(needed) == 1 and needed[0] not in free and structure.states[needed[0]][0] not in own:
+                free = [*free, needed[0]]
+                fixed.pop(structure.states[needed[0]][0])
+    scale = here.nominal[free] if free else np.empty(0)
+    moved: set[int] = set()
+    nothing = _rounding(value for value, _ in fixed.values())
+    last = np.inf
+    for _ in range(30):
+        slots = evaluate(prepared, now, x[:, None], u, flags, start)
+        found = slots[slots_of, 0]
+        error, gradient = found - wanted, gradients(slots)
+        if not moved and free:
+            moved = {free[i] for i in _independent(gradient[:, free] * scale)}
+        # an error is measured by the terms that it is left of, not by other values: at 1e9 rad, 3 rad are no rounding
+        terms = np.abs(gradient) @ np.abs(x) + np.abs(found - gradient @ x) + np.abs(wanted)
+        wrong = ~(np.abs(error) <= ROUNDING * terms + nothing)
+        worst = float(np.abs(error).max())
+        if (not wrong.any() and not worst < 0.1 * last) or not free:
+            break
+        last = worst
+        step = _basic_solution(gradient[:, free] * scale, -error) * scale
+        if not step.any():
+            break
+        x[free] += step
+        flags = settle(x)
+    bad = np.flatnonzero(wrong)
+    if len(bad):
+        i = int(bad[0])
+        name, digits = fixed[others[i][0]][1], _digits(found[i], wanted[i])
+        rest = [fixed[v][1] for v in fixed if v != others[i][0]]
+        others_text = f"the other fixed values ({', '.join(rest[:6])}{', ...' if len(rest) > 6 else ''}) and " if rest else ""
+        raise StartError(
+            f"start values contradict each other: {name} is fixed at {wanted[i]:{digits}}, but {others_text}the equations "
+            f"make it {found[i]:{digits}}; fix fewer, or give some of them as guess={{...}}"
+            + _follows(structure, name, gradient[i])
+        )
+    return moved
+
+
+def _digits(one: float, other: float) -> str:
+    """A format in which two numbers differ."""
+    return next((style for style in (".6g", ".9g", ".12g") if f"{one:{style}}" != f"{other:{style}}"), ".17g")
+
+
+def _follows(structure: Structure, name: str, gradient: Floats) -> str:
+    """Which states a variable is computed from, as the end of a message."""
+    states = [node_name(structure.model, structure.states[i]) for i in np.flatnonzero(gradient).tolist()]
+    return f"; {name} follows from {', '.join(states[:6])}{', ...' if len(states) > 6 else ''}" if states else ""
+
+
+def _modes_of(
+    scene: Scene,
+    program: Program,
+    parameters: Floats,
+    t: Floats,
+    inputs: Floats,
+    guess: Floats,
+    discretes: Floats | None = None,
+) -> Callable[[Floats], Floats]:
+    """The modes of a program at a start, as a function of the states."""
+    structure, model = scene.structure, scene.model
+    relations = relations_of(structure, program) if model.n_modes else None
+    if relations is None or not (len(relations.used) or relations.discretes):
+        none = np.zeros((model.n_modes, 1))
+        return lambda x: none
+    prepared = prepare(relations.program, structure, parameters)
+    start = scene.guess(relations.program, guess)
+    return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs, discretes, start)
+
+
+def _independent(matrix: Floats) -> NDArray[np.int64]:
+    """Columns that span all others (QR with column pivoting)."""
+    from scipy.linalg import qr
+
+    if not matrix.size:
+        return np.empty(0, np.int64)
+    _, r, order = qr(matrix, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(r))
+    chosen: NDArray[np.int64] = order[: int((diagonal > 1e-11 * max(diagonal[0], 1e-300)).sum())]
+    return chosen
+
+
+def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
+    """A least-squares solution that moves few variables."""
+    chosen = _independent(matrix)
+    result = np.zeros(matrix.shape[1])
+    if len(chosen):
+        result[chosen] = np.linalg.lstsq(matrix[:, chosen], rhs, rcond=None)[0]
+    return result
+
+
+def _dense(matrix: object) -> Floats:
+    return matrix.toarray() if hasattr(matrix, "toarray") else matrix  # type: ignore[return-value]

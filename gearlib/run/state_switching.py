@@ -1,0 +1,97 @@
+"""Other states where those in use become singular: the coordinates of a pendulum change on its way round.
+
+The states are one set of coordinates of the motion, a chart. Where the constraints can no longer be solved for the other variables,
+the run is handed over there to states with which they can, as many times as it takes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gearlib.program.build import build
+from gearlib.program.interpret import evaluate, prepare
+from gearlib.reduce.coefficients import numbers_of
+from gearlib.reduce.reduction import choose_again
+from gearlib.run.integrate import Floats, Left, Outcome, Run, integrate
+from gearlib.run.scene import Scene, needed_states
+from gearlib.run.start_values import Start
+from gearlib.solvers.inputs.table import values
+from gearlib.structure.incidence import Node
+
+Charts = dict[tuple[Node, ...], Scene]
+SHORTEST = 1e-9  # of the run: what a chart must last
+
+
+def integrate_through(run: Run, method: str, charts: Charts) -> list[tuple[Run, Outcome]]:
+    """Integrate to the end, in as many charts as the motion needs; each part begins where the one before ended.
+
+    Parameters
+    ----------
+    run : Run
+    method : str
+    charts : dict
+        Scenes with other states that earlier runs needed; grows.
+
+    Raises
+    ------
+    ArgumentError, SolverError
+        As `integrate` does, or where no states last.
+    """
+    parts = [(run, integrate(run, method))]
+    span = float(run.times[-1] - run.times[0])
+    while (left := parts[-1][1].left) is not None:
+        here = parts[-1][0]
+        if len(parts) > 1 and left.t - here.times[0] < SHORTEST * span:
+            raise left.failure
+        following = _following(here, left, charts)
+        parts.append((following, integrate(following, method)))
+    return parts
+
+
+def _following(run: Run, left: Left, charts: Charts) -> Run:
+    """The rest of a run, in other states where others will do."""
+    scene, t = run.scene, np.array([left.t])
+    structure = scene.structure
+    orders = structure.differentiation.orders
+    known = np.zeros((max(2, *orders.values()), scene.model.n_variables))
+    known[0] = run.start.guess
+    known[0, scene.model.inputs] = values(run.signals, t)[:, 0]
+    known[tuple(np.array(scene.states).T[::-1])] = left.x
+    nodes = [
+        n for v, order in orders.items() for k in range(order) if not scene.missing(n := (v, k)) and n not in scene.place_of
+    ]
+    program = build(structure, nodes, scene.states, dynamic=False)
+    guess = scene.guess(program, run.start.guess)
+    for node, slot in program.slots.items():  # on the branch on which the run was
+        if node in scene.program.slots:
+            guess[slot] = left.slots[scene.program.slots[node]]
+    inputs = values(run.signals, t, len(program.inputs))
+    prepared = prepare(program, structure, run.numbers.parameters)
+    slots = evaluate(prepared, t, left.x[:, None], inputs, left.modes[:, None], guess)
+    for (v, k), slot in program.slots.items():
+        if k < len(known):
+            known[k, v] = slots[slot, 0]
+    later, modes = np.concatenate([t, run.times[run.times > left.t]]), left.modes if scene.n_modes else None
+    again = choose_again(structure, numbers_of(structure.model, run.numbers.parameters, left.t, known))
+    if again is None:  # the same states, and smaller pivots
+        start = replace(run.start, states=left.x, guess=known[0])
+        return replace(run, start=start, times=later, modes=modes, slots=left.slots)
+    states = needed_states(again, scene.states)
+    outputs = tuple(n for n in scene.outputs if n not in states)
+    other = charts.setdefault(states, Scene(again, states, scene.wanted, outputs))
+    start = Start(np.array([known[k, v] for v, k in states]), known[0], ())
+    return replace(
+        run, scene=other, numbers=other.numbers(run.numbers.parameters), start=start, times=later,
+        atol=_tolerances(run, other), modes=modes, slots=None,
+    )  # fmt: skip
+
+
+def _tolerances(run: Run, other: Scene) -> Floats | None:
+    """Absolute tolerances: those of the states in both charts, else in proportion to the nominal value."""
+    if run.atol is None:
+        return None
+    given = dict(zip(run.scene.states, run.atol, strict=True))
+    share = float(np.min(run.atol / run.scene.nominal))
+    return np.array([given.get(s, share * nominal) for s, nominal in zip(other.states, other.nominal, strict=True)])

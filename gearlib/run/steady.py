@@ -1,0 +1,398 @@
+"""Steady states: what of a motion may grow, and the search for states in which nothing else changes.
+
+A motion is steady if every state grows at a constant rate and the equations do not notice it: ``x(t) = x + v t`` with ``f(x) = v``
+where ``f`` is the same along ``v``. The directions along which it is (turning of the whole train, phases of meshes that nothing
+varies with, slip of an open clutch) are the symmetries of the equations, `gearlib.program.invariance`. In the other directions all
+rates must vanish. They are searched by pseudo-transient continuation: linearly implicit Euler steps from the start values, which
+follow the motion of a run as long as the equations are nonlinear on the way and grow to Newton's steps at the end. So of several
+steady states it is the one that the train goes to.
+
+References
+----------
+C. T. Kelley, D. E. Keyes, "Convergence analysis of pseudo-transient continuation", SIAM Journal on Numerical Analysis 35 (1998)
+508-523, doi 10.1137/S0036142996304796
+
+P. Deuflhard, "Newton Methods for Nonlinear Problems", Springer, 2004, section 6.4 (steps as long as the correction contracts).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError, StartError
+from gearlib.program.build import build
+from gearlib.program.interpret import evaluate, prepare
+from gearlib.program.invariance import symmetries
+from gearlib.program.program import Newton
+from gearlib.program.relations import relations_of
+from gearlib.program.sensitivity import sensitivity
+from gearlib.run.integrate import Run, integrate
+from gearlib.run.scene import Numbers, Scene, node_name
+from gearlib.run.start_values import Start
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import reach
+
+Floats = NDArray[np.float64]
+CONTRACTS = 0.5  # a correction over the step before it: the step follows the implicit equation
+AIM = 0.1  # contraction that the length of the next step aims at
+LONGER, SHORTER = 100.0, 0.05  # most that a step's length changes by
+LONGEST = 1e10  # step times the largest rate of the linearised equations: what is slower by more counts as not moving
+MOST_STEPS = 400
+ACROSS = 1e-3  # step times the largest rate that was met: so short a step may cross a jump
+RUNS = (0.1, 1.0, 10.0, 100.0, 1000.0)  # s
+STIFF = 1e3  # step times the largest rate that is beyond the fast part of the motion
+NEAR, LOCAL = (
+    1e-4,
+    0.1,
+)  # change of the states in a step at which Newton's method is tried, and the most that it may change them by
+SETTLED = 1e-9  # last correction of a state over its size
+LATER = 1e3  # by how much the angle that turns fastest has grown, in nominal values, when the motion is looked at again
+ROUNDING = 1e3  # unit roundoffs, of the terms in an equation, that count as zero
+UNSTABLE = 1e-9  # growth of a motion over the largest rate that is more than rounding
+LARGEST_EXAMINED = 400  # states
+NOTHING = 1e-15  # of the largest derivative of a rate: what is below is rounding
+LOCKED = 1e3  # times the rounding of a rate, where no state has an effect on it: what sticks must not creep
+SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """The equations of a steady state at one moment: rates of the states in scaled directions that may not grow.
+
+    Attributes
+    ----------
+    grows : array, shape (states, symmetries)
+        Orthonormal directions, in nominal values of the states, in which these may grow.
+    """
+
+    scene: Scene
+    numbers: Numbers
+    begin: Start
+    inputs: Floats
+    t: float
+    grows: Floats
+
+    @cached_property
+    def scale(self) -> Floats:
+        return np.maximum(self.scene.nominal, 1e-300)
+
+    @cached_property
+    def held(self) -> Floats:
+        """Orthonormal directions in which nothing may change; single states where these are."""
+        n, k = self.grows.shape
+        if not k:
+            return np.eye(n)
+        moving = self.grows.any(axis=1)
+        if moving.sum() == k:
+            return np.eye(n)[:, ~moving]
+        whole = np.linalg.qr(self.grows[moving], mode="complete")[0][:, k:]
+        held = np.zeros((n, n - k))
+        held[moving, : whole.shape[1]] = whole
+        held[~moving, whole.shape[1] :] = np.eye(n - int(moving.sum()))
+        return held
+
+    def rates(self, x: Floats) -> tuple[Floats, Floats]:
+        """Scaled rates of all states, zero where they are rounding, and their derivatives.
+
+        Raises
+        ------
+        SolverError
+            They cannot be computed there.
+        """
+        f, gradient, noise = self.equations(x)
+        return np.where(np.abs(f) <= noise, 0.0, f), gradient
+
+    def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
+        """Scaled rates, their derivatives, and what rounding of every term in their equations adds to them."""
+        scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
+        flags = scene.modes(self.numbers, now, column, inputs, start=self.begin.guess)
+        program, n = scene.program, len(x)
+        slots = evaluate(self.numbers.main, now, column, inputs, flags, scene.guess(program, self.begin.guess))[:, 0]
+        size = np.abs(slots)
+        for step in program.steps:
+            if isinstance(step, Newton):  # solved to the accuracy of the largest
+                size[step.unknowns] = size[step.unknowns].max()
+        first = n + len(program.inputs)
+        places = first + np.flatnonzero(size[first:])
+        added = [(k, i, w) for i, (k, w) in enumerate(zip(places.tolist(), size[places].tolist(), strict=True))]
+        slopes = sensitivity(self.numbers.main, self.t, slots, flags[:, 0], range(n), added)[program.output_slots]
+        slopes = np.asarray(slopes.toarray() if hasattr(slopes, "toarray") else slopes, float)
+        terms = np.abs(slopes[:, :n]) @ np.abs(x) + np.abs(slopes[:, n:]).sum(axis=1)
+        f, gradient = slots[program.output_slots] / self.scale, slopes[:, :n] * self.scale / self.scale[:, None]
+        if not (np.isfinite(f).all() and np.isfinite(gradient).all()):
+            worst = int(np.argmin(np.isfinite(f) & np.isfinite(gradient).all(axis=1)))
+            raise SolverError(f"der({node_name(scene.model, scene.states[worst])}) cannot be computed")
+        noise = ROUNDING * np.finfo(float).eps * terms / self.scale
+        stuck = np.abs(gradient).max(axis=1) <= NOTHING * np.abs(gradient).max()
+        gradient[stuck] = 0.0
+        return f, gradient, np.where(stuck, LOCKED, 1.0) * noise
+
+    def largest(self, gradient: Floats) -> float:
+        """The largest entry of the held equations, 1/s: no time constant is shorter than its inverse by much."""
+        return float(np.abs(self.held.T @ gradient @ self.held).max(initial=0.0))
+
+    def longest_stable(self, gradient: Floats) -> float:
+        """A longer implicit step would follow a growing exponential to the wrong side."""
+        held = self.held.T @ gradient @ self.held
+        if held.shape[0] > LARGEST_EXAMINED:
+            return np.inf
+        growth = float(np.linalg.eigvals(held).real.max(initial=0.0))
+        return 0.5 / growth if growth > UNSTABLE * self.largest(gradient) else np.inf
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a search ended: the states, and whether they are steady."""
+
+    x: Floats
+    steady: bool
+    free: bool = False  # the equations leave something open there that would have to change
+
+
+def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
+    """States at which nothing accelerates, and nothing changes but what no equation depends on, such as the angles of the train.
+
+    What grows keeps its start value. Of several steady states it is the one that the motion from the start values goes to.
+
+    Raises
+    ------
+    StartError
+        There is none, or the search does not find it; says what goes on changing, and why.
+    """
+    if not scene.states:
+        return start.states.copy()
+    search = Search(scene, numbers, start, inputs, t, growing(scene, numbers))
+    end = _found(search)
+    if not end.steady and not end.free and scene.relations is not None:
+        ran = _run_to_rest(search, replace(end, x=start.states))
+        end = ran if ran.steady else end
+    if not end.steady:
+        raise StartError(f"no steady state was found: {_reason(search, end)}")
+    return end.x
+
+
+def growing(scene: Scene, numbers: Numbers) -> Floats:
+    """Directions in which the states may grow steadily, orthonormal in nominal values, shape (states, how many).
+
+    A speed that nothing depends on is no such direction: the angle whose rate it is would grow ever faster. That angle counts
+    whether or not the scene integrates it.
+    """
+    structure, states = scene.structure, set(scene.states)
+    rates: list[Node] = [(v, k + 1) for v, k in scene.states]
+    for v, k in structure.states:
+        if (v, k) not in states and k == 0 and ((v, k) in structure.angles or structure.model.potential[v]):
+            if reach(structure.dependence, [(v, 1)], dynamic=False, events=True)[1] <= states:
+                rates.append((v, 1))
+    program = build(structure, rates, scene.states, dynamic=True)
+    prepared = prepare(program, structure, numbers.parameters)
+    events = None
+    if scene.relations is not None:
+        relations = relations_of(structure, program)
+        events = relations, prepare(relations.program, structure, numbers.parameters)
+    return symmetries(prepared, [program.slots[node] for node in rates], events, np.maximum(scene.nominal, 1e-300))
+
+
+def _found(search: Search) -> End:
+    """Newton's method for a linear scene; pseudo-transient continuation, closed by it, for the others.
+
+    A steady state that the motion leaves again is found only where the motion comes to no other.
+    """
+    x, program = search.begin.states.copy(), search.scene.program
+    linear = program.is_linear and search.scene.relations is None
+    if linear and (end := _closed(search, x)).steady:
+        return end
+    if not linear and (end := _continued(search, x, stable=True)).steady:
+        return end
+    return _continued(search, x, stable=False)
+
+
+def _continued(search: Search, x: Floats, stable: bool) -> End:
+    """Pseudo-transient continuation; steps that are ``stable`` follow a motion that runs away, and do not turn back."""
+    f, gradient = search.rates(x)
+    fastest = max(search.largest(gradient), float(np.abs(search.held.T @ f).max(initial=0.0)), 1e-300)
+    step, stalled = 0.1 / fastest, 0
+    for _ in range(MOST_STEPS):
+        longest = LONGEST / max(search.largest(gradient), 1e-6 * fastest)
+        step = min(step, longest, search.longest_stable(gradient) if stable else np.inf)
+        solved = _implicit(search, gradient, step)
+        change = solved(f)
+        try:
+            ahead, slopes = search.rates(x + search.scale * change)
+        except SolverError:
+            step *= SHORTER
+            continue
+        correction = solved(ahead - f - gradient @ change)
+        contraction = float(np.abs(correction).max()) / max(float(np.abs(change).max()), 1e-300)
+        fastest = max(fastest, search.largest(slopes))
+        if contraction > CONTRACTS and step * fastest > ACROSS:
+            step *= max(AIM / contraction, SHORTER)
+            continue
+        before, x, f, gradient = f, x + search.scale * change, ahead, slopes
+        size = float(np.abs(x / search.scale).max())
+        if step == longest or (step * search.largest(gradient) > STIFF and np.abs(change).max() <= NEAR * size):
+            end = _closed(search, x)
+            if end.steady and (step == longest or np.abs((end.x - x) / search.scale).max() <= LOCAL * size):
+                return end
+            left, last = (np.abs(search.held.T @ rates).max(initial=0.0) for rates in (f, before))
+            stalled = stalled + 1 if step == longest and left > 0.5 * last else 0
+            if stalled > 5:
+                break
+        step *= min(max(AIM / max(contraction, 1e-12), SHORTER), LONGER)
+    return replace(_closed(search, x), x=x)
+
+
+def _run_to_rest(search: Search, end: End) -> End:
+    """The search where steps across events do not lead to it (friction that comes to rest): a run of growing length."""
+    scene, left = search.scene, np.inf
+    for seconds in RUNS:
+        begin = replace(search.begin, states=end.x)
+        span = np.array([search.t, search.t + seconds])
+        signals = tuple(search.inputs[: len(scene.model.inputs)].tolist())
+        try:
+            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None), "ida")
+            if outcome.left is not None:
+                return end
+            end = _closed(search, outcome.states[-1])
+            if end.steady:
+                return end
+            end, last = replace(end, x=outcome.states[-1]), left
+            left = float(np.abs(search.held.T @ search.rates(end.x)[0]).max())
+        except SolverError:
+            return end
+        if seconds >= 10.0 and left > 0.5 * last:
+            break
+    return end
+
+
+def _implicit(search: Search, gradient: Floats, step: float) -> Callable[[Floats], Floats]:
+    """Linearly implicit Euler: the change in the held directions that scaled rates cause in a step."""
+    from scipy.linalg import lu_factor, lu_solve
+
+    held = search.held
+    factors = lu_factor(np.eye(held.shape[1]) / step - held.T @ gradient @ held, check_finite=False)
+    return lambda rates: np.asarray(held @ lu_solve(factors, held.T @ rates, check_finite=False), float)
+
+
+def _closed(search: Search, x: Floats) -> End:
+    """Newton's method to rounding, and whether what it comes to is steady.
+
+    It is where the rates vanish up to the rounding of their own terms, each for itself, or would after a change of the states
+    that is small beside these. Changes that no equation asks for are not made.
+    """
+    last, free = np.inf, False
+    for _ in range(30):
+        try:
+            f, gradient, noise = search.equations(x)
+            equations = _Equations(search, gradient)
+            change = equations.change(f)
+            size = float(np.abs(change).max())
+            if size <= SETTLED * float(np.abs(x / search.scale).max()) or size >= 0.5 * last:
+                free = not equations.hold(f, noise)
+                small = np.abs(change) <= SETTLED * np.abs(x / search.scale) + equations.largest_change(noise)
+                if free or not small.all():
+                    break
+                x = x + search.scale * change
+                return End(x, _goes_on(search, x))
+            x, last = x + search.scale * change, size
+        except SolverError:
+            break
+    return End(x, False, free)
+
+
+def _goes_on(search: Search, x: Floats) -> bool:
+    """Whether the motion is as steady later, when what may grow has grown."""
+    turned = search.grows @ (search.grows.T @ search.rates(x)[0])
+    if not turned.any():
+        return True
+    later = x + search.scale * turned * (LATER / float(np.abs(turned).max()))
+    f, gradient = search.rates(later)
+    change = _Equations(search, gradient).change(f)
+    return bool((np.abs(change) <= NEAR * np.abs(x / search.scale).max()).all())
+
+
+class _Equations:
+    """The held rates, linear in a change of the states: as many as are independent."""
+
+    def __init__(self, search: Search, gradient: Floats) -> None:
+        self._held = search.held
+        matrix = self._held.T @ gradient @ self._held
+        self._row = np.abs(matrix).max(axis=1, initial=0.0)
+        self._row[self._row == 0] = 1.0
+        self._column = np.abs(matrix / self._row[:, None]).max(axis=0, initial=0.0)
+        self._column[self._column == 0] = 1.0
+        left, self._sizes, right = np.linalg.svd(matrix / self._row[:, None] / self._column)
+        rank = int((self._sizes > SINGULAR * self._sizes.max(initial=1e-300)).sum())
+        self._left, self._right, self._rest = left[:, :rank], right[:rank].T, left[:, rank:]
+        self._sizes = self._sizes[:rank]
+
+    def change(self, f: Floats) -> Floats:
+        """The least change of the states that makes the held rates vanish, or those of them that can."""
+        solved = self._right @ ((self._left.T @ (self._held.T @ f / self._row)) / self._sizes)
+        return -np.asarray(self._held @ (solved / self._column), float)
+
+    def hold(self, f: Floats, noise: Floats) -> bool:
+        """Whether what no change of the states has an effect on vanishes."""
+        left, noise = self._held.T @ f / self._row, np.abs(self._held.T) @ noise / self._row
+        return bool((np.abs(self._rest.T @ left) <= np.abs(self._rest.T) @ noise).all())
+
+    def largest_change(self, noise: Floats) -> Floats:
+        """What rounding in the rates may change the states by."""
+        solved = np.abs(self._right) @ ((np.abs(self._left.T) @ (np.abs(self._held.T) @ noise / self._row)) / self._sizes)
+        return np.asarray(np.abs(self._held) @ (solved / self._column), float)
+
+
+def _reason(search: Search, end: End) -> str:
+    """What goes on changing, and why."""
+    scene = search.scene
+    try:
+        f = search.rates(end.x)[0]
+    except SolverError as problem:
+        return f"{problem}; give start values near it: guess={{...}}"
+    left = np.abs(search.held @ (search.held.T @ f))
+    worst = int(np.argmax(left))
+    where = f"der({node_name(scene.model, scene.states[worst])}) stays at {f[worst] * search.scale[worst]:g}"
+    cyclic = _cyclic(search, end.x)
+    if cyclic:
+        names = [node_name(scene.model, scene.states[i]) for i in cyclic]
+        return (
+            f"the equations vary with {', '.join(names)}, which would grow for ever, and repeat every turn of two pi; such a train has a "
+            "periodic motion instead. Run it until it repeats, and take a moment of that run, or use gearlib.harmonic_balance"
+        )
+    if end.free:
+        return (
+            f"{where}, and no speed, angle or deflection has an effect on that; a load is missing there that grows with the speed (a "
+            "damper to the housing, a fan, a speed-dependent torque), or the torques must balance"
+        )
+    return (
+        f"{where} where the search ended; no state is known near it at which the loads balance the drive. Start nearer to one "
+        "(guess={...}), or run the train to see where it goes"
+    )
+
+
+def _cyclic(search: Search, x: Floats) -> list[int]:
+    """Angles that the rates are periodic in and that grow in an otherwise steady motion."""
+    scene, model = search.scene, search.scene.model
+    found = []
+    for i, (v, k) in enumerate(scene.states):
+        declared = model.declaration(v)
+        if k or declared is None or declared.unit != "rad" or not (search.grows[i] == 0).all():
+            continue
+        turn = np.zeros(len(x))
+        turn[i] = 2 * np.pi
+        try:
+            f, there = search.rates(x)[0], search.rates(x + turn)[0]
+        except SolverError:
+            continue
+        if np.abs(there - f).max() <= NEAR * np.abs(f).max():
+            found.append(i)
+    if not found:
+        return []
+    more = np.linalg.qr(np.hstack([search.grows, np.eye(len(x))[:, found]]))[0]
+    other = replace(search, grows=more)
+    f = other.rates(_found(other).x)[0]
+    return [i for i in found if abs(f[i]) > NEAR * np.abs(f).max()]

@@ -1,0 +1,54 @@
+"""The text of `System.summary`: what came in, what each phase did, what is integrated and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gearlib.program.program import Linear, Newton
+from gearlib.run.scene import Scene, node_name
+
+MOST = 12
+
+
+def summary(name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], zero: Sequence[str]) -> str:
+    """A few lines for each phase."""
+    structure, model, program = scene.structure, scene.model, scene.program
+    counts, result = model.counts, structure.differentiation
+    n_equations = sum(len(g) for g in model.groups)
+    differentiated = sum(1 for c in result.counts if c)
+    states = [node_name(model, s) for s in scene.states]
+    left = [node_name(model, s) for s in structure.states if s not in scene.states]
+    blocks = [len(s.unknowns) for s in program.steps if isinstance(s, (Linear, Newton))]
+    newton = sum(isinstance(s, Newton) for s in program.steps)
+    lines = [
+        f"{name}: {counts.components} components, {counts.connection_sets} connection sets",
+        f"  flatten     {counts.equations} equations in {counts.variables} variables; {counts.aliases} aliases removed, "
+        f"{n_equations} equations left in {len({id(g.template) for g in model.groups})} templates",
+        f"  reduce      structural index {result.index}; {differentiated} equations differentiated"
+        + (f", up to {max(result.counts)} times" if differentiated else ""),
+        f"  states      {len(structure.states)} possible, {len(states)} integrated: {_some(states)}",
+    ]
+    if left:
+        why = "no output depends on them" if outputs is not None else "nothing depends on them; integrated when asked for"
+        lines.append(f"  dropped     {_some(left)} ({why})")
+    lines.append(
+        f"  sort        {program.n_unknowns} unknowns in {len(program.steps)} steps"
+        + (f"; blocks of {_some([str(b) for b in blocks])}" if blocks else "; no blocks")
+        + (f" ({newton} nonlinear or varying)" if newton else "")
+    )
+    if structure.redundant or structure.closed:
+        lines.append(
+            f"  redundant   equations of {_some(list(structure.redundant)) or 'connections'} follow from others; the split of torque "
+            f"is undetermined there, and set so that these are zero: {_some(list(structure.closed))}"
+        )
+    if zero:
+        lines.append(f"  zeros       translated without what they multiply: {_some(list(zero))}")
+    kind = "linear, time-invariant" if program.is_linear else "nonlinear, or with coefficients that vary"
+    lines.append(f"  scene       {kind}; outputs: {_some(list(outputs)) if outputs is not None else 'everything, on demand'}")
+    if free:
+        lines.append(f"  start       at their guess, since nothing fixes them: {_some(list(free))}")
+    return "\n".join(lines)
+
+
+def _some(items: Sequence[str]) -> str:
+    return ", ".join(items[:MOST]) + (f" and {len(items) - MOST} more" if len(items) > MOST else "")

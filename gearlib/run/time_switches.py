@@ -1,0 +1,108 @@
+"""When the conditions in time of a scene switch: symbols once per scene, numbers for each set of parameters.
+
+Most conditions compare time with something that parameters give: g = a + b t is zero at -a / b, with a and b as functions of the
+parameters. The others go through `switches` whenever their parameters or the interval change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from gearlib.equations.quasipolynomials import TIME
+from gearlib.equations.switch_times import distinct, times_of_breakpoints
+from gearlib.program.program import Batch
+from gearlib.program.relations import Relations
+
+Floats = NDArray[np.float64]
+_T: Any = sympy.Symbol("t", real=True)  # what time is called in a kernel
+Switch = tuple[float, int]  # time (s), number of the relation
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Relations of time of one kernel: their numbers, and where their parameters stand."""
+
+    expression: Any
+    symbols: tuple[Any, ...]
+    numbers: NDArray[np.int64]
+    parameters: NDArray[np.int64]  # (relations, parameters)
+    line: Callable[..., tuple[Any, Any]] | None  # a and b of a + b t, where it is that
+
+    def times(self, parameters: Floats, t0: float, t_end: float) -> list[Switch]:
+        """Switches inside (t0, t_end)."""
+        numbers = parameters[self.parameters]
+        if self.line is None:
+            return [
+                (t, int(number))
+                for number, row in zip(self.numbers, numbers, strict=True)
+                for t in times_of_breakpoints(self._with(row), t0, t_end).tolist()
+            ]
+        with np.errstate(all="ignore"):
+            a, b = self.line(*numbers.T)
+            roots = np.broadcast_to(-np.asarray(a, float) / b, len(numbers))
+        roots = np.where(np.isfinite(roots), roots, t0)  # g = a switches never
+        return [
+            (t, int(k)) for k, root in zip(self.numbers, roots, strict=True) for t in distinct(root[None], t0, t_end).tolist()
+        ]
+
+    def _with(self, row: Floats) -> Any:
+        table = {s: sympy.Float(value, 17) for s, value in zip(self.symbols, row.tolist(), strict=True)}
+        return self.expression.xreplace({_T: TIME} | table) > 0
+
+
+@dataclass(frozen=True, eq=False)
+class TimeSwitches:
+    """The relations of time that a scene uses."""
+
+    timed: tuple[Timed, ...]
+    _last: dict[bytes, list[Switch]] = field(default_factory=dict)
+
+    def __call__(self, parameters: Floats, t0: float, t_end: float) -> list[Switch]:
+        """When they switch between two times, and which; kept for the parameters and the interval that were last asked for.
+
+        Raises
+        ------
+        ArgumentError
+            A condition depends on time alone, but when it switches is not known in closed form.
+        """
+        if not self.timed:
+            return []
+        parts = [parameters[t.parameters].tobytes() for t in self.timed]
+        key = b"".join([*parts, np.array([t0, t_end]).tobytes()])
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = [switch for timed in self.timed for switch in timed.times(parameters, t0, t_end)]
+        return self._last[key]
+
+
+def time_switches(relations: Relations | None) -> TimeSwitches:
+    """The conditions in time among relations, made ready."""
+    if relations is None or not relations.on_time.any():
+        return TimeSwitches(())
+    numbers = relations.used[relations.on_time]
+    found = ((batch, np.flatnonzero(np.isin(batch.targets, numbers))) for batch in relations.batches)
+    return TimeSwitches(tuple(_timed(batch, rows) for batch, rows in found if len(rows)))
+
+
+def _timed(batch: Batch, rows: NDArray[np.int64]) -> Timed:
+    kernel = batch.kernel
+    symbols = tuple(sympy.Symbol(f"p{p}", real=True) for p in kernel.parameters)
+    return Timed(kernel.expression, symbols, batch.targets[rows], batch.parameters[rows], _line(kernel.expression, symbols))
+
+
+def _line(expression: Any, symbols: Sequence[Any]) -> Callable[..., tuple[Any, Any]] | None:
+    """a and b of a + b t as functions of the parameters, if an expression is that."""
+    slope = sympy.diff(expression, _T)
+    if slope.has(_T) or slope.has(sympy.Derivative) or expression.has(*_BRANCHES):
+        return None
+    function: Callable[..., tuple[Any, Any]] = sympy.lambdify(symbols, (expression.subs(_T, 0), slope), "numpy")
+    return function
+
+
+_BRANCHES = (sympy.Piecewise, sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.floor, sympy.ceiling)

@@ -1,0 +1,47 @@
+"""Parameters that are zero where an equation is solved by dividing by them.
+
+A body without inertia has no acceleration of its own to compute: ``J der(w) = tau_a + tau_b`` with ``J = 0`` says that its torques
+cancel. Which unknown an equation determines then is another question, so that the model is translated again with the coefficient
+absent. Other zeros (the damping of a spring that stands between bodies) change nothing, and cost nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gearlib.errors import SingularError
+from gearlib.flatten.model import FlatModel, Floats, Integers
+from gearlib.program.interpret import constant_values
+from gearlib.program.program import Newton, Program
+from gearlib.run.scene import Scene
+
+
+def factors(model: FlatModel) -> Integers:
+    """Parameters that a variable of some equation is multiplied by."""
+    found: set[int] = set()
+    for group in model.groups:
+        for p, name in enumerate(group.template.parameters):
+            if name in group.template.factors:
+                found.update(group.parameters[:, p].tolist())
+    return np.array(sorted(found), np.int64)
+
+
+def can_be_solved(scene: Scene, parameters: Floats) -> bool:
+    """Whether no zero is divided by, as far as that can be told before a run."""
+    try:
+        numbers = scene.numbers(parameters)
+    except SingularError:
+        return False
+    programs = [numbers.main.program, *([] if numbers.relations is None else [numbers.relations.program])]
+    return not any(_vanishes(program, parameters) for program in programs)
+
+
+def _vanishes(program: Program, parameters: Floats) -> bool:
+    """Whether a constant coefficient is zero in equations whose matrix varies during a run."""
+    for step in program.steps:
+        for batch in step.jacobian if isinstance(step, Newton) else ():
+            kernel = batch.kernel
+            if kernel.parameters and not (kernel.columns or kernel.relations or kernel.on_time):
+                if not constant_values(batch, parameters).all():
+                    return True
+    return False

@@ -1,1 +1,0 @@
-"""From compiled functions to time histories: initial values, integrators, events, results."""

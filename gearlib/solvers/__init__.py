@@ -1,0 +1,1 @@
+"""Integration methods: each takes a problem of numbers and native functions."""

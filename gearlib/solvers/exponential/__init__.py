@@ -1,0 +1,1 @@
+"""Linear time-invariant problems by the matrix exponential."""

@@ -1,0 +1,344 @@
+"""exp(A h) z of a large sparse matrix by Chebyshev series, without ever forming exp(A h).
+
+The field of values of A, in a scaling of the states that makes A as symmetric in size as it can be made, lies in an ellipse.
+The Faber polynomials of an ellipse are scaled Chebyshev polynomials, so that the series of exp is a three-term recurrence of
+products with A, and its truncation error is at most a few times the first coefficient left out. A motion that turns through w h
+radians takes little more than w h products, whatever the accuracy; a diffusive one takes their square root.
+
+References
+----------
+Tal-Ezer and Kosloff, J. Chem. Phys. 81 (1984) 3967-3971, doi:10.1063/1.448136. Beckermann, C. R. Acad. Sci. Paris I 340 (2005)
+855-860, doi:10.1016/j.crma.2005.04.027 (Faber polynomials of a matrix are bounded by 2 on its field of values).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.solvers.exponential.chebyshev import TILE, Directions, Graph, Series, call
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_COUPLING = 0.02  # of the largest row: the size of one-way couplings (inputs, integrated angles) after scaling
+_ANGLES = np.linspace(0.0, math.pi, 17)  # directions in which the field of values is bounded
+_MARGIN = 1.02  # for the directions in between
+_PROBE = 192  # terms over which an ellipse is tried
+_GROWTH = 10.0  # of the largest entry: polynomials that belong to the ellipse stay below
+_TURN = 130.0  # radians in one series
+_DIFFUSION = 1e4  # the same where real eigenvalues dominate
+_SEVERAL = 8  # output steps in one series, at most
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """Contains the field of values: centre on the real axis, semi-axes along the real and the imaginary axis (1/s)."""
+
+    centre: float
+    real: float
+    imaginary: float
+
+    @property
+    def focus(self) -> float:
+        return math.sqrt(abs(self.real**2 - self.imaginary**2))
+
+    @property
+    def radius(self) -> float:
+        """Of the circle that the ellipse is the image of."""
+        return (self.real + self.imaginary) / self.focus
+
+    @property
+    def sign(self) -> float:
+        """Of the recurrence P_{k+1} = 2 X P_k + sign P_{k-1}: the foci are imaginary (+1) or real (-1)."""
+        return 1.0 if self.imaginary >= self.real else -1.0
+
+    def with_foci(self) -> Ellipse:
+        """The ellipse, or a longer one if it is a circle, which has no foci to expand between."""
+        if abs(self.real**2 - self.imaginary**2) >= 0.1 * max(self.real, self.imaginary) ** 2:
+            return self
+        return Ellipse(self.centre, self.real, math.hypot(max(self.real, self.imaginary), 0.5 * self.real))
+
+    def rounded(self) -> Ellipse:
+        """A slightly larger one of round numbers: the matrices of nearly equal parameters have their series in common."""
+        grain = 2.0 ** (math.frexp(max(self.real, self.imaginary))[1] - 10)
+        up = [grain * math.ceil(axis / grain + 0.5) for axis in (self.real, self.imaginary)]
+        return Ellipse(grain * round(self.centre / grain), *up)
+
+    @lru_cache(maxsize=64)  # noqa: B019  (an ellipse is three numbers)
+    def series(self, h: float, tolerance: float) -> Floats:
+        """Coefficients of exp(h z) for the polynomials that are scaled to 1 on the ellipse, to an absolute tolerance."""
+        points = 256
+        while True:
+            t = self.radius * np.exp(2j * math.pi / points * np.arange(points))
+            values = np.exp(h * (self.centre + 0.5 * self.focus * (t - self.sign / t)))
+            c = np.fft.fft(values).real / points
+            large = np.flatnonzero(np.abs(c[: points // 2]) > max(0.5 * tolerance, 2.0**-50 * abs(values[0])))
+            if len(large) == 0 or large[-1] < 0.45 * points:
+                break
+            points *= 2
+        c = c[: max(2, int(large[-1]) + 1 if len(large) else 0)]
+        c[1:] *= 2.0
+        return c
+
+
+@dataclass(frozen=True, eq=False)
+class Triplets:
+    """The nonzeros of a matrix, each place once."""
+
+    rows: Integers
+    columns: Integers
+    entries: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """A matrix made ready for its exponential to act on vectors.
+
+    Examples
+    --------
+    >>> rotation = Triplets(np.array([0, 1]), np.array([1, 0]), np.array([1.0, -4.0]))
+    >>> action = prepare(rotation, np.arange(2), span=1.0)
+    >>> action.advance(np.array([1.0, 0.0]), math.pi / 2, 2, 1e-12)  # half a turn each
+    array([[-1., 0.],
+           [ 1., 0.]])
+    """
+
+    scale: Floats  # nominal size of each state
+    order: Integers  # position -> state
+    ellipse: Ellipse
+    offsets: Integers
+    diagonals: Floats  # the full diagonals of 2/r (A - centre)/focus
+    rows: Integers
+    columns: Integers
+    entries: Floats  # what is not on them
+    alone: int  # position from which on states depend on no others, before it only within the band or on these; 0: neither
+
+    def _steps(self, h: float, count: int) -> tuple[int, int]:
+        """Output steps in one series, and series in one output step; one of the two is 1."""
+        e = self.ellipse
+        limit = _DIFFUSION if e.real > 4.0 * e.imaginary else _TURN
+        reach = min(limit / (e.real + e.imaginary), 2.0 / max(e.centre + e.real, 1e-300))
+        if h > reach:
+            return 1, math.ceil(h / reach)
+        return max(1, min(_SEVERAL, int(min(reach / h, 1e6)), count)), 1
+
+    def _tolerance(self, rtol: float, count: int, repeats: int) -> float:
+        return max(rtol / (100.0 + float(count) * repeats), 1e-16)
+
+    def seconds(self, h: float, count: int, rtol: float) -> float:
+        """Estimated time of `advance`."""
+        several, repeats = self._steps(h, count)
+        terms = len(self.ellipse.series(h * several / repeats, self._tolerance(rtol, count, repeats)))
+        product = 6e-8 + 1.4e-10 * len(self.scale) * (len(self.offsets) + 1.5) + 1.5e-9 * len(self.entries)
+        return 1e-4 + product * terms * repeats * count / several
+
+    def advance(self, z: Floats, h: float, count: int, rtol: float) -> Floats:
+        """The ``count`` states (count, n) that follow ``z`` in steps of ``h`` (s), to about ``rtol`` of the largest."""
+        several, repeats = self._steps(h, count)
+        tolerance = self._tolerance(rtol, count, repeats)
+        series = [self.ellipse.series((j + 1) * h / repeats, tolerance) for j in range(several)]
+        terms = np.array([len(c) for c in series])
+        coefficients = np.zeros((several, int(terms.max()) + 8))
+        for row, c in zip(coefficients, series, strict=True):
+            row[: len(c)] = c
+        out = np.empty((count, len(z)))
+        frame = _series(self.ellipse, self.offsets, self.rows, len(z))
+        frame.alone, frame.several, frame.repeats, frame.count, frame.width = (
+            self.alone,
+            several,
+            repeats,
+            count,
+            coefficients.shape[1],
+        )
+        call(
+            "march", frame, offsets=self.offsets, diagonals=self.diagonals, rows=self.rows, columns=self.columns,
+            entries=self.entries, coefficients=coefficients, terms=np.maximum.accumulate(terms), z=(z / self.scale)[self.order],
+            v=_room(10, frame), sums=np.zeros((several, len(z))), out=out,
+        )  # fmt: skip
+        x = np.empty_like(out)
+        x[:, self.order] = out
+        x *= self.scale
+        return x
+
+
+def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Action:
+    """Scale and bound a sparse matrix.
+
+    Parameters
+    ----------
+    A : Triplets
+        Nonzeros (1/s) of a square matrix.
+    order : ndarray
+        The state at each position of an order in which the matrix has a narrow band.
+    span : float
+        Time (s) over which the exponential is wanted; sets the size of a matrix that has no rate of its own.
+    inputs : int
+        States at the end of the order that depend on each other only.
+    """
+    n = len(order)
+    on = A.rows == A.columns
+    diagonal = np.zeros(n)
+    diagonal[A.rows[on]] = A.entries[on]
+    rows, columns, entries = A.rows[~on], A.columns[~on], A.entries[~on]
+    mirrored = _mirror(rows, columns, entries, n)
+    scale = _balance(rows, columns, entries, mirrored, n, span)
+    gain = scale[columns] / scale[rows]
+    entries, mirrored = entries * gain, mirrored / gain
+    tight, safe = _enclose(diagonal, rows, columns, entries, mirrored, span)
+    place = np.empty(n, np.int64)
+    place[order] = np.arange(n)
+    parts = _split(place[rows], place[columns], entries, (diagonal - tight.centre)[order])
+    alone = n - inputs if n > 2 * TILE and (parts[3] >= n - inputs).all() else 0
+    probe = np.where(np.cos(np.arange(n) ** 2 + 0.5) > 0, 1.0, -1.0)  # meets every mode
+    while True:
+        ellipse = tight if tight.imaginary < safe.imaginary else safe
+        factor = 2.0 / (ellipse.radius * ellipse.focus)
+        diagonals, others = parts[1] * factor, parts[4] * factor
+        if ellipse == safe or _growth(ellipse, parts[0], diagonals, parts[2], parts[3], others, probe) < _GROWTH:
+            return Action(scale, order, ellipse, parts[0], diagonals, parts[2], parts[3], others, alone)
+        tight = Ellipse(tight.centre, 1.1 * tight.real, 1.1 * tight.imaginary)
+
+
+def _series(ellipse: Ellipse, offsets: Integers, rows: Integers, n: int) -> Series:
+    """The record of a series of a matrix of ``n`` rows."""
+    margin = int(np.abs(offsets).max())
+    return Series(n=n, n_offsets=len(offsets), n_entries=len(rows), margin=margin, beta=ellipse.sign / ellipse.radius**2)
+
+
+def _room(vectors: int, frame: Series) -> Floats:
+    return np.zeros((vectors, frame.n + 2 * frame.margin))
+
+
+def _growth(
+    ellipse: Ellipse, offsets: Integers, diagonals: Floats, rows: Integers, columns: Integers, entries: Floats, probe: Floats
+) -> float:
+    """How large the polynomials of a matrix become: more than a few where the ellipse does not enclose its field of values."""
+    frame = _series(ellipse, offsets, rows, len(probe))
+    frame.length = _PROBE
+    call(
+        "growth", frame, offsets=offsets, diagonals=diagonals, rows=rows, columns=columns, entries=entries, z=probe,
+        v=_room(3, frame),
+    )  # fmt: skip
+    return frame.largest
+
+
+def band_order(A: Triplets, n: int) -> Integers:
+    """The state at each position of an order in which a matrix of ``n`` states has a narrow band."""
+    return _narrow(n, A.rows.tobytes(), A.columns.tobytes())
+
+
+@lru_cache(maxsize=4)
+def _narrow(n: int, rows: bytes, columns: bytes) -> Integers:
+    i, j = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
+    pattern = np.unique(np.concatenate([i * n + j, j * n + i]))
+    indptr = np.searchsorted(pattern, np.arange(n + 1) * n)
+    order = np.empty(n, np.int64)
+    call(
+        "narrow_order", Graph(n=n), indptr=indptr, indices=pattern % n, degree=np.diff(indptr), order=order,
+        queue=np.empty(n, np.int64), mark=np.zeros(n, np.int64), label=np.zeros(n, np.int64),
+    )  # fmt: skip
+    return order
+
+
+def _split(
+    rows: Integers, columns: Integers, entries: Floats, diagonal: Floats
+) -> tuple[Integers, Floats, Integers, Integers, Floats]:
+    """A matrix as its well-filled diagonals and, by row, column and entry, what is not on them."""
+    n = len(diagonal)
+    filled = np.bincount(columns - rows + n, minlength=2 * n)
+    filled[n] = n
+    offsets = np.flatnonzero(filled >= n / 8) - n
+    number = np.full(2 * n, -1)
+    number[offsets + n] = np.arange(len(offsets))
+    which = number[columns - rows + n]
+    on = which >= 0
+    diagonals = np.zeros((len(offsets), n))
+    diagonals[which[on], rows[on]] = entries[on]
+    diagonals[number[n]] = diagonal
+    return offsets, diagonals, rows[~on], columns[~on], entries[~on]
+
+
+def _mirror(rows: Integers, columns: Integers, entries: Floats, n: int) -> Floats:
+    """For each entry (i, j) the entry (j, i), zero where there is none."""
+    places, found = _mirrored(n, rows.tobytes(), columns.tobytes())
+    return np.where(found, entries[places], 0.0)
+
+
+@lru_cache(maxsize=4)
+def _mirrored(n: int, rows: bytes, columns: bytes) -> tuple[Integers, NDArray[np.bool_]]:
+    """Where each entry's mirror image stands, and whether it is there."""
+    i, j = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
+    key, mirror = i * n + j, j * n + i
+    by_key = np.argsort(key)
+    at = np.minimum(np.searchsorted(key, mirror, sorter=by_key), max(len(key) - 1, 0))
+    places = by_key[at] if len(key) else by_key
+    return places, key[places] == mirror
+
+
+def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, n: int, span: float) -> Floats:
+    """Sizes of the states for which entries (i, j) and (j, i) are equally large and one-way couplings are small.
+
+    Spring and inertia, say: deflections in units of 1/sqrt(c) and speeds in units of 1/sqrt(J) make the squared norm an energy.
+    """
+    both = mirrored != 0
+    i, j = rows[both], columns[both]
+    weight = 0.5 * np.log(np.abs(entries[both] / mirrored[both]))  # log scale[i] - log scale[j]
+    by_row = np.argsort(i, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(np.bincount(i, minlength=n))])
+    logs, label = np.zeros(n), np.zeros(n, np.int64)
+    graph = Graph(n=n)
+    call(
+        "spread", graph, indptr=starts, indices=j[by_row], weight=weight[by_row], logs=logs, label=label, queue=np.empty(n, np.int64),
+    )  # fmt: skip
+    groups = graph.components
+    if not both.all():
+        row_sums = np.bincount(i, np.sqrt(np.abs(entries[both] * mirrored[both])), n)
+        target = math.log(max(_COUPLING * float(row_sums.max()), 1.0 / span))
+        to, of = label[rows[~both]], label[columns[~both]]
+        across = to != of
+        to, of = to[across], of[across]
+        size = (np.log(np.abs(entries[~both])) + logs[columns[~both]] - logs[rows[~both]])[across] - target
+        level = np.zeros(groups)
+        for _ in range(30):  # longest chain of one-way couplings; a cycle among groups is left as it is then
+            higher = np.full(groups, -math.inf)
+            np.maximum.at(higher, to, size + level[of])
+            higher = np.where(np.isfinite(higher), higher, 0.0)
+            if np.array_equal(higher, level):
+                break
+            level = higher
+        else:
+            level = np.zeros(groups)
+        logs += level[label]
+    scale: Floats = np.exp(logs)
+    return scale
+
+
+def _enclose(diagonal: Floats, rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, span: float
+             ) -> tuple[Ellipse, Ellipse]:  # fmt: skip
+    """Two ellipses for the field of values: one that may cut its corners, and one around it.
+
+    The bounds are Gershgorin's, of the Hermitian part of exp(-i angle) A. They do not see that the fastest vibrations are also
+    the most damped ones, so that an ellipse around them all is larger than most scenes need.
+    """
+    single = mirrored == 0
+    rows = np.concatenate([rows, columns[single]])
+    symmetric = 0.5 * np.concatenate([entries + mirrored, entries[single]])
+    skew = 0.5 * np.concatenate([entries - mirrored, entries[single]])
+    c, s = np.cos(_ANGLES), np.sin(_ANGLES)
+    bounds = np.empty(len(c))
+    call(
+        "hermitian_bounds", Directions(n=len(diagonal), n_entries=len(rows), count=len(c)), diagonal=diagonal, rows=rows,
+        symmetric=symmetric, skew=skew, cosines=c, sines=s, sums=np.empty(len(diagonal)), bounds=bounds,
+    )  # fmt: skip
+    centre, real = 0.5 * (bounds[0] - bounds[-1]), 0.5 * (bounds[0] + bounds[-1])
+    imaginary = bounds[len(bounds) // 2]
+    size = max(real, imaginary, 1e-3 / span)
+    real, imaginary = _MARGIN * max(real, 1e-3 * size), _MARGIN * max(imaginary, 1e-3 * size)
+    grow = max(1.0, _MARGIN * float(np.max((bounds - centre * c) / np.hypot(real * c, imaginary * s))))
+    tight, safe = (Ellipse(float(centre), float(g * real), float(g * imaginary)).rounded().with_foci() for g in (1.0, grow))
+    return (tight if imaginary > real else safe), safe

@@ -1,0 +1,105 @@
+"""Compiled loops of `corners`, in the small language; arrays come by address."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+from gearlib.compiler.native_module import native_functions
+from gearlib.compiler.small_language import floats_at, int32, ints_at, native, record
+
+ROUNDING = 1e-18  # terms of Taylor's series below it, of what they are added to, are left out
+
+
+@record
+class Corners(ctypes.Structure):
+    """Intervals with their exponentials, or the matrix G of order n + 2 inputs and what a series of it works on."""
+
+    n: int
+    inputs: int
+    count: int
+    matrices: int  # first n rows of exp(G h) - I of each kind of interval
+    which: int
+    G: int
+    rate: float
+    reach: float
+    lengths: int
+    drive: int
+    x: int
+    out: int
+    z: int
+    term: int
+    following: int
+
+
+@native
+def by_matrices(address: int) -> int32:
+    """Rows of ``out`` get x at the end of each interval, by the exponential of its kind."""
+    s = Corners(address)
+    n, m = s.n, 2 * s.inputs
+    which, x, change = ints_at(s.which), floats_at(s.x), floats_at(s.z)
+    for i in range(s.count):
+        rows, drive, out = (
+            floats_at(s.matrices + 8 * which[i] * n * (n + m)),
+            floats_at(s.drive + 8 * i * m),
+            floats_at(s.out + 8 * i * n),
+        )
+        for r in range(n):
+            row, added = r * (n + m), 0.0
+            for j in range(m):
+                added += rows[row + n + j] * drive[j]
+            for j in range(n):
+                added += rows[row + j] * x[j]
+            change[r] = added
+        for r in range(n):
+            x[r] = x[r] + change[r]
+            out[r] = x[r]
+    return 0
+
+
+@native
+def by_series(address: int) -> int32:
+    """The same by Taylor's series on (x, u, v), in as many parts of an interval as keep ``rate`` times a part below ``reach``."""
+    s = Corners(address)
+    n, m = s.n, s.inputs
+    order = n + 2 * m
+    G, lengths, x = floats_at(s.G), floats_at(s.lengths), floats_at(s.x)
+    z, term, following = floats_at(s.z), floats_at(s.term), floats_at(s.following)
+    for i in range(s.count):
+        drive, out, parts = floats_at(s.drive + 16 * i * m), floats_at(s.out + 8 * i * n), 1
+        while s.rate * lengths[i] > s.reach * parts:
+            parts += 1
+        h = lengths[i] / parts
+        for r in range(n):
+            z[r] = x[r]
+        for r in range(2 * m):
+            z[n + r] = drive[r]
+        for _ in range(parts):
+            for r in range(order):
+                term[r] = z[r]
+                following[r] = 0.0
+            k, left = 1, 1.0
+            while left > ROUNDING and k < 40:
+                for r in range(n):
+                    added = 0.0
+                    for j in range(order):
+                        added += G[r * order + j] * term[j]
+                    following[r] = added * h / k
+                for r in range(m):
+                    following[n + r] = term[n + m + r] * h / k
+                for r in range(order):
+                    term[r] = following[r]
+                    z[r] = z[r] + following[r]
+                left *= s.rate * h / k
+                k += 1
+        for r in range(n):
+            x[r] = z[r]
+            out[r] = z[r]
+    return 0
+
+
+@cache
+def function(name: str) -> Any:
+    """One of the loops; it takes the address of its record."""
+    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(native_functions(__name__).addresses[name])

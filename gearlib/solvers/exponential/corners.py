@@ -1,0 +1,161 @@
+"""Linear time-invariant scenes driven by tables, solved to rounding error from corner to corner.
+
+Between two corners x' = A x + B (u + v t): one exponential of the matrix
+
+    A B 0
+    0 0 1
+    0 0 0
+
+carries (x, u, v) over the interval. Where few intervals differ it is made once for each of them, see `dense_exponential`; where many
+do, Taylor's series is applied to (x, u, v) itself. Corners and samples are taken as whole multiples of the rounding of time, so that
+equal intervals are recognised, and the rounding of intervals does not add up.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.switch_times import rounding
+from gearlib.errors import SolverError
+from gearlib.solvers.exponential.dense import REACH, balanced_norm, deviation
+from gearlib.solvers.inputs.table import Table
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+# Measured, s: of one exponential, of a step with it, and of a term of Taylor's series; beside what the numbers of entries take
+SERIES = 12  # terms of Taylor's series
+EXPONENTIAL, STEP, TERM, ENTRY = 5e-5, 1e-7, 2e-8, 1e-9
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """The intervals from each corner or sample to the next."""
+
+    unit: float  # s
+    ticks: Integers  # where they begin and end, in units
+    rows: Integers  # where each sample stands among them
+
+    @classmethod
+    def of(cls, times: Floats, tables: Sequence[Table]) -> Intervals:
+        """Those of a run whose first sample is its start."""
+        t0, t_end = float(times[0]), float(times[-1])
+        unit = rounding(t0, t_end)
+        inner = [table.t[(table.t > t0) & (table.t < t_end)] for table in tables]
+        samples = np.rint(times / unit).astype(np.int64)
+        corners = np.rint(np.concatenate([np.empty(0), *inner]) / unit).astype(np.int64)
+        ticks = _different(np.concatenate([samples, corners]))
+        return cls(unit, ticks, np.searchsorted(ticks, samples))
+
+    @cached_property
+    def lengths(self) -> Integers:
+        return np.diff(self.ticks)
+
+    @cached_property
+    def kinds(self) -> Integers:
+        """Their different lengths."""
+        return _different(self.lengths)
+
+    def costs(self, n: int, inputs: int, rate: float) -> tuple[float, float]:
+        """Estimated times of `solve` with an exponential for each length, and with series.
+
+        Parameters
+        ----------
+        n, inputs : int
+            States and inputs.
+        rate : float
+            Of the fastest motion, 1/s.
+        """
+        lengths, entries = self.lengths, (n + 2 * inputs) ** 2
+        matrices = len(self.kinds) * (EXPONENTIAL + 20.0 * ENTRY * entries**1.5)
+        terms = SERIES * np.ceil(np.maximum(lengths * (self.unit * rate), 0.1) / REACH).sum()
+        return matrices + len(lengths) * (STEP + ENTRY * entries), float(terms) * (TERM + ENTRY * entries)
+
+
+def solve(A: Floats, B: Floats, signals: Sequence[Table | float], x0: Floats, times: Floats, cuts: Intervals) -> Floats:
+    """The solution of x' = A x + B u(t), x(times[0]) = x0, at ``times``.
+
+    Parameters
+    ----------
+    A, B : ndarray
+        (n, n) and (n, m), dense.
+    signals : sequence
+        The m inputs: tables and numbers.
+    x0 : ndarray
+        (n,).
+    times : ndarray
+        Increasing, the first one is the start.
+    cuts : Intervals
+        Of these times and tables.
+
+    Returns
+    -------
+    ndarray
+        (times, n).
+
+    Raises
+    ------
+    SolverError
+        The solution overflows.
+
+    Examples
+    --------
+    >>> ramp, times = Table([0.0, 1.0, 2.0], [0.0, 1.0, 0.0]), np.array([0.0, 1.5, 2.0])
+    >>> solve(np.zeros((1, 1)), np.ones((1, 1)), [ramp], np.zeros(1), times, Intervals.of(times, [ramp]))
+    array([[0.   ],
+           [0.875],
+           [1.   ]])
+    """
+    from gearlib.solvers.exponential import corner_loops as corners_kernel
+
+    n, m = B.shape
+    lengths = cuts.lengths
+    G = np.zeros((n + 2 * m, n + 2 * m))
+    G[:n, :n], G[:n, n : n + m], G[n : n + m, n + m :] = A, B, np.eye(m)
+    rate = max(balanced_norm(G), 1e-300)
+    seconds: Floats = np.asarray(lengths * cuts.unit, np.float64)
+    starts: Floats = np.asarray(cuts.ticks[:-1] * cuts.unit, np.float64)
+    drive = _drive(signals, starts, seconds)
+    out = np.empty((len(cuts.ticks), n))
+    out[0] = x = np.array(x0, float)
+    matrices, series = cuts.costs(n, m, rate)
+    name, E, which = "by_series", np.empty(0), np.empty(0, np.int64)
+    if matrices <= series:
+        name, which = "by_matrices", np.searchsorted(cuts.kinds, lengths).astype(np.int64)
+        E = np.array([deviation(G, float(h))[:n] for h in cuts.kinds * cuts.unit])
+    work = np.zeros((3, len(G)))
+    record = corners_kernel.Corners(n=n, inputs=m, count=len(lengths), rate=rate, reach=REACH)
+    arrays = {"matrices": E, "which": which, "G": G, "lengths": seconds, "drive": drive, "x": x, "out": out[1:],
+              "z": work[0], "term": work[1], "following": work[2]}  # fmt: skip
+    for field, array in arrays.items():
+        setattr(record, field, array.ctypes.data)
+    corners_kernel.function(name)(ctypes.addressof(record))
+    states = out[cuts.rows]
+    if not np.isfinite(states).all():
+        t = times[int(np.argmin(np.isfinite(states).all(axis=1)))]
+        raise SolverError(f"the solution leaves the range of floating-point numbers before t = {t:g} s")
+    return states
+
+
+def _different(values: Integers) -> Integers:
+    """The different ones, sorted; many times faster than numpy's ``unique`` where most are."""
+    ordered = np.sort(values)
+    different: Integers = ordered[np.diff(ordered, prepend=ordered[:1] - 1) != 0]
+    return different
+
+
+def _drive(signals: Sequence[Table | float], starts: Floats, lengths: Floats) -> Floats:
+    """Values at the start of each interval and slopes in it, (intervals, 2 inputs)."""
+    m = len(signals)
+    drive = np.zeros((len(starts), 2 * m))
+    for j, signal in enumerate(signals):
+        if isinstance(signal, Table):
+            drive[:, j], drive[:, m + j] = signal.lines(starts, 0.5 * lengths)
+        else:
+            drive[:, j] = signal
+    return drive

@@ -1,0 +1,1 @@
+"""SUNDIALS' IDA, driven natively or through scikit-sundae."""

@@ -1,0 +1,464 @@
+"""The compiled half of the IDA road: the callbacks that SUNDIALS calls, and the loop that calls SUNDIALS.
+
+All of it is generic. A model enters by the addresses of its native functions, written into an `IdaFrame` that SUNDIALS hands
+back to every callback as its user data; hence this module, which is in the small language, is compiled once per machine.
+
+IDA's unknowns may be ordered otherwise than the model's, so that the Jacobian has a narrow band: component i of an ``N_Vector``
+is then state ``order[i]`` of the model.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gearlib.compiler.small_language import floats, floats_at, int32, int32s_at, ints_at, native
+from gearlib.compiler.translate import Prototype
+from gearlib.solvers.ida.ida_request import (
+    CHATTER,
+    CHUNK,
+    PROBES,
+    REACH,
+    RHS_FAILED,
+    ROOTS_FAILED,
+    SLOPE_OVER,
+    STALLED,
+    START_FAILED,
+    STEP_LIMIT,
+    UNSETTLED,
+    UPDATE_FAILED,
+)  # fmt: skip
+from gearlib.solvers.ida.user_data import IdaFrame
+from gearlib.solvers.problem import MODEL
+
+# How `drive` ends, beside the failures of `ida_request`: all samples taken, back for a breath, event log full.
+DONE, PAUSE, LOG_FULL = 0, 1, 2
+IDA_NORMAL, IDA_ROOT_RETURN, IDA_TOO_MUCH_WORK, IDA_YA_YDP_INIT = 1, 2, -1, 1
+NEGATIVE_ZERO = -1e-300  # what an event function that is exactly zero is taken for: zero belongs to the negative side
+
+# SUNDIALS' functions, by the fields of the record that hold their addresses.
+ARRAY_POINTER = Prototype("int", ("int",))
+GET_STEPS = ROOT_INFO = Prototype("int32", ("int", "int"))
+GET_IC = Prototype("int32", ("int", "int", "int"))
+REINIT = Prototype("int32", ("int", "float", "int", "int"))
+CALC_IC = Prototype("int32", ("int", "int32", "float"))
+SET_STOP = Prototype("int32", ("int", "float"))
+SET_MAX_STEPS = Prototype("int32", ("int", "int"))
+SOLVE = Prototype("int32", ("int", "float", "int", "int", "int", "int32"))
+EPS = 2.220446049250313e-16
+
+
+@native
+def array_of(s: IdaFrame, vector: int) -> int:
+    """Address of the numbers of an ``N_Vector``."""
+    return ARRAY_POINTER(s.array_pointer, vector)
+
+
+@native
+def is_finite(x: float) -> bool:
+    return x * 0.0 == 0.0
+
+
+@native
+def all_finite(values: floats, n: int) -> bool:
+    a = b = c = d = 0.0  # not-a-number and infinity survive a sum of zero times each; four sums do not wait for each other
+    whole = n - n % 4
+    for i in range(0, whole, 4):
+        a += values[i] * 0.0
+        b += values[i + 1] * 0.0
+        c += values[i + 2] * 0.0
+        d += values[i + 3] * 0.0
+    for i in range(whole, n):
+        a += values[i] * 0.0
+    return a + b + (c + d) == 0.0
+
+
+@native
+def refuse(s: IdaFrame, t: float, values: floats, n: int) -> int:
+    """Note where the right-hand side (or Jacobian) could not be evaluated, and ask for a smaller step."""
+    s.refused += 1
+    s.bad_time = t
+    s.bad_state = -1
+    for i in range(n):
+        if not is_finite(values[i]):
+            s.bad_state = i
+            break
+    return -1 if s.refused == s.patience else 1
+
+
+@native
+def natural(s: IdaFrame, y: int) -> int:
+    """The address of the states in the model's order, from a vector in IDA's order."""
+    if s.order == 0:
+        return y
+    source, target, order = floats_at(y), floats_at(s.x), ints_at(s.order)
+    for i in range(s.n):
+        target[order[i]] = source[i]
+    return s.x
+
+
+@native
+def residual(t: float, yy: int, yp: int, rr: int, user: int) -> int32:
+    """r = diag(differential) x' - f(t, x), an ``IDAResFn``."""
+    s = IdaFrame(user)
+    s.n_rhs += 1
+    if t != s.attempt_time:
+        s.attempt_time = t
+        s.attempts += 1
+    n = s.n
+    r_address = array_of(s, rr)
+    f_address = r_address if s.order == 0 else s.f
+    x = natural(s, array_of(s, yy))
+    status = MODEL(s.rhs, s.epoch + (s.origin + t), x, f_address, s.data, s.index)
+    f = floats_at(f_address)
+    if status < 0:
+        refuse(s, s.origin + t, f, 0)
+        return -1
+    if status > 0 or not all_finite(f, n):
+        return refuse(s, s.origin + t, f, n)
+    r, dy, d = floats_at(r_address), floats_at(array_of(s, yp)), floats_at(s.differential)
+    if s.order == 0:
+        for i in range(n):
+            r[i] = d[i] * dy[i] - f[i]
+    else:
+        order = ints_at(s.order)
+        for i in range(n):
+            r[i] = d[i] * dy[i] - f[order[i]]
+    return 0
+
+
+@native
+def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int, t1: int, t2: int, t3: int) -> int32:
+    """cj diag(differential) - df/dx, an ``IDALsJacFn``: SUNDIALS hands the matrix over cleared."""
+    s = IdaFrame(user)
+    s.n_jac += 1
+    x = natural(s, array_of(s, yy))
+    status = MODEL(s.jac, s.epoch + (s.origin + t), x, s.values, s.data, s.index)
+    values = floats_at(s.values)
+    if status < 0:
+        return -1
+    if status > 0 or not all_finite(values, s.nnz):
+        return refuse(s, s.origin + t, values, 0)
+    position, diagonal = ints_at(s.position), ints_at(s.diagonal)
+    matrix = floats_at(s.matrix)  # the bound is not looked at
+    for k in range(s.nnz):
+        matrix[position[k]] = -values[k]
+    for k in range(s.n_diagonal):
+        matrix[diagonal[k]] += cj
+    source, target = int32s_at(s.pattern_source), int32s_at(s.pattern)
+    starts_source, starts = int32s_at(s.starts_source), int32s_at(s.starts)
+    for k in range(s.n + 1 if s.n_pattern > 0 else 0):  # a sparse matrix comes with its pattern cleared as well
+        starts[k] = starts_source[k]
+    for k in range(s.n_pattern):
+        target[k] = source[k]
+    return 0
+
+
+@native
+def event_values(s: IdaFrame, t: float, y: int, g: int) -> int:
+    status = MODEL(s.roots, s.epoch + t, natural(s, y), g, s.data, s.index)
+    values = floats_at(g)
+    for k in range(s.n_roots):
+        if values[k] == 0.0:
+            values[k] = NEGATIVE_ZERO
+    return -1 if status != 0 else 0
+
+
+@native
+def take_sides(s: IdaFrame, t: float) -> int:
+    """Take the signs of the event functions at (t, y) for their sides."""
+    if s.n_roots > 0:
+        if event_values(s, t, s.y, s.g) != 0:
+            return ROOTS_FAILED
+        g, sides = floats_at(s.g), int32s_at(s.sides)
+        for k in range(s.n_roots):
+            sides[k] = 1 if g[k] > 0.0 else -1
+    return 0
+
+
+@native
+def turning(s: IdaFrame, t: float, y: int, dy: int, g: int) -> None:
+    """The second half of the event functions: positive where one of the first half turns away from zero.
+
+    One that keeps its side at both ends of a step, but has left it in between, has an extremum there, at which its slope changes
+    sign. IDA locates that, and on the way there the crossing before it. Where the function cannot have left its side, its slope is
+    left out: its extrema would cost evaluations.
+    """
+    if s.attempt_time > s.step_end:
+        s.step_begin, s.step_end = s.step_end, s.attempt_time
+    h = s.step_end - s.step_begin if s.step_end > s.step_begin else 1e-3 * s.first_guess
+    dt = max(SLOPE_OVER * h, 64 * EPS * abs(s.epoch))  # the clock's rounding has no slope
+    values, sides, later = floats_at(g), int32s_at(s.sides), floats_at(s.later)
+    for k in range(s.n_roots):
+        values[s.n_roots + k] = NEGATIVE_ZERO
+    if t + dt <= t:
+        return
+    here, slope, ahead = floats_at(y), floats_at(dy), floats_at(s.probe)
+    for i in range(s.n):
+        ahead[i] = here[i] + dt * slope[i]
+    if event_values(s, t + dt, s.probe, s.later) != 0:
+        return
+    for k in range(s.n_roots):
+        rise = sides[k] * (later[k] - values[k]) / dt
+        if rise < 0.0 or rise * REACH * h > sides[k] * values[k]:
+            values[s.n_roots + k] = rise if rise != 0.0 else NEGATIVE_ZERO
+
+
+@native
+def roots(t: float, yy: int, yp: int, g: int, user: int) -> int32:
+    """The event functions and what finds pairs of their roots, an ``IDARootFn``.
+
+    None is ever exactly zero, which IDA would set aside until it moves.
+    """
+    s = IdaFrame(user)
+    y = array_of(s, yy)
+    status = event_values(s, s.origin + t, y, g)
+    if status == 0:
+        turning(s, s.origin + t, y, array_of(s, yp), g)
+    return status
+
+
+@native
+def steps_so_far(s: IdaFrame) -> int:
+    GET_STEPS(s.get_steps, s.mem, s.counter)
+    return s.steps + ints_at(s.counter)[0]
+
+
+@native
+def restart(s: IdaFrame, t: float) -> int:
+    """Start IDA anew at (t, x) with consistent x' and algebraic unknowns.
+
+    IDA's time begins at zero there. It adds up its steps, and what rounding takes from the sum acts on the solution as if the clock
+    were wrong: with t = 0.2 s and 500 000 steps by 1e-13 s. It locates roots to a hundred roundings of its time.
+    """
+    n = s.n
+    s.steps = steps_so_far(s)
+    s.restarts += 1
+    s.n_rhs += 1
+    status = MODEL(s.rhs, s.epoch + t, natural(s, s.y), s.f, s.data, s.index)
+    f, dy, d = floats_at(s.f), floats_at(s.dy), floats_at(s.differential)
+    if status != 0 or not all_finite(f, n):
+        refuse(s, t, f, n)
+        return RHS_FAILED
+    order = ints_at(s.order)
+    for i in range(n):
+        dy[i] = d[i] * f[i if s.order == 0 else order[i]]
+    s.origin, s.attempt_time, s.step_begin, s.step_end = t, 0.0, 0.0, 0.0
+    s.flag = REINIT(s.reinit, s.mem, 0.0, s.yy, s.yp)
+    if s.flag < 0:
+        return s.flag
+    if s.n_algebraic > 0:
+        s.flag = CALC_IC(s.calc_ic, s.mem, IDA_YA_YDP_INIT, s.ic_span)
+        s.attempt_time = 0.0
+        if s.flag < 0:
+            return START_FAILED
+        GET_IC(s.get_ic, s.mem, s.yy, s.yp)
+    s.first_reach = s.first_guess = 1000.0 * first_step(s, t)  # of which IDA takes a thousandth
+    return take_sides(s, t)
+
+
+@native
+def next_stop(s: IdaFrame) -> float:
+    """The next time event, or the end."""
+    if s.next_event < s.n_time_events:
+        return min(floats_at(s.time_events)[s.next_event], s.t_end)
+    return s.t_end
+
+
+@native
+def first_step(s: IdaFrame, t: float) -> float:
+    """A first step after which what the excitation does to x'' is half the tolerance.
+
+    IDA's own first step knows x' only. A model at rest has none, and is stepped over its whole excitation: a sine whose period
+    divides the step is never seen.
+    """
+    n, span = s.n, next_stop(s) - t
+    f, probe, d, y, atol = floats_at(s.f), floats_at(s.probe), floats_at(s.differential), floats_at(s.y), floats_at(s.atol)
+    order = ints_at(s.order)
+    x = natural(s, s.y)
+    step = span * PROBES[0]
+    s.n_rhs += 1 + len(PROBES)
+    if MODEL(s.rhs, s.epoch + t, x, s.f, s.data, s.index) != 0:
+        return step
+    for share in PROBES:
+        delta = share * span
+        if s.epoch + (t + delta) > s.epoch + t and MODEL(s.rhs, s.epoch + (t + delta), x, s.probe, s.data, s.index) == 0:
+            total = 0.0
+            for i in range(n):
+                k = i if s.order == 0 else order[i]
+                change = probe[k] - f[k]
+                if d[i] != 0.0:
+                    total += (change / (s.rtol * abs(y[i]) + atol[i])) ** 2
+                elif change != 0.0:  # in units unknown
+                    step = min(step, span * PROBES[1])
+            if total > 0.0 and is_finite(total):
+                step = min(step, math.sqrt(delta / math.sqrt(total / n)))
+    return step
+
+
+@native
+def settle(s: IdaFrame, t: float, forced: bool) -> int:
+    """Event iteration at t and, where something changed or it is forced, a consistent restart."""
+    fired, sides, before = int32s_at(s.fired), int32s_at(s.sides), int32s_at(s.before)
+    for _ in range(100):
+        if s.update != 0:
+            outcome = MODEL(s.update, s.epoch + t, natural(s, s.y), s.fired, s.data, s.index)
+            if outcome < 0:
+                return UPDATE_FAILED
+            if outcome == 2 and s.order != 0:
+                x, y, order = floats_at(s.x), floats_at(s.y), ints_at(s.order)
+                for i in range(s.n):
+                    y[i] = x[order[i]]
+            if outcome == 0 and not forced:
+                return 0
+        elif not forced:
+            return 0
+        watch = s.n_algebraic > 0 and s.n_roots > 0 and s.update != 0
+        if watch:
+            if take_sides(s, t) != 0:
+                return ROOTS_FAILED
+            for k in range(s.n_roots):
+                before[k] = sides[k]
+        status = restart(s, t)
+        if status < 0 or not watch:
+            return status
+        # The algebraic unknowns jump at an event; what they carry across zero is an event of the same instant.
+        flips = 0
+        for k in range(s.n_roots):
+            fired[k] = sides[k] if sides[k] != before[k] else 0
+            flips += sides[k] != before[k]
+        if flips == 0:
+            return 0
+        forced = False
+    return UNSETTLED
+
+
+@native
+def log_event(s: IdaFrame, t: float, root: int) -> None:
+    ints_at(s.event_roots)[s.events] = root
+    floats_at(s.event_times)[s.events] = t
+    s.events += 1
+    times = floats_at(s.times)
+    while s.sample > 0 and times[s.sample - 1] >= t - s.slack:  # a sample on an event holds the right-hand limit
+        s.sample -= 1
+
+
+@native
+def happened(s: IdaFrame, t: float) -> int:
+    """Handle the events at t: of the event functions that ``fired``."""
+    if t - s.burst_start > s.window:
+        s.burst_start, s.burst = t, 0
+    s.burst += 1
+    fired, sides = int32s_at(s.fired), int32s_at(s.sides)
+    for k in range(s.n_roots):
+        if fired[k] != 0:
+            sides[k] = fired[k]
+            log_event(s, t, k)
+    if s.burst > s.burst_limit:
+        return CHATTER
+    return settle(s, t, False)
+
+
+@native
+def located(s: IdaFrame, t: float) -> int:
+    """Handle the roots that IDA found at t."""
+    ROOT_INFO(s.root_info, s.mem, s.fired)
+    fired = int32s_at(s.fired)
+    for k in range(s.n_roots):
+        if fired[k] != 0:
+            return happened(s, t)
+    return 0  # a function has come near to zero, and turns away
+
+
+@native
+def just_beyond(s: IdaFrame, t: float) -> int:
+    """Handle the event functions that change their sign within rounding of the end, as one does that is meant to do so there."""
+    y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
+    for i in range(s.n):
+        ahead[i] = y[i] + s.slack * dy[i]
+    if event_values(s, t + s.slack, s.probe, s.g) != 0:
+        return 0
+    fired, sides, g, found = int32s_at(s.fired), int32s_at(s.sides), floats_at(s.g), False
+    for k in range(s.n_roots):
+        fired[k] = 0
+        if g[k] * sides[k] < 0.0:
+            fired[k] = -sides[k]
+            found = True
+    return happened(s, t) if found else 0
+
+
+@native
+def arrived(s: IdaFrame, t: float) -> int:
+    """Handle the time event at t."""
+    fired = int32s_at(s.fired)
+    for k in range(s.n_roots):
+        fired[k] = 0
+    log_event(s, t, -1)
+    s.next_event += 1
+    return settle(s, t, s.update == 0)
+
+
+@native
+def record(s: IdaFrame) -> None:
+    n, row = s.n, s.sample
+    y, out = floats_at(s.y), floats_at(s.out + 8 * row * n)
+    order = ints_at(s.order)
+    for i in range(n):
+        out[i if s.order == 0 else order[i]] = y[i]
+    data, modes = floats_at(s.data), floats_at(s.modes_out + 8 * row * s.n_modes)
+    for k in range(s.n_modes):
+        modes[k] = data[s.first_mode + k]
+    s.sample += 1
+
+
+@native
+def drive(user: int) -> int32:
+    """Integrate until all samples are taken, something fails, or Python is needed; call again to go on."""
+    s = IdaFrame(user)
+    times, time_events = floats_at(s.times), floats_at(s.time_events)
+    reached = floats_at(s.scratch)
+    pause_at = min(steps_so_far(s) + CHUNK, s.max_steps)
+    if s.started == 0:
+        s.started = 1
+        status = settle(s, s.t, True)
+        if status < 0:
+            return status
+    while True:
+        tiny = 10 * EPS * abs(s.t)
+        while s.sample < s.n_times and times[s.sample] <= s.t + tiny:
+            record(s)
+        if s.sample == s.n_times:
+            s.steps = steps_so_far(s)
+            return DONE
+        if s.events + s.n_roots + 1 > s.event_capacity:
+            return LOG_FULL
+        if steps_so_far(s) >= pause_at:
+            return STEP_LIMIT if pause_at == s.max_steps else PAUSE
+        if s.next_event < s.n_time_events and time_events[s.next_event] > s.t_end:
+            s.next_event = s.n_time_events
+        stop = next_stop(s)
+        if s.next_event < s.n_time_events and stop <= s.t + tiny:
+            status = arrived(s, s.t)
+        else:
+            SET_STOP(s.set_stop, s.mem, stop - s.origin)
+            SET_MAX_STEPS(s.set_max_steps, s.mem, min(CHUNK, s.max_steps))
+            target = min(times[s.sample], stop)
+            if s.first_reach > 0.0:
+                target = min(target, s.t + max(s.first_reach, 1000 * EPS * abs(s.t)))
+                s.first_reach = 0.0
+            s.flag = SOLVE(s.solve, s.mem, target - s.origin, s.scratch, s.yy, s.yp, IDA_NORMAL)
+            before = s.t
+            status, s.t = 0, s.origin + reached[0]
+            if s.flag == IDA_ROOT_RETURN:
+                status = located(s, s.t)
+            elif s.flag == IDA_TOO_MUCH_WORK:
+                status = STALLED if s.t - before <= CHUNK * EPS * abs(s.t) else 0
+            elif s.flag < 0:
+                status = s.flag
+            elif s.next_event < s.n_time_events and target == stop:
+                s.t = stop
+                status = arrived(s, stop)
+            if status >= 0 and s.flag != IDA_ROOT_RETURN and s.n_roots > 0 and s.t >= s.t_end - tiny:
+                status = just_beyond(s, s.t)
+        if status < 0:
+            s.steps = steps_so_far(s)
+            return status

@@ -1,0 +1,185 @@
+"""The native road to IDA: SUNDIALS driven by compiled callbacks and a compiled loop."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gearlib.compiler.native_module import native_functions
+from gearlib.compiler.translate import Prototype
+from gearlib.solvers.ida import callbacks
+from gearlib.solvers.ida.ida_request import BURST, Outcome, Request
+from gearlib.solvers.ida.sundials import Solver, Sundials
+from gearlib.solvers.ida.user_data import IdaFrame
+from gearlib.solvers.problem import Floats, late_start
+
+_FUNCTIONS = {
+    "array_pointer": "N_VGetArrayPointer",
+    "solve": "IDASolve",
+    "reinit": "IDAReInit",
+    "calc_ic": "IDACalcIC",
+    "get_ic": "IDAGetConsistentIC",
+    "root_info": "IDAGetRootInfo",
+    "set_stop": "IDASetStopTime",
+    "set_max_steps": "IDASetMaxNumSteps",
+    "get_steps": "IDAGetNumSteps",
+}
+_LOG = 256  # events; grows
+
+
+def _functions() -> Mapping[str, int]:
+    """Addresses of the compiled callbacks and of the loop."""
+    return native_functions(callbacks.__name__).addresses
+
+
+@dataclass
+class _Run:
+    """The frame that the compiled code works on, and the arrays that it points to."""
+
+    frame: IdaFrame
+    arrays: dict[str, Any]
+
+    def point(self, **arrays: Any) -> None:
+        """Let the frame point to arrays, and keep them alive."""
+        for name, array in arrays.items():
+            self.arrays[name] = array
+            setattr(self.frame, name, array.ctypes.data if array.size else 0)
+
+    def log_space(self, capacity: int) -> None:
+        """Make room for so many events, keeping those already logged."""
+        times, roots = np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
+        if "event_times" in self.arrays:
+            used = self.frame.events
+            times[:used], roots[:used] = self.arrays["event_times"][:used], self.arrays["event_roots"][:used]
+        self.point(event_times=times, event_roots=roots)
+        self.frame.event_capacity = capacity
+
+
+def run(sundials: Sundials, asked: Request) -> Outcome:
+    """Integrate natively.
+
+    Parameters
+    ----------
+    sundials
+        The libraries, from `gearlib.solvers.ida.sundials.load`.
+    asked
+        The problem and what is wanted of it.
+    """
+    epoch = late_start(float(asked.times[0]), float(asked.times[-1]))
+    if not epoch:
+        return _run(sundials, asked, 0.0)
+    found = _run(sundials, replace(asked, times=asked.times - epoch, time_events=asked.time_events - epoch), epoch)
+    bad = None if found.bad_time is None else epoch + found.bad_time
+    return replace(found, t=epoch + found.t, event_times=epoch + found.event_times, bad_time=bad)
+
+
+def _run(sundials: Sundials, asked: Request, epoch: float) -> Outcome:
+    """The same; all times in the request and in the outcome count from the epoch."""
+    problem, order = asked.problem, asked.matrix.order
+    x0 = np.asarray(problem.x0, dtype=np.float64)
+    y, dy = np.array(x0 if order is None else x0[order]), np.zeros(len(x0))
+    solver = Solver(sundials, y, dy)
+    try:
+        state = _prepare(sundials, solver, asked, y, dy)
+        state.frame.epoch = epoch
+        drive = Prototype("int32", ("int",))
+        begin, frame = _functions()["drive"], ctypes.addressof(state.frame)
+        status = callbacks.PAUSE
+        while status > 0:
+            status = drive(begin, frame)
+            if status == callbacks.LOG_FULL:
+                state.log_space(2 * state.frame.event_capacity + problem.n_roots)
+        return _outcome(solver, state, asked, status)
+    finally:
+        solver.close()
+
+
+def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: Floats) -> _Run:
+    problem, matrix = asked.problem, asked.matrix
+    n, samples, n_roots = len(y), len(asked.times), problem.n_roots if problem.roots is not None else 0
+    n_modes = asked.modes.stop - asked.modes.start
+    permuted = slice(None) if matrix.order is None else matrix.order
+    differential = np.asarray(problem.differential, dtype=np.float64)[permuted]
+
+    state = _Run(IdaFrame(), {})
+    frame = state.frame
+    state.point(
+        data=asked.data,
+        index=np.ascontiguousarray(problem.index, dtype=np.int64),
+        x=y if matrix.order is None else np.zeros(n),
+        f=np.zeros(n), y=y, dy=dy, differential=differential,
+        order=np.empty(0) if matrix.order is None else matrix.order, atol=asked.atol[permuted], probe=np.zeros(n),
+        values=np.zeros(len(matrix.position)), position=matrix.position, diagonal=matrix.diagonal,
+        fired=np.zeros(2 * n_roots, dtype=np.int32), sides=np.zeros(n_roots, dtype=np.int32),
+        before=np.zeros(n_roots, dtype=np.int32), g=np.zeros(n_roots), later=np.zeros(n_roots),
+        times=asked.times, out=np.full((samples, n), np.nan), modes_out=np.full((samples, n_modes), np.nan),
+        time_events=asked.time_events, scratch=np.zeros(1), counter=np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+    state.log_space(_LOG + n_roots)
+    numbers = {
+        "n": n, "nnz": len(matrix.position), "n_diagonal": len(matrix.diagonal), "n_roots": n_roots,
+        "n_algebraic": n - int(np.count_nonzero(differential)), "n_times": samples,
+        "n_time_events": len(asked.time_events), "n_modes": n_modes, "first_mode": asked.modes.start,
+        "max_steps": asked.max_steps, "patience": asked.patience, "burst_limit": BURST, "t": asked.times[0], "t_end": asked.times[-1],
+        "window": asked.window, "burst_start": asked.times[0], "ic_span": asked.start_span, "rtol": asked.rtol,
+        "slack": asked.slack,
+    }  # fmt: skip
+    for name, number in numbers.items():
+        setattr(frame, name, number)
+    for name in ("rhs", "jac", "roots", "update"):
+        function = getattr(problem, name)
+        setattr(frame, name, 0 if function is None else function.address)
+    for name, function in _FUNCTIONS.items():
+        setattr(frame, name, sundials.address(function))
+    _attach(solver, state, asked, differential, permuted, n_roots)
+    frame.mem, frame.yy, frame.yp = solver.mem, solver.yy, solver.yp
+    return state
+
+
+def _attach(solver: Solver, state: _Run, asked: Request, differential: Floats, permuted: Any, n_roots: int) -> None:
+    matrix, frame = asked.matrix, state.frame
+    t, user_data = float(asked.times[0]), ctypes.addressof(frame)
+    solver.create(_functions()["residual"], t, user_data, asked.rtol, asked.atol[permuted], differential)
+    solver.sundials.IDASetNonlinConvCoef(solver.mem, asked.newton)
+    if asked.problem.longest_step < math.inf:
+        solver.sundials.IDASetMaxStep(solver.mem, asked.problem.longest_step)
+    if matrix.pattern is not None:
+        starts, rows = matrix.pattern
+        frame.matrix, frame.pattern, frame.starts = solver.use_sparse(len(rows))
+        frame.n_pattern = len(rows)
+        state.point(pattern_source=rows, starts_source=starts)
+    else:
+        frame.matrix = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
+    directions = np.repeat(np.array([0, 1], np.int32), n_roots)  # the second half: functions that turn away from zero
+    solver.attach(None if asked.problem.jac is None else _functions()["jacobian"], _functions()["roots"], directions)
+
+
+def _outcome(solver: Solver, state: _Run, asked: Request, status: int) -> Outcome:
+    s = state.frame
+    order, events = asked.matrix.order, s.events
+    worst = solver.worst() if status < 0 and s.steps > 0 else -1
+    y = state.arrays["y"]
+    return Outcome(
+        status=status,
+        t=s.t,
+        x=state.arrays["out"],
+        modes=state.arrays["modes_out"],
+        event_times=state.arrays["event_times"][:events].copy(),
+        event_roots=state.arrays["event_roots"][:events].copy(),
+        rhs=s.n_rhs,
+        jac=s.n_jac,
+        attempts=s.attempts,
+        restarts=s.restarts - 1,
+        steps=s.steps,
+        order=solver.number("IDAGetLastOrder", ctypes.c_int),
+        step_size=solver.number("IDAGetCurrentStep"),
+        worst_state=int(order[worst]) if order is not None and worst >= 0 else worst,
+        bad_time=s.bad_time if s.refused > 0 else None,
+        bad_state=s.bad_state,
+        x_failed=None if status >= 0 else (y.copy() if order is None else y[np.argsort(order)]),
+    )

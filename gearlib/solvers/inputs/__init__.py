@@ -1,0 +1,1 @@
+"""Inputs of time as native code sees them: tables and Python callbacks."""

@@ -1,0 +1,72 @@
+"""Inputs that are Python functions: written into the model's data before each call of a native function."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from gearlib.errors import GearlibError, SolverError
+from gearlib.native.layout import Shared
+
+
+class Keep:
+    """Holds Python callbacks alive during a run, and what they raised."""
+
+    def __init__(self) -> None:
+        self.callbacks: list[Any] = []
+        self.problem: BaseException | None = None
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Keep an interrupt, too, that comes where a callback begins or ends, so that Python would report and forget it."""
+        before = sys.unraisablehook
+
+        def lost(unraisable: Any) -> None:
+            if isinstance(unraisable.exc_value, KeyboardInterrupt):
+                self.problem = unraisable.exc_value
+            else:
+                before(unraisable)
+
+        sys.unraisablehook = lost
+        try:
+            yield
+        finally:
+            sys.unraisablehook = before
+
+    def failure(self) -> BaseException | None:
+        if self.problem is None or isinstance(self.problem, GearlibError) or not isinstance(self.problem, Exception):
+            return self.problem
+        return SolverError(f"the run was stopped by {type(self.problem).__name__}: {self.problem}")
+
+
+@dataclass(frozen=True)
+class Wrapped:
+    """A native function that has inputs written into its data first."""
+
+    address: int
+
+
+def feed(
+    function: Any, shared: Shared, moving: Sequence[tuple[int, Callable[[float], float]]], keep: Keep, third: Any
+) -> Wrapped:
+    """A native function that asks ``moving`` inputs, by number, for their values first; ``third`` is the type of its third argument."""
+    double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
+    kind = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, double, third, double, whole)
+    native = kind(function.address)
+
+    def call(t: float, x: Any, out: Any, data: Any, index: Any) -> int:
+        try:
+            for k, signal in moving:
+                data[shared.inputs + k] = signal(t)
+            return -1 if keep.problem is not None else int(native(t, x, out, data, index))
+        except BaseException as problem:  # it must not cross the native frames, and an interrupt must not be lost there
+            keep.problem = problem
+            return -1
+
+    callback = kind(call)
+    keep.callbacks += [callback, native]
+    return Wrapped(ctypes.cast(callback, ctypes.c_void_p).value or 0)

@@ -1,0 +1,94 @@
+"""Tables as inputs of native functions: compiled shells that look the tables up and then call the model.
+
+The knots of the tables follow the model's numbers in ``data``. A block behind its integers, to which ``index[TABLES]`` points, holds
+the addresses of the model's functions, and of each table the input's place, the place of its knots and their number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.compiler.native_module import native_functions
+from gearlib.compiler.small_language import floats_at, int32, ints_at, native
+from gearlib.native.scene_functions import TABLES, NativeScene
+from gearlib.solvers.inputs.callback import Wrapped
+from gearlib.solvers.inputs.table import Table
+from gearlib.solvers.problem import MODEL
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+FUNCTIONS = ("rhs", "jac", "roots", "update")
+
+
+@native
+def _look_up(t: float, data_address: int, index_address: int, kind: int) -> int:
+    """Write the tables' values at a time into the inputs; returns the address of the model's function."""
+    data, index = floats_at(data_address), ints_at(index_address)
+    block = index[TABLES]
+    for j in range(index[block + 4]):
+        place = block + 5 + 3 * j
+        first, n = index[place + 1], index[place + 2]
+        low, high = 0, n  # knots up to and at t
+        while low < high:
+            middle = (low + high) // 2
+            if data[first + middle] <= t:
+                low = middle + 1
+            else:
+                high = middle
+        if low == 0 or low == n:
+            value = data[first + n + max(low - 1, 0)]
+        else:
+            left, right = data[first + low - 1], data[first + low]
+            before, after = data[first + n + low - 1], data[first + n + low]
+            value = before + (t - left) / (right - left) * (after - before)
+        data[index[place]] = value
+    return index[block + kind]
+
+
+@native
+def rhs(t: float, x: int, out: int, data: int, index: int) -> int32:
+    return MODEL(_look_up(t, data, index, 0), t, x, out, data, index)
+
+
+@native
+def jac(t: float, x: int, out: int, data: int, index: int) -> int32:
+    return MODEL(_look_up(t, data, index, 1), t, x, out, data, index)
+
+
+@native
+def roots(t: float, x: int, out: int, data: int, index: int) -> int32:
+    return MODEL(_look_up(t, data, index, 2), t, x, out, data, index)
+
+
+@native
+def update(t: float, x: int, out: int, data: int, index: int) -> int32:
+    return MODEL(_look_up(t, data, index, 3), t, x, out, data, index)
+
+
+def fed(
+    scene: NativeScene, data: Floats, tables: Sequence[tuple[int, Table]]
+) -> tuple[dict[str, Wrapped | None], Floats, Integers]:
+    """The functions of a scene with tables as inputs, and the two blocks that they work on.
+
+    Parameters
+    ----------
+    scene : NativeScene
+    data : array
+        The scene's numbers.
+    tables : sequence of (number of the input, Table)
+    """
+    functions = [getattr(scene, name) for name in FUNCTIONS]
+    block = [0 if f is None else f.address for f in functions] + [len(tables)]
+    at = len(data)
+    for k, table in tables:
+        block += [scene.shared.inputs + k, at, len(table.t)]
+        at += 2 * len(table.t)
+    index = np.concatenate([scene.index, np.array(block, np.int64)])
+    index[TABLES] = len(scene.index)
+    knots = [part for _, table in tables for part in (table.t, table.y)]
+    addresses = native_functions(__name__).addresses
+    shells = {name: None if f is None else Wrapped(addresses[name]) for name, f in zip(FUNCTIONS, functions, strict=True)}
+    return shells, np.concatenate([data, *knots]), index

@@ -1,0 +1,102 @@
+"""An initial value problem as the integrators see it: numbers and native functions, nothing symbolic.
+
+    M x' = f(t, x),    M = diag(differential),    x(t_start) = x0
+
+Every native function has a C signature over the state ``x``, a block of numbers ``data`` (parameters, factorised matrices, the
+values of relations, work space) and a block of integers ``index`` (which the generated loops run over)::
+
+    int32 rhs   (double t, double *x, double *dx,     double *data, int64 *index)
+    int32 jac   (double t, double *x, double *values, double *data, int64 *index)    df/dx, nonzeros in CSC order
+    int32 roots (double t, double *x, double *g,      double *data, int64 *index)    event functions
+    int32 update(double t, double *x, int32 *fired,   double *data, int64 *index)    event iteration
+
+A return value of 0 is success, a positive one asks for a smaller step, a negative one stops the run. ``update`` is called at the
+start, at each time event and at each located root, with ``fired[k]`` the direction (+1, -1) in which root k crossed zero (0: it
+did not); it may leave there 2 or -2, the side that each event function has to leave next (otherwise its sign counts). It returns 0
+when nothing changed, 1 when the right-hand side did, 2 when ``x`` did as well, and keeps the values of relations and discrete
+variables in ``data[modes]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.compiler.translate import Prototype
+
+# A model's native function: ``int32 f(double t, void *x, void *out, void *data, void *index)``.
+MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def late_start(t0: float, t1: float) -> float:
+    """Where the clock of an integrator begins: at the start of a run that begins late. Differences of times are then exact (Sterbenz)."""
+    return t0 if abs(t0) >= 2.0 * (t1 - t0) else 0.0
+
+
+class Native(Protocol):
+    """Anything with the address of a native function: a compiled one or a wrapped Python callable."""
+
+    @property
+    def address(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an integrator needs to know of a scene."""
+
+    rhs: Native
+    x0: Floats
+    data: Floats
+    index: Integers
+    differential: NDArray[np.bool_]  # False: an algebraic unknown, whose row of f is a residual
+    nominal: Floats  # typical size of each state; the absolute tolerance is rtol * nominal unless it is given
+    jac: Native | None = None
+    jac_indptr: Integers | None = None  # CSC pattern of df/dx
+    jac_indices: Integers | None = None
+    roots: Native | None = None
+    n_roots: int = 0
+    update: Native | None = None
+    modes: slice = field(default_factory=lambda: slice(0, 0))  # the part of data that events change; recorded with every sample
+    time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
+    longest_step: float = float("inf")  # s
+    state_names: tuple[str, ...] = ()  # for messages
+    root_names: tuple[str, ...] = ()
+    unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing
+    culprit: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what cannot be evaluated from there on
+
+    def state_name(self, k: int) -> str:
+        return self.state_names[k] if k < len(self.state_names) else f"state {k}"
+
+    def root_name(self, k: int) -> str:
+        return self.root_names[k] if k < len(self.root_names) else f"root {k}"
+
+    def not_settled(self, t: float, x: Floats, data: Floats) -> str:
+        """Which names an event iteration that failed keeps changing, as part of a message."""
+        names = self.unsettled(t, x, data) if self.unsettled is not None else ""
+        return f": the iteration does not settle, it keeps changing {names}" if names else ""
+
+    def blamed(self, t: float, x: Floats | None, data: Floats) -> str:
+        """Which variable, component and expression cannot be evaluated from there on, as part of a message."""
+        return self.culprit(t, x, data) if self.culprit is not None and x is not None else ""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """States (and modes) at the times asked for. A sample on an event holds the right-hand limit."""
+
+    t: Floats  # (samples,)
+    x: Floats  # (samples, states)
+    modes: Floats  # (samples, modes)
+    status: str  # "done" | "stiff" (explicit run that met stiffness) | "left" (refused further on): stopped at t_last
+    t_last: float
+    x_last: Floats
+    event_times: Floats  # (events,)
+    event_roots: Integers  # (events,) index of the root that fired, -1 for a time event
+    stats: Mapping[str, Any]  # steps, rhs, jac, events, rejected, ...

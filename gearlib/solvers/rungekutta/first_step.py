@@ -1,0 +1,120 @@
+"""The first step's size, and the sign of stiffness; parts of the loop in ``loop``."""
+
+from __future__ import annotations
+
+import math
+
+from gearlib.compiler.small_language import floats_at, native
+from gearlib.solvers.problem import MODEL
+from gearlib.solvers.rungekutta.record import Frame
+from gearlib.solvers.rungekutta.stages import add_slope
+
+__all__ = ["caution", "first_step", "is_damped", "is_stiff", "look_back", "note"]
+
+APART = 8  # steps between the states that are kept
+FADE = 0.9  # of the means over some steps
+DAMPED = 0.7  # cosine of the angle between an eigenvalue and the negative real axis
+
+
+@native
+def first_step(s: Frame) -> float:
+    """Hairer's guess: the step over which an Euler step and the curvature of the solution stay within the tolerance."""
+    n: int = s.n
+    h_max: float = s.h_max
+    x, f, atol = floats_at(s.x), floats_at(s.k), floats_at(s.atol)
+    d0 = d1 = d2 = 0.0
+    for i in range(n):
+        weight = 1.0 / (atol[i] + s.rtol * abs(x[i]))
+        d0 += (x[i] * weight) ** 2
+        d1 += (f[i] * weight) ** 2
+    h0 = 0.01 * math.sqrt(d0 / d1) if d0 > 1e-10 * n and d1 > 1e-10 * n else 1e-6 * h_max
+    h0 = min(h0, h_max)
+    add_slope(s.x, h0, s.k, s.y, s.size)
+    s.evaluations += 1
+    if MODEL(s.rhs, s.origin + (s.t + h0), s.y, s.k + 8 * s.size, s.data, s.index) != 0:
+        return 1e-3 * h0
+    later = floats_at(s.k + 8 * s.size)
+    for i in range(n):
+        weight = 1.0 / (atol[i] + s.rtol * abs(x[i]))
+        d2 += ((later[i] - f[i]) * weight) ** 2
+    largest = max(math.sqrt(d1 / n), math.sqrt(d2 / n) / h0)
+    if not largest < math.inf:
+        return 1e-3 * h0
+    h1 = max(1e-6 * h_max, 1e-3 * h0) if largest <= 1e-15 else (0.01 / largest) ** (1.0 / s.order)
+    return min(100.0 * h0, h1, h_max)
+
+
+@native
+def note(s: Frame) -> None:
+    """Take what the last two stages of a step say into the means over some steps, the last ones most.
+
+    The stages belong to the same time: their differences show the fastest motion's eigenvalue, |h lambda| as in Hairer's codes,
+    and by their angle how well it is damped. In one step both depend on the phase of a vibration and on the tolerances of its
+    parts; in the mean over its phases they do so much less.
+    """
+    if s.slope < math.inf and s.move < math.inf:
+        s.slopes = FADE * s.slopes + s.slope
+        s.moves = FADE * s.moves + s.move
+        s.products = FADE * s.products + s.product
+
+
+@native
+def look_back(s: Frame, t: float) -> None:
+    """Every few steps, see by how many tolerances the state differs from the parabola through the three kept before.
+
+    Where it does so by little, an implicit method can take steps as long as that. Where it does not, something slower than what
+    limits the steps is alive, which any method must follow.
+    """
+    s.n_past += 1
+    if s.n_past % APART != 0:
+        return
+    n, size = s.n, 8 * s.size
+    new, first, second, third = (
+        floats_at(s.x_new),
+        floats_at(s.past),
+        floats_at(s.past + size),
+        floats_at(s.past + 2 * size),
+    )
+    t1, t2, t3 = s.t_past_1, s.t_past_2, s.t_past_3
+    if s.n_past > 3 * APART:
+        a = (t - t2) * (t - t3) / ((t1 - t2) * (t1 - t3))
+        b = (t - t1) * (t - t3) / ((t2 - t1) * (t2 - t3))
+        c, total, atol = 1.0 - a - b, 0.0, floats_at(s.atol)
+        for i in range(n):
+            difference = new[i] - a * first[i] - b * second[i] - c * third[i]
+            total += (difference / (atol[i] + s.rtol * abs(new[i]))) ** 2
+        s.surprise = math.sqrt(total / n)
+    for i in range(n):
+        third[i], second[i], first[i] = second[i], first[i], new[i]
+    s.t_past_1, s.t_past_2, s.t_past_3 = t, t1, t2
+
+
+@native
+def is_damped(slope: float, move: float, product: float) -> bool:
+    """Whether the fastest motion is a decay rather than a vibration."""
+    return product < 0.0 and product * product > DAMPED * DAMPED * slope * move
+
+
+@native
+def is_stiff(s: Frame) -> bool:
+    """Whether stability limits the step. A motion as fast as this has died away: where it is alive, accuracy limits the step."""
+    limit = 1.5 if s.order == 5 else 4.5
+    return s.slopes > limit * limit * s.moves
+
+
+@native
+def caution(s: Frame) -> float:
+    """What the choice of the next step takes the error times where a vibration comes near the limit of stability; 1 to 12.
+
+    A fast vibration that the solution hardly contains grows there until the estimate sees it: with Tsitouras' method to some
+    400 times the tolerance. A sharper estimate costs no steps, since stability limits them all the same, and keeps it smaller.
+    """
+    near = 0.45 if s.order == 5 else 3.0
+    share = s.slope / (near * near * s.move) if s.move > 0.0 else 0.0
+    return 1.0 if not share > 1.0 or is_damped(s.slope, s.move, s.product) else min(12.0, share * share)
+
+
+@native
+def sign(x: float) -> int:
+    """-1, 0 or 1."""
+    return int(x > 0.0) - int(x < 0.0)

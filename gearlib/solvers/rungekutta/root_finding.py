@@ -1,0 +1,224 @@
+"""Root finding on the steps of a Runge-Kutta method, part of the loop in ``loop``.
+
+``side[k]`` is the established sign of event function k, which goes with what its relation holds, or, where the event iteration does
+not say so, its sign at the start, 0 where it was exactly zero. A root has flipped where the function has another sign; a value of
+exactly zero has not. A function that leaves zero has flipped, too: a relation such as ``w > 0`` changes there.
+
+Rows of ``s.g``: the event functions at the beginning of a step and at its end, their slopes there, and three for a bracket.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gearlib.compiler.small_language import floats_at, int32s_at, native
+from gearlib.solvers.problem import MODEL
+from gearlib.solvers.rungekutta.record import Frame
+from gearlib.solvers.rungekutta.stages import add_slope, dense_output, interpolate, last_stage
+
+__all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
+
+OLD, NEW, SLOPE_OLD, SLOPE_NEW, LOW, HIGH, FREE = range(7)
+_ROUNDING = 4.4e-16
+AT_ONCE = 1e-9  # the part of a step after which a function that has left its side from the start is an event
+CLOCK = 64 * 2.2e-16  # of the time: over less than that, a slope would be that of the clock's rounding
+SLOPE_OVER = 1e-6  # the part of a step over which a slope is taken: a minimum is known to half of it
+LOOKS = 8  # at most for one minimum
+NEAR_START, NEAR_END = 0.05, 0.98  # outside these parts of a step the dense output is as accurate as the step
+
+
+@native
+def row(s: Frame, i: int) -> int:
+    """Address of a row of ``g``."""
+    return s.g + 8 * i * s.n_roots
+
+
+@native
+def _copy(s: Frame, i: int, j: int) -> None:
+    """Row i of ``g`` to row j."""
+    a, b = floats_at(row(s, i)), floats_at(row(s, j))
+    for k in range(s.n_roots):
+        b[k] = a[k]
+
+
+@native
+def flipped(s: Frame, i: int) -> bool:
+    """Whether any event function has left its side, as row i of ``g`` has it."""
+    g, side = floats_at(row(s, i)), int32s_at(s.side)
+    for k in range(s.n_roots):  # noqa: SIM110  (no generators in the small language)
+        if g[k] * side[k] < 0.0 or (side[k] == 0 and g[k] != 0.0):
+            return True
+    return False
+
+
+@native
+def slopes(s: Frame, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
+    """Row j of ``g`` = time derivative of the event functions of row i, by a difference over a part of ``h`` along the solution."""
+    dt = max(SLOPE_OVER * h, CLOCK * abs(s.origin))
+    add_slope(x, dt, f, s.y, s.size)
+    MODEL(s.roots, s.origin + (t + dt), s.y, row(s, j), s.data, s.index)
+    g, slope = floats_at(row(s, i)), floats_at(row(s, j))
+    for k in range(s.n_roots):
+        slope[k] = (slope[k] - g[k]) / dt
+
+
+@native
+def _look(s: Frame, t: float, h: float, theta: float, i: int) -> None:
+    """``y`` and row i of ``g`` = state and event functions at ``t + theta h``, from the dense output."""
+    interpolate(s, theta, h, s.y)
+    MODEL(s.roots, s.origin + (t + theta * h), s.y, row(s, i), s.data, s.index)
+
+
+@native
+def _dip(s: Frame, t: float, h: float) -> float:
+    """Where within the step a function that keeps its side at both ends has left it in between; 2 where none has.
+
+    Each function that falls at the beginning and rises at the end has a minimum. The cubic through value and slope at both ends says
+    where; the dense output is looked at there, and with what it says the cubic of the remaining part says it better, until the
+    function has flipped, or the minimum is surely above zero compared with how steeply the function gets there. Row HIGH of ``g``
+    is taken at what is returned.
+    """
+    n = s.n_roots
+    side, old, new = int32s_at(s.side), floats_at(row(s, OLD)), floats_at(row(s, NEW))
+    slope_old, slope_new = floats_at(row(s, SLOPE_OLD)), floats_at(row(s, SLOPE_NEW))
+    free, high = floats_at(row(s, FREE)), floats_at(row(s, HIGH))
+    for k in range(n):
+        sign, left, right, last = side[k], 0.0, 1.0, -1.0
+        a, b, da, db = sign * old[k], sign * new[k], sign * slope_old[k] * h, sign * slope_new[k] * h
+        for _ in range(LOOKS):
+            if not (da < 0.0 and db > 0.0 and b > 0.0):
+                break
+            width = right - left
+            fall, rise = da * width, db * width
+            c2, c3 = 3.0 * (b - a) - 2.0 * fall - rise, 2.0 * (a - b) + fall + rise
+            # the minimum is the root of fall + 2 c2 u + 3 c3 u^2 where that rises through zero
+            u = -fall / (c2 + math.sqrt(max(c2 * c2 - 3.0 * c3 * fall, 0.0)))
+            if not (0.0 < u < 1.0 and a + u * (fall + u * (c2 + u * c3)) < 0.1 * (rise - fall)):
+                break
+            theta = left + u * width
+            if abs(theta - last) < _ROUNDING:
+                break
+            last = theta
+            dense_output(s, t, h)
+            _look(s, t, h, theta, FREE)
+            if flipped(s, FREE):
+                _copy(s, FREE, HIGH)
+                return theta
+            over = max(SLOPE_OVER * width, CLOCK * abs(s.origin) / h)
+            _look(s, t, h, theta + over, HIGH)
+            slope = sign * (high[k] - free[k]) / over
+            if slope < 0.0:
+                left, a, da = theta, sign * free[k], slope
+            else:
+                right, b, db = theta, sign * free[k], slope
+    return 2.0
+
+
+@native
+def _locate(s: Frame, t: float, h: float, low: float, high: float, tolerance: float) -> float:
+    """Right end of a bracket, no wider than ``tolerance``, of the first flip between ``low`` and ``high``.
+
+    The Illinois method on the event function that seems to cross first, as in SUNDIALS, with bisections where it lasts. The
+    rows LOW and HIGH of ``g`` hold the event functions at both ends at the start, and HIGH those at the right end afterwards.
+    """
+    lo, hi, free = LOW, HIGH, FREE
+    side = int32s_at(s.side)
+    alpha, last_moved = 1.0, 0
+    for trial in range(200):
+        if high - low <= tolerance:
+            break
+        fraction = 0.0
+        below, above = floats_at(row(s, lo)), floats_at(row(s, hi))
+        for i in range(s.n_roots):
+            if above[i] * side[i] < 0.0 or (side[i] == 0 and above[i] != 0.0):
+                fraction = max(fraction, above[i] / (above[i] - alpha * below[i]))
+        # at least half a tolerance inside, and not so near an end of a wide bracket that it never shrinks
+        margin = max(0.5 * tolerance / (high - low), 1e-12)
+        if trial > 15 and trial % 2 == 0:  # it jumps, as an input may: no line through both ends says where
+            fraction = 0.5
+        theta = high - (high - low) * min(max(fraction, margin), 1.0 - margin)
+        _look(s, t, h, theta, free)
+        if flipped(s, free):
+            high, hi, free = theta, free, hi
+            alpha = 0.5 * alpha if last_moved == 1 else 1.0
+            last_moved = 1
+        else:
+            low, lo, free = theta, free, lo
+            alpha = 2.0 * alpha if last_moved == 2 else 1.0
+            last_moved = 2
+    if hi != HIGH:
+        _copy(s, hi, HIGH)
+    return high
+
+
+@native
+def crossing(s: Frame, t: float, h: float, error: float) -> tuple[int, float]:
+    """Look for the first event in the step from ``x`` to ``x_new``.
+
+    Returns ``(found, theta)``. Without an event the step stands (found = 0). With one, ``x_new`` becomes the state just after the
+    flip, at ``t + theta h``, and row NEW of ``g`` is taken there (found = 1). Where the dense output is not as accurate as the
+    tolerance asks for, the step is to be tried again up to there (found = -1).
+    """
+    MODEL(s.roots, s.origin + (t + h), s.x_new, row(s, NEW), s.data, s.index)
+    slopes(s, t + h, h, s.x_new, last_stage(s), NEW, SLOPE_NEW)
+    low, high = 0.0, 1.0
+    if flipped(s, OLD):  # on the wrong side from the start
+        dense_output(s, t, h)
+        _look(s, t, h, AT_ONCE, HIGH)
+        if flipped(s, HIGH):
+            _take(s, t, h, AT_ONCE)
+            return 1, AT_ONCE
+        low = AT_ONCE
+        _copy(s, HIGH, LOW)
+    else:
+        _copy(s, OLD, LOW)
+    dip = _dip(s, t, h)
+    if dip < 1.0:
+        high = dip
+    elif flipped(s, NEW):
+        _copy(s, NEW, HIGH)
+    else:
+        return 0, 1.0
+    dense_output(s, t, h)
+    theta = _locate(s, t, h, low, high, _ROUNDING * (1.0 + abs(t) / h))
+    if NEAR_START < theta < NEAR_END and error > (0.3 if s.order == 5 else 0.1):
+        return -1, theta
+    theta = _on_the_clock(s, t, h, theta)
+    _take(s, t, h, theta)
+    return 1, theta
+
+
+@native
+def just_beyond(s: Frame, t: float, dt: float) -> bool:
+    """Whether an event function flips within ``dt`` after the end of the step, as one does that is meant to do so at ``t``; row NEW
+    of ``g`` is then taken there.
+    """
+    add_slope(s.x_new, dt, last_stage(s), s.y, s.size)
+    MODEL(s.roots, s.origin + (t + dt), s.y, row(s, HIGH), s.data, s.index)
+    if not flipped(s, HIGH):
+        return False
+    _copy(s, HIGH, NEW)
+    return True
+
+
+@native
+def _on_the_clock(s: Frame, t: float, h: float, theta: float) -> float:
+    """The same event at a time that is a floating-point number: the state is to be that of the time in the log."""
+    at = t + theta * h
+    if (at - t) / h < theta:
+        at = math.nextafter(at, math.inf)
+    later = min((at - t) / h, 1.0)
+    if theta < later:
+        _look(s, t, h, later, FREE)
+        if flipped(s, FREE):
+            _copy(s, FREE, HIGH)
+            return later
+    return theta
+
+
+@native
+def _take(s: Frame, t: float, h: float, theta: float) -> None:
+    """Let the step end at ``theta``, where row HIGH of ``g`` was taken."""
+    if theta < 1.0:
+        interpolate(s, theta, h, s.x_new)
+    _copy(s, HIGH, NEW)  # what is evaluated anew may differ by rounding, and may not have flipped

@@ -1,0 +1,268 @@
+"""Explicit Runge-Kutta methods with events, for scenes that are neither stiff nor implicit.
+
+The integration itself is the compiled loop of ``loop``; here the problem is handed to it and its result is made.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearlib.compiler.instructions import BLOCK
+from gearlib.compiler.native_module import native_functions
+from gearlib.errors import ArgumentError, SolverError
+from gearlib.solvers.problem import Floats, Integers, Problem, Solution, late_start
+from gearlib.solvers.rungekutta import loop
+from gearlib.solvers.rungekutta.record import Frame
+
+__all__ = ["integrate"]
+
+PATIENCE = 12  # refused evaluations that are borne before a run is said to have left what its states describe
+_STEPS_PER_CALL = 20_000  # Python looks after interrupts in between
+_EVENTS_AT_FIRST = 256
+_ROWS = {5: (7, 4), 8: (16, 7)}  # stages, and polynomials of the dense output
+_METHODS = {5: "Tsitouras 5(4)", 8: "Dormand-Prince 8(5,3)"}
+
+
+def integrate(
+    problem: Problem,
+    times: Floats,
+    *,
+    rtol: float,
+    atol: ArrayLike | None = None,
+    order: int = 5,
+    detect_stiffness: bool = False,
+    max_steps: int = 10_000_000,
+    first_step: float | None = None,
+    may_leave: bool = False,
+) -> Solution:
+    """Integrate an explicit problem from ``times[0]`` to ``times[-1]`` with a Runge-Kutta method.
+
+    Parameters
+    ----------
+    problem
+        The initial value problem; all its unknowns must be differential.
+    times
+        Samples wanted (s), not decreasing. They do not limit the steps: samples come from the dense output.
+    rtol
+        Relative tolerance of the error of a step.
+    atol
+        Absolute tolerance, one number or one for each state, in the units of the states; ``rtol * problem.nominal`` if not
+        given.
+    order
+        5 (Tsitouras, dense output of order 4) for coarse tolerances, 8 (Dormand and Prince, dense output of order 7) for fine
+        ones: on gear chains it is the faster one from 1e-6 on.
+    detect_stiffness
+        Stop with the status ``"stiff"`` where the step is limited by the stability of the method and much is left to do.
+    max_steps
+        Accepted and rejected steps after which to give up.
+    first_step
+        First step to try (s); estimated if not given.
+    may_leave
+        Stop with the status ``"left"`` where the right-hand side cannot be evaluated further on.
+
+    Returns
+    -------
+    Solution
+        With a status of ``"stiff"`` or ``"left"`` it holds the samples up to ``t_last``, and ``stats["data"]`` the model's data
+        there.
+
+    Raises
+    ------
+    ArgumentError
+        For a bad argument, or a problem with algebraic unknowns.
+    SolverError
+        Where the right-hand side fails, the step becomes too small, or events chatter.
+
+    References
+    ----------
+    Ch. Tsitouras, doi:10.1016/j.camwa.2011.06.002; E. Hairer, S. P. Norsett, G. Wanner, doi:10.1007/978-3-540-78862-1.
+
+    Examples
+    --------
+    A Python function will do for a try: x' = -x.
+
+    >>> import ctypes, types
+    >>> import numpy as np
+    >>> from gearlib.solvers.problem import Problem
+    >>> P = ctypes.POINTER
+    >>> signature = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[P(ctypes.c_double)] * 3, P(ctypes.c_int64))
+    >>> @signature
+    ... def decay(t, x, dx, data, index):
+    ...     dx[0] = -x[0]
+    ...     return 0
+    >>> rhs = types.SimpleNamespace(address=ctypes.cast(decay, ctypes.c_void_p).value)
+    >>> empty, one = np.empty(0), np.ones(1)
+    >>> problem = Problem(rhs, one, empty, np.empty(0, dtype=np.int64), np.array([True]), one)
+    >>> solution = integrate(problem, np.array([0.0, 1.0, 2.0]), rtol=1e-9, order=8)
+    >>> bool(np.allclose(solution.x[:, 0], np.exp(-solution.t), rtol=1e-8, atol=0))
+    True
+    """
+    times, tolerance = _checked(problem, times, rtol, atol, order)
+    advance = _loop()
+    run = _prepare(problem, times, order, rtol, tolerance)
+    frame = run.frame
+    frame.h, frame.detect, frame.patience = first_step or 0.0, detect_stiffness, PATIENCE if may_leave else -1
+    address = ctypes.addressof(frame)
+    code = loop.MORE
+    while code == loop.MORE:
+        left = max_steps - frame.steps
+        if left <= 0 and _now(frame) < times[-1]:
+            raise SolverError(f"gave up {_where(frame)}: max_steps is {max_steps}")
+        run.make_room()
+        frame.budget = max(1, min(_STEPS_PER_CALL, left))
+        code = advance(address)
+    left_behind = may_leave and code in (loop.UNDERFLOW, loop.RHS_FAILED)
+    if code < 0 and not left_behind:
+        more = problem.not_settled(_now(frame), run.x, run.data) if code == loop.UPDATE_FAILED else ""
+        if code in (loop.UNDERFLOW, loop.RHS_FAILED):
+            more = problem.blamed(_now(frame), run.x, run.data)
+        raise SolverError(_complaint(problem, code, run) + more)
+    return _solution(run, "left" if left_behind else ("stiff" if code == loop.STIFF else "done"))
+
+
+@cache
+def _loop() -> Callable[[int], int]:
+    """The compiled loop; ctypes releases Python's lock while it runs."""
+    functions = native_functions(*loop.MODULES)
+    advance: Any = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64)(functions.addresses["advance"])
+    return lambda address: int(advance(address))
+
+
+@dataclass
+class _Run:
+    """The record that the compiled loop works on, and parts of what it points to."""
+
+    frame: Frame
+    whole: Floats  # all memory but an event log that has grown
+    x: Floats
+    data: Floats
+    times: Floats
+    out: Floats
+    modes: Floats
+    log_t: Floats
+    log_root: Integers
+
+    def make_room(self) -> None:
+        """Let the event log grow where it is nearly full."""
+        frame = self.frame
+        if frame.capacity < frame.events + frame.n_roots + 2:
+            frame.capacity = 2 * frame.capacity + frame.n_roots
+            self.log_t, self.log_root = np.resize(self.log_t, frame.capacity), np.resize(self.log_root, frame.capacity)
+            frame.log_t, frame.log_root = _address(self.log_t), _address(self.log_root)
+
+
+def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance: Floats) -> _Run:
+    """The record of a run, and its memory in one piece: a call of numpy takes as long as some steps of a small model."""
+    n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
+    stops, n_timed = _stops(problem.time_events, times)
+    origin = late_start(float(times[0]), float(times[-1]))
+    first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
+    n_modes, size = max(last_mode - first_mode, 0), BLOCK * max(1, -(-n // BLOCK))
+    stages, polynomials = _ROWS[order]
+    capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
+    lengths = {
+        "x": size, "x_new": size, "y": size, "k": stages * size, "c": polynomials * size, "past": 3 * size,
+        "phases": 16, "g": 7 * n_roots, "side": n_roots,
+        "fired": n_roots, "atol": size, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
+        "times": n_times, "out": n_times * n, "modes": n_times * n_modes, "log_t": capacity, "log_root": capacity,
+    }  # fmt: skip
+    frame, whole = Frame(), np.empty(sum(lengths.values()))
+    first, at, parts = _address(whole), 0, {}
+    for name, length in lengths.items():
+        setattr(frame, name, first + 8 * at)
+        parts[name] = whole[at : at + length]
+        at += length
+    whole[: (frame.atol - first) // 8] = 0.0
+    parts["x"][:n], parts["atol"][n:], parts["atol"][:n] = problem.x0, 1.0, tolerance
+    parts["data"][:], parts["stops"][:], parts["times"][:] = problem.data, stops - origin, times - origin
+    parts["index"].view(np.int64)[:] = problem.index
+    frame.rhs, frame.roots, frame.update = (0 if f is None else f.address for f in (problem.rhs, problem.roots, problem.update))
+    frame.order, frame.n, frame.size, frame.n_roots = order, n, size, n_roots
+    frame.n_times, frame.n_stops, frame.n_timed, frame.capacity = n_times, stops.size, n_timed, capacity
+    frame.n_modes, frame.first_mode = n_modes, first_mode
+    frame.rtol, frame.origin, frame.t, frame.span = rtol, origin, times[0] - origin, times[-1] - times[0]
+    frame.h_max = min(0.1 * frame.span, problem.longest_step)
+    return _Run(
+        frame, whole, parts["x"][:n], parts["data"], parts["times"], parts["out"].reshape(n_times, n),
+        parts["modes"].reshape(n_times, n_modes), parts["log_t"], parts["log_root"].view(np.int64),
+    )  # fmt: skip
+
+
+def _solution(run: _Run, status: str) -> Solution:
+    frame = run.frame
+    stats: dict[str, Any] = {
+        "method": _METHODS[frame.order], "order": frame.order, "steps": frame.steps - frame.rejected,
+        "rejected": frame.rejected, "rhs": frame.evaluations, "events": frame.events,
+    }  # fmt: skip
+    if status != "done":
+        stats["data"] = run.data.copy()
+    samples, events = frame.sample, frame.events
+    return Solution(
+        t=run.times[:samples], x=run.out[:samples], modes=run.modes[:samples], status=status, t_last=_now(frame), x_last=run.x.copy(),
+        event_times=frame.origin + run.log_t[:events], event_roots=run.log_root[:events].copy(), stats=stats,
+    )  # fmt: skip
+
+
+def _address(array: NDArray[Any]) -> int:
+    buffer: Any = array
+    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))  # a third of the time of ``array.ctypes.data``
+
+
+def _checked(problem: Problem, times: Floats, rtol: float, atol: ArrayLike | None, order: int) -> tuple[Floats, Floats]:
+    """Sample times and absolute tolerances, in the form that the loop needs."""
+    if order not in _ROWS:
+        raise ArgumentError(f"order is 5 or 8, not {order!r}")
+    if not problem.differential.all():
+        raise ArgumentError("an explicit method cannot solve a problem with algebraic unknowns")
+    times = np.asarray(times, dtype=np.float64)
+    sorted_ = times.ndim == 1 and times.size > 0 and bool((times[1:] >= times[:-1]).all())
+    if not sorted_ or not math.isfinite(times[0]) or not math.isfinite(times[-1]):
+        raise ArgumentError("times must be finite and not decrease, and there must be one at least")
+    if not 0.0 < rtol < 1.0:
+        raise ArgumentError(f"rtol must lie between 0 and 1, not {rtol!r}")
+    tolerance = rtol * problem.nominal if atol is None else np.asarray(atol, dtype=np.float64)
+    if tolerance.shape not in ((), (1,), problem.x0.shape):
+        raise ArgumentError(f"atol is one number or {problem.x0.size} of them")
+    if not (tolerance.min() > 0.0 and tolerance.max() < math.inf):
+        raise ArgumentError("absolute tolerances must be positive and finite")
+    return times, tolerance
+
+
+def _stops(time_events: Floats, times: Floats) -> tuple[Floats, int]:
+    """Times to step to exactly: the time events within the span, and the end. How many of them are time events."""
+    if time_events.size == 0:
+        return times[-1:], 0
+    inside = np.unique(time_events[(time_events > times[0]) & (time_events <= times[-1])])
+    if inside.size == 0 or inside[-1] < times[-1]:
+        return np.append(inside, times[-1]), inside.size
+    return inside, inside.size
+
+
+def _now(frame: Frame) -> float:
+    return frame.origin + frame.t
+
+
+def _where(frame: Frame) -> str:
+    return f"at t = {_now(frame):.9g} s after {frame.steps} steps ({frame.rejected} rejected, the next of {frame.h:.1g} s)"
+
+
+def _complaint(problem: Problem, code: int, run: _Run) -> str:
+    """What a negative code of the loop means."""
+    where = _where(run.frame)
+    if code == loop.UNDERFLOW:
+        return f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
+    if code == loop.CHATTERING:
+        last = np.unique(run.log_root[max(0, run.frame.events - 100) : run.frame.events])
+        names = "; ".join(dict.fromkeys(problem.root_name(int(r)) for r in last if r >= 0))
+        return f"events chatter {where}: {loop.CHATTER_EVENTS} of them hardly apart, the last ones of {names}"
+    if code == loop.UPDATE_FAILED:
+        return f"an event could not be handled {where}"
+    return f"the right-hand side cannot be evaluated {where}"

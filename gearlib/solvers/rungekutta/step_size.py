@@ -1,0 +1,97 @@
+"""Step sizes, parts of the loop in ``loop``: from step to step, and from one event to the next.
+
+Between two events the modes are the same, and such a phase often comes again: contact, flight, contact. The step that suited its
+beginning is remembered with its modes. A phase that was never met begins with a part of the step before.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gearlib.compiler.small_language import floats_at, native
+from gearlib.solvers.rungekutta.first_step import caution
+from gearlib.solvers.rungekutta.record import Frame
+
+__all__ = ["adapt", "begin_phase"]
+
+PHASES = 8  # that are remembered
+UNKNOWN = 0.2  # share of the last step with which a new phase begins
+# Logarithm of the error that the first step of a phase should have. The estimate of a single step may be small by chance, all the
+# more so where the step is long; what is remembered is used hundreds of times.
+AIM5, AIM8 = -2.0, -5.0
+SMALL = math.log(1e-4)  # errors below it are taken for it, lest a step much too small keep all that follow small
+GROWTH_KNOWN, GROWTH_SECOND = 1.1, 1.2  # of the step that is remembered, and from the first step of a phase to the second
+
+
+@native
+def _signature(s: Frame) -> float:
+    """A number that tells the modes apart, hardly ever two of them alike."""
+    modes, total = floats_at(s.data + 8 * s.first_mode), 0.0
+    for i in range(s.n_modes):
+        total += (1.0 + 0.6180339887 * i) * modes[i]
+    return total
+
+
+@native
+def _find(s: Frame, signature: float) -> int:
+    """Where the phase with these modes is remembered; -1 where it is not."""
+    known = floats_at(s.phases)
+    for i in range(PHASES):
+        if known[PHASES + i] > 0.0 and known[i] == signature:
+            return i
+    return -1
+
+
+@native
+def begin_phase(s: Frame, changed: bool) -> None:
+    """Choose the first step after an event: that of an earlier phase with the same modes, if they changed."""
+    held = s.h_held
+    s.h_held = s.h
+    s.h = min(s.h, held)
+    if changed:
+        place = _find(s, _signature(s))
+        s.fresh, s.known = 1, place >= 0
+        s.h = floats_at(s.phases)[PHASES + place] if place >= 0 else UNKNOWN * s.h
+
+
+@native
+def _remember(s: Frame, h: float) -> None:
+    signature = _signature(s)
+    place, known = _find(s, signature), floats_at(s.phases)
+    if place < 0:
+        place = s.next_phase
+        s.next_phase = (place + 1) % PHASES
+    known[place], known[PHASES + place] = signature, h
+
+
+@native
+def adapt(s: Frame, h: float, error: float) -> bool:
+    """Choose the next step size; whether the step is accepted.
+
+    PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before. These constants leave hardly a
+    step to be rejected, and make steps at the limit of stability much more accurate than alpha = 1 / order, beta = 0.
+    """
+    if not error <= 1.0:
+        s.rejected += 1
+        s.retry = 1
+        s.h = h * (max(0.2, 0.9 * error ** (-1.0 / s.order)) if error < math.inf else 0.25)
+        return False
+    log_error = math.log(max(error * caution(s), 1e-10))
+    if s.fresh == 1:
+        s.fresh = 0
+        growth = min(10.0, max(0.2, math.exp(((AIM5 if s.order == 5 else AIM8) - log_error) / s.order)))
+        if h >= s.h:
+            _remember(s, h * min(growth, 1.0 if s.retry == 1 else (GROWTH_KNOWN if s.known == 1 else 10.0)))
+        if log_error > SMALL:
+            growth = min(growth, GROWTH_SECOND)
+    else:
+        alpha, beta = 0.14 if s.order == 5 else 0.0875, 0.08 if s.order == 5 else 0.05
+        growth = min(10.0, max(0.2, 0.9 * math.exp(beta * s.log_error - alpha * log_error)))
+    if s.retry == 1:
+        growth = min(growth, 1.0)
+    # a step that was cut short to meet a stop says nothing against the size wanted before
+    s.h = max(h * growth, s.h) if h < s.h else h * growth
+    s.log_error = max(log_error, SMALL)
+    s.ratios, s.roughest = max(s.ratio, 0.2 * s.ratios), max(s.rough, 0.5 * s.roughest)  # see ``stages._doubted``
+    s.retry = 0
+    return True

@@ -1,0 +1,1 @@
+"""Mobility, speed ratios, power flow: what holds without a simulation."""

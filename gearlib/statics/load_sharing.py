@@ -1,0 +1,119 @@
+"""How parallel paths share the load of a train that turns steadily, where equilibrium leaves that open.
+
+With several planets each mesh may carry a preload that the others balance. A train that was put together without preload has none: of all
+deflections with the given loads it takes those in which self-balanced forces do no work (the theorem of Castigliano and Menabrea), which
+shares the load by stiffness, equally among equal planets. Rigid parallel paths take the smallest torques.
+
+References
+----------
+S. P. Timoshenko, "History of Strength of Materials", McGraw-Hill, 1953, chapters 63 and 64 (Castigliano, Menabrea).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import partial_kernel
+from gearlib.flatten.model import FlatModel
+from gearlib.statics.steady_motion import Given, Motion, apply, newton
+from gearlib.structure.sparse_elimination import Factors
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+CONJUGATE = {"N": "m", "N.m": "rad"}
+MOVES = 1e-8  # smallest change of a scaled unknown in a direction of about 1
+
+
+def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion: Motion, torques: Integers) -> Motion:
+    """The motion with the load shared among parallel paths; ``torques`` are all torques and forces of flanges.
+
+    Where losses depend on which side drives, the sharing and the side that drives are found in turn.
+    """
+    n = model.n_variables
+    for _ in range(20):
+        free = _self_balanced(motion.factors, torques)[:n]
+        constants = _balanced(model, parameters, motion, free, torques)
+        if np.abs(constants - motion.constants)[torques].max(initial=0.0) <= 1e-13 * np.abs(constants[torques]).max(
+            initial=0.0
+        ):
+            break
+        motion = newton(model, parameters, given, np.concatenate([constants, motion.rates]))
+    return motion
+
+
+def _self_balanced(factors: Factors, places: Integers) -> Floats:
+    """A basis of the free motions that change the unknowns at ``places``, shape (unknowns, how many), in their own units."""
+    looks = 8
+    while True:
+        found = factors.directions(looks)
+        _, sizes, rows = np.linalg.svd(found[places], full_matrices=False)
+        rank = int((sizes > MOVES * max(1.0, float(sizes.max(initial=0.0)))).sum())
+        if rank < looks:
+            result: Floats = factors.column[:, None] * (found @ rows[:rank].T)
+            return result
+        looks *= 4
+
+
+def _balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats, torques: Integers) -> Floats:
+    """Constants for which the self-balanced forces ``free`` do no work."""
+    constants = motion.constants.copy()
+    deflection, force = _elastic(model, parameters, motion)
+    stretched = deflection @ free
+    left, values, right = np.linalg.svd(stretched.T @ (force @ free))
+    rank = int((values > 1e-10 * values.max(initial=0.0)).sum())
+    if rank:
+        work = stretched.T @ (force @ constants)
+        constants -= free @ (right[:rank].T @ ((left[:, :rank].T @ work) / values[:rank]))
+    if rank < free.shape[1]:
+        rigid = free @ right[rank:].T
+        constants -= rigid @ np.linalg.lstsq(rigid[torques], constants[torques], rcond=None)[0]
+    return constants
+
+
+def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any, Any]:
+    """Matrices that give the deflection, and the force conjugate to it, of every equation that ties a force to a deflection."""
+    import scipy.sparse as sparse
+
+    entries: tuple[list[Any], list[Any]] = ([], [])
+    seen: set[tuple[int, ...]] = set()
+    count = 0
+    for g, group in enumerate(model.groups):
+        template = group.template
+        kinds = [_kind(model, int(group.variables[0, template.locals.index(name)]), order) for name, order in template.columns]
+        if not (("m" in kinds and "N" in kinds) or ("rad" in kinds and "N.m" in kinds)):
+            continue
+        slopes, places = [], []
+        for c, (name, _) in enumerate(template.columns):
+            j = template.locals.index(name)
+            p = apply(model, partial_kernel(template, c), g, group, parameters, motion.constants, motion.rates, motion.modes)
+            slopes.append(np.where(np.isfinite(p), p, 0.0) * group.signs[:, j])
+            places.append(group.variables[:, j])
+        for unit, lengths in CONJUGATE.items():
+            parts = [[c for c, kind in enumerate(kinds) if kind == wanted] for wanted in (lengths, unit)]
+            for row in range(len(group)) if all(parts) else ():
+                key = tuple(sorted({int(places[c][row]) for c in parts[0] if slopes[c][row]}))
+                sizes = [max((abs(slopes[c][row]) for c in part), default=0.0) for part in parts]
+                if key in seen or not all(sizes):
+                    continue  # the same spring in another equation
+                seen.add(key)
+                for k, sign in ((0, -1.0), (1, 1.0)):
+                    entries[k].extend((count, int(places[c][row]), sign * slopes[c][row] / sizes[k]) for c in parts[k])
+                count += 1
+    shape = (count, model.n_variables)
+    made = []
+    for found in entries:
+        rows, columns, values = (np.array([entry[k] for entry in found]) for k in range(3))
+        made.append(sparse.csr_matrix((values, (rows.astype(int), columns.astype(int))), shape=shape))
+    return made[0], made[1]
+
+
+def _kind(model: FlatModel, variable: int, order: int) -> str:
+    """Unit of a deflection or a force; empty for what is neither."""
+    if order:
+        return ""
+    units = {d.unit for v in np.flatnonzero(model.representative == variable) if (d := model.declaration(int(v))) is not None}
+    return next((u for u in ("N", "N.m", "m", "rad") if u in units), "")

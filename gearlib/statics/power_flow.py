@@ -1,0 +1,248 @@
+"""`PowerFlow`: speed, torque and power at every flange of a train, and what follows from them; printed as a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from gearlib.arguments import one_name
+from gearlib.errors import NameLookupError, nearest
+from gearlib.optional import optional
+from gearlib.statics.circulation import Branch, Circulation, circulations
+
+if TYPE_CHECKING:
+    import pandas
+
+RPM = 30 / 3.141592653589793
+NOTHING = 1e-12  # of the largest torque or speed: rounding
+
+
+@dataclass(frozen=True)
+class FlangePower:
+    """Speed (rad/s), torque (N.m) and power (W) at one flange; torque and power are positive into the component.
+
+    At flanges that slide these are m/s and N, and ``sliding`` is True.
+    """
+
+    component: str
+    flange: str
+    speed: float
+    torque: float
+    power: float
+    shaft: int  # flanges on one rigid shaft have the same number
+    leaf: bool  # False for the flanges of a composite, which repeat those of its parts
+    sliding: bool = False
+
+    @property
+    def name(self) -> str:
+        """Path of the flange."""
+        return f"{self.component}.{self.flange}" if self.component else self.flange
+
+
+@dataclass(frozen=True)
+class PowerFlow:
+    """Torque and power in a train that turns steadily.
+
+    Attributes
+    ----------
+    flanges : tuple of FlangePower
+    mobility : int
+        Independent speeds of the train.
+    name : str
+        Of the model.
+    shared : tuple of str
+        Flanges whose torque equilibrium leaves open, since parallel paths (planets) could be preloaded against each other. They have
+        the torques of a train that was put together without preload: shared by stiffness, equally by equal planets (load sharing
+        factor 1); rigid paths take the smallest torques.
+    """
+
+    flanges: tuple[FlangePower, ...]
+    mobility: int
+    name: str = ""
+    shared: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> FlangePower:
+        """A flange by its path."""
+        found = self._by_name.get(one_name("the flange", name, "motor.flange_b"))
+        if found is None:
+            raise NameLookupError(f"the model has no flange '{name}'; {nearest(str(name), self._by_name)}")
+        return found
+
+    @cached_property
+    def _by_name(self) -> dict[str, FlangePower]:
+        return {f.name: f for f in self.flanges}
+
+    @cached_property
+    def _branches(self) -> tuple[Branch, ...]:
+        """Net power of each basic component at each rigid shaft."""
+        power: dict[tuple[str, int], float] = {}
+        for f in self.flanges:
+            if f.leaf:
+                power[f.component, f.shaft] = power.get((f.component, f.shaft), 0.0) + f.power
+        least = 1e-12 * self.largest
+        return tuple(Branch(c, s, p) for (c, s), p in power.items() if abs(p) > least)
+
+    @property
+    def largest(self) -> float:
+        """Largest power at any flange, W."""
+        return max((abs(f.power) for f in self.flanges), default=0.0)
+
+    @cached_property
+    def absorbed(self) -> dict[str, float]:
+        """Power that each basic component takes up, W: negative for a drive, positive for a load, the loss of a gear."""
+        total: dict[str, float] = {}
+        for f in self.flanges:
+            if f.leaf:
+                total[f.component] = total.get(f.component, 0.0) + f.power
+        return total
+
+    @cached_property
+    def outer(self) -> tuple[str, ...]:
+        """Components that exchange power through one shaft only: drives and loads."""
+        shafts: dict[str, int] = {}
+        for branch in self._branches:
+            shafts[branch.component] = shafts.get(branch.component, 0) + 1
+        return tuple(c for c, count in shafts.items() if count == 1)
+
+    @property
+    def input_power(self) -> float:
+        """What the drives deliver, W."""
+        return -sum(min(self.absorbed[c], 0.0) for c in self.outer)
+
+    @property
+    def output_power(self) -> float:
+        """What the loads take, W."""
+        return sum(max(self.absorbed[c], 0.0) for c in self.outer)
+
+    @property
+    def efficiency(self) -> float:
+        """Power of the loads over power of the drives; NaN where nothing drives."""
+        return self.output_power / self.input_power if self.input_power else float("nan")
+
+    @property
+    def losses(self) -> dict[str, float]:
+        """Power lost in the components between drives and loads, W."""
+        least = 1e-12 * self.largest
+        return {c: p for c, p in self.absorbed.items() if c not in self.outer and abs(p) > least}
+
+    @property
+    def imbalance(self) -> float:
+        """Sum of the power at all basic flanges over the largest of them: rounding, since connections pass on all power."""
+        total = sum(f.power for f in self.flanges if f.leaf)
+        return abs(total) / self.largest if self.largest else 0.0
+
+    @cached_property
+    def circulating(self) -> tuple[Circulation, ...]:
+        """Power that flows in a circle, and through which components."""
+        return circulations(self._branches)
+
+    @property
+    def circulating_power(self) -> float:
+        """Sum of the circulating powers, W."""
+        return sum(c.power for c in self.circulating)
+
+    def willis(self, sun: str, ring: str, carrier: str) -> tuple[float, float]:
+        """Basic ratio of a planetary set from its speeds, and from its torques; without losses they are equal.
+
+        Parameters
+        ----------
+        sun, ring, carrier : str
+            Paths of its flanges.
+
+        Returns
+        -------
+        tuple of float
+            ``(w_sun - w_carrier) / (w_ring - w_carrier)`` and ``-tau_ring / tau_sun``; NaN where the set turns as a block or
+            carries no torque.
+        """
+        s, r, c = self[sun], self[ring], self[carrier]
+        relative = r.speed - c.speed
+        turning = abs(relative) > 1e-12 * max(abs(s.speed), abs(r.speed), abs(c.speed))
+        return (s.speed - c.speed) / relative if turning else float("nan"), -r.torque / s.torque if s.torque else float("nan")
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per flange."""
+        pandas = optional("pandas")
+
+        table = [(f.name, f.speed, f.torque, f.power) for f in self.flanges]
+        return pandas.DataFrame(table, columns=["flange", "speed", "torque", "power"]).set_index("flange")
+
+    def __str__(self) -> str:
+        lines = [self._title, "", *_table(self._shown, self._scales), *self._left_out, *self._sharing, "", *self._balance]
+        return "\n".join(lines)
+
+    @property
+    def _title(self) -> str:
+        freedom = "1 degree of freedom" if self.mobility == 1 else f"{self.mobility} degrees of freedom"
+        return f"Steady power flow{' of ' + self.name if self.name else ''}: mobility {self.mobility} ({freedom})"
+
+    @cached_property
+    def _scales(self) -> tuple[float, float]:
+        """Largest speed and largest torque."""
+        return max((abs(f.speed) for f in self.flanges), default=0.0), max((abs(f.torque) for f in self.flanges), default=0.0)
+
+    @cached_property
+    def _shown(self) -> list[FlangePower]:
+        """Flanges worth a line: not of bodies that pass a torque on as it is, nor of components that carry none."""
+        own: dict[str, list[FlangePower]] = {}
+        for f in self.flanges:
+            if f.leaf:
+                own.setdefault(f.component, []).append(f)
+        least = NOTHING * self._scales[1]
+        passing = {
+            c
+            for c, found in own.items()
+            if abs(sum(f.torque for f in found)) <= 10 * least and len({f.shaft for f in found}) == 1 and len(found) > 1
+        }
+        return [f for c, found in own.items() if c not in passing and any(abs(f.torque) > least for f in found) for f in found]
+
+    @property
+    def _left_out(self) -> list[str]:
+        count = sum(f.leaf for f in self.flanges) - len(self._shown)
+        return (
+            [f"({count} flanges of bodies that pass on their torque, or of parts without any, are left out)"] if count else []
+        )
+
+    @property
+    def _sharing(self) -> list[str]:
+        if not self.shared:
+            return []
+        named = ", ".join(self.shared[:3]) + (", ..." if len(self.shared) > 3 else "")
+        return [
+            f"(equilibrium leaves {len(self.shared)} torques open: {named}; they are those of parallel paths without preload,",
+            " which share the load by stiffness, equally among equal planets)",
+        ]
+
+    @property
+    def _balance(self) -> list[str]:
+        least = NOTHING * self.largest
+        drives = [c for c in self.outer if self.absorbed[c] < -least]
+        loads = [c for c in self.outer if self.absorbed[c] > least]
+        lines = [f"input power        {self.input_power:.6g} W{' from ' + ', '.join(drives) if drives else ''}"]
+        lines.append(f"output power       {self.output_power:.6g} W{' to ' + ', '.join(loads) if loads else ''}")
+        lost = ", ".join(f"{c} {p:.6g}" for c, p in self.losses.items())
+        lines.append(f"losses             {sum(self.losses.values()):.6g} W{': ' + lost if lost else ''}")
+        if self.input_power and self.output_power:
+            lines.append(f"efficiency         {self.efficiency:.6g}")
+        if self.circulating:
+            share = (
+                f", {100 * self.circulating_power / self.input_power:.4g} % of the input" if self.input_power > least else ""
+            )
+            lines.append(f"circulating power  {self.circulating_power:.6g} W{share}")
+            lines += [f"                   {c.power:.6g} W through {', '.join(c.components)}" for c in self.circulating]
+        else:
+            lines.append("circulating power  none")
+        return lines
+
+
+def _table(flanges: list[FlangePower], scales: tuple[float, float]) -> list[str]:
+    width = max((len(f.name) for f in flanges), default=6)
+    lines = [f"{'flange':{width}}  {'speed, rad/s':>13} {'speed, 1/min':>13} {'torque, N.m':>13} {'power, W':>13}"]
+    for f in flanges:
+        speed = 0.0 if abs(f.speed) <= NOTHING * scales[0] else f.speed
+        torque = 0.0 if abs(f.torque) <= NOTHING * scales[1] else f.torque
+        turning = f"{'-':>13}" if f.sliding else f"{speed * RPM:13.6g}"
+        slides = "  (m/s, N)" if f.sliding else ""
+        lines.append(f"{f.name:{width}}  {speed:13.6g} {turning} {torque:13.6g} {speed * torque + 0.0:13.6g}{slides}")
+    return [*lines, "(torque and power are positive into the component: a drive's power is negative, a load's positive)"]

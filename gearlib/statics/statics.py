@@ -1,0 +1,351 @@
+"""Mobility, speed ratios, and torque and power through every shaft of a train, from its equations and without a simulation."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import by_name, name_list, one_name, real
+from gearlib.errors import ArgumentError, SolverError, StartError
+from gearlib.flatten.model import FlatModel
+from gearlib.language.declarations import Flow, Potential
+from gearlib.linear.subject import check_system
+from gearlib.statics.load_sharing import shared
+from gearlib.statics.power_flow import FlangePower, PowerFlow
+from gearlib.statics.steady_motion import (
+    CONTRADICTION,
+    VALUE,
+    Given,
+    Motion,
+    guesses,
+    kinematics,
+    newton,
+    refuse_contradiction,
+    solve,
+)
+
+if TYPE_CHECKING:
+    from gearlib.system import System
+
+Floats = NDArray[np.float64]
+SAME = 1e-6  # of the fastest speed: motions that differ by less are one
+UNDETERMINED = 1e-8  # of a free motion of about 1, scaled; such motions are exact to about 1e-13
+
+
+def power_flow(
+    system: System, speeds: Mapping[str, float] | None = None, torques: Mapping[str, float] | None = None, *,
+    parameters: Mapping[str, float] | None = None,
+) -> PowerFlow:  # fmt: skip
+    """Speeds, torques and powers of a train that turns steadily.
+
+    Nothing accelerates, so inertia takes no torque; springs and meshes turn with their deflections constant, as if rigid. Unbound
+    inputs that are not given are found: give the speed of the drive and the torque of the load, and the drive's torque follows.
+    A bound input that is a function of time counts as zero unless it is given. What varies over the mesh phase is averaged (tables of
+    transmission error and friction are taken at phase0). Where loads that depend on speed allow several motions, it is the one that the
+    train comes to from its start values, or the one near these. Parallel paths that could be preloaded against each
+    other, such as planets with meshes of their own, share the load by their stiffness, equal planets equally (`PowerFlow.shared`).
+
+    Parameters
+    ----------
+    system : System
+    speeds : mapping, optional
+        Speeds by the path of a variable or of a flange, rad/s (m/s).
+    torques : mapping, optional
+        Values of inputs by path (torques, also others); these replace bindings.
+    parameters : mapping, optional
+        Values by path; a gap is closed by setting its backlash to 0.
+
+    Returns
+    -------
+    PowerFlow
+
+    Raises
+    ------
+    ArgumentError
+        Too much is given (no steady motion has these values), or too little (says what stays open).
+    NameLookupError
+        A name that the model does not have.
+
+    References
+    ----------
+    H. W. Mueller, "Epicyclic Drive Trains", Wayne State University Press, 1982.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Reducer(gl.Component):
+    ...     def assemble(self):
+    ...         self.drive, self.load = gp.Torque(), gp.Torque()
+    ...         self.gear, self.body = gp.IdealGear(ratio=5), gp.Inertia(J=1.0)
+    ...         return [
+    ...             gl.connect(self.drive.flange, self.gear.flange_a),
+    ...             gl.connect(self.gear.flange_b, self.body.flange_a),
+    ...             gl.connect(self.body.flange_b, self.load.flange),
+    ...         ]
+    >>> flow = gl.power_flow(gl.compile(Reducer()), speeds={"gear.flange_a": 100}, torques={"load.tau": -50})
+    >>> flow["gear.flange_b"].speed, flow["gear.flange_a"].torque, flow.input_power
+    (20.0, 10.0, 1000.0)
+    """
+    check_system(system)
+    model = system._structure.model
+    numbers = system._parameters(parameters)
+    given = _given(model, speeds, torques)
+    motion = _reached(system, numbers, given)
+    refuse_contradiction(motion, given)
+    ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
+    places = np.unique(np.array(ports, np.int64))
+    if (motion.undetermined[places] > UNDETERMINED).any():
+        motion = shared(model, numbers, given, motion, places)
+        refuse_contradiction(motion, given)
+    _refuse_open(model, motion)
+    paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
+    return PowerFlow(tuple(_flanges(model, motion)), mobility(system, parameters=parameters), system.name, paths)
+
+
+def _reached(system: System, numbers: Floats, given: Sequence[Given]) -> Motion:
+    """The motion that the train comes to, where loads that depend on the speed allow several.
+
+    Where all that drives the train is given, that is the one which it comes to from its start values. Where a speed is given, or
+    the start values say which motion is meant, it is the one near these; several that nothing tells apart are refused.
+    """
+    model = system._structure.model
+    motion = solve(model, numbers, given)
+    if all(group.template.linear for group in model.groups):
+        return motion
+    inputs = {int(model.representative[v]): int(model.sign[v]) for v in model.inputs}
+    values = {g.variable: g.value for g in given if g.order == VALUE}
+    if not any(g.order for g in given) and set(values) == set(inputs):
+        try:
+            reached = _steady_speeds(system, numbers, [values[v] * sign for v, sign in inputs.items()])
+        except (StartError, SolverError):
+            reached = []
+        if reached:
+            found = solve(model, numbers, given, reached)
+            if not (found.residual > CONTRADICTION).any() and _agree(found, reached):
+                return found
+    if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
+        return motion
+    other = newton(model, numbers, given, -np.concatenate([motion.constants, motion.rates]))
+    turning = np.abs(motion.rates).max(initial=0.0)
+    if (other.residual > CONTRADICTION).any() or not np.abs(other.rates - motion.rates).max(initial=0.0) > SAME * turning:
+        return motion
+    fastest = int(np.argmax(np.abs(motion.rates)))
+    raise ArgumentError(
+        f"several steady motions have the given {', '.join(g.name for g in given) or 'torques'}: der({model.name(fastest)}) is "
+        f"{motion.rates[fastest]:.6g} in one and {other.rates[fastest]:.6g} in another; give a speed, or say near which one it "
+        "turns: guess={'w': ...} of a body"
+    )
+
+
+def _steady_speeds(system: System, numbers: Floats, inputs: Sequence[float]) -> list[Given]:
+    """The speeds in the steady state that the train comes to."""
+    scene = system._scene
+    begin = system._start(scene, numbers, 0.0, "steady", list(inputs))
+    model, found = system._structure.model, []
+    for (v, k), value in zip(scene.states, begin.states.tolist(), strict=True):
+        declared = model.declaration(v)
+        if (k == 0 and declared is not None and declared.unit in ("rad/s", "m/s")) or (k == 1 and model.potential[v]):
+            found.append(Given("speed", v, k, value))
+    return found
+
+
+def _agree(motion: Motion, speeds: Sequence[Given]) -> bool:
+    size = max(abs(s.value) for s in speeds)
+    return all(abs((motion.rates if s.order else motion.constants)[s.variable] - s.value) <= SAME * size for s in speeds)
+
+
+def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -> int:
+    """Independent speeds of a train: its degrees of freedom with springs and meshes taken as rigid.
+
+    Prescribed motions (`gp.Speed`, `gp.Fixed`) count as constraints; dampers, brakes and clutches do not.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Differential(gl.Component):
+    ...     def assemble(self):
+    ...         self.unit = gp.IdealPlanetary(ratio=2)
+    ...         self.body = [gp.Inertia(J=1.0) for _ in range(3)]
+    ...         shafts = (self.unit.sun, self.unit.ring, self.unit.carrier)
+    ...         return [gl.connect(shaft, body.flange_a) for shaft, body in zip(shafts, self.body)]
+    >>> gl.mobility(gl.compile(Differential()))
+    2
+    """
+    check_system(system)
+    model = system._structure.model
+    moving = sorted({int(model.representative[v]) for _, v, _, _ in _mechanical(model) if model.sign[v]})
+    speeds = model.n_variables + np.array(moving, np.int64)
+    if not moving:
+        return 0
+    _, factors, _ = kinematics(model, system._parameters(parameters), speeds)
+    looks = 8
+    while True:  # random free motions: more than are independent show how many are
+        rank = int(np.linalg.matrix_rank(factors.directions(looks)[speeds], tol=1e-8))
+        if rank < looks:
+            return rank
+        looks *= 4
+
+
+def speed_ratio(
+    system: System, driving: str, driven: str, *, held: Sequence[str] = (), parameters: Mapping[str, float] | None = None
+) -> float:
+    """Speed of ``driving`` over speed of ``driven``, from the kinematics alone.
+
+    Parameters
+    ----------
+    system : System
+    driving, driven : str
+        Paths of speeds or flanges.
+    held : sequence of str, optional
+        Speeds or flanges that stand still, for trains with several degrees of freedom; with the carrier held this is the basic
+        ratio of Willis.
+    parameters : mapping, optional
+        Values by path.
+
+    Raises
+    ------
+    ArgumentError
+        The ratio is not determined (more must be held), infinite, or ``driving`` cannot turn.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Differential(gl.Component):
+    ...     def assemble(self):
+    ...         self.unit = gp.IdealPlanetary(ratio=2)
+    ...         self.body = [gp.Inertia(J=1.0) for _ in range(3)]
+    ...         shafts = (self.unit.sun, self.unit.ring, self.unit.carrier)
+    ...         return [gl.connect(shaft, body.flange_a) for shaft, body in zip(shafts, self.body)]
+    >>> system = gl.compile(Differential())
+    >>> gl.speed_ratio(system, "unit.sun", "unit.carrier", held=["unit.ring"])
+    3.0
+    >>> gl.speed_ratio(system, "unit.sun", "unit.ring", held=["unit.carrier"])
+    -2.0
+    """
+    check_system(system)
+    held = name_list("held", held, "unit.carrier")
+    model = system._structure.model
+    given = _given(model, {one_name("driving", driving, "unit.sun"): 1.0, **dict.fromkeys(held, 0.0)}, None)
+    variable, order, sign = _speed(model, driven)
+    place = variable + order * model.n_variables
+    wanted = np.array([place, *(g.variable + g.order * model.n_variables for g in given)])
+    rows, factors, chosen = kinematics(model, system._parameters(parameters), wanted, given)
+    residual = rows.residual[chosen]
+    x = -factors.solve(residual)
+    x -= factors.solve(residual + factors.matrix @ x)
+    if factors.contradiction(residual + factors.matrix @ x, x).max(initial=0.0) > CONTRADICTION:
+        raise ArgumentError(f"{driving} cannot turn{' with ' + ', '.join(held) + ' held' if held else ''}")
+    if sign == 0:
+        raise ArgumentError(f"{driven} always stands still")
+    if factors.undetermined[place] > UNDETERMINED:
+        raise ArgumentError(f"{driven} does not follow from {driving} alone; name the speeds that are held (held=[...])")
+    speed = sign * float(x[place])
+    if abs(speed) < 1e-12:
+        raise ArgumentError(f"{driven} stands still while {driving} turns: the ratio is infinite")
+    return 1.0 / speed
+
+
+def _mechanical(model: FlatModel) -> list[tuple[int, int, int, str]]:
+    """(instance, potential, flow, flange) of every shaft or rod."""
+    found = []
+    for i, instance in enumerate(model.instances):
+        ports: dict[str, dict[type, list[tuple[int, str]]]] = {}
+        for offset, (name, declared) in enumerate(instance.variables.items()):
+            kind = Potential if isinstance(declared, Potential) else Flow if isinstance(declared, Flow) else None
+            if kind is not None:
+                port = ports.setdefault(name.rpartition(".")[0], {Potential: [], Flow: []})
+                port[kind].append((instance.first_variable + offset, declared.unit))
+        for flange, port in ports.items():
+            if len(port[Potential]) == len(port[Flow]) == 1 and port[Potential][0][1] in ("rad", "m"):
+                found.append((i, port[Potential][0][0], port[Flow][0][0], flange))
+    return found
+
+
+def _speed(model: FlatModel, name: str) -> tuple[int, int, int]:
+    """(representative, order, sign) of a speed named by a variable, a flange or "der(angle)"."""
+    base, order = model.column(name)
+    variable = model.find(base)
+    if variable is None:
+        paths = {
+            f"{p}.{flange}" if (p := model.instances[i].path) else flange: potential
+            for i, potential, _, flange in _mechanical(model)
+        }
+        variable = paths.get(base)
+    if variable is None:
+        variable = model.variable(base, "speed or flange")
+    declared = model.declaration(variable)
+    if order == 0 and (model.potential[model.representative[variable]] or (declared is not None and declared.unit == "rad")):
+        order = 1
+    if order > 1:
+        raise ArgumentError(f"{name} is no speed")
+    return int(model.representative[variable]), order, int(model.sign[variable])
+
+
+def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mapping[str, float] | None) -> list[Given]:
+    found = []
+    for what, given in (("speed", speeds), ("torque", torques)):
+        for name, value in by_name(f"{what}s", given, "a mapping of paths to numbers, such as {'motor.flange': 100}").items():
+            value = real(f"{what} {name}", value)
+            if what == "speed":
+                variable, order, sign = _speed(model, name)
+            else:
+                v = model.variable(name, "input")
+                variable, order, sign = int(model.representative[v]), VALUE, int(model.sign[v])
+            if sign == 0 and value != 0.0:
+                raise ArgumentError(f"{name} is always zero; a torque needs a source that is connected, such as gp.Torque")
+            if sign:
+                found.append(Given(name, variable, order, sign * value))
+    return found
+
+
+def _refuse_open(model: FlatModel, motion: Motion) -> None:
+    """Raise an error where a speed, or the torque of a drive or load, stays open. Torques inside the train may: they are shared."""
+    n = model.n_variables
+    ports = _mechanical(model)
+    alone = Counter(i for i, _, _, _ in ports)  # components with one flange drive, load or hold the train
+    inputs = {int(model.representative[v]) for v in model.inputs}
+    open_ = [f"input {model.name(v)}" for v in sorted(inputs) if motion.undetermined[v] > UNDETERMINED]
+    for i, potential, flow, flange in ports:
+        path = model.instances[i].path
+        p, f = int(model.representative[potential]), int(model.representative[flow])
+        name = f"{path + '.' if path else ''}{flange}"
+        if model.sign[potential] and motion.undetermined[p + n] > UNDETERMINED:
+            open_.append(f"speed of {name}")
+        turns = model.sign[potential] and motion.rates[p] != 0.0
+        if alone[i] == 1 and turns and model.sign[flow] and motion.undetermined[f] > UNDETERMINED:
+            open_.append(f"torque of {name}")
+    if open_:
+        more = f" and {len(open_) - 4} more" if len(open_) > 4 else ""
+        raise ArgumentError(f"too little is given: the {', '.join(open_[:4])}{more} stay open; give more speeds or torques")
+
+
+def _shared_names(model: FlatModel, torques: set[int]) -> tuple[str, ...]:
+    """Flanges of basic components whose torque equilibrium alone leaves open."""
+    composite = {i.path.rsplit(".", depth)[0] for i in model.instances for depth in range(1, i.path.count(".") + 1)}
+    found = []
+    for i, _, flow, flange in _mechanical(model):
+        path = model.instances[i].path
+        if path not in composite and model.sign[flow] and int(model.representative[flow]) in torques:
+            found.append(f"{path + '.' if path else ''}{flange}")
+    return tuple(found)
+
+
+def _flanges(model: FlatModel, motion: Motion) -> list[FlangePower]:
+    composite = {i.path.rsplit(".", depth)[0] for i in model.instances for depth in range(1, i.path.count(".") + 1)}
+    composite.add("")
+    alone = len(model.instances) == 1
+    rows = []
+    for i, potential, flow, flange in _mechanical(model):
+        path = model.instances[i].path
+        p, f = int(model.representative[potential]), int(model.representative[flow])
+        speed = float(motion.rates[p]) * int(model.sign[potential])
+        torque = float(motion.constants[f]) * int(model.sign[flow])
+        shaft = p if model.sign[potential] else -1
+        sliding = (declared := model.declaration(potential)) is not None and declared.unit == "m"
+        leaf = alone or path not in composite
+        rows.append(FlangePower(path, flange, speed, torque, speed * torque, shaft, leaf, sliding))
+    return rows

@@ -1,0 +1,385 @@
+"""Steady motion of a model: every variable is ``a + b t``, and the coefficients solve the model's own equations.
+
+A linear equation then splits into one for the constant part and one for the part that grows with time. Torques must not grow.
+With that, a spring that carries a constant torque keeps its deflection, so elastic trains turn as rigid ones do; derivatives of
+speeds vanish, so inertia takes no torque; what is left is kinematics and statics, coupled as in the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import Kernel, partial_kernel, relation_kernel, residual_kernel
+from gearlib.errors import ArgumentError
+from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.structure.sparse_elimination import Factors, factorise
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+CONTRADICTION = 1e-8  # relative residual of an equation that cannot be met
+SPEED, VALUE = 1, 0
+PARTS = 64  # of a turn, over which what repeats is averaged
+
+
+@dataclass(frozen=True)
+class Given:
+    """A prescribed value: of a variable (order 0), or of its rate (order 1)."""
+
+    name: str
+    variable: int  # representative
+    order: int
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Linear equations between the ``2 n`` unknowns: constants ``a``, then rates ``b``."""
+
+    matrix: Any  # sparse
+    residual: Floats
+    kinematic: NDArray[np.bool_]  # rows without torques
+    owner: Callable[[int], str]  # which component wrote a row
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The steady motion, and how far each unknown is left open by the equations (0: not at all)."""
+
+    constants: Floats
+    rates: Floats
+    undetermined: Floats
+    residual: Floats  # of each row, relative
+    factors: Factors
+    owner: Callable[[int], str]
+    modes: Floats  # flags of events
+
+
+def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) -> Floats:
+    """Values of a column of a group in the motion at t = 0."""
+    j = group.template.locals.index(name)
+    source = a if order == 0 else b
+    values: Floats = source[group.variables[:, j]] * group.signs[:, j] if order < 2 else np.zeros(len(group))
+    return values
+
+
+def apply(
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
+) -> Floats:
+    """Values of a kernel of one group at t = 0, with the flags of events as they are."""
+    template = kernel.template
+    columns = [*template.columns, *template.relation_columns]
+    arguments = [argument(group, *columns[c], a, b) for c in kernel.columns]
+    n, rows, flags = len(template.relations), np.arange(len(group)), []
+    for c in kernel.relations:
+        place = model.first_relations[g] + rows * n + c if c < n else model.n_relations + group.held[:, c - n]
+        flags.append(modes[place])
+    constants = [parameters[group.parameters[:, p]] for p in kernel.parameters]
+    with np.errstate(all="ignore"):
+        value = kernel.function(0.0, *arguments, *constants, *flags)
+    return np.broadcast_to(np.asarray(value, float), (len(group),))
+
+
+class Entries:
+    """Rows of a sparse matrix that is being put together."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._parts: list[tuple[Integers, Integers, Floats]] = []
+
+    def put(self, rows: Any, columns: Any, values: Any) -> None:
+        """Entries at rows counted from those that are being added."""
+        rows = np.asarray(rows, np.int64) + self.count
+        shape = np.broadcast_shapes(rows.shape, np.shape(columns), np.shape(values))
+        self._parts.append(tuple(np.broadcast_to(np.asarray(x), shape) for x in (rows, columns, values)))  # type: ignore[arg-type]
+
+    def matrix(self, columns: int) -> Any:
+        import scipy.sparse as sparse
+
+        rows, places, values = (np.concatenate([p[k] for p in self._parts]) for k in range(3))
+        return sparse.csr_matrix((values.astype(float), (rows, places)), shape=(self.count, columns))
+
+
+def assemble(model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, modes: Floats) -> Rows:
+    """The equations of a steady motion, linearised about ``a + b t``. A binding to a function of time stands for zero."""
+    n = model.n_variables
+    entries = Entries()
+    rest: list[Floats] = []
+    kinematic: list[NDArray[np.bool_]] = []
+    writers: list[tuple[int, Integers]] = []  # group, and its row of each line
+    replaced = np.array([g.variable for g in given if g.order == VALUE], np.int64)
+    for g, group in enumerate(model.groups):
+        keep = np.arange(len(group))
+        if group.template.label == "binding":
+            keep = np.flatnonzero(~np.isin(group.variables[:, group.template.locals.index("bound")], replaced))
+        value, torques = _group(model, entries, g, keep, parameters, a, b, modes)
+        rest.append(value)
+        kinematic += [~torques, np.ones(len(keep), bool)]
+        writers += [(g, keep), (g, keep)]
+    x = np.concatenate([a, b])
+    steady = np.flatnonzero(model.flow & (model.representative == np.arange(n)))  # torques do not grow
+    entries.put(np.arange(len(steady)), n + steady, 1.0)
+    entries.count += len(steady)
+    places = np.array([item.variable + item.order * n for item in given], np.int64)
+    entries.put(np.arange(len(given)), places, 1.0)
+    entries.count += len(given)
+    rest += [x[n + steady], x[places] - np.array([item.value for item in given])]
+    kinematic += [np.ones(len(steady), bool), ~model.flow[[item.variable for item in given]] if given else np.empty(0, bool)]
+    ends = np.cumsum([len(rows) for _, rows in writers])
+
+    def owner(row: int) -> str:
+        part = int(np.searchsorted(ends, row, side="right"))
+        if part < len(writers):
+            group, rows = writers[part]
+            return model.owner(group, int(rows[row - (ends[part - 1] if part else 0)]))
+        row -= int(ends[-1]) if len(ends) else 0
+        return "connection" if row < len(steady) else given[row - len(steady)].name
+
+    return Rows(entries.matrix(2 * n), np.concatenate(rest), np.concatenate(kinematic), owner)
+
+
+def _group(
+    model: FlatModel, entries: Entries, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, modes: Floats
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Rows of one group: the constant parts, then those that grow with time. Gives the residuals, and which rows hold torques."""
+    group, n, count = model.groups[g], model.n_variables, len(keep)
+    template = group.template
+    torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
+    on_time = template.label == "binding" and template.on_time
+    repeating = () if template.linear else _repeating(model, g, group, parameters, a, b, modes)
+    turns = _turns(group, a, repeating)
+    for c, (name, order) in enumerate(template.columns):
+        j = template.locals.index(name)
+        v = group.variables[:, j]
+        p = _mean(model, partial_kernel(template, c), g, group, parameters, turns, b, modes) * group.signs[:, j]
+        p = np.where(np.isfinite(p), p, 0.0)
+        if not template.linear:
+            p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
+        if c in repeating:
+            p = np.zeros(len(group))  # what repeats with every turn does not grow
+        if order < 2 and not on_time:
+            entries.put(rows, v[keep] + order * n, p[keep])
+        if order == 0:
+            entries.put(rows + count, v[keep] + n, p[keep])
+            growth += p * b[v]
+            torques |= model.flow[v] & (p != 0)
+    if on_time:
+        j = template.locals.index("bound")
+        value = argument(group, "bound", 0, a, b)
+        entries.put(rows, group.variables[keep, j], group.signs[keep, j])
+    else:
+        value = _mean(model, residual_kernel(template), g, group, parameters, turns, b, modes)
+    entries.count += 2 * count
+    return np.concatenate([value[keep], growth[keep]]), torques[keep]
+
+
+def _repeating(
+    model: FlatModel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
+) -> tuple[int, ...]:
+    """Columns that the equations are periodic in: phases of meshes, which grow while what follows from them repeats."""
+    template, kernel, found = group.template, residual_kernel(group.template), []
+    for c, (name, order) in enumerate(template.columns):
+        v = group.variables[:, template.locals.index(name)]
+        if order or c not in kernel.columns:
+            continue
+        values = []
+        for turn in (0.0, 2 * np.pi, 1.0, 1.0 + 2 * np.pi):
+            turned = a.copy()
+            turned[np.unique(v)] += turn
+            values.append(apply(model, kernel, g, group, parameters, turned, b, modes))
+        change = max(float(np.abs(values[k + 1] - values[k]).max()) for k in (0, 2))
+        if change <= 1e-9 * max(float(np.abs(values[2] - values[0]).max()), float(np.abs(values).max())):
+            slope = partial_kernel(template, c)
+            if slope.columns:  # not a column without an effect here
+                found.append(c)
+    return tuple(found)
+
+
+def _turns(group: EquationGroup, a: Floats, repeating: Sequence[int]) -> list[Floats]:
+    """The constants at equal parts of a turn of the phases; as they are where there is none, or where events depend on it."""
+    template = group.template
+    if not repeating or template.relations or template.held:
+        return [a]
+    places = np.unique([group.variables[:, template.locals.index(template.columns[c][0])] for c in repeating])
+    turns = []
+    for k in range(PARTS):
+        turned = a.copy()
+        turned[places] += 2 * np.pi * k / PARTS
+        turns.append(turned)
+    return turns
+
+
+def _mean(
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats,
+    turns: Sequence[Floats], b: Floats, modes: Floats,
+) -> Floats:  # fmt: skip
+    """Mean of a kernel over a turn."""
+    values = [apply(model, kernel, g, group, parameters, a, b, modes) for a in turns]
+    return values[0] if len(values) == 1 else np.asarray(np.mean(values, axis=0), float)
+
+
+def solve(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given] = ()) -> Motion:
+    """The steady motion by Newton's method: near some speeds if there are any, else from rest, or from the guesses of the model."""
+    n = model.n_variables
+    if near:
+        return newton(model, parameters, given, speeds_near(model, parameters, given, near))
+    motion = newton(model, parameters, given, np.zeros(2 * n))
+    if (motion.residual > CONTRADICTION).any() and any(not group.template.linear for group in model.groups):
+        other = newton(model, parameters, given, speeds_near(model, parameters, given, guesses(model, parameters)))
+        if not (other.residual > CONTRADICTION).any():
+            return other
+    return motion
+
+
+def guesses(model: FlatModel, parameters: Floats) -> list[Given]:
+    """The speeds that the model gives start values or guesses for."""
+    starts, found = model.starts, []
+    for v, slot in zip(starts.variables.tolist(), starts.slots.tolist(), strict=True):
+        rep, sign = int(model.representative[v]), int(model.sign[v])
+        if sign and not model.flow[rep] and not model.potential[rep] and parameters[slot]:
+            found.append(Given("guess", rep, VALUE, sign * float(parameters[slot])))
+    return found
+
+
+def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given]) -> Floats:
+    """Speeds that agree with each other and, as far as they can, with those that are wanted."""
+    zero = np.zeros(model.n_variables)
+    rows = assemble(model, parameters, [*given, *near], zero, zero, initial_modes(model))
+    return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
+
+
+def newton(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
+    """Newton's method for the unknowns, inside an iteration for the flags of events (which side of a lossy gear drives)."""
+    n = model.n_variables
+    modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else initial_modes(model)
+    last: Factors | None = None
+    for _ in range(40):
+        for _ in range(30):
+            rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+            last = _factors(rows.matrix, last)
+            change = last.solve(rows.residual)
+            x = x - change
+            if np.abs(change / last.column).max(initial=0.0) <= 1e-14 * np.abs(x / last.column).max(initial=0.0):
+                break
+        new = settled_modes(model, parameters, x[:n], x[n:])
+        if (new == modes).all():
+            break
+        modes = new
+    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+    factors = _factors(rows.matrix, last)
+    contradiction = factors.contradiction(rows.residual, x)
+    return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, modes)
+
+
+def _factors(matrix: Any, last: Factors | None) -> Factors:
+    """Factors of a matrix, those at hand if it is the same."""
+    if last is not None and matrix.nnz == last.matrix.nnz and (matrix.data == last.matrix.data).all():
+        same = (matrix.indices == last.matrix.indices).all() and (matrix.indptr == last.matrix.indptr).all()
+        if same:
+            return last
+    return factorise(matrix)
+
+
+def kinematics(
+    model: FlatModel, parameters: Floats, wanted: Integers, given: Sequence[Given] = ()
+) -> tuple[Rows, Factors, Integers]:
+    """The equations between speeds alone, whatever the torques are: those rows that the wanted unknowns depend on."""
+    rows = _kinematic_rows(model, parameters, given, initial_modes(model))
+    found = _connected(rows, wanted)
+    if model.n_relations:  # play is taken up: a mesh inside its gap turns its wheels as soon as it has crossed it
+        touching = initial_modes(model)
+        touching[: model.n_relations] = 1.0
+        rows_closed = _kinematic_rows(model, parameters, given, touching)
+        closed = _connected(rows_closed, wanted)
+        if len(closed[0].open) < len(found[0].open):
+            rows, found = rows_closed, closed
+    return rows, *found
+
+
+def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], modes: Floats) -> Rows:
+    """The equations, linearised where what follows without torques (a stiffness, say) has its value."""
+    n = model.n_variables
+    x = np.zeros(2 * n)
+    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+    for _ in range(3 if any(not group.template.linear for group in model.groups) else 0):
+        still = np.flatnonzero(rows.kinematic)
+        x = x - factorise(rows.matrix[still]).solve(rows.residual[still])
+        x[n:] = 0.0
+        rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+    return replace(rows, residual=rows.residual - rows.matrix @ x)  # of unknowns that are all zero
+
+
+def _connected(rows: Rows, wanted: Integers) -> tuple[Factors, Integers]:
+    """Factors of the kinematic rows that the wanted unknowns depend on, and these rows."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    matrix = rows.matrix[np.flatnonzero(rows.kinematic)]
+    matrix.eliminate_zeros()
+    m, n = matrix.shape
+    entries = matrix.tocoo()
+    graph = csr_matrix((np.ones(len(entries.data)), (entries.row, m + entries.col)), shape=(m + n, m + n))
+    parts = connected_components(graph, directed=False)[1]
+    chosen = np.flatnonzero(np.isin(parts[:m], parts[m + wanted]))
+    return factorise(matrix[chosen]), np.flatnonzero(rows.kinematic)[chosen]
+
+
+def initial_modes(model: FlatModel) -> Floats:
+    """Relations false, discrete variables at their start values."""
+    modes = np.zeros(model.n_modes)
+    first, d = model.n_relations, len(model.discretes)
+    if d:
+        modes[first : first + d] = modes[first + d : first + 2 * d] = model.discretes.starts
+        modes[first + 2 * d] = 1.0
+    return modes
+
+
+def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) -> Floats:
+    """Relations and discrete variables of a run that is started in this motion."""
+    modes = initial_modes(model)
+    groups = [*model.groups, *(u.equations for u in model.discretes.updates)]
+    first, d = model.n_relations, len(model.discretes)
+    for _ in range(50):
+        for _ in range(50):
+            before = modes.copy()
+            for g, group in enumerate(groups):
+                for c, relation in enumerate(group.template.relations):
+                    value = apply(model, relation_kernel(group.template, c), g, group, parameters, a, b, modes)
+                    value = -value if relation.negated else value
+                    flags = value > 0 if relation.strict else value >= 0
+                    modes[model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c] = flags
+            for u, update in enumerate(model.discretes.updates):
+                if not update.reinit:
+                    g, kernel = len(model.groups) + u, residual_kernel(update.equations.template)
+                    modes[first + update.targets] = apply(model, kernel, g, update.equations, parameters, a, b, modes)
+            if (before == modes).all():
+                break
+        if not d:
+            break
+        old = modes[first + d : first + 2 * d].copy()
+        modes[first + d : first + 2 * d] = modes[first : first + d]
+        modes[first + 2 * d] = 0.0
+        if (old == modes[first : first + d]).all():
+            break
+    return modes
+
+
+def refuse_contradiction(motion: Motion, given: Sequence[Given]) -> None:
+    """Raise an error that names the components whose equations contradict each other or what is given."""
+    bad = np.flatnonzero(motion.residual > CONTRADICTION)
+    if len(bad):
+        worst = int(bad[np.argmax(motion.residual[bad])])
+        weights = np.abs(motion.factors.combined(worst))
+        involved = np.flatnonzero(weights > 1e-9 * weights.max())
+        names = {g.name for g in given}
+        owners = dict.fromkeys(motion.owner(i) for i in (worst, *involved[np.argsort(-weights[involved])].tolist()))
+        named = [o for o in owners if o != "connection" and o not in names][:6]
+        raise ArgumentError(
+            f"no steady motion has the given {', '.join(g.name for g in given) or 'torques'}: the equations of {', '.join(named)} cannot "
+            "hold; give fewer values, leave a driving torque unbound, close gaps (backlash parameters = 0), or, for a load that "
+            "depends on speed, start near its speed: guess={'w': ...}"
+        )

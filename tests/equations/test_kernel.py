@@ -1,0 +1,117 @@
+"""Kernels: one printed computation of a template, for arrays and for scalars alike."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+import gearlib as gl
+from gearlib.equations.kernel import (
+    Kernel,
+    derivative_of,
+    differentiated,
+    partial_kernel,
+    relation_kernel,
+    residual_kernel,
+    solve_kernel,
+)
+from gearlib.equations.template import Template, template_of
+
+x, y, z, p, q = sympy.symbols("x y z p q", real=True)
+POINT = {"x": 0.7, "y": 1.3, "z": -0.4, "p": 2.5, "q": 0.8}
+T = 0.35
+
+
+def make(residual: Any) -> Template:
+    return template_of(gl.Eq(residual, 0), "test", lambda name: name in {"p", "q"})
+
+
+def relations_at(template: Template) -> list[float]:
+    table = {sympy.Symbol(k, real=True): v for k, v in POINT.items()}
+    return [float(bool((r.g.subs(table) < 0) if r.negated else (r.g.subs(table) > 0))) for r in template.relations]
+
+
+def arguments(kernel: Kernel) -> list[float]:
+    columns = [*kernel.template.columns, *kernel.template.relation_columns]
+    values = [POINT[columns[i][0]] if columns[i][1] == 0 else 0.11 * columns[i][1] for i in kernel.columns]
+    values += [POINT[kernel.template.parameters[i]] for i in kernel.parameters]
+    return values + [relations_at(kernel.template)[i] for i in kernel.relations]
+
+
+def scalar(kernel: Kernel) -> float:
+    names = [*(f"x{i}" for i in kernel.columns), *(f"p{i}" for i in kernel.parameters), *(f"r{i}" for i in kernel.relations)]
+    scope = dict(vars(math)) | {"t": T, "sign": np.sign} | dict(zip(names, arguments(kernel), strict=True))
+    return float(eval(kernel.scalar, scope))
+
+
+RESIDUALS = [
+    p * x + q * y - gl.sin(gl.time),
+    x**2 + y**2 - p**2,
+    gl.exp(x / p) * gl.sqrt(y) + gl.log(y) * gl.cos(z),
+    gl.atan2(y, x) - gl.tanh(z) + gl.asin(x) * gl.acos(x) - gl.atan(z),
+    gl.cosh(x) + gl.sinh(y) + gl.tan(z) + x**3.5 + y**-2,
+    gl.Piecewise((p * x, x > q), (y, x > -q), (z, True)),
+    gl.Max(x, y, z) + gl.Min(x, y) * gl.sign(z) + abs(z),
+    gl.no_event(x + gl.no_event(y)) * p,
+    gl.no_event(gl.Max(x, y, z)) + gl.no_event(abs(z)) * gl.no_event(gl.sign(z)),
+    gl.Piecewise((1, gl.And(x > 0, y > q)), (2, gl.Or(z > 0, gl.Not(x > 1))), (3, True)) * x,
+]
+
+
+def exact(expression: Any) -> float:
+    table = {sympy.Symbol(k, real=True): v for k, v in POINT.items()} | {gl.time: T}
+    expression = expression.replace(lambda e: getattr(e.func, "__name__", "") == "no_event", lambda e: e.args[0])
+    return float(expression.subs(table))
+
+
+@pytest.mark.parametrize("residual", RESIDUALS, ids=str)
+def test_both_printings_are_the_expression(residual: Any) -> None:
+    kernel = residual_kernel(make(residual))
+    assert scalar(kernel) == pytest.approx(exact(residual), rel=1e-14)
+    arrays = [np.full(3, a) for a in arguments(kernel)]
+    assert np.broadcast_to(kernel.function(T, *arrays), 3) == pytest.approx(exact(residual), rel=1e-14)
+
+
+@pytest.mark.parametrize("residual", RESIDUALS[:5], ids=str)
+def test_partial_derivatives_are_those_of_differences(residual: Any) -> None:
+    template = make(residual)
+    h = 1e-6
+    for column, (name, _) in enumerate(template.columns):
+        symbol = sympy.Symbol(name, real=True)
+        difference = (exact(residual.subs(symbol, symbol + h)) - exact(residual.subs(symbol, symbol - h))) / (2 * h)
+        assert scalar(partial_kernel(template, column)) == pytest.approx(difference, rel=1e-7)
+        assert scalar(derivative_of(residual_kernel(template), column)) == pytest.approx(difference, rel=1e-7)
+
+
+@pytest.mark.parametrize("column", ["x", "y"])
+def test_solved_for_a_column(column: str) -> None:
+    residual = p * x - q * y + z**2 + gl.sin(gl.time)
+    template = make(residual)
+    kernel = solve_kernel(template, [name for name, _ in template.columns].index(column))
+    assert kernel is not None
+    symbol = sympy.Symbol(column, real=True)
+    assert exact(residual.subs(symbol, scalar(kernel))) == pytest.approx(0.0, abs=1e-14)
+
+
+def test_what_is_not_linear_is_not_solved() -> None:
+    template = make(x**2 - y)
+    assert solve_kernel(template, [name for name, _ in template.columns].index("x")) is None
+
+
+def test_residual_without_columns() -> None:
+    template = make(p * x + 3 * y + q)
+    assert scalar(residual_kernel(template, frozenset(range(2)))) == POINT["q"]
+    assert residual_kernel(make(p * x + y), frozenset(range(2))).is_zero
+
+
+def test_relation_and_derivatives_are_made_once() -> None:
+    template = make(gl.Piecewise((x, x > q), (0, True)))
+    assert relation_kernel(template, 0) is relation_kernel(template, 0)
+    assert abs(scalar(relation_kernel(template, 0))) == pytest.approx(abs(POINT["x"] - POINT["q"]))
+    assert differentiated(template, 0) is template
+    assert differentiated(template, 2) is differentiated(template, 2)
+    assert max(order for _, order in differentiated(make(x * y), 2).columns) == 2

@@ -1,0 +1,253 @@
+"""Linear models against derivations by hand, and their names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearparts import zhou_cui_2022 as zc
+from tests.linear.random_trains import Train, draw, matrices, sensor_name
+
+
+def test_matrices_equal_a_derivation_by_hand(chain: Callable[..., gl.System]) -> None:
+    """Twists and speeds as states: twist' = w_b - w_a, J w' = torques; every entry, by its names."""
+    n, J, c, d, d_load = 4, 0.7, 310.0, 1.7, 2.2
+    model = chain(n=n, grounded=True).linearize(
+        ["torque.tau"], [f"shaft[{i}].tau" for i in range(n - 1)] + ["body[3].w"],
+        parameters={"J": J, "c": c, "d": d, "d_load": d_load},
+    )  # fmt: skip
+    names = [f"shaft[{i}].phi_rel" for i in range(n - 1)] + [f"body[{i}].w" for i in range(n)]
+    A, B = np.zeros((2 * n - 1, 2 * n - 1)), np.zeros((2 * n - 1, 1))
+    C = np.zeros((n, 2 * n - 1))
+    for i in range(n - 1):
+        stretch, left, right = i, n - 1 + i, n + i
+        A[stretch, left], A[stretch, right] = -1, 1
+        C[i, [stretch, left, right]] = c * (1 + 0.2 * i), -d, d
+        A[left] += C[i] / (J * (1 + 0.3 * i))
+        A[right] -= C[i] / (J * (1 + 0.3 * (i + 1)))
+    A[-1, -1] -= d_load / (J * (1 + 0.3 * (n - 1)))
+    B[n - 1] = 1 / J
+    C[n - 1, -1] = 1
+    place = [list(model.state_labels).index(name) for name in names]
+    assert np.array(model.A)[np.ix_(place, place)] == pytest.approx(A, rel=1e-12, abs=1e-10)
+    assert np.array(model.B)[place] == pytest.approx(B, rel=1e-12)
+    assert np.array(model.C)[:, place] == pytest.approx(C, rel=1e-12, abs=1e-12)
+    assert list(model.input_labels) == ["torque_tau"]
+    assert list(model.output_labels) == [f"shaft[{i}]_tau" for i in range(n - 1)] + ["body[3]_w"]
+
+
+def test_paper_equals_its_printed_equations_at_random_parameters() -> None:
+    """Transfer functions from all four sources; the states differ (momenta there, speeds here)."""
+    rng = np.random.default_rng(5)
+    symbols = ("R_s", "R_p", "I_s", "I_p", "I_r", "I_h", "I_f", "K_g", "C_g", "C_v")
+    defaults = gl.compile(gp.ZhouCui2022()).parameters
+    values = {name: float(defaults[name] * rng.uniform(0.5, 2.0)) for name in symbols}
+    values |= {"R_r": values["R_s"] + 2 * values["R_p"], "R_h": values["R_s"] + values["R_p"]}
+    system = gl.compile(gp.ZhouCui2022())
+    model = system.linearize(["tau_in", "train.e_rate"], ["w_in", "w_out", "q_ring", "q_sun", "q_pair"], parameters=values)
+    params = zc.bond_parameters(**values)
+    A, B = zc.explicit_matrices(params)
+    C = np.zeros((5, 8))
+    C[0, 0], C[1, 7] = 1 / params.I[2], -1 / params.I[78] / params.m[22]
+    C[2, 1] = C[3, 4] = C[4, 6] = 1
+    B = np.column_stack([B[:, 0], B[:, 1:].sum(axis=1)])
+    for w in (3.0, 300.0, 5000.0, 60000.0):
+        mine = model.C @ np.linalg.solve(1j * w * np.eye(8) - model.A, model.B) + model.D
+        theirs = C @ np.linalg.solve(1j * w * np.eye(8) - A, B)
+        assert np.abs(mine - theirs) == pytest.approx(0, abs=1e-10 * np.abs(theirs).max())
+        assert mine == pytest.approx(theirs, rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_trains_have_the_transfer_functions_of_matrices_by_hand(seed: int) -> None:
+    drawn = draw(np.random.default_rng(1000 + seed))
+    A, b, c = matrices(drawn)
+    model = gl.compile(Train(drawn=drawn)).linearize(["torque.tau"], [sensor_name(drawn)])
+    assert model.A.shape == A.shape
+    for s in (0.3 + 2j, 3j + 20, 100 + 300j, 5000j + 2000):
+        mine = model.C @ np.linalg.solve(s * np.eye(len(A)) - model.A, model.B)
+        assert complex(mine[0, 0]) == pytest.approx(complex(c @ np.linalg.solve(s * np.eye(len(A)) - A, b)), rel=1e-10)
+
+
+class Fan(gl.Component):
+    """A motor against a load that grows with the square of speed."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.rotor = gp.Torque(tau=8.0), gp.Inertia(J=0.5, guess={"w": 10.0})
+        self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-2.0, w_nominal=10.0)
+        return [gl.connect(self.torque.flange, self.rotor.flange_a), gl.connect(self.rotor.flange_b, self.load.flange)]
+
+
+def test_steady_state_under_load_is_found_and_used() -> None:
+    """8 = 2 (w / 10)^2 at w = 20; there d(tau)/dw = -2 * 2 * 20 / 100 = -0.8, so A = -0.8 / 0.5."""
+    system = gl.compile(Fan(), outputs=["rotor.w"])
+    model = system.linearize(["torque.tau"], at="steady")
+    assert np.array(model.A) == pytest.approx(np.array([[-1.6]]), rel=1e-10)
+    assert np.array(model.B) == pytest.approx(np.array([[2.0]]), rel=1e-12)
+
+
+def test_moment_of_a_run_is_used() -> None:
+    system = gl.compile(Fan(), outputs=["rotor.w"])
+    run = system.simulate(t_end=0.3, samples=31, rtol=1e-10, start={"rotor.w": 2.0})
+    model = system.linearize(["torque.tau"], at=(run, 0.2))
+    w = float(run["rotor.w"][20])
+    assert float(np.array(model.A)[0, 0]) == pytest.approx(-2 * 2 * w / 100 / 0.5, rel=1e-10)
+
+
+def test_moment_between_samples_is_integrated_not_interpolated() -> None:
+    """From 0 the rotor follows w = 20 tanh(0.8 t), and A = -0.08 w."""
+    system = gl.compile(Fan(), outputs=["rotor.w"])
+    run = system.simulate(t_end=3.0, samples=2, rtol=1e-11, start={"rotor.w": 0.0})
+    model = system.linearize(["torque.tau"], at=(run, 1.2))
+    assert float(np.array(model.A)[0, 0]) == pytest.approx(-1.6 * np.tanh(0.96), rel=1e-9)
+
+
+def test_point_without_a_linear_model_is_named() -> None:
+    """A torque on a brake that nothing with inertia is connected to: no torque says how fast it slides."""
+
+    class Massless(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.brake = gp.Torque(), gp.Brake(fn_max=3.0)
+            return [gl.connect(self.torque.flange, self.brake.flange_a)]
+
+    with pytest.raises(gl.GearlibError, match="no linear model at this point"):
+        gl.compile(Massless()).linearize()
+
+
+def test_absolute_angles_may_grow_in_the_steady_state() -> None:
+    model = gl.compile(Fan()).linearize(["torque.tau"], ["rotor.phi", "rotor.w"], at="steady")
+    assert list(model.state_labels) == ["rotor.phi", "rotor.w"]
+    assert np.array(model.A) == pytest.approx(np.array([[0.0, 1.0], [0.0, -1.6]]), rel=1e-10)
+
+
+class GapDrive(gl.Component):
+    """A motor, a gear with a gap and a fan: in contact under load."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.motor, self.gear = gp.Torque(), gp.Inertia(J=0.1), gp.IdealGear(ratio=2.0)
+        self.mesh = gp.ElastoBacklash(c=1e4, d=3.0, b=0.01)
+        self.rotor = gp.Inertia(J=0.5, guess={"w": 10.0})
+        self.load = gp.QuadraticSpeedDependentTorque(tau_nominal=-4.0, w_nominal=10.0)
+        return [
+            gl.connect(self.torque.flange, self.motor.flange_a),
+            gl.connect(self.motor.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.mesh.flange_a),
+            gl.connect(self.mesh.flange_b, self.rotor.flange_a),
+            gl.connect(self.rotor.flange_b, self.load.flange),
+        ]
+
+
+def by_hand(c: float, d: float, slope: float, J: float = 0.5) -> Any:
+    """Of GapDrive in contact: states motor.w, mesh.phi_rel, rotor.w; slope is that of the load's torque."""
+    return np.array([[-d / 4 / 0.1, c / 2 / 0.1, d / 2 / 0.1], [-0.5, 0, 1], [d / 2 / J, -c / J, (slope - d) / J]])
+
+
+@pytest.fixture(scope="module")
+def gap_drive() -> gl.System:
+    return gl.compile(GapDrive(), outputs=["rotor.w"])
+
+
+@pytest.mark.parametrize("tau", [8.0, 2.0])
+def test_run_from_the_steady_state_under_an_unbound_input(gap_drive: gl.System, tau: float) -> None:
+    """2 tau = 4 (w / 10)^2; the search starts inside the gap, where no torque has a slope."""
+    w = 10 * np.sqrt(tau / 2)
+    run = gap_drive.simulate(t_end=0.1, samples=3, start="steady", inputs={"torque.tau": tau}, rtol=1e-9)
+    assert run["rotor.w"] == pytest.approx(np.full(3, w), rel=1e-9)
+    for t in (0.0, 0.07):
+        A = gap_drive.linearize(["torque.tau"], at=(run, t)).A
+        assert np.array(A) == pytest.approx(by_hand(1e4, 3.0, -8 * w / 100), rel=1e-8)
+
+
+def test_moment_of_a_run_has_its_inputs_and_parameters(gap_drive: gl.System) -> None:
+    """In the gap the mesh has neither stiffness nor damping; later it has. The rotor is that of the run unless another is given."""
+    run = gap_drive.simulate(
+        t_end=2.0, samples=2001, inputs={"torque.tau": 8.0}, parameters={"rotor.J": 0.8}, start={"rotor.w": 0.0}
+    )
+    before, after = (np.array(gap_drive.linearize(["torque.tau"], at=(run, t)).A) for t in (0.001, 2.0))
+    w = run["rotor.w"]
+    assert before == pytest.approx(by_hand(0.0, 0.0, -8 * w[1] / 100, 0.8), abs=1e-9)
+    assert after == pytest.approx(by_hand(1e4, 3.0, -8 * w[-1] / 100, 0.8), rel=1e-9)
+    other = np.array(gap_drive.linearize(["torque.tau"], at=(run, 2.0), parameters={}).A)
+    assert other == pytest.approx(by_hand(1e4, 3.0, -8 * w[-1] / 100), rel=1e-9)
+    with pytest.raises(gl.GearlibError, match="a run of another system than Fan"):
+        gl.compile(Fan()).linearize(["torque.tau"], at=(run, 0.0))
+
+
+class Relay(gl.Component):
+    """x' = u^2 - x, u = 1.5; y' = -(1 or 5) y: five once x has passed 1, and until it falls below 0.1."""
+
+    u = gl.Input("1", "what drives x")
+    x = gl.Variable("1", "driven", start=0.0)
+    y = gl.Variable("1", "decays", start=1.0)
+    on = gl.Discrete("x has passed 1")
+
+    def equations(self) -> list[gl.Eq]:
+        passed = gl.And(gl.holds(gl.pre(self.on)), self.x > 0.1)
+        return [
+            gl.Eq(gl.der(self.x), self.u**2 - self.x),
+            gl.Eq(gl.der(self.y), -(1 + 4 * self.on) * self.y),
+            gl.Eq(self.on, gl.Or(self.x > 1, passed)),
+        ]
+
+
+def test_moment_of_a_run_remembers_its_inputs_and_what_has_happened() -> None:
+    """x passes 1 and falls again: at 0.5 nothing but the run's past tells whether the relay is on."""
+    system = gl.compile(Relay(), outputs=["x", "y", "on"])
+    run = system.simulate(
+        t_end=3.0, samples=3001, inputs={"u": gl.Table([0.0, 1.0, 1.001, 3.0], [1.5, 1.5, 0.25, 0.25])}, rtol=1e-9
+    )
+    early, late = (int(np.argmin(np.abs(run["x"] - 0.5) + 10 * ((run.time > 1) != after))) for after in (False, True))
+    assert (run["on"][[early, late]] == [0, 1]).all()
+    for sample, rate, u in ((early, 1.0, 1.5), (late, 5.0, 0.25)):
+        model = system.linearize(["u"], ["x", "y"], at=(run, run.time[sample]))
+        assert np.array(model.A) == pytest.approx(np.diag([-1.0, -rate]), rel=1e-12)
+        assert np.array(model.B) == pytest.approx(np.array([[2 * u], [0.0]]), rel=1e-12)
+
+
+def test_only_the_states_that_the_outputs_need(chain: Callable[..., gl.System]) -> None:
+    class Two(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.left, self.right = Fan(), Fan()
+            return []
+
+    system = gl.compile(Two())
+    assert system.linearize([], ["left.rotor.w"], sparse=True).states == ("left.rotor.w",)
+    model = system.linearize(["left.torque.tau", "right.torque.tau"], ["left.rotor.w"])
+    assert np.array(model.B).tolist() == [[2.0, 0.0]]  # the other train's torque does nothing
+    assert len(chain(n=4).linearize(["torque.tau"], ["shaft[0].tau"]).state_labels) == 7  # no angles
+
+
+def test_names_that_python_control_cannot_tell_apart() -> None:
+    class Clash(gl.Component):
+        a_w = gl.Variable("rad/s")
+
+        def assemble(self) -> list[Any]:
+            self.a = gp.Inertia(J=1.0)
+            return []
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.a_w, 2 * self.a.w)]
+
+    system = gl.compile(Clash())
+    with pytest.raises(
+        gl.GearlibError, match=r"outputs a\.w and a_w both become 'a_w' in python-control; sparse=True keeps paths"
+    ):
+        system.linearize([], ["a.w", "a_w"])
+    assert system.linearize([], ["a.w", "a_w"], sparse=True).outputs == ("a.w", "a_w")
+    with pytest.raises(gl.GearlibError, match=r"the output a\.w is named twice"):
+        system.linearize([], ["a.w", "a.w"])
+    alone = system.linearize([], ["a.w"])
+    assert (alone.ninputs, alone.noutputs, alone.B.shape) == (0, 1, (alone.nstates, 0))
+
+
+def test_sparse_and_full_matrices_agree(chain: Callable[..., gl.System]) -> None:
+    names = ["torque.tau"], ["body[900].w"]
+    small = chain(n=1000).linearize(*names, sparse=True)
+    assert small.A.nnz < 8000
+    full = chain(n=1000).linearize(*names)
+    assert np.array_equal(small.A.toarray(), np.array(full.A))

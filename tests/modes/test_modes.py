@@ -1,0 +1,349 @@
+"""Mode shapes and energies against M, C and K by hand; large trains; drawings."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from scipy.linalg import eig, eigh, eigh_tridiagonal
+
+import gearlib as gl
+import gearparts as gp
+from gearparts.interfaces import TwoFlanges
+from tests.linear.random_trains import Train, draw, matrices
+
+
+def chain_matrices(n: int, J: float, c: float, d: float, d_load: float = 0.0) -> tuple[Any, Any, Any]:
+    """M, C, K of the chain of conftest, by hand."""
+    M, C, K = np.diag([J * (1 + 0.3 * i) for i in range(n)]), np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n - 1):
+        row = np.zeros(n)
+        row[i], row[i + 1] = -1, 1
+        K += c * (1 + 0.2 * i) * np.outer(row, row)
+        C += d * np.outer(row, row)
+    C[-1, -1] += d_load
+    return M, C, K
+
+
+def test_undamped_chain_has_the_modes_and_energies_of_its_matrices(chain: Callable[..., gl.System]) -> None:
+    M, _, K = chain_matrices(4, 1.0, 100.0, 0.0)
+    squares, shapes = eigh(K, M)
+    found = gl.modes(chain(n=4))
+    assert found.omega[1:] == pytest.approx(np.sqrt(squares[1:]), rel=1e-12)
+    assert found.free == 1
+    for k in range(4):
+        x = shapes[:, k]
+        mine = found.shape(k, *(f"body[{i}].flange_a.phi" for i in range(4)))
+        assert mine / mine[0] == pytest.approx(x / x[0], rel=1e-9)
+        kinetic = 100 * np.diag(M) * x**2 / (x @ M @ x)
+        assert [found.kinetic[k, found.components.index(f"body[{i}]")] for i in range(4)] == pytest.approx(kinetic, abs=1e-8)
+        if k:
+            stretched = np.array([100 * (1 + 0.2 * i) * (x[i + 1] - x[i]) ** 2 for i in range(3)])
+            potential = [found.potential[k, found.components.index(f"shaft[{i}]")] for i in range(3)]
+            assert potential == pytest.approx(100 * stretched / stretched.sum(), abs=1e-8)
+    assert not found.potential[0].any()
+
+
+def test_heavily_damped_chain(chain: Callable[..., gl.System]) -> None:
+    """Energies of a complex mode, with damping that is not proportional: 1/2 x* M x |s|^2 and 1/2 x* K x."""
+    M, C, K = chain_matrices(3, 1.0, 100.0, 3.0, 2.0)
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    values, vectors = eig(A)
+    ringing = [k for k in np.argsort(np.abs(values)) if values[k].imag > 0]
+    found = gl.modes(chain(n=3, grounded=True), parameters={"d": 3.0, "d_load": 2.0})
+    assert found.eigenvalues == pytest.approx(values[ringing], rel=1e-11)
+    assert found.decays == pytest.approx(
+        np.sort(values[(np.abs(values.imag) < 1e-9) & (values.real < -1e-9)].real)[::-1], rel=1e-9
+    )
+    assert found.free == 0  # the load brakes it
+    for row, k in enumerate(ringing):
+        x = vectors[:3, k]
+        kinetic = np.diag(M) * np.abs(x) ** 2
+        assert [found.kinetic[row, found.components.index(f"body[{i}]")] for i in range(3)] == pytest.approx(
+            100 * kinetic / kinetic.sum(), rel=1e-9
+        )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_trains_have_the_damping_and_energies_of_matrices_by_hand(seed: int) -> None:
+    """Eigenvalues, and 1/2 J |w|^2 and 1/2 c |twist|^2 of every body and shaft along the eigenvectors, in percent."""
+    drawn = draw(np.random.default_rng(500 + seed))
+    A, _, _ = matrices(drawn)
+    values, vectors = eig(A)
+    n = len(drawn.J)
+    found = gl.modes(gl.compile(Train(drawn=drawn)))
+    ringing = [k for k in np.argsort(np.abs(values)) if values[k].imag > 1e-6 * np.abs(values).max()]
+    assert found.eigenvalues[found.free :] == pytest.approx(values[ringing], rel=1e-9, abs=1e-9 * np.abs(values).max())
+    ratios = -values[ringing].real / np.abs(values[ringing])
+    assert found.damping[found.free :] == pytest.approx(ratios, rel=1e-7, abs=1e-11)
+    bodies = [found.components.index(f"body[{i}]") for i in range(n)]
+    for row, k in enumerate(ringing, found.free):
+        w = vectors[-n:, k]
+        kinetic = np.array(drawn.J) * np.abs(w) ** 2
+        assert found.kinetic[row, bodies] == pytest.approx(100 * kinetic / kinetic.sum(), abs=1e-6)
+        twists = [w[right] - w[left] / ratio for left, ratio, right, _, _ in drawn.edges] + [
+            -w[body] for body, *_ in drawn.ground
+        ]
+        stiffness = [e[3] for e in drawn.edges] + [g[1] for g in drawn.ground]
+        names = [f"shaft[{i}]" for i in range(len(drawn.edges))] + [f"support[{i}]" for i in range(len(drawn.ground))]
+        potential = np.array(stiffness) * np.abs(np.array(twists)) ** 2
+        for name, share in zip(names, 100 * potential / potential.sum(), strict=True):
+            mine = found.potential[row, found.components.index(name)] if name in found.components else 0.0
+            assert mine == pytest.approx(share, abs=2e-5)
+        assert found.kinetic[row].sum() == pytest.approx(100, abs=1e-4)
+        assert found.potential[row].sum() == pytest.approx(100, abs=1e-4)
+
+
+@pytest.mark.parametrize("n", [3, 300])
+def test_free_motion_is_a_speed_without_twist(chain: Callable[..., gl.System], n: int) -> None:
+    """All bodies turn alike, whether angles, speeds or their derivatives are asked for; nothing is stretched."""
+    found = gl.modes(chain(n=n), 2, parameters={"d": 1.0})
+    assert found.free == 1
+    speeds = found.shape(0, *(f"body[{i}].w" for i in range(n)))
+    assert speeds == pytest.approx(np.full(n, speeds[0]), rel=1e-9)
+    assert abs(speeds[0]) > 0
+    assert found.shape(0, "body[0].a", "der(body[0].flange_a.phi)") == pytest.approx(
+        [speeds[0] * 1j * found.omega[1], speeds[0]]
+    )
+    assert np.abs(found.shape(0, "shaft[0].tau", "shaft[1].phi_rel")).max() < 1e-9 * abs(speeds[0])
+
+
+def test_component_with_inside_bodies_and_springs_is_split() -> None:
+    """One component that hides two bodies and a spring keeps both kinds of energy: the sums are those of separate parts."""
+
+    class Black(gp.interfaces.TwoFlanges):  # type: ignore[name-defined,misc]
+        J = gl.Parameter("kg.m2")
+        c = gl.Parameter("N.m/rad")
+        w_a = gl.Variable("rad/s")
+        w_b = gl.Variable("rad/s")
+        twist = gl.Variable("rad", state="prefer")
+
+        def equations(self) -> list[gl.Eq]:
+            torque = self.c * self.twist
+            return [
+                gl.Eq(self.w_a, gl.der(self.flange_a.phi)),
+                gl.Eq(self.w_b, gl.der(self.flange_b.phi)),
+                gl.Eq(self.twist, self.flange_b.phi - self.flange_a.phi),
+                gl.Eq(self.J * gl.der(self.w_a), self.flange_a.tau + torque),
+                gl.Eq(2 * self.J * gl.der(self.w_b), self.flange_b.tau - torque),
+            ]
+
+    class Whole(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.black, self.shaft, self.end = Black(J=1.0, c=50.0), gp.Spring(c=30.0), gp.Inertia(J=0.7)
+            return [gl.connect(self.black.flange_b, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.end.flange_a)]
+
+    M = np.diag([1.0, 2.0, 0.7])
+    K = np.array([[50.0, -50, 0], [-50, 80, -30], [0, -30, 30]])
+    squares, shapes = eigh(K, M)
+    found = gl.modes(gl.compile(Whole()))
+    assert found.omega[1:] == pytest.approx(np.sqrt(squares[1:]), rel=1e-11)
+    for k in (1, 2):
+        x = shapes[:, k]
+        share = found.components.index("black")
+        assert found.kinetic[k, share] == pytest.approx(100 * (x[0] ** 2 + 2 * x[1] ** 2), abs=1e-7)
+        stretched = 50 * (x[0] - x[1]) ** 2
+        assert found.potential[k, share] == pytest.approx(100 * stretched / squares[k], abs=1e-7)
+
+
+class Series(TwoFlanges):
+    """A spring and a damper in series, in one component."""
+
+    c = gl.Parameter("N.m/rad")
+    d = gl.Parameter("N.m.s/rad")
+    slip = gl.Variable("rad", state="prefer")
+
+    def equations(self) -> list[gl.Eq]:
+        tau = self.c * (self.flange_b.phi - self.flange_a.phi - self.slip)
+        return [
+            gl.Eq(self.flange_b.tau, tau),
+            gl.Eq(self.flange_a.tau, -self.flange_b.tau),
+            gl.Eq(self.d * gl.der(self.slip), tau),
+        ]
+
+
+class Link(gl.Component):
+    """Two bodies, a spring, and a spring and a damper in series beside it: as one component, or as two."""
+
+    whole = gl.Structural(True)
+    c = gl.Parameter("N.m/rad", default=300.0)
+    d = gl.Parameter("N.m.s/rad", default=20.0)
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b, self.s = gp.Inertia(J=1.0), gp.Inertia(J=2.0), gp.Spring(c=100.0)
+        links = [gl.connect(self.a.flange_b, self.s.flange_a), gl.connect(self.s.flange_b, self.b.flange_a)]
+        if self.whole:
+            self.series = Series(c=self.c, d=self.d)
+            return [
+                *links,
+                gl.connect(self.a.flange_a, self.series.flange_a),
+                gl.connect(self.series.flange_b, self.b.flange_b),
+            ]
+        self.spring, self.damper = gp.Spring(c=self.c), gp.Damper(d=self.d)
+        return [
+            *links,
+            gl.connect(self.a.flange_a, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.damper.flange_a),
+            gl.connect(self.damper.flange_b, self.b.flange_b),
+        ]
+
+
+def test_shares_of_energy_are_from_0_to_100_percent_or_not_given() -> None:
+    """What a component stores that also damps inside does not follow from its flanges; as two parts it does."""
+    found, parts = gl.modes(gl.compile(Link())), gl.modes(gl.compile(Link(whole=False)))
+    assert found.eigenvalues == pytest.approx(parts.eigenvalues, rel=1e-10)
+    assert list(found.not_given) == [1]
+    assert "series stores energy and damps inside" in str(found)
+    assert np.isnan(found.kinetic[1]).all()
+    assert np.isnan(found.potential[1]).all()
+    assert found.kinetic[0].sum() == pytest.approx(100)
+    assert [name for name, _, _ in found.motions(1)] == ["a", "b"]
+    axes = found.draw(-1)
+    assert axes[0].figure.get_suptitle().startswith("Mode 1:")
+    assert any("not given" in text.get_text() for text in axes[1].texts)
+    plt.close("all")
+    # by hand: the twist of the part's spring is d s / (c + d s) of the whole one
+    s = parts.eigenvalues[1]
+    twist = abs(20 * s / (300 + 20 * s)) ** 2
+    assert parts.not_given == {}
+    shares = [parts.potential[1, parts.components.index(name)] for name in ("s", "spring")]
+    assert shares == pytest.approx(100 * np.array([100.0, 300 * twist]) / (100 + 300 * twist), rel=1e-9)
+    assert parts.kinetic[1, parts.components.index("a")] == pytest.approx(100 * 2 / 3, rel=1e-9)
+    for d in (1e-4, 1e6):  # a damper that hardly carries, or hardly gives: what it stores is known
+        found, parts = (gl.modes(gl.compile(Link(whole=w)), parameters={"d": d}) for w in (True, False))
+        assert found.not_given == {}
+        bodies = [found.components.index(name) for name in ("a", "b", "s")]
+        for mine, theirs in ((found.kinetic, parts.kinetic), (found.potential, parts.potential)):
+            assert mine[1, bodies] == pytest.approx(theirs[1, [parts.components.index(n) for n in ("a", "b", "s")]], abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_shares_lie_in_their_range_whatever_the_damping(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for _ in range(4):
+        values = {"c": 10 ** rng.uniform(0, 4), "d": 10 ** rng.uniform(-3, 4)}
+        for whole in (True, False):
+            found = gl.modes(gl.compile(Link(whole=whole)), parameters=values)
+            for table in (found.kinetic, found.potential):
+                given = table[[k for k in range(len(found)) if k not in found.not_given]]
+                assert ((given >= 0) & (given <= 100 + 1e-9)).all()
+                assert all(np.isnan(table[k]).all() for k in found.not_given)
+            assert whole or not found.not_given
+
+
+def test_shapes_have_the_signs_of_their_variables(chain: Callable[..., gl.System]) -> None:
+    """Of the two ends of a spring: the torques are opposite, and the twist is the difference of the angles, whichever is the alias."""
+    found = gl.modes(chain(n=3), parameters={"c": 100.0})
+    for mode in (1, 2):
+        for k in (0, 1):
+            a, b, twist, tau = found.shape(
+                mode, f"shaft[{k}].flange_a.phi", f"shaft[{k}].flange_b.phi", f"shaft[{k}].phi_rel", f"shaft[{k}].tau"
+            )
+            at_a, at_b = found.shape(mode, f"shaft[{k}].flange_a.tau", f"shaft[{k}].flange_b.tau")
+            left, right = found.shape(mode, f"body[{k}].flange_b.tau", f"body[{k + 1}].flange_a.tau")
+            assert twist == pytest.approx(b - a, rel=1e-9)
+            assert tau == pytest.approx(100.0 * (1 + 0.2 * k) * twist, rel=1e-9)
+            assert [at_b, at_a, left, right] == pytest.approx([tau, -tau, tau, -tau], rel=1e-9)
+        ends = found.shape(mode, "body[0].flange_a.phi", "body[0].w", "der(body[0].flange_b.phi)")
+        assert ends[1:] == pytest.approx(found.eigenvalues[mode] * ends[:1].repeat(2), rel=1e-9)
+
+
+def test_two_free_shafts_and_a_preload_are_told_apart() -> None:
+    """An elastic loop of two parallel meshes carries a preload; a differential turns in two ways."""
+    unit = gp.PlanetaryUnit(
+        planets=3, planet_meshes="separate", R_s=0.03, R_p=0.04, I_s=1e-3, I_r=0.1, I_h=0.05, I_spin=1e-3, I_orbit=1e-3,
+        K_ring=1e8, C_ring=0.0, K_sun=1e8, C_sun=0.0,
+    )  # fmt: skip
+    found = gl.modes(gl.compile(unit))
+    # 6 meshes and 6 bodies (sun, ring, carrier, 3 planets): 12 states. Four modes and two free motions take 4 * 2 + 2 of them.
+    assert (len(found), found.free, found.preloads) == (6, 2, 2)
+
+
+@pytest.mark.parametrize("d", [0.0, 1.0])
+def test_two_thousand_states(chain: Callable[..., gl.System], d: float) -> None:
+    system = chain(n=1000)
+    mass, c = 1 + 0.3 * np.arange(1000), 1e4 * (1 + 0.2 * np.arange(999))
+    diagonal = (np.append(c, 0) + np.append(0, c)) / mass
+    squares = eigh_tridiagonal(diagonal, -c / np.sqrt(mass[1:] * mass[:-1]), True, "i", (0, 20))
+    expected = np.sqrt(np.maximum(squares, 0))
+    values = {"c": 1e4, "d": d}
+    found = gl.modes(system, 20, parameters=values)
+    assert len(system.states) == 1999
+    assert found.free == 1
+    assert len(found) == 21
+    assert found.omega[1:] == pytest.approx(expected[1:], rel=1e-6 if d else 1e-9)
+
+
+@pytest.mark.slow
+def test_two_thousand_states_are_linearised_and_have_their_modes_in_two_seconds(chain: Callable[..., gl.System]) -> None:
+    system = chain(n=1000)
+    values = {"c": 1e4, "d": 1.0}
+    chain(n=4).linearize(["torque.tau"], ["body[3].w"])  # symbolic work, once for each class
+    begin = time.process_time()
+    model = system.linearize(["torque.tau"], ["body[999].w"], sparse=True, parameters=values)
+    found = gl.modes(system, 20, parameters=values)
+    shares = found.kinetic
+    seconds = time.process_time() - begin  # of the processor; other processes do not count
+    assert model.A.shape == (1999, 1999)
+    assert shares[1:].sum(axis=1) == pytest.approx(100, abs=1e-2)
+    assert seconds < 2.0
+
+
+def test_preloads_do_not_hide_the_lowest_modes() -> None:
+    """Planetary units in a row, each with loops of meshes: more than 100 poles at 0, and the lowest modes are still found."""
+
+    class Row(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.unit = [
+                gp.PlanetaryUnit(
+                    planets=4, planet_meshes="separate", R_s=0.03, R_p=0.04, I_s=1e-3, I_r=0.1, I_h=0.05, I_spin=1e-3, I_orbit=1e-3,
+                    K_ring=1e8, C_ring=0.0, K_sun=1e8, C_sun=0.0,
+                )
+                for _ in range(35)
+            ]  # fmt: skip
+            self.shaft = [gp.Spring(c=1e4) for _ in range(34)]
+            links = []
+            for left, shaft, right in zip(self.unit, self.shaft, self.unit[1:], strict=False):
+                links += [gl.connect(left.carrier, shaft.flange_a), gl.connect(shaft.flange_b, right.carrier)]
+            return links
+
+    system = gl.compile(Row())
+    found = gl.modes(system, 10)
+    full = np.array(system.linearize(inputs=[]).A)
+    values = np.linalg.eigvals(full)
+    expected = np.sort(values.imag[values.imag > 1.0])[:10]
+    assert len(full) > 500
+    assert (np.abs(values) < 1e-3).sum() > 100
+    assert found.omega[found.free :] == pytest.approx(expected, rel=1e-6)
+    assert found.free == 36  # each unit turns with its carrier still, and all turn as one
+    turning = found.shapes[:, : found.free]
+    assert np.linalg.matrix_rank(turning, tol=1e-8) == 36
+    assert np.abs(full @ turning).max() < 1e-7 * np.abs(full).max() * np.abs(turning).max()
+
+
+def test_text_and_table(paper: gl.System) -> None:
+    found = gl.modes(paper)
+    text = str(found)
+    assert "train.x_unit.ring_mesh 96 %" in text
+    assert "Decays without oscillation, 1/s: 32.1307, 393.955" in text
+    table = found.to_dataframe()
+    assert table["kinetic, %"].sum(axis=1).to_numpy() == pytest.approx(100, abs=1e-3)
+    assert table["potential, %"].sum(axis=1).to_numpy() == pytest.approx(100, abs=1e-3)
+    assert table["mode"]["frequency, Hz"].to_list() == pytest.approx([554.697, 929.687, 1228.543], abs=1e-3)
+
+
+def test_drawing_shows_every_body(paper: gl.System) -> None:
+    axes = gl.modes(paper).draw(1)
+    assert "929.69 Hz" in axes[0].figure.get_suptitle()
+    assert "train.x_unit.ring_gear" in [t.get_text() for t in axes[0].get_yticklabels()]
+    with pytest.raises(gl.GearlibError, match="there is no mode 7; there are 3"):
+        gl.modes(paper).draw(7)
+
+
+def test_wrong_count_is_refused(paper: gl.System) -> None:
+    with pytest.raises(gl.GearlibError, match="count is 0; expected a whole number"):
+        gl.modes(paper, 0)

@@ -1,0 +1,96 @@
+"""Generated source: readable, the same in every process, and of a size that does not grow with the model."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.native.identifiers import identifiers
+from gearlib.native.source import is_small
+
+c = gl.connect
+ROOT = Path(__file__).resolve().parents[2]
+
+PROGRAM = """
+import hashlib, gearlib as gl, gearparts as gp
+class Ring(gl.Component):
+    def assemble(self):
+        self.planets = [gp.Inertia(J=1.0 + i) for i in range(7)]
+        self.shaft = [gp.SpringDamper(c=10.0 + i, d=1.0) for i in range(7)]
+        self.gear = [gp.IdealGear(ratio=2.0) for _ in range(2)]
+        self.load = gp.Inertia(J=1.0)
+        self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-1.0, w_nominal=1.0, torque_direction=False)
+        links = [gl.connect(self.planets[i].flange_b, self.shaft[i].flange_a) for i in range(7)]
+        links += [gl.connect(self.shaft[i].flange_b, self.planets[(i + 1) % 7].flange_a) for i in range(7)]
+        links += [gl.connect(self.planets[3].flange_b, g.flange_a) for g in self.gear]
+        return links + [gl.connect(*(g.flange_b for g in self.gear), self.load.flange_a, self.fan.flange)]
+for model in (Ring(), gp.ZhouCui2022()):
+    system = gl.compile(model)
+    print(hashlib.sha256(system.source.encode()).hexdigest(), *system.states)
+    print(system.summary())
+"""
+
+
+def test_source_and_states_do_not_depend_on_hashing() -> None:
+    def run(seed: str) -> str:
+        paths = os.pathsep.join([str(ROOT), str(ROOT / "library")])
+        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": paths}
+        done = subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True)
+        return done.stdout
+
+    first = run("0")
+    assert "planets[6].w" in first
+    assert run("1") == run("987") == first
+
+
+class Chain(gl.Component):
+    n = gl.Structural(3)
+
+    def assemble(self) -> list[Any]:
+        self.torque = gp.Torque(tau=gl.sin(3 * gl.time))
+        self.body = [gp.Inertia(J=1.0 + i) for i in range(self.n)]
+        self.shaft = [gp.SpringDamper(c=50.0, d=0.5) for _ in range(self.n - 1)]
+        links = [c(self.torque.flange, self.body[0].flange_a)]
+        for a, s, b in zip(self.body, self.shaft, self.body[1:]):
+            links += [c(a.flange_b, s.flange_a), c(s.flange_b, b.flange_a)]
+        return links
+
+
+def test_a_small_model_is_written_out_in_its_own_names() -> None:
+    source = gl.compile(Chain(n=3)).source
+    for name in ("body_0_w", "shaft_1_phi_rel", "shaft_1_c", "body_2_J", "der_body_2_w"):
+        assert name in source
+
+
+def test_the_source_of_a_large_model_does_not_grow() -> None:
+    small, large = gl.compile(Chain(n=300)), gl.compile(Chain(n=600))
+    assert not is_small(small._scene.program)
+    assert small.source == large.source
+
+
+@pytest.mark.parametrize("n", [3, 120])
+def test_written_out_and_looped_code_compute_the_same(n: int) -> None:
+    """Against the matrices of the chain."""
+    system = gl.compile(Chain(n=n), outputs=["body[0].w"])
+    found = system.simulate(0.3, samples=4, method="rk", rtol=1e-11)
+    exact = system.simulate(0.3, samples=4, method="exact")
+    ida = system.simulate(0.3, samples=4, method="ida", rtol=1e-10)
+    assert found["body[0].w"] == pytest.approx(exact["body[0].w"], rel=1e-9, abs=1e-12)
+    assert ida["body[0].w"] == pytest.approx(exact["body[0].w"], rel=1e-7, abs=1e-10)
+    assert np.abs(exact["body[0].w"]).max() > 0.01
+
+
+def test_identifiers_are_distinct_and_valid() -> None:
+    names = identifiers(["a.b", "a_b", "a[0].b", "lambda", "3x", "der(der(x))", "x", "dx"])
+    assert len(set(names)) == len(names)
+    assert all(name.isidentifier() for name in names)
+    assert "lambda" not in names
+    assert "x" not in names

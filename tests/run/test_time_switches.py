@@ -1,0 +1,66 @@
+"""When conditions in time switch: symbols once per scene, numbers for each set of parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.run import time_switches
+
+
+class Switched(gl.Component):
+    """Torques that switch at times given by parameters, and where a sine passes a half."""
+
+    ts = gl.Parameter("s", "first switch", default=0.3)
+    sine = gl.Structural(True)
+
+    def assemble(self) -> list[Any]:
+        t = gl.time
+        late = (t - 2 * self.ts) / 0.1 < 0
+        sine = ((gl.sin(t), gl.sin(20 * t) > 0.5),) if self.sine else ()
+        tau = gl.Piecewise((1.0, t < self.ts), (2.0, late), *sine, (3.0, True))
+        self.drive, self.body = gp.Torque(tau=tau), gp.Inertia(J=1.0)
+        self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-0.05, w_nominal=1.0, torque_direction=False)
+        return [gl.connect(self.drive.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.fan.flange)]
+
+
+SYSTEM = gl.compile(Switched())
+
+
+def by_hand(ts: float, end: float) -> list[float]:
+    sine = [(np.arcsin(0.5) + 2 * np.pi * k) / 20 for k in range(20)] + [
+        (5 * np.pi / 6 + 2 * np.pi * k) / 20 for k in range(20)
+    ]
+    return sorted(t for t in [ts, 2 * ts, *sine] if 0 < t < end)
+
+
+@pytest.mark.parametrize("ts", [0.3, 0.123456789, 1 / 3, 5.0])
+def test_events_stand_where_the_conditions_switch(ts: float) -> None:
+    result = SYSTEM.simulate(1.0, samples=3, parameters={"ts": ts})
+    assert [t for t, _ in result.events] == pytest.approx(by_hand(ts, 1.0), rel=1e-14)
+    assert ts > 1.0 or ts in [t for t, _ in result.events]  # to the last bit
+
+
+def test_no_symbol_is_made_in_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = gl.compile(Switched(sine=False))
+    assert len(system.simulate(1.0, samples=3).events) == 2
+    made = []
+    new = sympy.Basic.__new__
+    monkeypatch.setattr(sympy.Basic, "__new__", lambda cls, *a: made.append(cls) or new(cls, *a))
+    for ts in (0.3, 0.4):
+        assert system.simulate(1.0, samples=3, parameters={"ts": ts}).events[0][0] == ts
+    assert not made
+
+
+def test_conditions_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    find = time_switches.times_of_breakpoints
+    monkeypatch.setattr(time_switches, "times_of_breakpoints", lambda *a: calls.append(a) or find(*a))
+    for _ in range(3):
+        SYSTEM.simulate(1.5, samples=3)
+    assert len(calls) == 1  # the sine's; straight lines need none

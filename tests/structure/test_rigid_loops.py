@@ -1,0 +1,133 @@
+"""Rigid loops: what is redundant is left out, what contradicts is named."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import LoopError
+from gearlib.structure.rigid_loops import examine
+
+c = gl.connect
+
+
+def dependent_rows(seed: int) -> Any:
+    """A matrix whose rows depend on each other in several ways."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(2, 7)), int(rng.integers(1, 9))
+    basis = rng.integers(-3, 4, size=(int(rng.integers(1, m + 1)), n)).astype(float)
+    return np.array([rng.choice([0, 1, -2, 0.5], size=len(basis)) @ basis for _ in range(m)])
+
+
+@given(st.integers(0, 10_000))
+def test_what_is_left_is_independent_and_says_the_same(seed: int) -> None:
+    A = dependent_rows(seed)
+    loops = examine([{j: a for j, a in enumerate(row) if a} for row in A], [0.0] * len(A), frozenset(range(A.shape[1])))
+    dropped = {found.last for found in loops.redundant}
+    kept = np.array([row for i, row in enumerate(A) if i not in dropped]).reshape(-1, A.shape[1])
+    assert len(dropped) == len(loops.redundant) == len(A) - np.linalg.matrix_rank(A)
+    assert len(kept) == np.linalg.matrix_rank(A)
+    for found in loops.redundant:
+        assert np.allclose(np.array(found.multipliers) @ A[list(found.rows)], 0, atol=1e-9)
+
+
+@given(st.integers(0, 10_000))
+def test_right_hand_sides_decide_between_redundant_and_contradictory(seed: int) -> None:
+    A = dependent_rows(seed)
+    x = np.arange(1.0, A.shape[1] + 1)
+    rows = [{j: a for j, a in enumerate(row) if a} for row in A]
+    assert examine(rows, list(A @ x), frozenset(range(A.shape[1]))).contradictory == ()
+    rank = np.linalg.matrix_rank(A)
+    b = A @ x + np.random.default_rng(seed).normal(size=len(A))
+    found = examine(rows, list(b), frozenset(range(A.shape[1])))
+    assert len(found.contradictory) == len(A) - rank
+
+
+def gears(*ratios: float, bodies: int = 2) -> gl.Component:
+    """Gears side by side between two inertias."""
+
+    class Loop(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.torque = gp.Torque(tau=6.0)
+            self.gear = [gp.IdealGear(ratio=r) for r in ratios]
+            return [
+                c(self.torque.flange, self.a.flange_a),
+                *(c(self.a.flange_b, g.flange_a) for g in self.gear),
+                *(c(g.flange_b, self.b.flange_a) for g in self.gear),
+            ]
+
+    return Loop()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_equal_gears_side_by_side_turn_as_one(count: int) -> None:
+    system = gl.compile(gears(*[2.0] * count))
+    assert len(system.states) == 1
+    assert ("redundant" in system.summary()) == (count > 1)
+    result = system.simulate(1.0, samples=3)
+    # J = 1 + 2/4 seen from a
+    assert result["a.w"] == pytest.approx(6 / 1.5 * result.time, rel=1e-12)
+    assert result["b.w"] == pytest.approx(6 / 1.5 / 2 * result.time, rel=1e-12)
+    assert sum(result[f"gear[{i}].flange_a.tau"] for i in range(count)) == pytest.approx(6 - 4.0)
+
+
+@pytest.mark.parametrize("error", [1e-13, -3e-14])
+def test_ratios_that_differ_by_rounding_are_equal(error: float) -> None:
+    result = gl.simulate(gears(2.0, 2.0 * (1 + error)), 1.0, samples=2)
+    assert result["a.w"][-1] == pytest.approx(4.0, rel=1e-11)
+
+
+@pytest.mark.parametrize("ratio", [3.0, -2.0, 2.0 * (1 + 1e-6)])
+def test_gears_that_contradict_each_other_are_named(ratio: float) -> None:
+    with pytest.raises(
+        LoopError, match=r"the rigid loop through gear\[0\], gear\[1\] cannot turn.*make one of the connections elastic"
+    ):
+        gl.compile(gears(2.0, ratio))
+
+
+def test_a_parameter_of_a_run_cannot_break_a_loop() -> None:
+    system = gl.compile(gears(2.0, 2.0))
+    assert system.simulate(1.0, samples=2, parameters={"b.J": 6.0})["a.w"][-1] == pytest.approx(6 / 2.5)
+    with pytest.raises(LoopError, match=r"gear\[0\], gear\[1\]|compile again"):
+        system.simulate(1.0, samples=2, parameters={"gear[1].ratio": 3.0})
+
+
+def test_bodies_joined_at_both_ends() -> None:
+    class Joined(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.a, self.b, self.torque = gp.Inertia(J=1.0), gp.Inertia(J=2.0), gp.Torque(tau=6.0)
+            return [
+                c(self.torque.flange, self.a.flange_a),
+                c(self.a.flange_a, self.b.flange_a),
+                c(self.a.flange_b, self.b.flange_b),
+            ]
+
+    result = gl.simulate(Joined(), 1.0, samples=2)
+    assert result["b.w"][-1] == pytest.approx(2.0, rel=1e-12)
+
+
+def test_a_loop_of_planetary_sets_that_locks_is_named() -> None:
+    """Two sets with the same ratio whose rings, suns and carriers are joined, one ring through a gear: nothing can turn."""
+
+    class Locked(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = gp.IdealPlanetary(ratio=3.0), gp.IdealPlanetary(ratio=3.0)
+            self.gear, self.body = gp.IdealGear(ratio=2.0), [gp.Inertia(J=1.0) for _ in range(3)]
+            return [
+                c(self.one.sun, self.other.sun, self.body[0].flange_a),
+                c(self.one.carrier, self.other.carrier, self.body[1].flange_a),
+                c(self.one.ring, self.gear.flange_a, self.body[2].flange_a),
+                c(self.gear.flange_b, self.other.ring),
+            ]
+
+    with pytest.raises(
+        LoopError, match=r"the rigid loop through (one|other|gear), (one|other|gear), (one|other|gear) cannot turn"
+    ):
+        gl.compile(Locked())
