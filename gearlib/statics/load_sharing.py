@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from gearlib.equations.kernel import partial_kernel
 from gearlib.flatten.model import FlatModel
-from gearlib.statics.steady_motion import Given, Motion, apply, newton
+from gearlib.statics.mesh_turn import apply
+from gearlib.statics.steady_motion import Given, Motion, newton
 from gearlib.structure.sparse_elimination import Factors
 
 Floats = NDArray[np.float64]

@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel, partial_kernel, relation_kernel, residual_kernel
+from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
 from gearlib.errors import ArgumentError
-from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.flatten.model import FlatModel
+from gearlib.statics.mesh_turn import Turn, apply, argument, mean, repeating_columns, turn
 from gearlib.structure.sparse_elimination import Factors, factorise
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONTRADICTION = 1e-8  # relative residual of an equation that cannot be met
 SPEED, VALUE = 1, 0
-PARTS = 64  # of a turn, over which what repeats is averaged
 
 
 @dataclass(frozen=True)
@@ -59,31 +59,6 @@ class Motion:
     modes: Floats  # flags of events
 
 
-def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) -> Floats:
-    """Values of a column of a group in the motion at t = 0."""
-    j = group.template.locals.index(name)
-    source = a if order == 0 else b
-    values: Floats = source[group.variables[:, j]] * group.signs[:, j] if order < 2 else np.zeros(len(group))
-    return values
-
-
-def apply(
-    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
-) -> Floats:
-    """Values of a kernel of one group at t = 0, with the flags of events as they are."""
-    template = kernel.template
-    columns = [*template.columns, *template.relation_columns]
-    arguments = [argument(group, *columns[c], a, b) for c in kernel.columns]
-    n, rows, flags = len(template.relations), np.arange(len(group)), []
-    for c in kernel.relations:
-        place = model.first_relations[g] + rows * n + c if c < n else model.n_relations + group.held[:, c - n]
-        flags.append(modes[place])
-    constants = [parameters[group.parameters[:, p]] for p in kernel.parameters]
-    with np.errstate(all="ignore"):
-        value = kernel.function(0.0, *arguments, *constants, *flags)
-    return np.broadcast_to(np.asarray(value, float), (len(group),))
-
-
 class Entries:
     """Rows of a sparse matrix that is being put together."""
 
@@ -111,12 +86,14 @@ def assemble(model: FlatModel, parameters: Floats, given: Sequence[Given], a: Fl
     rest: list[Floats] = []
     kinematic: list[NDArray[np.bool_]] = []
     writers: list[tuple[int, Integers]] = []  # group, and its row of each line
+    repeating = repeating_columns(model, parameters, a, b, modes)
+    over = turn(model, parameters, repeating, a, b, modes)
     replaced = np.array([g.variable for g in given if g.order == VALUE], np.int64)
     for g, group in enumerate(model.groups):
         keep = np.arange(len(group))
         if group.template.label == "binding":
             keep = np.flatnonzero(~np.isin(group.variables[:, group.template.locals.index("bound")], replaced))
-        value, torques = _group(model, entries, g, keep, parameters, a, b, modes)
+        value, torques = _group(model, entries, g, keep, parameters, a, b, modes, repeating.get(g, ()), over)
         rest.append(value)
         kinematic += [~torques, np.ones(len(keep), bool)]
         writers += [(g, keep), (g, keep)]
@@ -143,19 +120,18 @@ def assemble(model: FlatModel, parameters: Floats, given: Sequence[Given], a: Fl
 
 
 def _group(
-    model: FlatModel, entries: Entries, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, modes: Floats
-) -> tuple[Floats, NDArray[np.bool_]]:
+    model: FlatModel, entries: Entries, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, modes: Floats,
+    repeating: Sequence[int], over: Turn | None,
+) -> tuple[Floats, NDArray[np.bool_]]:  # fmt: skip
     """Rows of one group: the constant parts, then those that grow with time. Gives the residuals, and which rows hold torques."""
     group, n, count = model.groups[g], model.n_variables, len(keep)
     template = group.template
     torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
     on_time = template.label == "binding" and template.on_time
-    repeating = () if template.linear else _repeating(model, g, group, parameters, a, b, modes)
-    turns = _turns(group, a, repeating)
     for c, (name, order) in enumerate(template.columns):
         j = template.locals.index(name)
         v = group.variables[:, j]
-        p = _mean(model, partial_kernel(template, c), g, group, parameters, turns, b, modes) * group.signs[:, j]
+        p = mean(model, partial_kernel(template, c), g, group, parameters, a, b, modes, over) * group.signs[:, j]
         p = np.where(np.isfinite(p), p, 0.0)
         if not template.linear:
             p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
@@ -172,54 +148,9 @@ def _group(
         value = argument(group, "bound", 0, a, b)
         entries.put(rows, group.variables[keep, j], group.signs[keep, j])
     else:
-        value = _mean(model, residual_kernel(template), g, group, parameters, turns, b, modes)
+        value = mean(model, residual_kernel(template), g, group, parameters, a, b, modes, over)
     entries.count += 2 * count
     return np.concatenate([value[keep], growth[keep]]), torques[keep]
-
-
-def _repeating(
-    model: FlatModel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
-) -> tuple[int, ...]:
-    """Columns that the equations are periodic in: phases of meshes, which grow while what follows from them repeats."""
-    template, kernel, found = group.template, residual_kernel(group.template), []
-    for c, (name, order) in enumerate(template.columns):
-        v = group.variables[:, template.locals.index(name)]
-        if order or c not in kernel.columns:
-            continue
-        values = []
-        for turn in (0.0, 2 * np.pi, 1.0, 1.0 + 2 * np.pi):
-            turned = a.copy()
-            turned[np.unique(v)] += turn
-            values.append(apply(model, kernel, g, group, parameters, turned, b, modes))
-        change = max(float(np.abs(values[k + 1] - values[k]).max()) for k in (0, 2))
-        if change <= 1e-9 * max(float(np.abs(values[2] - values[0]).max()), float(np.abs(values).max())):
-            slope = partial_kernel(template, c)
-            if slope.columns:  # not a column without an effect here
-                found.append(c)
-    return tuple(found)
-
-
-def _turns(group: EquationGroup, a: Floats, repeating: Sequence[int]) -> list[Floats]:
-    """The constants at equal parts of a turn of the phases; as they are where there is none, or where events depend on it."""
-    template = group.template
-    if not repeating or template.relations or template.held:
-        return [a]
-    places = np.unique([group.variables[:, template.locals.index(template.columns[c][0])] for c in repeating])
-    turns = []
-    for k in range(PARTS):
-        turned = a.copy()
-        turned[places] += 2 * np.pi * k / PARTS
-        turns.append(turned)
-    return turns
-
-
-def _mean(
-    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats,
-    turns: Sequence[Floats], b: Floats, modes: Floats,
-) -> Floats:  # fmt: skip
-    """Mean of a kernel over a turn."""
-    values = [apply(model, kernel, g, group, parameters, a, b, modes) for a in turns]
-    return values[0] if len(values) == 1 else np.asarray(np.mean(values, axis=0), float)
 
 
 def solve(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given] = ()) -> Motion:

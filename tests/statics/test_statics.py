@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
@@ -367,7 +368,12 @@ MESHES: dict[str, dict[str, Any]] = {
     "fourier": {"stiffness": "fourier", "stiffness_terms": ((1, 0.2, 0.3), (2, 0.1, 0.0))},
     "table": {"stiffness": "table"},
     "error": {"error_terms": ((1, 1e-5, 0.2), (2, 3e-6, 0.0))},
+    "error table": {"error_table": ((0.0, 0.0), (1.0, 3e-5), (3.0, -2e-5), (5.0, 1e-5)), "phase0": 0.4},
     "friction": {"friction": True, "contact_ratio": 1.6},
+    "all": {
+        "error_table": ((0.0, 0.0), (1.0, 3e-5), (3.0, -2e-5)), "friction": True, "contact_ratio": 1.6, "stiffness": "table",
+        "stiffness_table": ((0.0, 1.2), (2.0, 0.9), (4.0, 0.9)),
+    },
 }  # fmt: skip
 
 
@@ -399,8 +405,44 @@ def test_detailed_meshes_turn_as_rigid_gears_do(kinds: tuple[str, ...]) -> None:
         return  # which flank carries is not known; power_flow says so
     flow = gl.power_flow(system, speeds={"body[0].w": 100.0}, torques={"load.tau": -10.0})
     assert flow["load.flange"].speed == pytest.approx(100.0 / ratio, rel=1e-10)
-    if "friction" not in kinds:
+    if not {"friction", "all"} & set(kinds):
         assert flow["drive.flange"].torque == pytest.approx(-10.0 / ratio, rel=1e-10)
+
+
+@pytest.mark.parametrize("phase0", [0.0, 2.0, 4.5])
+@pytest.mark.parametrize(("mu", "contact_ratio"), [(0.05, 1.6), (0.1, 1.3), (0.2, 2.0)])
+def test_mesh_friction_loses_its_mean_over_a_turn(mu: float, contact_ratio: float, phase0: float) -> None:
+    """By quadrature over the positions of the pairs, wherever the turn begins; and Niemann's formula."""
+
+    class Pair(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.load = gp.Torque(), gp.Torque()
+            self.mesh = gp.DetailedExternalMesh(
+                r_a=0.05, r_b=0.1, c=1e8, d=500.0, z_a=20.0, friction=True, mu=mu, contact_ratio=contact_ratio, phase0=phase0,
+                v_smooth=1e-6,
+            )  # fmt: skip
+            return [
+                gl.connect(self.drive.flange, self.mesh.flange_a),
+                gl.connect(self.mesh.flange_b, self.load.flange),
+            ]
+
+    flow = gl.power_flow(gl.compile(Pair()), speeds={"mesh.flange_a": 100.0}, torques={"load.tau": -10.0})
+    pitch, w_a, w_b, r_b = 2 * np.pi * 0.05 / 20, 100.0, -50.0, 0.1
+    u = (np.arange(200_000) + 0.5) / 200_000
+    pairs = 1 + (u < contact_ratio - 1)
+    power, torque_b = np.zeros(len(u)), np.zeros(len(u))  # per newton along the line of action
+    for k in range(2):
+        beyond = pitch * (u + k - contact_ratio / 2)
+        arm_a, arm_b = 0.05 * np.tan(np.pi / 9) + beyond, 0.1 * np.tan(np.pi / 9) - beyond
+        sliding = arm_a * w_a + arm_b * w_b
+        force = np.where(k < pairs, mu / pairs * np.sign(sliding), 0.0)
+        power += force * sliding
+        torque_b += force * arm_b
+    force = 10.0 / (r_b - torque_b.mean())
+    lost = flow.input_power - flow.output_power
+    assert lost == pytest.approx(force * power.mean(), rel=1e-3)
+    eps = contact_ratio / 2
+    assert lost == pytest.approx(force * 5.0 * mu * np.pi * (1 / 20 + 1 / 40) * (1 - contact_ratio + 2 * eps**2), rel=1e-3)
 
 
 class Car(gl.Component):

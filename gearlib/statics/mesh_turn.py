@@ -1,0 +1,257 @@
+"""Means over the mesh phase: what a group of equations is over one turn of the phases that it repeats with.
+
+A mesh's phase grows for ever, and its transmission error, stiffness and friction repeat with every turn of it. The speeds and torques
+of a steady motion are the means over that turn. An equation rarely holds the phase itself: a table holds the phase within its period,
+friction the sliding speed of a pair, which follows from that. What follows from the phases and the speeds alone is carried through the
+turn, in the order in which it follows; a deflection is none of it, since it adapts so that its force stays what the torques ask for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import Kernel, relation_kernel, residual_kernel
+from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.equations.template import Template
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+PARTS = 4096  # of a turn: a cubic spline's slope is averaged to 1e-11 of its size, what jumps to a part in 4096 of the jump
+REPEATS = 1e-9  # of the change over a part of a turn: what is left after the whole of it is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """Values over a turn of what the phases move, shape (moved variables, parts); ``place`` is the row of a variable, or -1."""
+
+    place: Integers
+    values: Floats
+
+    def moves(self, group: EquationGroup, name: str) -> bool:
+        return bool((self.place[group.variables[:, group.template.locals.index(name)]] >= 0).any())
+
+    def argument(self, group: EquationGroup, name: str, order: int, a: Floats, b: Floats) -> Floats:
+        """Values of a column, shape (equations, parts), or (equations, 1) where nothing moves it."""
+        plain = argument(group, name, order, a, b)[:, None]
+        if order or not self.moves(group, name):
+            return plain
+        j = group.template.locals.index(name)
+        place = self.place[group.variables[:, j]]
+        moved = self.values[np.maximum(place, 0)] * group.signs[:, [j]]
+        return np.where(place[:, None] >= 0, moved, plain)
+
+
+def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) -> Floats:
+    """Values of a column of a group in the motion at t = 0."""
+    j = group.template.locals.index(name)
+    source = a if order == 0 else b
+    values: Floats = source[group.variables[:, j]] * group.signs[:, j] if order < 2 else np.zeros(len(group))
+    return values
+
+
+def apply(
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
+) -> Floats:
+    """Values of a kernel of one group at t = 0, with the flags of events as they are."""
+    template = kernel.template
+    columns = [*template.columns, *template.relation_columns]
+    arguments = [argument(group, *columns[c], a, b) for c in kernel.columns]
+    flags = [_flag(model, template, g, group, c, modes) for c in kernel.relations]
+    constants = [parameters[group.parameters[:, p]] for p in kernel.parameters]
+    with np.errstate(all="ignore"):
+        value = kernel.function(0.0, *arguments, *constants, *flags)
+    return np.broadcast_to(np.asarray(value, float), (len(group),))
+
+
+def mean(
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats,
+    over: Turn | None,
+) -> Floats:  # fmt: skip
+    """Mean of a kernel over a turn; a linear equation holds for the means."""
+    if over is None or group.template.linear or not _depends(kernel, group, over):
+        return apply(model, kernel, g, group, parameters, a, b, modes)
+    return np.asarray(_through(model, kernel, g, group, parameters, a, b, modes, over).mean(axis=1), float)
+
+
+def repeating_columns(model: FlatModel, parameters: Floats, a: Floats, b: Floats, modes: Floats) -> dict[int, tuple[int, ...]]:
+    """Per group of equations the columns that these are periodic in: phases of meshes, which grow while what follows repeats.
+
+    The other variables have arbitrary values there, so that none of them hides what depends on the phase.
+    """
+    found = {}
+    generic = a + np.random.default_rng(1).uniform(0.5, 1.5, len(a))
+    for g, group in enumerate(model.groups):
+        template = group.template
+        if template.linear:
+            continue
+        columns = tuple(c for c in _bounded(template) if _repeats(model, g, group, c, parameters, generic, b, modes))
+        if columns:
+            found[g] = columns
+    return found
+
+
+@cache
+def _bounded(template: Template) -> tuple[int, ...]:
+    """Columns that may repeat: no derivatives, and none that the equation is linear in."""
+    kernel = residual_kernel(template)
+    return tuple(
+        c for c, (_, order) in enumerate(template.columns)
+        if order == 0 and c in kernel.columns and c in template.partials[c].depends_on
+    )  # fmt: skip
+
+
+def _repeats(
+    model: FlatModel, g: int, group: EquationGroup, c: int, parameters: Floats, a: Floats, b: Floats, modes: Floats
+) -> bool:
+    name, _ = group.template.columns[c]
+    places, kernel, values = (
+        np.unique(group.variables[:, group.template.locals.index(name)]),
+        residual_kernel(group.template),
+        [],
+    )
+    for turned in (0.0, 2 * np.pi, 1.0, 1.0 + 2 * np.pi):
+        x = a.copy()
+        x[places] += turned
+        values.append(apply(model, kernel, g, group, parameters, x, b, modes))
+    varies, repeats = (
+        max(float(np.abs(values[i] - values[k]).max()) for i, k in pairs) for pairs in (((2, 0),), ((1, 0), (3, 2)))
+    )
+    return varies > REPEATS * float(np.abs(values).max()) and repeats <= REPEATS * varies
+
+
+def turn(
+    model: FlatModel, parameters: Floats, repeating: Mapping[int, Sequence[int]], a: Floats, b: Floats, modes: Floats
+) -> Turn | None:
+    """What the phases move over a turn of them all; every value has the mean that it has in the motion."""
+    n = model.n_variables
+    phases = [
+        model.groups[g].variables[:, _local(model.groups[g].template, c)] for g, found in repeating.items() for c in found
+    ]
+    if not phases:
+        return None
+    seeds = np.unique(np.concatenate(phases))
+    place = np.full(n, -1, np.int64)
+    place[seeds] = np.arange(len(seeds))
+    angle = 2 * np.pi * ((np.arange(PARTS) + 0.5) / PARTS - 0.5)
+    over = Turn(place, a[seeds][:, None] + angle)
+    followers = _followers(model, place >= 0)
+    open_ = np.zeros(n, bool)
+    open_[[int(model.groups[g].variables[i, _local(model.groups[g].template, c)]) for g, c, i in followers]] = True
+    while followers:
+        ready = [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]
+        if not ready:
+            return over  # they follow from each other: taken at their means
+        for g, c in dict.fromkeys((g, c) for g, c, _ in ready):
+            rows = np.array([i for other, _, i in ready if other == g], np.int64)
+            group = model.groups[g]
+            j = _local(group.template, c)
+            v = group.variables[rows, j]
+            rest = _through(model, residual_kernel(group.template), g, group, parameters, a, b, modes, over)[rows]
+            slope = float(group.template.partials[c].number or 1.0)
+            change = -(rest - rest.mean(axis=1, keepdims=True)) / slope * group.signs[rows, j][:, None]
+            place[v] = len(over.values) + np.arange(len(v))
+            over = Turn(place, np.concatenate([over.values, a[v][:, None] + change]))
+            open_[v] = False
+        followers = [f for f in followers if f not in set(ready)]
+    return over
+
+
+def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
+    """(group, column, row) of equations that give a variable from phases, speeds and what follows from these."""
+    n = model.n_variables
+    differentiated, rates = np.zeros(n, bool), np.zeros(n, bool)
+    for group in model.groups:
+        if any(order for _, order in group.template.columns):
+            for name, order in group.template.columns:
+                (differentiated if order else rates)[group.variables[:, _place(group.template, name)]] = True
+    deflections, taken, found = differentiated & ~rates, moved.copy(), []
+    reached = moved.copy()
+    while True:
+        more = []
+        for g, group in enumerate(model.groups):
+            template = group.template
+            c = _given(template)
+            if c is None:
+                continue
+            j = _local(template, c)
+            others = [k for k in range(len(template.locals)) if k != j]
+            v = group.variables[:, j]
+            follows = reached[group.variables[:, others]].any(axis=1) & (group.signs[:, j] != 0)
+            free = ~(deflections & ~moved)[group.variables[:, others]].any(axis=1)
+            allowed = ~(taken | differentiated | rates | model.flow | model.potential)[v]
+            more += [(g, c, int(i)) for i in np.flatnonzero(follows & free & allowed)]
+        fresh = {int(model.groups[g].variables[i, _local(model.groups[g].template, c)]): (g, c, i) for g, c, i in more}
+        if not fresh:
+            return found
+        found += fresh.values()
+        taken[list(fresh)] = reached[list(fresh)] = True
+
+
+@cache
+def _given(template: Template) -> int | None:
+    """The column that an equation without derivatives gives: the only one that stands in it alone, times 1 or -1."""
+    if any(order for _, order in (*template.columns, *template.relation_columns)):
+        return None
+    alone = [c for c, p in enumerate(template.partials) if p.number is not None and abs(p.number) == 1.0]
+    compared = {name for name, _ in template.relation_columns}
+    return alone[0] if len(alone) == 1 and template.columns[alone[0]][0] not in compared else None
+
+
+def _others(group: EquationGroup, c: int, i: int) -> Integers:
+    """The variables of an equation but the one that it gives."""
+    return np.delete(group.variables[i], _local(group.template, c))
+
+
+def _local(template: Template, c: int) -> int:
+    return _place(template, template.columns[c][0])
+
+
+def _place(template: Template, name: str) -> int:
+    return template.locals.index(name)
+
+
+def _depends(kernel: Kernel, group: EquationGroup, over: Turn) -> bool:
+    """Whether what the phases move has an effect on a kernel, also through its conditions."""
+    template = kernel.template
+    columns = [*template.columns, *template.relation_columns]
+    names = {columns[c][0] for c in kernel.columns if columns[c][1] == 0}
+    if any(c < len(template.relations) for c in kernel.relations):
+        names |= {name for name, _ in template.relation_columns}
+    return any(over.moves(group, name) for name in names)
+
+
+def _through(
+    model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats,
+    over: Turn,
+) -> Floats:  # fmt: skip
+    """Values of a kernel over a turn, shape (equations, parts); conditions on what is moved are as they are at each part."""
+    template, shape = kernel.template, (len(group), PARTS)
+    columns = [*template.columns, *template.relation_columns]
+    arguments = [over.argument(group, *columns[c], a, b) for c in kernel.columns]
+    constants = [parameters[group.parameters[:, p]][:, None] for p in kernel.parameters]
+    flags = []
+    for c in kernel.relations:
+        compared = relation_kernel(template, c) if c < len(template.relations) else None
+        if compared is not None and _depends(compared, group, over):
+            relation = template.relations[c]
+            value = _through(model, compared, g, group, parameters, a, b, modes, over)
+            value = -value if relation.negated else value
+            flags.append((value > 0 if relation.strict else value >= 0).astype(float))
+        else:
+            flags.append(_flag(model, template, g, group, c, modes)[:, None])
+    with np.errstate(all="ignore"):
+        value = kernel.function(0.0, *(np.broadcast_to(x, shape) for x in (*arguments, *constants, *flags)))
+    return np.broadcast_to(np.asarray(value, float), shape)
+
+
+def _flag(model: FlatModel, template: Template, g: int, group: EquationGroup, c: int, modes: Floats) -> Floats:
+    """What a relation (or, beyond these, a discrete variable) of a group is."""
+    n = len(template.relations)
+    if c < n:
+        return np.asarray(modes[model.first_relations[g] + np.arange(len(group)) * n + c], float)
+    return np.asarray(modes[model.n_relations + group.held[:, c - n]], float)
