@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import Kernel, relation_kernel, residual_kernel
-from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.equations.template import Template
+from gearlib.flatten.model import EquationGroup, FlatModel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -68,6 +68,11 @@ def apply(
     return np.broadcast_to(np.asarray(value, float), (len(group),))
 
 
+def generic(a: Floats) -> Floats:
+    """Constants near by at which nothing vanishes by chance."""
+    return a + np.random.default_rng(1).uniform(0.5, 1.5, len(a))
+
+
 def mean(
     model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats,
     over: Turn | None,
@@ -84,12 +89,12 @@ def repeating_columns(model: FlatModel, parameters: Floats, a: Floats, b: Floats
     The other variables have arbitrary values there, so that none of them hides what depends on the phase.
     """
     found = {}
-    generic = a + np.random.default_rng(1).uniform(0.5, 1.5, len(a))
+    elsewhere = generic(a)
     for g, group in enumerate(model.groups):
         template = group.template
         if template.linear:
             continue
-        columns = tuple(c for c in _bounded(template) if _repeats(model, g, group, c, parameters, generic, b, modes))
+        columns = tuple(c for c in _bounded(template) if _repeats(model, g, group, c, parameters, elsewhere, b, modes))
         if columns:
             found[g] = columns
     return found
@@ -169,7 +174,8 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
         if any(order for _, order in group.template.columns):
             for name, order in group.template.columns:
                 (differentiated if order else rates)[group.variables[:, _place(group.template, name)]] = True
-    deflections, taken, found = differentiated & ~rates, moved.copy(), []
+    deflections, taken = differentiated & ~rates, moved.copy()
+    found: list[tuple[int, int, int]] = []
     reached = moved.copy()
     while True:
         more = []

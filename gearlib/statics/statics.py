@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, one_name, real
-from gearlib.errors import ArgumentError, SolverError, StartError
+from gearlib.errors import ArgumentError, ModelError, SolverError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
 from gearlib.linear.subject import check_system
@@ -44,8 +44,8 @@ def power_flow(
 
     Nothing accelerates, so inertia takes no torque; springs and meshes turn with their deflections constant, as if rigid. Unbound
     inputs that are not given are found: give the speed of the drive and the torque of the load, and the drive's torque follows.
-    A bound input that is a function of time counts as zero unless it is given. What varies over the mesh phase is averaged (tables of
-    transmission error and friction are taken at phase0). Where loads that depend on speed allow several motions, it is the one that the
+    A bound input that is a function of time counts as zero unless it is given. What varies over the mesh phase is averaged over
+    a turn of it. Where loads that depend on speed allow several motions, it is the one that the
     train comes to from its start values, or the one near these. Parallel paths that could be preloaded against each
     other, such as planets with meshes of their own, share the load by their stiffness, equal planets equally (`PowerFlow.shared`).
 
@@ -91,6 +91,7 @@ def power_flow(
     (20.0, 10.0, 1000.0)
     """
     check_system(system)
+    system = _fitting(system, parameters)
     model = system._structure.model
     numbers = system._parameters(parameters)
     given = _given(model, speeds, torques)
@@ -104,6 +105,14 @@ def power_flow(
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
     return PowerFlow(tuple(_flanges(model, motion)), mobility(system, parameters=parameters), system.name, paths)
+
+
+def _fitting(system: System, parameters: Mapping[str, float] | None) -> System:
+    """The translation that fits the parameters, for the steady state; where nothing accelerates a train may do without one."""
+    try:
+        return system.fitting(parameters)
+    except ModelError:
+        return system
 
 
 def _reached(system: System, numbers: Floats, given: Sequence[Given]) -> Motion:
@@ -121,7 +130,7 @@ def _reached(system: System, numbers: Floats, given: Sequence[Given]) -> Motion:
     if not any(g.order for g in given) and set(values) == set(inputs):
         try:
             reached = _steady_speeds(system, numbers, [values[v] * sign for v, sign in inputs.items()])
-        except (StartError, SolverError):
+        except (StartError, SolverError, ModelError):
             reached = []
         if reached:
             found = solve(model, numbers, given, reached)

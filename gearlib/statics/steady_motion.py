@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_kernel
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
-from gearlib.statics.mesh_turn import Turn, apply, argument, mean, repeating_columns, turn
+from gearlib.language.declarations import Flow
+from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
 from gearlib.structure.sparse_elimination import Factors, factorise
 
 Floats = NDArray[np.float64]
@@ -131,8 +132,8 @@ def _group(
     for c, (name, order) in enumerate(template.columns):
         j = template.locals.index(name)
         v = group.variables[:, j]
-        p = mean(model, partial_kernel(template, c), g, group, parameters, a, b, modes, over) * group.signs[:, j]
-        p = np.where(np.isfinite(p), p, 0.0)
+        slope = mean(model, partial_kernel(template, c), g, group, parameters, a, b, modes, over)
+        p = np.where(np.isfinite(slope), slope * group.signs[:, j], 0.0)
         if not template.linear:
             p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
         if c in repeating:
@@ -140,9 +141,20 @@ def _group(
         if order < 2 and not on_time:
             entries.put(rows, v[keep] + order * n, p[keep])
         if order == 0:
+            if c in template.partials[c].depends_on and c not in repeating and not p.all():
+                deflected = a.copy()
+                deflected[v] = generic(a)[v]
+                elsewhere = (
+                    apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, modes) * group.signs[:, j]
+                )
+                hardens = (p == 0) & np.isfinite(elsewhere) & ~model.potential[v]
+                p = np.where(hardens, elsewhere, p)  # a spring without a slope at rest: its deflection may not grow, either
             entries.put(rows + count, v[keep] + n, p[keep])
             growth += p * b[v]
             torques |= model.flow[v] & (p != 0)
+            absent = (group.signs[:, j] == 0) & (slope != 0)
+            if absent.any():
+                torques |= absent & _forces(model, g, name)
     if on_time:
         j = template.locals.index("bound")
         value = argument(group, "bound", 0, a, b)
@@ -151,6 +163,12 @@ def _group(
         value = mean(model, residual_kernel(template), g, group, parameters, a, b, modes, over)
     entries.count += 2 * count
     return np.concatenate([value[keep], growth[keep]]), torques[keep]
+
+
+def _forces(model: FlatModel, g: int, name: str) -> NDArray[np.bool_]:
+    """Whether a variable of a group's components is a torque or a force, also where nothing is connected and it is always zero."""
+    owners = [model.instances[i].variables.get(name) if i >= 0 else None for i in model.groups[g].owners.tolist()]
+    return np.array([d is not None and (isinstance(d, Flow) or d.unit in ("N.m", "N")) for d in owners], bool)
 
 
 def solve(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given] = ()) -> Motion:

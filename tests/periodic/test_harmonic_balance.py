@@ -618,3 +618,35 @@ def test_forces_that_balance_repeat_but_for_their_rounding() -> None:
             system, w, 1.001 * w, frequency="w", guess=guess, parameters={"E": E}, harmonics=1, step=1.0, points=2
         )
         assert found.mean("x.sun_meshes[0].q")[0] == pytest.approx(rest["x.sun_meshes[0].q"][-1], rel=1e-6)
+
+
+@pytest.mark.parametrize("zeros", [("b.J",), ("a.J", "b.J"), ("s1.d",), ("s1.c",), ("b.J", "s1.d")])
+def test_parameters_that_are_zero_where_they_would_be_divided_by(zeros: tuple[str, ...]) -> None:
+    """Two bodies in a row to the housing: by the impedance of the chain."""
+
+    class Chain(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.ground = gp.Torque(), gp.Fixed()
+            self.a, self.b = gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.s1, self.s2 = gp.SpringDamper(c=1.0, d=0.2), gp.SpringDamper(c=3.0, d=0.3)
+            return [
+                gl.connect(self.torque.flange, self.a.flange_a),
+                gl.connect(self.a.flange_b, self.s1.flange_a),
+                gl.connect(self.s1.flange_b, self.b.flange_a),
+                gl.connect(self.b.flange_b, self.s2.flange_a),
+                gl.connect(self.s2.flange_b, self.ground.flange),
+            ]
+
+    numbers = {"a.J": 1.0, "b.J": 2.0, "s1.c": 1.0, "s1.d": 0.2, "s2.c": 3.0, "s2.d": 0.3, **dict.fromkeys(zeros, 0.0)}
+    system = gl.compile(Chain())
+    found = gl.harmonic_balance(
+        system, 0.5, 1.5, inputs={"torque.tau": lambda phase, w: np.cos(phase)}, outputs=["a.w"],
+        parameters=dict.fromkeys(zeros, 0.0),
+    )  # fmt: skip
+    s = 1j * found.omega
+    to_b, to_ground = (numbers[f"{n}.c"] / s + numbers[f"{n}.d"] for n in ("s1", "s2"))
+    beyond = s * numbers["b.J"] + to_ground
+    expected = np.abs(1 / (s * numbers["a.J"] + to_b * beyond / (to_b + beyond)))
+    assert found.amplitude("a.w") == pytest.approx(expected, rel=1e-8)
+    flow = system.power_flow(torques={"torque.tau": 1.0}, parameters=dict.fromkeys(zeros, 0.0))
+    assert flow["a.flange_a"].speed == pytest.approx(1.0 / 0.2 if "s1.c" in zeros else 0.0, abs=1e-12)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from typing import Any
 
@@ -359,6 +360,46 @@ def test_ratios_that_do_not_exist() -> None:
         gl.speed_ratio(system, "sun_1.flange", "ring.flange")
     with pytest.raises(gl.GearlibError, match="cannot turn"):
         gl.speed_ratio(system, "sun_1.flange", "ring.flange", held=["carrier.flange", "ring.flange"])
+
+
+LINKS: list[tuple[Any, int]] = [
+    (lambda: gp.Spring(c=5.0), 0), (lambda: gp.Spring(c=0.0), 1), (lambda: gp.SpringDamper(c=5.0, d=2.0), 0),
+    (lambda: gp.SpringDamper(c=0.0, d=2.0), 1), (lambda: gp.SpringDamper(c=0.0, d=0.0), 1), (lambda: gp.Damper(d=2.0), 1),
+    (lambda: gp.ElastoBacklash(c=5.0, d=1.0, b=0.1), 0), (lambda: gp.ElastoBacklash(c=0.0, d=1.0, b=0.1), 1),
+    (lambda: gp.CubicSpringDamper(c=0.0, c_3=1.0, d=1.0), 0), (lambda: gp.CubicSpringDamper(c=0.0, c_3=0.0, d=1.0), 1),
+    (lambda: gp.Clutch(fn_max=10.0, f_normalized=0.0), 1), (lambda: gp.Clutch(fn_max=10.0, f_normalized=1.0), 1),
+    (lambda: gp.OneWayClutch(fn_max=10.0, f_normalized=1.0), 1), (lambda: gp.Disc(delta_phi=0.1), 0),
+    (lambda: gp.DetailedExternalMesh(r_a=0.1, r_b=0.1, c=0.0, d=1.0), 1),
+    (lambda: gp.ElasticCoupling(J_a=0.1, J_b=0.1, c=0.0, d=1.0), 1),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("end", ["body", "massless body", "nothing"])
+@pytest.mark.parametrize("which", range(len(LINKS)))
+def test_what_is_no_spring_leaves_a_speed_open(which: int, end: str) -> None:
+    """A stiffness of zero, losses, clutches: whatever stands at their other end, also where no torque can act there."""
+    link, expected = LINKS[which]
+
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.rotor, self.link = gp.ConstantSpeed(w_fixed=3.0), gp.Inertia(J=1.0), link()
+            joints = [
+                gl.connect(self.drive.flange, self.rotor.flange_a),
+                gl.connect(self.rotor.flange_b, self.link.flange_a),
+            ]
+            if end == "nothing":
+                return joints
+            self.load = gp.Inertia(J=1.0 if end == "body" else 0.0)
+            return [*joints, gl.connect(self.link.flange_b, self.load.flange_a)]
+
+    try:
+        system = gl.compile(Driven())
+    except gl.GearlibError as refusal:  # a massless end of a link without any effect: its motion does not follow from anything
+        assert end != "body"
+        assert expected == 1
+        assert re.search(r"under-determined|zero|singular", str(refusal))
+        return
+    assert gl.mobility(system) == expected
 
 
 MESHES: dict[str, dict[str, Any]] = {
