@@ -6,12 +6,12 @@ Inside ``equations`` and ``assemble`` an attribute is a symbol named by its path
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeGuard
 
 import numpy as np
 import sympy
@@ -116,6 +116,11 @@ class Component:
     returns a list of `connect` calls; a component may do both. Values of parameters, structural choices and inputs are given by
     keyword when an instance is made.
 
+    A class has the declarations and the equations of its bases: ``equations`` returns what the class adds to them, and is asked of
+    every class along the method resolution order once, bases first. ``super().equations()`` is not called, and an equation of a
+    base cannot be replaced. What a base needs from the classes derived from it is a variable that these equate, or a method that they
+    define. ``assemble`` and ``energies`` are ordinary methods: the one of the class itself counts.
+
     Parameters
     ----------
     start : mapping of str to float, optional
@@ -146,6 +151,17 @@ class Component:
     ...         return [gl.connect(self.torque.flange, self.load.flange_a)]
     >>> gl.simulate(Drive(), t_end=1.0, samples=3)["load.w"]
     array([0. , 2.5, 5. ])
+
+    >>> class Compliant(gp.interfaces.TwoFlanges):
+    ...     tau = gl.Variable("N.m", "torque between the flanges")
+    ...     def equations(self):
+    ...         return [gl.Eq(self.flange_b.tau, self.tau), gl.Eq(self.flange_a.tau, -self.tau)]
+    >>> class Spring(Compliant):
+    ...     c = gl.Parameter("N.m/rad", "stiffness", min=0)
+    ...     def equations(self):
+    ...         return [gl.Eq(self.tau, self.c * (self.flange_b.phi - self.flange_a.phi))]
+    >>> [str(equation.left) for equation in gl.language.component.equations_of(Spring(c=2.0))]
+    ['flange_b.tau', 'flange_a.tau', 'tau']
     """
 
     _declarations: ClassVar[dict[str, Declaration]] = {}
@@ -223,7 +239,7 @@ class Component:
         put(self, "_bindings", bindings)
 
     def equations(self) -> Sequence[Eq | When]:
-        """The equations of the class, on symbols that stand for any instance."""
+        """What the class adds to the equations of its bases, on symbols that stand for any instance."""
         return []
 
     def assemble(self) -> Sequence[Connection]:
@@ -468,15 +484,45 @@ def declared_by(component: Component) -> Declared:
 
 
 def equations_of(component: Component) -> list[Eq | When]:
-    """The equations that `component` writes, on symbols named from its own scope."""
-    with _inside(component), _explained(f"{type(component).__name__}.equations()"):
-        returned = component.equations()
+    """The equations of a component's class and of its bases, on symbols named from the component's scope.
+
+    Each class that writes ``equations`` is asked once, the bases first, in the order in which declarations are inherited.
+    """
+    equations: list[Eq | When] = []
+    stated: dict[Eq, str] = {}  # by which class
+    for owner in reversed(type(component).__mro__):
+        write = vars(owner).get("equations")
+        if write is None or owner is Component:
+            continue
+        own = _equations_by(owner, write.__get__(component, type(component)), component)
+        for equation in filter(_is_hashable, own):
+            if stated.get(equation, owner.__name__) != owner.__name__:
+                raise DeclarationError(
+                    f"{owner.__name__}.equations() repeats {shown(equation.left)} = {shown(equation.right)} of its base "
+                    f"{stated[equation]}; a class has its bases' equations anyway: return only what it adds, without super().equations()"
+                )
+            stated[equation] = owner.__name__
+        equations += own
+    return equations
+
+
+def _is_hashable(equation: Eq | When) -> TypeGuard[Eq]:
+    """Whether it is an equation between what can be compared."""
+    try:
+        hash(equation)
+    except TypeError:
+        return False
+    return isinstance(equation, Eq)
+
+
+def _equations_by(owner: type, write: Callable[[], Any], component: Component) -> list[Eq | When]:
+    """What one class adds to the equations of a component."""
+    with _inside(component), _explained(f"{owner.__name__}.equations()"):
+        returned = write()
         equations = list(returned) if isinstance(returned, Iterable) else [returned]
     if not isinstance(returned, Iterable) or not all(isinstance(e, (Eq, When)) for e in equations):
         bad = next((e for e in equations if not isinstance(e, (Eq, When))), returned)
-        raise DeclarationError(
-            f"{type(component).__name__}.equations() must return a list of gl.Eq(left, right); got {shown(bad)}"
-        )
+        raise DeclarationError(f"{owner.__name__}.equations() must return a list of gl.Eq(left, right); got {shown(bad)}")
     return equations
 
 

@@ -12,7 +12,10 @@ CONTACT = {0.0: "open: coupling {}", 1.0: "in contact: coupling {}", -1.0: "in c
 
 
 class BacklashCoupling(Compliant, Dissipative):
-    """Declares what couplings with backlash share: compliance, gap, and on which side it is closed."""
+    """Declares what couplings with backlash share: compliance, gap, and on which side it is closed.
+
+    A derived class says by ``contact_torque`` which torque acts where the gap is closed.
+    """
 
     c = gl.Parameter("N.m/rad", "stiffness in contact", min=0)
     d = gl.Parameter("N.m.s/rad", "damping in contact", min=0)
@@ -24,22 +27,23 @@ class BacklashCoupling(Compliant, Dissipative):
     has_gap = gl.Discrete("whether there is a backlash at all; otherwise it is a spring and a damper")
     contact = gl.Discrete("1 above the gap, -1 below it, 0 inside")
 
-    def backlash_equations(self, contact_torque: Any) -> list[gl.Eq | gl.When]:
-        """The laws, given the torque where the gap is closed at either side."""
+    def contact_torque(self) -> Any:
+        """The torque where the gap is closed, at either side."""
+        raise NotImplementedError
+
+    def equations(self) -> list[gl.Eq]:
         x, half = self.phi_rel - self.phi_rel0, self.b / 2
         # multiplied by a flag: without a gap the comparisons would make events of no meaning
         above, below = self.has_gap * (x - half) > 0, self.has_gap * (x + half) < 0
         whole, inside = gl.equals(self.has_gap, 0), gl.equals(self.contact, 0)
         return [
-            *self.compliant_equations(),
             gl.Eq(self.tau_c, gl.Piecewise((self.c * x, whole), (0, inside), (self.c * (x - half * self.contact), True))),
             gl.Eq(self.tau_d, self.d * self.w_rel),
-            gl.Eq(self.tau, gl.Piecewise((self.tau_c + self.tau_d, whole), (0, inside), (contact_torque, True))),
+            gl.Eq(self.tau, gl.Piecewise((self.tau_c + self.tau_d, whole), (0, inside), (self.contact_torque(), True))),
             gl.Eq(self.has_gap, self.b > NO_BACKLASH),
             gl.Eq(self.contact, gl.Piecewise((1, above), (-1, below), (0, True))),
             gl.Eq(self.touching, gl.Piecewise((1, whole), (self.contact, True))),
             gl.Eq(self.loss_power, (self.tau - self.tau_c) * self.w_rel),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:
@@ -56,10 +60,10 @@ class ElastoBacklash(BacklashCoupling):
     continuous. Without a backlash, ``tau = c x + d w_rel``.
     """
 
-    def equations(self) -> list[gl.Eq | gl.When]:
+    def contact_torque(self) -> Any:
         side, total = self.contact, self.tau_c + self.tau_d
         limited = gl.Piecewise((2 * self.tau_c, side * (self.tau_d - self.tau_c) > 0), (total, True))
-        return self.backlash_equations(gl.Piecewise((0, side * total < 0), (limited, True)))
+        return gl.Piecewise((0, side * total < 0), (limited, True))
 
 
 class ElastoBacklash2(BacklashCoupling):
@@ -70,6 +74,6 @@ class ElastoBacklash2(BacklashCoupling):
     ``tau = c x + d w_rel``.
     """
 
-    def equations(self) -> list[gl.Eq | gl.When]:
+    def contact_torque(self) -> Any:
         total = self.tau_c + self.tau_d
-        return self.backlash_equations(gl.Piecewise((0, self.contact * total < 0), (total, True)))
+        return gl.Piecewise((0, self.contact * total < 0), (total, True))

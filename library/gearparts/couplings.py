@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import gearlib as gl
 from gearparts.backlash import ElastoBacklash
-from gearparts.interfaces import Compliant, Dissipative, HeatPort, TwoFlanges
+from gearparts.interfaces import Compliant, Dissipative, MaybeHeated, TwoFlanges
 from gearparts.shafts import Inertia, SpringDamper
 
 if TYPE_CHECKING:
@@ -28,10 +28,8 @@ class CubicSpringDamper(Compliant, Dissipative):
     def equations(self) -> list[gl.Eq]:
         x = self.phi_rel - self.phi_rel0
         return [
-            *self.compliant_equations(),
             gl.Eq(self.tau, self.c * x + self.c_3 * x**3 + self.d * self.w_rel),
             gl.Eq(self.loss_power, self.d * self.w_rel**2),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:
@@ -39,7 +37,7 @@ class CubicSpringDamper(Compliant, Dissipative):
         return gl.Energy(stored=self.c * x**2 / 2 + self.c_3 * x**4 / 4, heat=self.loss_power)
 
 
-class ElasticCoupling(TwoFlanges):
+class ElasticCoupling(TwoFlanges, MaybeHeated):
     """Two hubs with an elastic element between them.
 
     The element is, by ``element``, a `SpringDamper` (``"linear"``), a `CubicSpringDamper` (``"cubic"``) or an `ElastoBacklash`
@@ -47,8 +45,6 @@ class ElasticCoupling(TwoFlanges):
     """
 
     element = gl.Structural("linear", "law of the elastic element", choices=("linear", "cubic", "backlash"))
-    use_heat_port = gl.Structural(False, "whether the loss flows to a heat port")
-    heat_port = HeatPort("takes the loss", when="use_heat_port")
     J_a = gl.Parameter("kg.m2", "moment of inertia of the hub on flange_a", min=0)
     J_b = gl.Parameter("kg.m2", "moment of inertia of the hub on flange_b", min=0)
     c = gl.Parameter("N.m/rad", "stiffness", min=0)

@@ -7,7 +7,6 @@ the torque; sliding, it is the acceleration beyond the start of sliding. The spe
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import gearlib as gl
@@ -26,16 +25,32 @@ YIELD = 1e-25
 AT_REST = 1e-11  # rad/s: slower than that, what was at rest has not begun to move; a solver's rounding has no sign that means anything
 
 
-class Friction(gl.Component):
-    """Declares the friction element: curve parameter, mode and the conditions between modes."""
+class SlidingSurfaces(gl.Component):
+    """Declares what surfaces that rub have in common: the torque at which they slide, and when nothing presses them together.
+
+    A derived class equates ``tau0`` and ``free``, and says by ``level`` how the sliding torque depends on the speed.
+    """
+
+    tau0 = gl.Variable("N.m", "sliding torque at zero speed")
+    free = gl.Discrete("nothing presses the surfaces together")
+
+    def level(self, speed: Any) -> Any:
+        """The sliding torque at a positive speed."""
+        raise NotImplementedError
+
+
+class Friction(SlidingSurfaces, Dissipative):
+    """Declares the friction element: curve parameter, mode and the conditions between modes.
+
+    A derived class equates ``v`` with the speed at which the surfaces slide, and says where ``tau`` acts.
+    """
 
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
     w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached against the direction of sliding", default=1e10)
     sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     v = gl.Variable("rad/s", "relative speed of the friction surfaces")
-    tau0 = gl.Variable("N.m", "sliding torque at zero speed")
+    tau = gl.Variable("N.m", "friction torque; acts against the motion when positive")
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free, 3 unknown", start=UNKNOWN)
-    free = gl.Discrete("nothing presses the surfaces together")
     moving = gl.Discrete("sign of the speed, 0 while locked or free")
     was_stuck = gl.Discrete("whether it was stuck before the event")
     was_forward = gl.Discrete("whether it slid forward before the event")
@@ -44,8 +59,7 @@ class Friction(gl.Component):
     start_backward = gl.Discrete("starts to slide backward")
     locked = gl.Discrete("no relative acceleration")
 
-    def friction_equations(self, torque: Any, level: Callable[[Any], Any], free: Any) -> list[gl.Eq | gl.When]:
-        """The element's laws, given its torque, the sliding torque as a function of positive speed, and when it is free."""
+    def equations(self) -> list[gl.Eq]:
         locked, is_free = gl.holds(self.locked), gl.holds(self.free)
         tau0_max = self.peak * self.tau0
         was = gl.pre(self.mode)
@@ -54,8 +68,11 @@ class Friction(gl.Component):
         ways = [(self.sa - tau0_max, forward), (self.sa + tau0_max, True)]
         return [
             gl.Eq(gl.der(self.v), gl.Piecewise((YIELD * self.sa, locked), (self.sa, is_free), *ways)),
-            gl.Eq(torque, gl.Piecewise((self.sa, locked), (0, is_free), (level(self.v), forward), (-level(-self.v), True))),
-            gl.Eq(self.free, free),
+            gl.Eq(
+                self.tau,
+                gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.v), forward), (-self.level(-self.v), True)),
+            ),
+            gl.Eq(self.loss_power, self.tau * self.v),
             gl.Eq(self.moving, sign_while((1 - gl.pre(self.locked)) * (1 - self.free), self.v, gl.pre(self.moving))),
             gl.Eq(self.was_stuck, gl.equals(was, STUCK)),
             gl.Eq(self.was_forward, gl.equals(was, FORWARD)),
@@ -78,6 +95,9 @@ class Friction(gl.Component):
                 ),
             ),
         ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=self.loss_power)
 
     def _starts(self, sense: int, torque: Any, speed: Any, starts: Any, starts_opposite: Any, was_opposite: Any) -> Any:
         """Whether it starts to slide in a sense, with torque and speed counted in that sense.
@@ -114,7 +134,7 @@ def _checked(owner: str, rows: Any) -> Rows:
     return table
 
 
-class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
+class FrictionOnHousing(TwoFlanges, Friction):
     """Declares what bearings and brakes share: one shaft whose speed relative to the housing the friction acts on."""
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
@@ -122,10 +142,8 @@ class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
     phi = gl.Variable("rad", "angle relative to the housing")
     w = gl.Variable("rad/s", "speed relative to the housing")
     a = gl.Derivative("w", "rad/s2", "acceleration relative to the housing")
-    tau = gl.Variable("N.m", "friction torque; acts against the motion when positive")
 
-    def housing_equations(self) -> list[gl.Eq]:
-        """The shaft is rigid; the housing takes the reaction."""
+    def equations(self) -> list[gl.Eq]:
         return [
             gl.Eq(self.flange_a.phi, self.flange_b.phi),
             gl.Eq(self.phi, self.flange_a.phi - (self.support.phi if self.use_support else 0)),
@@ -133,12 +151,7 @@ class FrictionOnHousing(TwoFlanges, Friction, Dissipative):
             gl.Eq(self.v, self.w),
             gl.Eq(self.flange_a.tau + self.flange_b.tau, self.tau),
             *([gl.Eq(self.support.tau, -self.tau)] if self.use_support else []),
-            gl.Eq(self.loss_power, self.tau * self.v),
-            *self.heat_equations(),
         ]
-
-    def energies(self) -> gl.Energy:
-        return gl.Energy(heat=self.loss_power)
 
 
 class BearingFriction(FrictionOnHousing):
@@ -151,16 +164,15 @@ class BearingFriction(FrictionOnHousing):
     tau_pos = gl.Structural(((0.0, 1.0),), "rows of speed (rad/s) and sliding torque (N.m)")
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
 
-    def equations(self) -> list[gl.Eq | gl.When]:
+    def level(self, speed: Any) -> Any:
+        return interpolated(_checked("BearingFriction.tau_pos", self.tau_pos), speed, 1, self.smoothness)
+
+    def equations(self) -> list[gl.Eq]:
         rows = _checked("BearingFriction.tau_pos", self.tau_pos)
-        return [
-            *self.housing_equations(),
-            gl.Eq(self.tau0, at_zero(rows, 1, self.smoothness)),
-            *self.friction_equations(self.tau, lambda speed: interpolated(rows, speed, 1, self.smoothness), False),
-        ]
+        return [gl.Eq(self.tau0, at_zero(rows, 1, self.smoothness)), gl.Eq(self.free, False)]
 
 
-class Pressed(gl.Component):
+class Pressed(SlidingSurfaces):
     """Declares what brakes and clutches share: friction that is proportional to a normal force."""
 
     mu_pos = gl.Structural(((0.0, 0.5),), "rows of speed (rad/s) and sliding friction coefficient")
@@ -170,7 +182,6 @@ class Pressed(gl.Component):
     f_normalized = gl.Input("1", "normal force over the largest one")
 
     def level(self, speed: Any) -> Any:
-        """The sliding torque at a positive speed."""
         rows = _checked(f"{type(self).__name__}.mu_pos", self.mu_pos)
         return interpolated(rows, speed, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
 
@@ -178,6 +189,12 @@ class Pressed(gl.Component):
         """The sliding torque at zero speed."""
         rows = _checked(f"{type(self).__name__}.mu_pos", self.mu_pos)
         return at_zero(rows, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.tau0, gl.Piecewise((0, gl.holds(self.free)), (self.level_at_rest(), True))),
+            gl.Eq(self.free, self.f_normalized <= 0),
+        ]
 
 
 class Brake(FrictionOnHousing, Pressed):
@@ -187,33 +204,16 @@ class Brake(FrictionOnHousing, Pressed):
     times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
     """
 
-    def equations(self) -> list[gl.Eq | gl.When]:
-        return [
-            *self.housing_equations(),
-            gl.Eq(self.tau0, gl.Piecewise((0, gl.holds(self.free)), (self.level_at_rest(), True))),
-            *self.friction_equations(self.tau, self.level, self.f_normalized <= 0),
-        ]
 
-
-class Clutch(Compliant, Friction, Pressed, Dissipative):
+class Clutch(Compliant, Friction, Pressed):
     """Friction clutch between two shafts: slides with ``tau = mu_pos(w_rel) cgeo fn_max f_normalized``, or locks.
 
     It slides with the opposite torque where ``w_rel < 0``. At rest ``der(w_rel) = 0`` as long as ``abs(tau)`` does not exceed
     ``peak`` times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
     """
 
-    def equations(self) -> list[gl.Eq | gl.When]:
-        return [
-            *self.compliant_equations(),
-            gl.Eq(self.v, self.w_rel),
-            gl.Eq(self.tau0, gl.Piecewise((0, gl.holds(self.free)), (self.level_at_rest(), True))),
-            *self.friction_equations(self.tau, self.level, self.f_normalized <= 0),
-            gl.Eq(self.loss_power, self.tau * self.v),
-            *self.heat_equations(),
-        ]
-
-    def energies(self) -> gl.Energy:
-        return gl.Energy(heat=self.loss_power)
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.v, self.w_rel)]
 
 
 class OneWayClutch(Compliant, Pressed, Dissipative):
@@ -226,28 +226,23 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
     w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached while stuck", default=1e10)
     sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
-    tau0 = gl.Variable("N.m", "sliding torque at zero speed")
     tau0_max = gl.Variable("N.m", "torque at which it breaks away")
     stuck = gl.Discrete("locked, or not yet sliding")
-    free = gl.Discrete("nothing presses the surfaces together")
     moving = gl.Discrete("1 where flange_b overruns")
     was_stuck = gl.Discrete("whether it was stuck before the event")
     start_forward = gl.Discrete("starts to slide")
     locked = gl.Discrete("no relative acceleration")
 
-    def equations(self) -> list[gl.Eq | gl.When]:
+    def equations(self) -> list[gl.Eq]:
         locked, is_free, was_stuck = gl.holds(self.locked), gl.holds(self.free), gl.holds(gl.pre(self.stuck))
         largest_at_rest = self.level_at_rest().subs(self.f_normalized, 1)
         peak = piecewise_without_events((self.peak, self.peak > 1 + HYSTERESIS), (1 + HYSTERESIS, True))
         starts = 1 - (1 - self.start_forward) * (1 - gl.pre(self.start_forward))
         limit = self.tau0_max * (1 - starts) + (self.tau0 - ROUNDING * largest_at_rest) * starts
         return [
-            *self.compliant_equations(),
-            gl.Eq(self.tau0, gl.Piecewise((0, is_free), (self.level_at_rest(), True))),
             gl.Eq(self.tau0_max, gl.Piecewise((HYSTERESIS * largest_at_rest, is_free), (peak * self.tau0, True))),
             gl.Eq(gl.der(self.w_rel), gl.Piecewise((0, locked), (self.sa - self.tau0, True))),
             gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
-            gl.Eq(self.free, self.f_normalized <= 0),
             gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > AT_REST * (1 - gl.pre(self.moving))),
             gl.Eq(self.was_stuck, was_stuck),
             gl.Eq(
@@ -261,7 +256,6 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
             gl.Eq(self.locked, gl.And(was_stuck, gl.Not(gl.holds(self.start_forward)))),
             gl.Eq(self.stuck, gl.Or(locked, gl.Not(gl.holds(self.moving)))),
             gl.Eq(self.loss_power, gl.Piecewise((0, gl.holds(self.stuck)), (self.tau * self.w_rel, True))),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:

@@ -5,24 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 import gearlib as gl
-from gearparts.interfaces import Flange, TranslationalFlange, TwoFlanges
+from gearparts.interfaces import Flange, TranslationalFlange, TwoFlangesAndSupport
 
 
-class IdealGear(TwoFlanges):
+class IdealGear(TwoFlangesAndSupport):
     """Gear pair without inertia, losses or elasticity: ``phi_a = ratio phi_b`` relative to the support."""
 
-    use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
-    support = Flange("housing", when="use_support")
     ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
 
     def equations(self) -> list[gl.Eq]:
-        torque = gl.Eq(self.ratio * self.flange_a.tau + self.flange_b.tau, 0)
-        if not self.use_support:
-            return [torque, gl.Eq(self.flange_a.phi, self.ratio * self.flange_b.phi)]
+        housing = self.support.phi if self.use_support else 0
         return [
-            torque,
-            gl.Eq(self.flange_a.phi - self.support.phi, self.ratio * (self.flange_b.phi - self.support.phi)),
-            gl.Eq(self.support.tau, -self.flange_a.tau - self.flange_b.tau),
+            gl.Eq(self.ratio * self.flange_a.tau + self.flange_b.tau, 0),
+            gl.Eq(self.flange_a.phi - housing, self.ratio * (self.flange_b.phi - housing)),
         ]
 
     def energies(self) -> gl.Energy:
@@ -66,8 +61,7 @@ class RotationToTranslation(gl.Component):
         """The rod's position relative to its housing."""
         return self.flange_t.s - self.support_t.s if self.use_support_t else self.flange_t.s
 
-    def support_equations(self) -> list[gl.Eq]:
-        """The housings take the reactions."""
+    def equations(self) -> list[gl.Eq]:
         turning = [gl.Eq(self.support_r.tau, -self.flange_r.tau)] if self.use_support_r else []
         return [*turning, gl.Eq(self.support_t.f, -self.flange_t.f)] if self.use_support_t else turning
 
@@ -84,7 +78,6 @@ class IdealGearR2T(RotationToTranslation):
         return [
             gl.Eq(self.angle(), self.ratio * self.position()),
             gl.Eq(self.ratio * self.flange_r.tau + self.flange_t.f, 0),
-            *self.support_equations(),
         ]
 
 
@@ -97,5 +90,4 @@ class IdealRollingWheel(RotationToTranslation):
         return [
             gl.Eq(self.radius * self.angle(), self.position()),
             gl.Eq(self.radius * self.flange_t.f + self.flange_r.tau, 0),
-            *self.support_equations(),
         ]

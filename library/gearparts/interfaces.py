@@ -1,4 +1,4 @@
-"""Connectors, and the declarations that families of components share.
+"""Connectors, and the declarations and equations that families of components share.
 
 Sign convention, as in Modelica: a flow is positive into the component, so a positive torque at a flange accelerates the
 component in the direction of a growing angle, and the power that flows in is the sum of ``tau * der(phi)`` over its flanges.
@@ -42,6 +42,16 @@ class TwoFlanges(gl.Component):
     flange_b = Flange("right")
 
 
+class TwoFlangesAndSupport(TwoFlanges):
+    """Declares the flanges of an element between two shafts, and its support: the housing that takes the reaction."""
+
+    use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
+    support = Flange("housing", when="use_support")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.support.tau, -self.flange_a.tau - self.flange_b.tau)] if self.use_support else []
+
+
 class OneFlange(gl.Component):
     """Declares the flange of a source, and its support: the housing that takes the reaction."""
 
@@ -53,30 +63,34 @@ class OneFlange(gl.Component):
         """The shaft's angle relative to the housing."""
         return self.flange.phi - self.support.phi if self.use_support else self.flange.phi
 
-    def support_equations(self) -> list[gl.Eq]:
-        """The housing takes the reaction."""
+    def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.support.tau, -self.flange.tau)] if self.use_support else []
 
     def energies(self) -> gl.Energy:
         return gl.Energy(source=True)
 
 
-class Dissipative(gl.Component):
-    """Declares what elements with losses share: the power lost, and the heat port that may take it."""
+class MaybeHeated(gl.Component):
+    """Declares the heat port that may take the losses of an element or of its parts."""
 
     use_heat_port = gl.Structural(False, "whether the loss flows to a heat port")
     heat_port = HeatPort("takes the loss", when="use_heat_port")
+
+
+class Dissipative(MaybeHeated):
+    """Declares what elements with losses share: the power lost, which leaves through the heat port if there is one."""
+
     loss_power = gl.Variable("W", "power lost to heat")
 
-    def heat_equations(self) -> list[gl.Eq]:
-        """The loss leaves the element through its heat port."""
+    def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.heat_port.Q_flow, -self.loss_power)] if self.use_heat_port else []
 
 
 class Compliant(TwoFlanges):
     """Declares what springs and dampers share: the torque between the flanges, and the relative angle and speed.
 
-    The relative angle is preferred as a state: it stays small however far the shafts turn.
+    The torque acts on both flanges with opposite signs; a derived class equates it. The relative angle is preferred as a state: it
+    stays small however far the shafts turn.
     """
 
     phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="prefer", nominal=SMALL)
@@ -84,8 +98,7 @@ class Compliant(TwoFlanges):
     a_rel = gl.Derivative("w_rel", "rad/s2", "relative acceleration")
     tau = gl.Variable("N.m", "torque between the flanges; pulls them together when positive")
 
-    def compliant_equations(self) -> list[gl.Eq]:
-        """The torque acts on both flanges with opposite signs; the relative speed is the relative angle's derivative."""
+    def equations(self) -> list[gl.Eq]:
         return [
             gl.Eq(self.phi_rel, self.flange_b.phi - self.flange_a.phi),
             gl.Eq(self.w_rel, gl.der(self.phi_rel)),

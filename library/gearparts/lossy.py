@@ -8,7 +8,7 @@ import gearlib as gl
 from gearlib.errors import BindingError
 from gearparts.backlash import ElastoBacklash
 from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, sign_while
-from gearparts.interfaces import Dissipative, Flange, TwoFlanges
+from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ SMALLEST = 1e-15  # where both efficiencies are 1, both bearing torques are the 
 IDEAL: Rows = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 
 
-class LossyGear(TwoFlanges, Dissipative):
+class LossyGear(TwoFlangesAndSupport, Dissipative):
     """Gear pair with mesh efficiency and bearing friction: ``tau_b = -ratio (tau_a - tau_loss)``, ``phi_a = ratio phi_b``.
 
     A row of ``loss_table`` holds a speed of flange_a, the efficiencies ``eta1`` (flange_a drives) and ``eta2`` (flange_b drives)
@@ -36,10 +36,8 @@ class LossyGear(TwoFlanges, Dissipative):
     2nd International Modelica Conference, 2002, pp. 257-266.
     """
 
-    use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     loss_table = gl.Structural(IDEAL, "rows of speed (rad/s), eta1, eta2, B1 (N.m), B2 (N.m)")
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
-    support = Flange("housing", when="use_support")
     ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
     phi_a = gl.Variable("rad", "angle of flange_a relative to the housing")
     w_a = gl.Variable("rad/s", "speed of flange_a relative to the housing")
@@ -56,7 +54,7 @@ class LossyGear(TwoFlanges, Dissipative):
     start_backward = gl.Discrete("starts to turn backward")
     locked = gl.Discrete("no acceleration")
 
-    def equations(self) -> list[gl.Eq | gl.When]:
+    def equations(self) -> list[gl.Eq]:
         rows = check_rows("LossyGear.loss_table", self.loss_table, 5)
         for row in rows:
             if not (0 <= row[1] <= 1 and 0 < row[2] <= 1 and row[3] >= 0 and row[4] >= 0):
@@ -71,13 +69,11 @@ class LossyGear(TwoFlanges, Dissipative):
             gl.Eq(self.phi_a, self.ratio * (self.flange_b.phi - housing)),
             gl.Eq(self.w_a, gl.der(self.phi_a)),
             gl.Eq(self.flange_b.tau, -self.ratio * (self.flange_a.tau - self.tau_loss)),
-            *([gl.Eq(self.support.tau, -self.flange_a.tau - self.flange_b.tau)] if self.use_support else []),
             gl.Eq(self.loss_power, self.tau_loss * self.w_a),
-            *self.heat_equations(),
             *laws,
         ]
 
-    def _ideal(self) -> list[gl.Eq | gl.When]:
+    def _ideal(self) -> list[gl.Eq]:
         none = (self.tau_loss, self.loss_forward, self.loss_backward)
         never = (self.moving, self.was_stuck, self.start_forward, self.start_backward, self.locked)
         return [
@@ -87,7 +83,7 @@ class LossyGear(TwoFlanges, Dissipative):
             gl.Eq(self.mode, FREE),
         ]
 
-    def _losses(self, rows: Rows) -> list[gl.Eq | gl.When]:
+    def _losses(self, rows: Rows) -> list[gl.Eq]:
         torque = self.flange_a.tau
         ahead = gl.Or(gl.holds(self.start_forward), gl.equals(gl.pre(self.mode), FORWARD))
         at_rest = [at_zero(rows, column, self.smoothness) for column in (1, 2, 3, 4)]
@@ -120,7 +116,7 @@ class LossyGear(TwoFlanges, Dissipative):
             ),
         ]
 
-    def _modes(self) -> list[gl.Eq | gl.When]:
+    def _modes(self) -> list[gl.Eq]:
         was = gl.pre(self.mode)
         ahead = gl.Or(gl.equals(was, FORWARD), gl.holds(self.start_forward))
         back = gl.Or(gl.equals(was, BACKWARD), gl.holds(self.start_backward))
@@ -172,7 +168,7 @@ def _on_side_a(row: list[Any], separable: bool) -> Any:
     return (row[2] - row[3]) / (row[0] - 1 / row[1] - SMALLEST)
 
 
-class Gearbox(TwoFlanges, Dissipative):
+class Gearbox(TwoFlanges, MaybeHeated):
     """`LossyGear`, then `ElastoBacklash`: ``phi_rel = flange_b.phi - lossyGear.flange_b.phi``.
 
     It loses what both parts lose.
@@ -188,6 +184,7 @@ class Gearbox(TwoFlanges, Dissipative):
     phi_rel = gl.Variable("rad", "deflection, flange_b against the gear", nominal=1e-4)
     w_rel = gl.Variable("rad/s", "rate of deflection")
     a_rel = gl.Derivative("w_rel", "rad/s2", "its acceleration")
+    loss_power = gl.Variable("W", "power lost to heat")
 
     def assemble(self) -> list[Connection]:
         self.lossyGear = LossyGear(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import gearlib as gl
 from gearlib.errors import BindingError
-from gearparts.interfaces import Flange, HeatPort
+from gearparts.interfaces import Flange, MaybeHeated
 from gearparts.lossy import LossyGear
 from gearparts.tables import Rows, check_rows
 
@@ -17,7 +17,7 @@ IDEAL_MESH: Rows = ((0.0, 1.0, 1.0),)
 NO_FRICTION: Rows = ((0.0, 0.0),)
 
 
-class LossyPlanetary(gl.Component):
+class LossyPlanetary(MaybeHeated):
     """Planetary set with an efficiency of each mesh and bearing friction, without inertia; `IdealPlanetary` where it loses nothing.
 
     ``(1 + ratio) phi_carrier = phi_sun + ratio phi_ring``. Meshes lose power by the motion relative to the carrier. Seen from
@@ -44,8 +44,6 @@ class LossyPlanetary(gl.Component):
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")
-    use_heat_port = gl.Structural(False, "whether the loss flows to a heat port")
-    heat_port = HeatPort("takes the loss", when="use_heat_port")
     sun_mesh = gl.Structural(IDEAL_MESH, "rows of speed (rad/s) and the efficiencies with the sun and with the ring driving")
     ring_mesh = gl.Structural(IDEAL_MESH, "rows of speed (rad/s) and the efficiencies with the sun and with the ring driving")
     bearing = gl.Structural(NO_FRICTION, "rows of speed (rad/s) and friction torque at the sun (N.m)")

@@ -9,13 +9,13 @@ only where something varies with it.
 from __future__ import annotations
 
 from math import pi
-from typing import Any
+from typing import Any, ClassVar
 
 import sympy
 
 import gearlib as gl
 from gearlib.errors import BoundError
-from gearparts.interfaces import Dissipative, Flange, TwoFlanges
+from gearparts.interfaces import Dissipative, TwoFlangesAndSupport
 from gearparts.mesh_phase import checked_period, periodic, stretches, wrapped
 from gearparts.tables import Rows, check_rows, is_finite
 
@@ -29,8 +29,10 @@ CONTACT = {
 EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
 
 
-class DetailedMesh(TwoFlanges, Dissipative):
+class DetailedMesh(TwoFlangesAndSupport, Dissipative):
     """Declares what detailed meshes share; see `DetailedExternalMesh` for the laws."""
+
+    turns_against: ClassVar[int]  # 1 where the gears turn against each other, -1 otherwise
 
     backlash = gl.Structural(False, "whether the flanks can part; otherwise force and deflection are proportional")
     stiffness = gl.Structural("constant", "how the stiffness varies over the mesh phase", choices=STIFFNESS)
@@ -40,8 +42,6 @@ class DetailedMesh(TwoFlanges, Dissipative):
     error_terms = gl.Structural((), "static transmission error: rows of order, amplitude (m), phase (rad) of sines")
     error_table = gl.Structural((), "static transmission error: rows of mesh phase (rad), error (m)")
     friction = gl.Structural(False, "whether the teeth slide with friction")
-    use_support = gl.Structural(False, "whether the axes are carried by a flange, as on a carrier; otherwise they stand still")
-    support = Flange("housing or carrier of the axes", when="use_support")
 
     r_a = gl.Parameter("m", "base radius of the gear on flange_a", min=0)
     r_b = gl.Parameter("m", "base radius of the gear on flange_b", min=0)
@@ -97,9 +97,8 @@ class DetailedMesh(TwoFlanges, Dissipative):
     tau_friction_a = gl.Variable("N.m", "torque of the sliding friction on flange_a")
     tau_friction_b = gl.Variable("N.m", "torque of the sliding friction on flange_b")
 
-    def mesh_equations(self, turns_against: int) -> list[gl.Eq]:
-        """Deflection, force and torques; ``turns_against`` is 1 where the gears turn against each other, -1 otherwise."""
-        r_b = turns_against * self.r_b
+    def equations(self) -> list[gl.Eq]:
+        r_b = self.turns_against * self.r_b
         w_support = gl.der(self.support.phi) if self.use_support else 0
         error, slope, phase_in_error = self._error()
         stiffness, phase_in_stiffness = self._stiffness()
@@ -119,12 +118,10 @@ class DetailedMesh(TwoFlanges, Dissipative):
             gl.Eq(self.c_now, self.c * stiffness),
             gl.Eq(self.f, force),
             gl.Eq(self.contact, self._contact()),
-            *self._friction(turns_against),
+            *self._friction(self.turns_against),
             gl.Eq(self.flange_a.tau, self.r_a * self.f + (self.tau_friction_a if self.friction else 0)),
             gl.Eq(self.flange_b.tau, r_b * self.f + (self.tau_friction_b if self.friction else 0)),
-            *([gl.Eq(self.support.tau, -self.flange_a.tau - self.flange_b.tau)] if self.use_support else []),
             gl.Eq(self.loss_power, loss + rubbing),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:
@@ -273,8 +270,7 @@ class DetailedExternalMesh(DetailedMesh):
     G. Niemann, H. Winter, "Maschinenelemente", vol. 2 (mean loss).
     """
 
-    def equations(self) -> list[gl.Eq]:
-        return self.mesh_equations(1)
+    turns_against = 1
 
 
 class DetailedInternalMesh(DetailedMesh):
@@ -284,8 +280,7 @@ class DetailedInternalMesh(DetailedMesh):
     ``x_b = r_b tan(alpha) - p (u - approach)``, ``v_s = x_a w_a - x_b w_b``.
     """
 
-    def equations(self) -> list[gl.Eq]:
-        return self.mesh_equations(-1)
+    turns_against = -1
 
 
 def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> Any:

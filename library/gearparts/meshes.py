@@ -11,27 +11,27 @@ H. N. Özgüven, D. R. Houser, "Mathematical models used in gear dynamics - a re
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import gearlib as gl
-from gearparts.interfaces import HeatPort, TwoFlanges
+from gearparts.interfaces import MaybeHeated, TwoFlanges
 
 
-class GearMesh(TwoFlanges):
+class GearMesh(TwoFlanges, MaybeHeated):
     """Declares what meshes share: radii, compliance, deflection, force and the transmission error's rate."""
 
+    turns_against: ClassVar[int]  # 1 where the gears turn against each other, -1 otherwise
     r_a = gl.Parameter("m", "base radius of the gear on flange_a (pitch radius where forces act along the pitch line)", min=0)
     r_b = gl.Parameter("m", "base radius of the gear on flange_b", min=0)
     c = gl.Parameter("N/m", "mesh stiffness along the line of action", min=0)
     d = gl.Parameter("N.s/m", "mesh damping along the line of action", min=0)
     e_rate = gl.Input("m/s", "rate of the transmission error; adds to the deflection", default=0.0)
-    use_heat_port = gl.Structural(False, "whether the loss flows to a heat port")
-    heat_port = HeatPort("takes the loss", when="use_heat_port")
     q = gl.Variable("m", "deflection along the line of action", state="prefer", nominal=1e-6)
     v = gl.Variable("m/s", "rate of deflection")
     f = gl.Variable("N", "force along the line of action; acts against a positive turn of flange_a")
 
-    def mesh_equations(self, turns_against: int) -> list[gl.Eq]:
-        """Deflection, force and torques; ``turns_against`` is 1 where the gears turn against each other, -1 otherwise."""
-        r_b = turns_against * self.r_b
+    def equations(self) -> list[gl.Eq]:
+        r_b = self.turns_against * self.r_b
         heat = [gl.Eq(self.heat_port.Q_flow, -self.d * self.v**2)] if self.use_heat_port else []
         return [
             gl.Eq(gl.der(self.q), self.v),
@@ -52,8 +52,7 @@ class ExternalMesh(GearMesh):
     Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
     """
 
-    def equations(self) -> list[gl.Eq]:
-        return self.mesh_equations(1)
+    turns_against = 1
 
 
 class InternalMesh(GearMesh):
@@ -62,5 +61,4 @@ class InternalMesh(GearMesh):
     Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
     """
 
-    def equations(self) -> list[gl.Eq]:
-        return self.mesh_equations(-1)
+    turns_against = -1

@@ -32,7 +32,6 @@ class Position(OneFlange):
             gl.Eq(self.w, gl.der(self.phi)),
             gl.Eq(self.phi_error, 0 if self.exact else self.phi - self.phi_ref),
             gl.Eq(self.phi, self.phi_ref) if self.exact else filtered,
-            *self.support_equations(),
         ]
 
 
@@ -57,7 +56,6 @@ class Speed(OneFlange):
             gl.Eq(self.w, gl.der(self.phi)),
             gl.Eq(self.w_error, 0 if self.exact else self.w - self.w_ref),
             gl.Eq(self.w, self.w_ref) if self.exact else filtered,
-            *self.support_equations(),
         ]
 
 
@@ -74,7 +72,6 @@ class Accelerate(OneFlange):
             gl.Eq(self.phi, self.angle()),
             gl.Eq(self.w, gl.der(self.phi)),
             gl.Eq(gl.der(self.w), self.a_ref),
-            *self.support_equations(),
         ]
 
 
@@ -103,7 +100,6 @@ class Move(OneFlange):
             gl.Eq(self.phi_error, self.phi - self.phi_ref),
             gl.Eq(self.w_error, self.w - self.w_ref),
             gl.Eq(gl.der(self.w), self.a_ref - 2 * self.k * self.w_error - self.k**2 * self.phi_error),
-            *self.support_equations(),
         ]
 
 
@@ -119,5 +115,4 @@ class ConstantSpeed(OneFlange):
             gl.Eq(self.phi, self.angle()),
             gl.Eq(self.w, gl.der(self.phi)),
             gl.Eq(self.w, self.w_fixed),
-            *self.support_equations(),
         ]

@@ -11,6 +11,9 @@ class AbsoluteSensor(gl.Component):
 
     flange = Flange("shaft that is measured")
 
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.flange.tau, 0)]
+
     def energies(self) -> gl.Energy:
         return gl.Energy()
 
@@ -21,7 +24,7 @@ class AngleSensor(AbsoluteSensor):
     phi = gl.Variable("rad", "absolute angle", state="avoid")
 
     def equations(self) -> list[gl.Eq]:
-        return [gl.Eq(self.phi, self.flange.phi), gl.Eq(self.flange.tau, 0)]
+        return [gl.Eq(self.phi, self.flange.phi)]
 
 
 class SpeedSensor(AbsoluteSensor):
@@ -30,7 +33,7 @@ class SpeedSensor(AbsoluteSensor):
     w = gl.Variable("rad/s", "absolute speed", state="avoid")
 
     def equations(self) -> list[gl.Eq]:
-        return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.flange.tau, 0)]
+        return [gl.Eq(self.w, gl.der(self.flange.phi))]
 
 
 class AccSensor(AbsoluteSensor):
@@ -40,7 +43,7 @@ class AccSensor(AbsoluteSensor):
     a = gl.Variable("rad/s2", "absolute acceleration")
 
     def equations(self) -> list[gl.Eq]:
-        return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.a, gl.der(self.w)), gl.Eq(self.flange.tau, 0)]
+        return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.a, gl.der(self.w))]
 
 
 class RelativeSensor(TwoFlanges):
@@ -48,8 +51,7 @@ class RelativeSensor(TwoFlanges):
 
     phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="avoid")
 
-    def sensor_equations(self) -> list[gl.Eq]:
-        """The relative angle; neither shaft feels the sensor."""
+    def equations(self) -> list[gl.Eq]:
         return [
             gl.Eq(self.phi_rel, self.flange_b.phi - self.flange_a.phi),
             gl.Eq(self.flange_a.tau, 0),
@@ -63,9 +65,6 @@ class RelativeSensor(TwoFlanges):
 class RelAngleSensor(RelativeSensor):
     """Measures the angle between two shafts: ``phi_rel = flange_b.phi - flange_a.phi``, no torque."""
 
-    def equations(self) -> list[gl.Eq]:
-        return self.sensor_equations()
-
 
 class RelSpeedSensor(RelativeSensor):
     """Measures the speed between two shafts: ``w_rel = der(flange_b.phi - flange_a.phi)``, no torque."""
@@ -73,7 +72,7 @@ class RelSpeedSensor(RelativeSensor):
     w_rel = gl.Variable("rad/s", "relative speed", state="avoid")
 
     def equations(self) -> list[gl.Eq]:
-        return [*self.sensor_equations(), gl.Eq(self.w_rel, gl.der(self.phi_rel))]
+        return [gl.Eq(self.w_rel, gl.der(self.phi_rel))]
 
 
 class RelAccSensor(RelativeSensor):
@@ -84,7 +83,6 @@ class RelAccSensor(RelativeSensor):
 
     def equations(self) -> list[gl.Eq]:
         return [
-            *self.sensor_equations(),
             gl.Eq(self.w_rel, gl.der(self.phi_rel)),
             gl.Eq(self.a_rel, gl.der(self.w_rel)),
         ]
@@ -93,8 +91,7 @@ class RelAccSensor(RelativeSensor):
 class SeriesSensor(TwoFlanges):
     """Declares what sensors within a shaft share: both ends turn alike, and the torque goes through."""
 
-    def series_equations(self) -> list[gl.Eq]:
-        """The shaft is not cut."""
+    def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.flange_a.phi, self.flange_b.phi), gl.Eq(self.flange_a.tau + self.flange_b.tau, 0)]
 
     def energies(self) -> gl.Energy:
@@ -107,7 +104,7 @@ class TorqueSensor(SeriesSensor):
     tau = gl.Variable("N.m", "torque through the shaft, positive into flange_a")
 
     def equations(self) -> list[gl.Eq]:
-        return [*self.series_equations(), gl.Eq(self.tau, self.flange_a.tau)]
+        return [gl.Eq(self.tau, self.flange_a.tau)]
 
 
 class PowerSensor(SeriesSensor):
@@ -116,7 +113,7 @@ class PowerSensor(SeriesSensor):
     power = gl.Variable("W", "power from flange_a to flange_b")
 
     def equations(self) -> list[gl.Eq]:
-        return [*self.series_equations(), gl.Eq(self.power, self.flange_a.tau * gl.der(self.flange_a.phi))]
+        return [gl.Eq(self.power, self.flange_a.tau * gl.der(self.flange_a.phi))]
 
 
 class MultiSensor(SeriesSensor):
@@ -128,7 +125,6 @@ class MultiSensor(SeriesSensor):
 
     def equations(self) -> list[gl.Eq]:
         return [
-            *self.series_equations(),
             gl.Eq(self.w, gl.der(self.flange_a.phi)),
             gl.Eq(self.tau, self.flange_a.tau),
             gl.Eq(self.power, self.tau * self.w),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import gearlib as gl
 from gearlib.errors import BoundError
-from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, HeatPort, TwoFlanges
+from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, MaybeHeated, TwoFlanges
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -69,7 +69,7 @@ class Spring(Compliant):
     phi_rel0 = gl.Parameter("rad", "unstretched angle", default=0.0)
 
     def equations(self) -> list[gl.Eq]:
-        return [*self.compliant_equations(), gl.Eq(self.tau, self.c * (self.phi_rel - self.phi_rel0))]
+        return [gl.Eq(self.tau, self.c * (self.phi_rel - self.phi_rel0))]
 
     def energies(self) -> gl.Energy:
         return gl.Energy(stored=self.c * (self.phi_rel - self.phi_rel0) ** 2 / 2)
@@ -82,10 +82,8 @@ class Damper(Compliant, Dissipative):
 
     def equations(self) -> list[gl.Eq]:
         return [
-            *self.compliant_equations(),
             gl.Eq(self.tau, self.d * self.w_rel),
             gl.Eq(self.loss_power, self.tau * self.w_rel),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:
@@ -101,10 +99,8 @@ class SpringDamper(Compliant, Dissipative):
 
     def equations(self) -> list[gl.Eq]:
         return [
-            *self.compliant_equations(),
             gl.Eq(self.tau, self.c * (self.phi_rel - self.phi_rel0) + self.d * self.w_rel),
             gl.Eq(self.loss_power, self.d * self.w_rel**2),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:
@@ -165,7 +161,7 @@ class InitializeFlange(gl.Component):
         return gl.Energy()
 
 
-class TorsionalShaft(TwoFlanges):
+class TorsionalShaft(TwoFlanges, MaybeHeated):
     """Elastic shaft with distributed inertia, cut into equal segments that are springs with half their inertia at each end.
 
     Without damping and with free ends its natural frequencies are ``w_k = 2 n sqrt(c / J) sin(k pi / (2 n))``, which tends to
@@ -173,8 +169,6 @@ class TorsionalShaft(TwoFlanges):
     """
 
     segments = gl.Structural(10, "number n of segments")
-    use_heat_port = gl.Structural(False, "whether the loss flows to a heat port")
-    heat_port = HeatPort("takes the loss", when="use_heat_port")
     J = gl.Parameter("kg.m2", "moment of inertia of the whole shaft", min=0)
     c = gl.Parameter("N.m/rad", "stiffness of the whole shaft", min=0)
     d = gl.Parameter("N.m.s/rad", "damping of the whole shaft, of its twisting", default=0.0, min=0)

@@ -17,7 +17,7 @@ class Torque(OneFlange):
     tau = gl.Input("N.m", "driving torque")
 
     def equations(self) -> list[gl.Eq]:
-        return [gl.Eq(self.flange.tau, -self.tau), *self.support_equations()]
+        return [gl.Eq(self.flange.tau, -self.tau)]
 
 
 class Torque2(TwoFlanges):
@@ -38,7 +38,7 @@ class ConstantTorque(OneFlange):
     tau_constant = gl.Parameter("N.m", "torque; negative: a load in positive direction of rotation")
 
     def equations(self) -> list[gl.Eq]:
-        return [gl.Eq(self.flange.tau, -self.tau_constant), *self.support_equations()]
+        return [gl.Eq(self.flange.tau, -self.tau_constant)]
 
 
 class TorqueStep(OneFlange):
@@ -54,7 +54,6 @@ class TorqueStep(OneFlange):
         return [
             gl.Eq(self.tau, self.offset_torque + step),
             gl.Eq(self.flange.tau, -self.tau),
-            *self.support_equations(),
         ]
 
 
@@ -64,9 +63,8 @@ class SpeedDependentTorque(OneFlange):
     w = gl.Variable("rad/s", "speed of the flange relative to the support", state="avoid")
     tau = gl.Variable("N.m", "torque at the flange that accelerates it")
 
-    def speed_equations(self) -> list[gl.Eq]:
-        """Speed, torque at the flange and reaction."""
-        return [gl.Eq(self.w, gl.der(self.angle())), gl.Eq(self.flange.tau, -self.tau), *self.support_equations()]
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.w, gl.der(self.angle())), gl.Eq(self.flange.tau, -self.tau)]
 
     def energies(self) -> gl.Energy:
         """It drives, or it loses what it takes, as a fan does."""
@@ -87,7 +85,7 @@ class LinearSpeedDependentTorque(SpeedDependentTorque):
 
     def equations(self) -> list[gl.Eq]:
         speed = abs(self.w) if self.torque_direction else self.w
-        return [*self.speed_equations(), gl.Eq(self.tau, self.tau_nominal * speed / self.w_nominal)]
+        return [gl.Eq(self.tau, self.tau_nominal * speed / self.w_nominal)]
 
 
 class QuadraticSpeedDependentTorque(SpeedDependentTorque):
@@ -103,7 +101,7 @@ class QuadraticSpeedDependentTorque(SpeedDependentTorque):
 
     def equations(self) -> list[gl.Eq]:
         square = self.w**2 if self.torque_direction else self.w * gl.no_event(abs(self.w))
-        return [*self.speed_equations(), gl.Eq(self.tau, self.tau_nominal * square / self.w_nominal**2)]
+        return [gl.Eq(self.tau, self.tau_nominal * square / self.w_nominal**2)]
 
 
 class InverseSpeedDependentTorque(SpeedDependentTorque):
@@ -125,7 +123,7 @@ class InverseSpeedDependentTorque(SpeedDependentTorque):
             tau = gl.Piecewise((power / w, w >= w0), (-power / w, w <= -w0), (power / w0, True))
         else:
             tau = gl.Piecewise((power / w, w >= w0), (power / w, w <= -w0), (self.tau_nominal * w / w0, True))
-        return [*self.speed_equations(), gl.Eq(self.tau, tau)]
+        return [gl.Eq(self.tau, tau)]
 
 
 class SignTorque(SpeedDependentTorque):
@@ -148,7 +146,7 @@ class SignTorque(SpeedDependentTorque):
             smooth = gl.no_event(gl.sign(self.w)) * (1 - gl.cos(gl.pi * x / 2))
             inside = {"sine": gl.sin(gl.pi * x / 2), "linear": x, "cosine": smooth}[self.reg]
             direction = gl.Piecewise((1, self.w >= self.w0), (-1, self.w <= -self.w0), (inside, True))
-        return [*self.speed_equations(), gl.Eq(self.tau, self.tau_nominal * direction)]
+        return [gl.Eq(self.tau, self.tau_nominal * direction)]
 
 
 class EddyCurrentTorque(OneFlange, Dissipative):
@@ -177,8 +175,6 @@ class EddyCurrentTorque(OneFlange, Dissipative):
             gl.Eq(self.tau, 2 * self.tau_nominal * self.excitation**2 * self.w_normalized / (1 + self.w_normalized**2)),
             gl.Eq(self.flange.tau, self.tau),
             gl.Eq(self.loss_power, self.tau * self.w),
-            *self.support_equations(),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:

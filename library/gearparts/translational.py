@@ -49,14 +49,16 @@ class Mass(TwoTranslationalFlanges):
 
 
 class TranslationalCompliant(TwoTranslationalFlanges):
-    """Declares what springs and dampers share: the force between the flanges, and the relative position and velocity."""
+    """Declares what springs and dampers share: the force between the flanges, and the relative position and velocity.
+
+    The force acts on both flanges with opposite signs; a derived class equates it.
+    """
 
     s_rel = gl.Variable("m", "flange_b.s - flange_a.s", state="prefer", nominal=1e-4)
     v_rel = gl.Variable("m/s", "relative velocity", nominal=SLOW)
     f = gl.Variable("N", "force between the flanges; pulls them together when positive")
 
-    def compliant_equations(self) -> list[gl.Eq]:
-        """The force acts on both flanges with opposite signs; the relative velocity is the relative position's derivative."""
+    def equations(self) -> list[gl.Eq]:
         return [
             gl.Eq(self.s_rel, self.flange_b.s - self.flange_a.s),
             gl.Eq(self.v_rel, gl.der(self.s_rel)),
@@ -72,7 +74,7 @@ class TranslationalSpring(TranslationalCompliant):
     s_rel0 = gl.Parameter("m", "unstretched length", default=0.0)
 
     def equations(self) -> list[gl.Eq]:
-        return [*self.compliant_equations(), gl.Eq(self.f, self.c * (self.s_rel - self.s_rel0))]
+        return [gl.Eq(self.f, self.c * (self.s_rel - self.s_rel0))]
 
     def energies(self) -> gl.Energy:
         return gl.Energy(stored=self.c * (self.s_rel - self.s_rel0) ** 2 / 2)
@@ -85,10 +87,8 @@ class TranslationalDamper(TranslationalCompliant, Dissipative):
 
     def equations(self) -> list[gl.Eq]:
         return [
-            *self.compliant_equations(),
             gl.Eq(self.f, self.d * self.v_rel),
             gl.Eq(self.loss_power, self.f * self.v_rel),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:
@@ -104,10 +104,8 @@ class TranslationalSpringDamper(TranslationalCompliant, Dissipative):
 
     def equations(self) -> list[gl.Eq]:
         return [
-            *self.compliant_equations(),
             gl.Eq(self.f, self.c * (self.s_rel - self.s_rel0) + self.d * self.v_rel),
             gl.Eq(self.loss_power, self.d * self.v_rel**2),
-            *self.heat_equations(),
         ]
 
     def energies(self) -> gl.Energy:
@@ -121,8 +119,7 @@ class OneTranslationalFlange(gl.Component):
     flange = TranslationalFlange("driven rod")
     support = TranslationalFlange("housing", when="use_support")
 
-    def support_equations(self) -> list[gl.Eq]:
-        """The housing takes the reaction."""
+    def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.support.f, -self.flange.f)] if self.use_support else []
 
     def energies(self) -> gl.Energy:
@@ -135,7 +132,7 @@ class Force(OneTranslationalFlange):
     f = gl.Input("N", "driving force")
 
     def equations(self) -> list[gl.Eq]:
-        return [gl.Eq(self.flange.f, -self.f), *self.support_equations()]
+        return [gl.Eq(self.flange.f, -self.f)]
 
 
 class QuadraticSpeedDependentForce(OneTranslationalFlange):
@@ -158,7 +155,6 @@ class QuadraticSpeedDependentForce(OneTranslationalFlange):
             gl.Eq(self.v, gl.der(position)),
             gl.Eq(self.f, -self.f_nominal * square / self.v_nominal**2),
             gl.Eq(self.flange.f, self.f),
-            *self.support_equations(),
         ]
 
     def energies(self) -> gl.Energy:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError, ConnectionError, DeclarationError, ModelError
+from gearlib.errors import BalanceError, BindingError, ConnectionError, DeclarationError, ModelError
+from gearlib.language.component import equations_of
 
 c = gl.connect
 
@@ -213,3 +215,103 @@ def test_equations_of_a_composite_may_hold_its_parts_variables() -> None:
 
     with pytest.raises(ModelError, match="Model refers to a Inertia that is no part of it; assign it to an attribute first"):
         gl.compile(composite(lambda s: [], x=gl.Variable("rad/s", "x"), equations=wrong))
+
+
+# ---------------------------------------------------------------- equations of bases
+
+
+class Store(gl.Component):
+    x = gl.Variable("1")
+    rate = gl.Variable("1/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.rate)]
+
+
+class Tap(Store):
+    inflow = gl.Variable("1/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.inflow, 2.0)]
+
+
+class Leak(Store):
+    outflow = gl.Variable("1/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.outflow, 3.0 * self.x)]
+
+
+class Tank(Tap, Leak):
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.rate, self.inflow - self.outflow)]
+
+
+def test_a_class_has_the_equations_of_all_its_bases_each_once() -> None:
+    """A diamond: what both bases have in common is stated once; x = 2/3 (1 - exp(-3 t))."""
+    left = [str(e.left) for e in equations_of(Tank()) if isinstance(e, gl.Eq)]
+    assert sorted(left) == ["der(x)", "inflow", "outflow", "rate"]
+    assert left[0] == "der(x)"  # bases first
+    assert left[-1] == "rate"
+    assert gl.simulate(Tank(), 1.0, samples=2, rtol=1e-10)["x"][-1] == pytest.approx(2 / 3 * (1 - np.exp(-3.0)), rel=1e-9)
+
+
+def test_a_class_that_adds_nothing_has_its_base_s_equations() -> None:
+    class Renamed(Tank):
+        pass
+
+    assert equations_of(Renamed()) == equations_of(Tank())
+
+
+def test_a_base_s_equation_is_not_repeated() -> None:
+    class Chained(Tap):
+        def equations(self) -> list[gl.Eq]:
+            return [*super().equations(), gl.Eq(self.rate, self.inflow)]
+
+    with pytest.raises(
+        DeclarationError,
+        match=r"Chained\.equations\(\) repeats inflow = 2\.0 of its base Tap; .* without super\(\)\.equations\(\)",
+    ):
+        gl.compile(Chained())
+
+
+def test_a_base_s_equation_cannot_be_replaced() -> None:
+    class Other(Store):
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), 2 * self.rate), gl.Eq(self.rate, 1)]
+
+    with pytest.raises(BalanceError, match="too many"):
+        gl.compile(Other())
+
+
+def test_what_a_base_s_equations_return_is_named_by_its_class() -> None:
+    class Wrong(gl.Component):
+        def equations(self) -> Any:
+            return 3
+
+    class Derived(Wrong):
+        x = gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.x, 1)]
+
+    with pytest.raises(DeclarationError, match=r"^Wrong\.equations\(\) must return a list of gl\.Eq"):
+        gl.compile(Derived())
+
+
+def test_a_base_asks_its_derived_classes_for_a_method() -> None:
+    class Law(Store):
+        def law(self, x: Any) -> Any:
+            raise NotImplementedError
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.rate, self.law(self.x))]
+
+    class Decay(Law):
+        k = gl.Parameter("1/s", default=2.0)
+
+        def law(self, x: Any) -> Any:
+            return -self.k * x
+
+    found = gl.simulate(Decay(start={"x": 1.0}), 1.0, samples=2, rtol=1e-10)["x"][-1]
+    assert found == pytest.approx(np.exp(-2.0), rel=1e-9)

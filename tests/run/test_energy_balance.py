@@ -188,16 +188,30 @@ def test_xp_train() -> None:
     )
 
 
-class Flipped(gp.SpringDamper):
+class Flipped(gp.interfaces.TwoFlanges):
     """A spring with a slip: its torque on flange_a has the wrong sign."""
 
+    c = gl.Parameter("N.m/rad")
+    d = gl.Parameter("N.m.s/rad")
+    phi_rel = gl.Variable("rad", state="prefer")
+    tau = gl.Variable("N.m")
+
     def equations(self) -> Any:
-        good = super().equations()
-        return [gl.Eq(self.flange_a.tau, self.tau) if e.left == self.flange_a.tau else e for e in good]
+        return [
+            gl.Eq(self.phi_rel, self.flange_b.phi - self.flange_a.phi),
+            gl.Eq(self.tau, self.c * self.phi_rel + self.d * gl.der(self.phi_rel)),
+            gl.Eq(self.flange_b.tau, self.tau),
+            gl.Eq(self.flange_a.tau, self.tau),
+        ]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.c * self.phi_rel**2 / 2, heat=self.d * gl.der(self.phi_rel) ** 2)
 
 
-class FlippedGear(gp.IdealGear):
+class FlippedGear(gp.interfaces.TwoFlanges):
     """A gear with a slip: the torques have the same sign."""
+
+    ratio = gl.Parameter("1")
 
     def equations(self) -> Any:
         return [
@@ -205,13 +219,15 @@ class FlippedGear(gp.IdealGear):
             gl.Eq(self.flange_a.phi, self.ratio * self.flange_b.phi),
         ]
 
+    def energies(self) -> gl.Energy:
+        return gl.Energy()
+
 
 class FlippedMesh(gp.ExternalMesh):
-    """A mesh whose damping drives."""
+    """A mesh that says it loses what its damping takes, but whose damping drives."""
 
-    def equations(self) -> Any:
-        good = super().equations()
-        return [gl.Eq(self.f, self.c * self.q - self.d * self.v) if e.left == self.f else e for e in good]
+    def energies(self) -> gl.Energy:
+        return gl.Energy(stored=self.c * self.q**2 / 2, heat=-self.d * self.v**2)
 
 
 @pytest.mark.parametrize(
