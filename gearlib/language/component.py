@@ -17,7 +17,7 @@ import numpy as np
 import sympy
 
 from gearlib.arguments import shown
-from gearlib.errors import AttributeNameError, BindingError, ConnectionError, DeclarationError, ModelError, nearest
+from gearlib.errors import AttributeNameError, BindingError, BoundError, ConnectionError, DeclarationError, ModelError, nearest
 from gearlib.language.declarations import (
     NO_VALUE,
     Connector,
@@ -166,6 +166,7 @@ class Component:
 
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
+    _bounded: ClassVar[tuple[Structural, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -187,6 +188,7 @@ class Component:
                 )
         cls._declarations = {**inherited, **own}
         cls._bindable = {n: d for n, d in cls._declarations.items() if isinstance(d, (Parameter, Input, Structural))}
+        cls._bounded = tuple(d for d in cls._declarations.values() if isinstance(d, Structural) and d.is_bounded)
         for name, declared in cls._declarations.items():
             if isinstance(declared, Connector) and declared.when is not None:
                 if not isinstance(cls._declarations.get(declared.when), Structural):
@@ -338,6 +340,7 @@ class Component:
     def _assembled(self) -> Sequence[Connection]:
         """The connections of a composite; assembles it at the first call."""
         if self._connections is None:
+            self._check_bounds()
             attributes, parts = set(self.__dict__), set(self._parts)
             object.__setattr__(self, "_connections", [])
             try:
@@ -357,6 +360,13 @@ class Component:
             object.__setattr__(self, "_connections", connections)
         result: Sequence[Connection] = self._connections
         return result
+
+    def _check_bounds(self) -> None:
+        for declared in self._bounded:
+            value = self._structural[declared.name]
+            if not declared.min <= value <= declared.max:
+                where = self._path() or type(self).__name__
+                raise BoundError(f"{where}: {declared.name} is {value}; expected {declared.bounds}")
 
     def _remember_made(self, attributes: set[str], parts: set[str]) -> None:
         made = frozenset(self.__dict__.keys() - attributes), frozenset(self._parts.keys() - parts)

@@ -232,17 +232,50 @@ class Discrete(Declaration):
 class Structural(Declaration):
     """A choice that changes the equations: a number of planets, backlash or not. Its value is a plain Python object.
 
-    ``choices`` lists the valid values where they are few; otherwise a value must have the type of the default.
+    Parameters
+    ----------
+    default : object
+        The value where none is given. Others must have its type, unless it is None.
+    description : str
+        A few words.
+    choices : tuple, optional
+        The valid values, where they are few.
+    min, max : float, optional
+        Inclusive bounds of a number, checked when the model is built.
+
+    Examples
+    --------
+    >>> planets = Structural(3, "number of planets", min=1)
     """
 
     default: Any
     description: str = ""
     choices: tuple[Any, ...] = ()
+    min: float = -float("inf")
+    max: float = float("inf")
 
     def __post_init__(self) -> None:
         _check_text(self, "description")
+        _check_number(self, "min", infinite=True)
+        _check_number(self, "max", infinite=True)
+        if self.is_bounded and (isinstance(self.default, bool) or not isinstance(self.default, (int, float))):
+            raise DeclarationError(f"Structural: min and max bound a number; the default is {shown(self.default)}")
+        if self.is_bounded and not self.min <= self.default <= self.max:
+            raise DeclarationError(f"Structural: the default is {shown(self.default)}; expected {self.bounds}")
         if not isinstance(self.choices, (tuple, list)):
             raise DeclarationError(f"Structural: choices is {shown(self.choices)}; expected a tuple of the valid values")
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether its value is a number with a bound."""
+        return self.min > -float("inf") or self.max < float("inf")
+
+    @property
+    def bounds(self) -> str:
+        """The numbers that are valid, in words."""
+        if self.max == float("inf"):
+            return f"{self.min:g} or more"
+        return f"{self.max:g} or less" if self.min == -float("inf") else f"{self.min:g} to {self.max:g}"
 
     def __get__(self, instance: Any, owner: type) -> Any:
         if instance is None:

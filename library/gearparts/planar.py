@@ -191,7 +191,7 @@ class PlanarPlanetaryUnit(gl.Component):
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")
-    planets = gl.Structural(4, "number of planets")
+    planets = gl.Structural(4, "number of planets", min=1)
     ring_held = gl.Structural(False, "whether the ring has a torsional support")
 
     r_s = gl.Parameter("m", "base radius of the sun", min=0)

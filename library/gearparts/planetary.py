@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
-from gearlib.errors import BoundError
 from gearparts.gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
 from gearparts.lossy_planetary import IDEAL_MESH, NO_FRICTION, LossyPlanetary
@@ -121,15 +120,15 @@ class PlanetaryUnit(gl.Component):
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")
-    planets = gl.Structural(3, "number of planets")
+    planets = gl.Structural(3, "number of planets", min=1)
     level = gl.Structural("elastic", "what moves and what loses power", choices=("ideal", "lossy", "elastic", "planar"))
     planet_meshes = gl.Structural("lumped", "one mesh for all planets, or one for each", choices=("lumped", "separate"))
     sun_efficiency = gl.Structural(IDEAL_MESH, "lossy: rows of speed (rad/s), efficiencies with sun and with ring driving")
     ring_efficiency = gl.Structural(IDEAL_MESH, "lossy: rows of speed (rad/s), efficiencies with sun and with ring driving")
     bearing = gl.Structural(NO_FRICTION, "lossy: rows of speed (rad/s) and friction torque at the sun (N.m)")
-    Z_s = gl.Structural(0, "teeth of the sun; 0: not known")
-    Z_p = gl.Structural(0, "teeth of a planet; 0: not known")
-    Z_r = gl.Structural(0, "teeth of the ring; 0: not known")
+    Z_s = gl.Structural(0, "teeth of the sun; 0: not known", min=0)
+    Z_p = gl.Structural(0, "teeth of a planet; 0: not known", min=0)
+    Z_r = gl.Structural(0, "teeth of the ring; 0: not known", min=0)
     sun_details = gl.Structural((), "separate: choices and values of the sun's detailed meshes, as pairs")
     ring_details = gl.Structural((), "separate: choices and values of the ring's detailed meshes, as pairs")
 
@@ -163,8 +162,6 @@ class PlanetaryUnit(gl.Component):
     e_rate = gl.Input("m/s", "elastic: rate of the transmission error, the same in all meshes", default=0.0)
 
     def assemble(self) -> list[Connection]:
-        if self.planets < 1:
-            raise BoundError(f"{self._path() or type(self).__name__}: planets is {self.planets}; expected 1 or more")
         if self.Z_s or self.Z_p or self.Z_r:
             check_assembly(type(self).__name__, self.Z_s, self.Z_p, self.Z_r, self.planets)
         if self.level == "planar":

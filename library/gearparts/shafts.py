@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import gearlib as gl
-from gearlib.errors import BoundError
 from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, MaybeHeated, TwoFlanges
 
 if TYPE_CHECKING:
@@ -168,15 +167,13 @@ class TorsionalShaft(TwoFlanges, MaybeHeated):
     the continuous shaft's ``k pi sqrt(c / J)`` as n grows. With ``use_heat_port`` all segments lose to one heat port.
     """
 
-    segments = gl.Structural(10, "number n of segments")
+    segments = gl.Structural(10, "number n of segments", min=1)
     J = gl.Parameter("kg.m2", "moment of inertia of the whole shaft", min=0)
     c = gl.Parameter("N.m/rad", "stiffness of the whole shaft", min=0)
     d = gl.Parameter("N.m.s/rad", "damping of the whole shaft, of its twisting", default=0.0, min=0)
 
     def assemble(self) -> list[Connection]:
         n = self.segments
-        if n < 1:
-            raise BoundError(f"{self._path() or type(self).__name__}: segments is {n}; expected 1 or more")
         self.bodies = [Inertia(J=self.J / (2 * n if i in (0, n) else n)) for i in range(n + 1)]
         self.springs = [SpringDamper(c=n * self.c, d=n * self.d, use_heat_port=self.use_heat_port) for _ in range(n)]
         left = [gl.connect(body.flange_b, s.flange_a) for body, s in zip(self.bodies[:-1], self.springs, strict=True)]

@@ -8,7 +8,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError, DeclarationError
+from gearlib.errors import BindingError, BoundError, DeclarationError
 
 
 def test_declarations_are_inherited_in_order() -> None:
@@ -100,3 +100,48 @@ def test_conditional_connector() -> None:
 def test_unknown_variable_of_a_port() -> None:
     with pytest.raises(AttributeError, match="Flange 'flange_a' has no variable 'phii'; it has phi, tau"):
         gp.Inertia(J=1.0).flange_a.phii  # noqa: B018
+
+
+class Row(gl.Component):
+    count = gl.Structural(2, "number of bodies", min=1, max=4)
+    share = gl.Structural(0.5, "of the whole", max=1)
+
+    def assemble(self) -> Any:
+        self.body = [gp.Inertia(J=self.share) for _ in range(self.count)]
+        return []
+
+
+class Shed(gl.Component):
+    count = gl.Structural(2)
+
+    def assemble(self) -> Any:
+        self.row = Row(count=self.count)
+        return []
+
+
+def test_structural_choices_have_bounds_and_are_refused_by_path() -> None:
+    for count in (1, 4):
+        assert len(gl.compile(Row(count=count), outputs=["body[0].w"]).summary()) > 0
+    with pytest.raises(BoundError, match=r"^Row: count is 0; expected 1 to 4$"):
+        gl.compile(Row(count=0))
+    with pytest.raises(BoundError, match=r"^row: count is 5; expected 1 to 4$"):
+        gl.compile(Shed(count=5))
+    with pytest.raises(BoundError, match=r"^Row: share is 1\.5; expected 1 or less$"):
+        gl.compile(Row(share=1.5))
+    with pytest.raises(BoundError, match=r"^Row: share is nan; expected 1 or less$"):
+        gl.compile(Row(share=float("nan")))
+
+
+@pytest.mark.parametrize(
+    ("declare", "message"),
+    [
+        (lambda: gl.Structural((), min=1), r"Structural: min and max bound a number; the default is \(\)"),
+        (lambda: gl.Structural(True, max=1), r"Structural: min and max bound a number; the default is True"),
+        (lambda: gl.Structural(0, min=1), r"Structural: the default is 0; expected 1 or more"),
+        (lambda: gl.Structural(3, min=1, max=2), r"Structural: the default is 3; expected 1 to 2"),
+        (lambda: gl.Structural(3, min="a"), r"Structural: min"),
+    ],
+)
+def test_bounds_of_a_structural_choice_fit_its_default(declare: Any, message: str) -> None:
+    with pytest.raises(DeclarationError, match=message):
+        declare()
