@@ -114,9 +114,11 @@ def balanced(
         unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
         balance = dulmage_mendelsohn(incidence, unknown)
         if balance.balanced:
-            return model, tuple(model.name(v) for v in closed)
+            known = _names(model, closed)
+            return model, tuple(max(known[v], key=alphabetical, default=model.name(v)) for v in closed)
         if balance.surplus == 0 and candidates is None and model.redundant:
-            values = null_space(_flow_rows(model, rows, numbers))
+            flows = [v for v in unknown if model.flow[v]]  # some of which are in no equation: what runs round in a body
+            values = null_space(_flow_rows(model, rows, numbers), flows)
             candidates = determining(values, _last_first(model, values, wanted))
         free = [v for v in candidates or () if v not in closed and v in balance.undetermined]
         if balance.surplus or len(closed) >= model.redundant or not free:
@@ -136,11 +138,16 @@ def _last_first(model: FlatModel, variables: Collection[int], wanted: Collection
     The name of a variable is the last in the alphabet of all that equal it: which of them represents them depends on the order in
     which the parts were made, and nothing that is computed may.
     """
-    names: dict[int, list[str]] = {v: [] for v in variables}
-    for same in np.flatnonzero(np.isin(model.representative, list(names)) & (model.sign != 0)).tolist():
-        names[int(model.representative[same])].append(model.name(same))
-    known = {v: max(map(alphabetical, same)) for v, same in names.items() if v < model.auxiliary}
+    known = {v: max(map(alphabetical, same)) for v, same in _names(model, variables).items() if v < model.auxiliary}
     return sorted(sorted(known, key=known.__getitem__, reverse=True), key=lambda v: v not in wanted)
+
+
+def _names(model: FlatModel, variables: Collection[int]) -> dict[int, list[str]]:
+    """Of each variable, the names of all that equal it."""
+    names: dict[int, list[str]] = {v: [] for v in variables}
+    for same in np.flatnonzero(np.isin(model.representative, list(names))).tolist():
+        names[int(model.representative[same])].append(model.name(same))
+    return names
 
 
 def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:

@@ -93,7 +93,9 @@ def time_switches(relations: Relations | None) -> TimeSwitches:
 def _timed(batch: Batch, rows: NDArray[np.int64]) -> Timed:
     kernel = batch.kernel
     symbols = tuple(sympy.Symbol(f"p{p}", real=True) for p in kernel.parameters)
-    return Timed(kernel.expression, symbols, batch.targets[rows], batch.parameters[rows], _line(kernel.expression, symbols))
+    # the variables that stand in these rows are always zero: with any other, a condition is not one of time alone
+    expression = sympy.sympify(kernel.expression).xreplace({sympy.Symbol(f"x{c}", real=True): 0 for c in kernel.columns})
+    return Timed(expression, symbols, batch.targets[rows], batch.parameters[rows], _line(expression, symbols))
 
 
 def _line(expression: Any, symbols: Sequence[Any]) -> Callable[..., tuple[Any, Any]] | None:

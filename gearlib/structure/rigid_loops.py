@@ -135,10 +135,17 @@ def _core(rows: Sequence[Mapping[int, float]]) -> list[int]:
     return [r for r in range(len(rows)) if r not in gone]
 
 
-def null_space(rows: Sequence[Mapping[int, float]]) -> dict[int, Floats]:
+def null_space(rows: Sequence[Mapping[int, float]], columns: Iterable[int] = ()) -> dict[int, Floats]:
     """The solutions of ``sum(row[v] * x[v]) = 0``: of each column that is not zero in all of them, its values in a basis.
 
     The basis is orthonormal, so that the scalar products of columns' values do not depend on the order of rows and columns.
+
+    Parameters
+    ----------
+    rows : sequence of mappings
+        Coefficient of each column.
+    columns : iterable of int
+        Columns that count even if they are in no row.
 
     Examples
     --------
@@ -150,7 +157,7 @@ def null_space(rows: Sequence[Mapping[int, float]]) -> dict[int, Floats]:
     """
     work = [{v: c for v, c in row.items() if c != 0.0} for row in rows]
     scale = [max((abs(c) for c in row.values()), default=1.0) for row in work]
-    holders: dict[int, set[int]] = defaultdict(set)
+    holders: dict[int, set[int]] = defaultdict(set, {v: set() for v in columns})
     for r, row in enumerate(work):
         for v in row:
             holders[v].add(r)

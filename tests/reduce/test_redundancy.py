@@ -241,3 +241,60 @@ def test_every_analysis_gives_the_same_in_any_order(seed: int) -> None:
 
     for one, other in zip(everything(0), everything(seed + 1), strict=True):
         assert other == pytest.approx(one, rel=1e-6, abs=1e-6)
+
+
+SELF_JOINED = {
+    "Inertia": {"J": 2.0}, "TorqueSensor": {}, "PowerSensor": {}, "MultiSensor": {}, "IdealGear": {"ratio": 1.0},
+    "Disc": {"delta_phi": 0.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SELF_JOINED)
+def test_what_runs_round_in_a_part_joined_to_itself_is_zero_and_named(kind: str) -> None:
+    """Its two flanges are connected to each other alone, or lie on a driven shaft: the motion is determined, the inner torque not."""
+    part = (kind, SELF_JOINED[kind])
+    if kind == "Inertia":
+        system = gl.compile(Lump(**lump({"part": part}, ("part.flange_a", "part.flange_b"))))
+        result = system.simulate(1.0, samples=3, start={"part.w": 2.0})
+        assert [result[n][-1] for n in ("part.phi", "part.w", "der(part.w)", "part.flange_b.tau")] == [2.0, 2.0, 0.0, 0.0]
+        assert "these are zero: part.flange_b.tau" in system.summary()
+    described = lump(
+        {"drive": ("Torque", {}), "body": ("Inertia", {"J": 1.0}), "part": part},
+        ("drive.flange", "body.flange_a", "part.flange_a", "part.flange_b"),
+    )
+    for order in range(3):
+        system = gl.compile(Lump(**described, seed=order))
+        result = system.simulate(1.0, samples=2, inputs={"drive.tau": 6.0})
+        assert result["body.w"][-1] == pytest.approx(2.0 if kind == "Inertia" else 6.0)
+        carried = 4.0 if kind == "Inertia" else 0.0  # what accelerates it
+        assert result["part.flange_a.tau"][-1] + result["part.flange_b.tau"][-1] == pytest.approx(carried)
+        if kind == "MultiSensor":
+            assert [result[n][-1] for n in ("part.w", "part.tau", "part.power")] == pytest.approx([6.0, 0.0, 0.0])
+        assert any(f"these are zero: part.{name}" in system.summary() for name in ("flange_b.tau", "tau"))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", ["TorqueSensor", "PowerSensor", "MultiSensor"])
+def test_a_sensor_beside_a_body_that_joins_the_same_two_nodes(kind: str, seed: int) -> None:
+    """The body's two ends are one through the sensor; the torques of what is driven through it are determined."""
+    described = lump(
+        {
+            "torque": ("Torque", {"tau": 6.0}), "a": ("Inertia", {"J": 1.0}), "b": ("Inertia", {"J": 2.0}), "sensor": (kind, {}),
+        },
+        ("torque.flange", "a.flange_a", "sensor.flange_a"), ("a.flange_b", "sensor.flange_b", "b.flange_a"),
+    )  # fmt: skip
+    system = gl.compile(Lump(**described, seed=seed))
+    result = system.simulate(1.0, samples=2)
+    assert result["b.w"] == pytest.approx([0.0, 2.0])
+    assert result["b.flange_a.tau"] == pytest.approx([4.0, 4.0])
+    assert "these are zero: sensor" in system.summary()
+    carries = float(result["sensor.flange_a.tau"][-1])
+    assert carries == pytest.approx(0.0, abs=1e-12)  # the body carries it all
+
+
+@pytest.mark.parametrize("angle", [0.25, -1.0])
+def test_a_disc_that_turns_a_shaft_against_itself_is_refused(angle: float) -> None:
+    described = lump({"body": ("Inertia", {"J": 1.0}), "disc": ("Disc", {"delta_phi": angle})},
+                     ("body.flange_a", "disc.flange_a", "disc.flange_b"))  # fmt: skip
+    with pytest.raises(gl.GearlibError, match="contradict each other: disc"):
+        gl.compile(Lump(**described))

@@ -64,3 +64,29 @@ def test_conditions_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None
     for _ in range(3):
         SYSTEM.simulate(1.5, samples=3)
     assert len(calls) == 1  # the sine's; straight lines need none
+
+
+class Late(gl.Component):
+    """A torque that begins at a time, or with the torque of a flange that is connected to nothing."""
+
+    flange = gp.Flange("driven shaft")
+    idle = gp.Flange("connected to nothing")
+    ts = gl.Parameter("s", "when it begins", default=0.5)
+    k = gl.Parameter("s/(N.m)", "how much earlier for each newton metre", default=1.0)
+    tau = gl.Parameter("N.m", "what acts then", default=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        begun = gl.Piecewise((self.tau, gl.time - self.ts + self.k * self.idle.tau > 0), (0.0, True))
+        return [gl.Eq(self.flange.tau, -begun), gl.Eq(self.idle.phi, self.flange.phi)]
+
+
+def test_what_is_always_zero_takes_no_part_in_a_condition() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.late, self.body = Late(), gp.Inertia(J=1.0)
+            return [gl.connect(self.late.flange, self.body.flange_a)]
+
+    for ts in (0.5, 0.25):
+        result = gl.simulate(Driven(), 1.0, samples=2, method="rk", parameters={"late.ts": ts})
+        assert result.events == [(ts, result.events[0][1])]
+        assert result["body.w"][-1] == pytest.approx(1.0 - ts)
