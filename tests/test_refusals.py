@@ -87,6 +87,60 @@ def test_a_reinit_of_what_is_no_state_is_refused() -> None:
         gl.compile(Ball())
 
 
+class Struck(gl.Component):
+    """A body whose angle is set anew at a moment."""
+
+    flange = gp.Flange("shaft")
+    J = gl.Parameter("kg.m2", "moment of inertia", default=1.0)
+    moment = gl.Parameter("s", "when it is struck")
+    phi = gl.Variable("rad", "angle", state="prefer")
+    w = gl.Variable("rad/s", "speed", state="prefer")
+
+    def equations(self) -> list[gl.Eq | gl.When]:
+        return [
+            gl.Eq(self.phi, self.flange.phi),
+            gl.Eq(gl.der(self.phi), self.w),
+            gl.Eq(self.J * gl.der(self.w), self.flange.tau),
+            gl.When(gl.time >= self.moment, gl.reinit(self.phi, self.phi + 1)),
+        ]
+
+
+class StruckTwice(gl.Component):
+    """Two such bodies, one rigid shaft (turned over by a gear of -1), or an elastic one; made in either order."""
+
+    link = gl.Structural("shaft", choices=("shaft", "gear", "spring"))
+    swapped = gl.Structural(False)
+
+    def assemble(self) -> list[gl.Connection]:
+        if self.swapped:
+            self.b, self.a = Struck(moment=0.7), Struck(moment=0.3)
+        else:
+            self.a, self.b = Struck(moment=0.3), Struck(moment=0.7)
+        if self.link == "shaft":
+            return [gl.connect(self.a.flange, self.b.flange)]
+        self.between = gp.IdealGear(ratio=-1.0) if self.link == "gear" else gp.Damper(d=1.0)
+        return [gl.connect(self.a.flange, self.between.flange_a), gl.connect(self.between.flange_b, self.b.flange)]
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize(
+    ("link", "said"),
+    [
+        ("shaft", r"reinit\(a\.phi\) and reinit\(b\.phi\) set one state"),
+        ("gear", r"reinit\([ab]\.phi\): [ab]\.phi is no state"),
+    ],
+)
+def test_two_components_that_set_one_state_are_refused(link: str, said: str, swapped: bool) -> None:
+    with pytest.raises(ModelError, match=said):
+        gl.compile(StruckTwice(link=link, swapped=swapped))
+
+
+def test_two_components_may_set_a_state_each() -> None:
+    result = gl.simulate(StruckTwice(link="spring"), 1.0, times=[0.0, 0.5, 1.0])
+    assert result["a.phi"] == pytest.approx([0.0, 1.0, 1.0])
+    assert result["b.phi"] == pytest.approx([0.0, 0.0, 1.0])
+
+
 class Drive(gl.Component):
     def assemble(self) -> list[gl.Connection]:
         self.torque, self.load = gp.Torque(tau=10.0), gp.Inertia(J=2.0)

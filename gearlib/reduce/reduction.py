@@ -114,6 +114,7 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
             "zero); change a ratio, or make one of the connections elastic"
         )
     _refuse_reinits_of_no_state(model, choice)
+    _refuse_reinits_of_one_state(model)
     choice = _with_derivatives(model, rows, choice)
     dependence, angles = _dependence(model, rows, choice)
     return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed, complete)
@@ -282,9 +283,29 @@ def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[floa
     return bad
 
 
+def _reinits(model: FlatModel) -> list[int]:
+    """Variables that an event gives new values; each component names one of its own once, however many ``When`` do so."""
+    return [int(v) for update in model.discretes.updates if update.reinit for v in update.targets]
+
+
 def _reinitialised(model: FlatModel) -> list[int]:
-    """Variables that an event gives new values."""
-    return [int(model.representative[v]) for update in model.discretes.updates if update.reinit for v in update.targets]
+    """The variables that represent those."""
+    return [int(model.representative[v]) for v in _reinits(model)]
+
+
+def _refuse_reinits_of_one_state(model: FlatModel) -> None:
+    """Nothing says which of two new values is right when both events act at once, in whatever order the parts are made."""
+    setting: dict[int, list[str]] = {}
+    for v in _reinits(model):
+        setting.setdefault(int(model.representative[v]), []).append(model.name(v))
+    for names in setting.values():
+        if len(names) > 1:
+            first, *others = sorted(names, key=alphabetical)
+            raise ModelError(
+                f"reinit({first}) and reinit({'), reinit('.join(others)}) set one state, since {first} equals "
+                f"{' and '.join(others)} up to its sign; a state is given new values in one component: move these When into one, or "
+                "make the connection between the parts elastic"
+            )
 
 
 def _refuse_reinits_of_no_state(model: FlatModel, choice: StateChoice) -> None:
