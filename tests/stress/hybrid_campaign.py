@@ -10,7 +10,7 @@ import gearlib as gl
 from tests.stress.described import Model, Train
 from tests.stress.hybrid_reference import Floats, HybridTrain
 from tests.stress.linear_reference import LinearTrain, Unclear, start_values
-from tests.stress.verdicts import RIGHT, UNCLEAR, WRONG, Verdict, attempted, distance, sizes
+from tests.stress.verdicts import UNCLEAR, WRONG, Verdict, attempted, audited, distance, sizes
 
 DISTURBANCE = 1e-7
 MOST = 1e4  # by how much a disturbance may grow in a train that is judged
@@ -75,7 +75,7 @@ def _run(
         worst_half, where = distance({n: rest[n] for n in right}, {n: right[n][times > middle] for n in right}, units, size)
         if worst_half > 1e-5:
             return Verdict(WRONG, f"continued at {middle!r}, order {order}: {where}")
-    return Verdict(RIGHT)
+    return audited(result, f"{method}, order {order}")
 
 
 def sensitivity(solved: HybridTrain, times: Floats, right: dict[str, Floats], units: dict[str, str]) -> float:

@@ -478,14 +478,15 @@ def quantities(solved: LinearTrain, stretch: Stretch) -> list[Quantity]:
 def start_values(solved: LinearTrain) -> dict[str, float]:
     """Start values of all bodies, springs, dampers and prescribed motions; they agree with each other."""
     stretch, x, z = solved.system(0.0), solved.start(), solved.z.at(0.0)
-    q = stretch.q[0] @ x + stretch.q[1] @ z
+    q, v = stretch.q[0] @ x + stretch.q[1] @ z, stretch.v[0] @ x + stretch.v[1] @ z
+    v[np.abs(v) < 1e-11 * np.abs(v).max(initial=0.0)] = 0.0  # of what stands still, rounding
     values: dict[str, float] = {}
     for part in solved.train.parts:
         if part.kind in ("Inertia", "Kicked"):
             row = solved.spread(part, (1.0,))
             values[f"{part.name}.phi"] = float(row @ q)
-            values[f"{part.name}.w"] = float(row @ (stretch.v[0] @ x + stretch.v[1] @ z))
-        elif part.kind in COMPLIANT:
+            values[f"{part.name}.w"] = float(row @ v)
+        elif part.kind in (*COMPLIANT, "RelativeStates"):
             row = solved.spread(part, (-1.0, 1.0))
             values[f"{part.name}.phi_rel"] = float(row @ q)
         elif part.kind in ("Speed", "ConstantSpeed", "Accelerate", "Position", "Move"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -41,6 +42,15 @@ def attempted(action: Callable[[], Verdict], refusal: str | None) -> Verdict:
 
         last = traceback.extract_tb(error.__traceback__)[-1]
         return Verdict(RAW, f"{type(error).__name__}: {error} ({last.filename.rsplit('/', 1)[-1]}:{last.lineno})")
+
+
+def audited(result: gl.Result, label: str) -> Verdict:
+    """Whether the tolerance of a run explains what its energy balance is off by."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        result.check_energy()
+    found = [str(w.message) for w in said if "energy balance" in str(w.message)]
+    return Verdict(WRONG, f"{label}: {found[0]}") if found else Verdict(RIGHT)
 
 
 def sizes(right: Mapping[str, Floats], units: Mapping[str, str], terms: Mapping[str, float] | None = None) -> dict[str, float]:
