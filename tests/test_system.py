@@ -127,7 +127,7 @@ NAN = float("nan")
         ({"t_end": float("inf")}, "t_end is inf; expected a finite number of seconds"),
         ({"t_end": "1"}, "t_end is '1'; expected a finite number of seconds"),
         ({"t_end": None}, "t_end is None; expected a finite number of seconds"),
-        ({"t_start": None}, "t_start is None; expected a finite number of seconds"),
+        ({"t_start": "now"}, "t_start is 'now'; expected a finite number of seconds"),
         ({"samples": 1}, "samples is 1; expected a whole number, 2 or more"),
         ({"samples": 10.5}, "samples is 10.5; expected a whole number, 2 or more"),
         ({"samples": -5}, "samples is -5; expected a whole number, 2 or more"),
@@ -167,7 +167,7 @@ def test_wrong_arguments_of_a_run(options: dict[str, Any], message: str) -> None
         ({"load.w": 1}, NameLookupError, r"the model has no parameter 'load\.w'"),
         ({"J_load": NAN}, BoundError, "J_load is nan; expected a finite number"),
         ({"J_load": -1.0}, BoundError, "J_load is -1; expected at least 0"),
-        ({"motor.J": 0.0, "load.J": 0.0}, SingularError, "the equations of .*motor, load.* are singular with these parameters"),
+        ({"motor.J": 0.0, "load.J": 0.0}, SingularError, "with motor.J = 0; load.J = 0: the model is not balanced"),
     ],
 )
 def test_wrong_parameters_of_a_run(parameters: dict[str, Any], error: type[GearlibError], message: str) -> None:
@@ -219,12 +219,12 @@ def test_slips_are_named(name: str) -> None:
 def leaf(right: Callable[[Any], Any], start: float = 1.0, p: float = 0.0) -> gl.System:
     class Leaf(gl.Component):
         x = gl.Variable("1", "state", start=start)
-        p = gl.Parameter("1", "number")
+        p = gl.Parameter("1", "number", default=0.0)
 
         def equations(self) -> list[gl.Eq]:
             return [gl.Eq(gl.der(self.x), right(self))]
 
-    return gl.compile(Leaf(p=p))
+    return gl.compile(Leaf() if p == 0.0 else Leaf(p=p))
 
 
 @pytest.mark.parametrize("method", ["ida", "rk", "auto"])

@@ -379,7 +379,7 @@ class Component:
             for name in attributes:
                 self.__dict__.pop(name, None)
             for name in parts:
-                del self._parts[name]
+                object.__setattr__(self._parts.pop(name), "_parent", None)  # it may be assigned again: it need not be a new one
             object.__setattr__(self, "_connections", None)
             object.__setattr__(self, "_made", NOTHING)
         for part in self._parts.values():
