@@ -437,6 +437,7 @@ class System:
         NameLookupError, ArgumentError, StartError
             No such input or output, two with one name, or no steady state.
         """
+        from gearlib.linear.condition import conditions
         from gearlib.linear.linearize import linearize, operating_point, state_space
 
         fitting = self.fitting(parameters, at)
@@ -448,7 +449,9 @@ class System:
         states = needed_states(self._structure, self._nodes(chosen))
         scene, numbers, point = operating_point(self, states, at, parameters)
         model = linearize(scene, numbers, chosen_inputs, chosen, point)
-        return model if sparse else state_space(model, self.name)
+        if sparse:
+            return replace(model, conditions=conditions(scene, numbers, point).said)
+        return state_space(model, self.name)
 
     def power_flow(
         self, speeds: Mapping[str, float] | None = None, torques: Mapping[str, float] | None = None, *,

@@ -45,8 +45,11 @@ def conditions(scene: Scene, parameters: Floats, point: Point) -> Conditions:
     worded = _worded(model)
     if not worded:
         return Conditions()
+    known = set(scene.states)
+    if not set(needed_states(structure, [(v, 0) for v, _, _ in worded])) <= known:  # some have no effect on what was asked for
+        worded = [item for item in worded if set(needed_states(structure, [(item[0], 0)])) <= known]
     nodes = [(v, 0) for v, _, _ in worded]
-    if not set(needed_states(structure, nodes)) <= set(scene.states):
+    if not nodes:
         return Conditions()
     program = build(structure, nodes, scene.states, dynamic=False)
     values, _ = slots_at(scene, parameters, prepare(program, structure, parameters), point)

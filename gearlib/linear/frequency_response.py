@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import name_list, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.feedback_loop import check_linear, matrices
-from gearlib.linear.linearize import input_names
+from gearlib.linear.linearize import LinearModel, input_names
 from gearlib.linear.subject import check_axes, check_system, is_system
 from gearlib.optional import optional
 
@@ -40,6 +40,8 @@ class FrequencyResponse:
         Units of the outputs, where they are known.
     per : str
         Unit of the inputs, where all have one.
+    conditions : tuple of str
+        The operating point of a System in words, such as "open: mesh m" or "sliding: clutch c".
     """
 
     omega: Floats
@@ -48,6 +50,14 @@ class FrequencyResponse:
     outputs: tuple[str, ...]
     units: tuple[str, ...]
     per: str = ""
+    conditions: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        what = f"Response of {', '.join(self.outputs)} to {', '.join(self.inputs)}"
+        lines = [f"{what}: {len(self.omega)} frequencies from {self.frequencies.min():.6g} to {self.frequencies.max():.6g} Hz"]
+        if self.conditions:
+            lines.append(f"Operating point: {'; '.join(self.conditions)}.")
+        return "\n".join(lines)
 
     @property
     def frequencies(self) -> Floats:
@@ -164,10 +174,11 @@ def frequency_response(
     else:
         A, B, C, D, ins, outs = matrices(model)
         values, signals = _dense(A, B, C, D, grid), (tuple(ins), tuple(outs))
+    said = model.conditions if isinstance(model, LinearModel) else ()
     if not np.isfinite(values).all():
         w = grid[~np.isfinite(values).all(axis=(0, 1))][0]
         raise ArgumentError(f"the model has a pole at {w:g} rad/s: the response there is infinite")
-    return FrequencyResponse(grid, values, *signals, units or ("",) * len(signals[1]), per)
+    return FrequencyResponse(grid, values, *signals, units or ("",) * len(signals[1]), per, said)
 
 
 def _unit(system: System, name: str) -> str:

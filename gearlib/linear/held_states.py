@@ -27,6 +27,9 @@ from gearlib.structure.incidence import Node
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 REACTION = 1e-13  # of the largest answer in a block: what is less is rounding
+YIELDS = (
+    1e-20  # of the largest coefficient: a held element may yield by so little where its reaction is not determined otherwise
+)
 CONSTANT = 1e-9  # of its terms: a rate below this is zero
 RANK = 1e-11  # of rows that were scaled to 1
 
@@ -105,11 +108,12 @@ def _held_in(
     found = []
     answers: Floats | None = None
     for batch in changing:
-        terms: dict[int, set[int]] = {}
+        terms: dict[int, dict[int, float]] = {}
         for rows, columns, values in _entries(batch, now, here, prepared.parameters, modes):
-            for r, c in zip(rows[values != 0].tolist(), columns[values != 0].tolist(), strict=True):
-                terms.setdefault(r, set()).add(c)
-        for r, only in terms.items():
+            for r, c, value in zip(rows.tolist(), columns.tolist(), np.abs(values).tolist(), strict=True):
+                terms.setdefault(r, {})[c] = value
+        for r, sizes in terms.items():
+            only = [c for c, size in sizes.items() if size > YIELDS * max(sizes.values())]
             (slot,) = only if len(only) == 1 else (-1,)
             if slot not in place or slot not in nodes:
                 continue

@@ -30,7 +30,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinearModel:
-    """dx/dt = A x + B u, y = C x + D u about an operating point; arrays, or sparse matrices where these would be large."""
+    """dx/dt = A x + B u, y = C x + D u about an operating point; arrays, or sparse matrices where these would be large.
+
+    ``conditions`` says in words what the operating point is, such as "open: mesh m" or "sliding: clutch c".
+    """
 
     A: Any
     B: Any
@@ -39,6 +42,7 @@ class LinearModel:
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    conditions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,11 @@ YIELD = 1e-25
 AT_REST = 1e-11  # rad/s: slower than that, what was at rest has not begun to move; a solver's rounding has no sign that means anything
 
 
+def words(part: str) -> dict[float, str]:
+    """What the values of `Friction.contact` mean, for a kind of part."""
+    return {0.0: f"open: {part} {{}}", 1.0: f"stuck: {part} {{}}", 2.0: f"sliding: {part} {{}}"}
+
+
 class SlidingSurfaces(gl.Component):
     """Declares what surfaces that rub have in common: the torque at which they slide, and when nothing presses them together.
 
@@ -50,6 +55,7 @@ class Friction(SlidingSurfaces, Dissipative):
     sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")
     v = gl.Variable("rad/s", "relative speed of the friction surfaces")
     tau = gl.Variable("N.m", "friction torque; acts against the motion when positive")
+    contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding")  # each kind of part declares its words
     mode = gl.Discrete("-1 backward, 0 stuck, 1 forward, 2 free, 3 unknown", start=UNKNOWN)
     moving = gl.Discrete("sign of the speed, 0 while locked or free")
     was_stuck = gl.Discrete("whether it was stuck before the event")
@@ -85,6 +91,7 @@ class Friction(SlidingSurfaces, Dissipative):
                 self._starts(-1, -self.sa, -self.v, self.start_backward, self.start_forward, self.was_forward),
             ),
             gl.Eq(self.locked, gl.And(gl.Not(is_free), gl.Not(forward), gl.Not(backward))),
+            gl.Eq(self.contact, gl.Piecewise((0, is_free), (1, locked), (2, True))),
             gl.Eq(
                 self.mode,
                 gl.Piecewise(
@@ -163,6 +170,7 @@ class BearingFriction(FrictionOnHousing):
 
     tau_pos = gl.Structural(((0.0, 1.0),), "rows of speed (rad/s) and sliding torque (N.m)")
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
+    contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding", words=words("bearing"))
 
     def level(self, speed: Any) -> Any:
         return interpolated(_checked("BearingFriction.tau_pos", self.tau_pos), speed, 1, self.smoothness)
@@ -204,6 +212,8 @@ class Brake(FrictionOnHousing, Pressed):
     times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
     """
 
+    contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding", words=words("brake"))
+
 
 class Clutch(Compliant, Friction, Pressed):
     """Friction clutch between two shafts: slides with ``tau = mu_pos(w_rel) cgeo fn_max f_normalized``, or locks.
@@ -211,6 +221,8 @@ class Clutch(Compliant, Friction, Pressed):
     It slides with the opposite torque where ``w_rel < 0``. At rest ``der(w_rel) = 0`` as long as ``abs(tau)`` does not exceed
     ``peak`` times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
     """
+
+    contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding", words=words("clutch"))
 
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.v, self.w_rel)]
@@ -232,6 +244,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     was_stuck = gl.Discrete("whether it was stuck before the event")
     start_forward = gl.Discrete("starts to slide")
     locked = gl.Discrete("no relative acceleration")
+    contact = gl.Variable("1", "0 overruns without a torque, 1 stuck, 2 sliding", words=words("one-way clutch"))
 
     def equations(self) -> list[gl.Eq]:
         locked, is_free, was_stuck = gl.holds(self.locked), gl.holds(self.free), gl.holds(gl.pre(self.stuck))
@@ -255,6 +268,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
             ),
             gl.Eq(self.locked, gl.And(was_stuck, gl.Not(gl.holds(self.start_forward)))),
             gl.Eq(self.stuck, gl.Or(locked, gl.Not(gl.holds(self.moving)))),
+            gl.Eq(self.contact, gl.Piecewise((1, locked), (0, is_free), (2, True))),
             gl.Eq(self.loss_power, gl.Piecewise((0, gl.holds(self.stuck)), (self.tau * self.w_rel, True))),
         ]
 

@@ -151,3 +151,61 @@ def test_contact_follows_a_run() -> None:
         at = (run, float(run.time[k]))
         word = {1.0: "in contact: mesh m", 0.0: "open: mesh m", -1.0: "in contact, driven backwards: mesh m"}
         assert gl.modes(system, at=at).conditions == (word[run["m.contact"][k]],)
+
+
+class Slipping(gl.Component):
+    """A body on a spring, a friction part, and a load on another spring."""
+
+    part = gl.Structural("clutch")
+    pressed = gl.Parameter("1", "how hard the part is pressed", default=1.0, min=0)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.t, self.ground = gp.Torque(), gp.Fixed()
+        self.a, self.z = gp.Inertia(J=0.01), gp.Inertia(J=0.1)
+        self.s, self.h = gp.SpringDamper(c=100.0, d=0.1), gp.SpringDamper(c=200.0, d=0.1)
+        joints = [
+            gl.connect(self.t.flange, self.a.flange_a),
+            gl.connect(self.z.flange_b, self.h.flange_a),
+            gl.connect(self.h.flange_b, self.ground.flange),
+        ]
+        if self.part in ("clutch", "one-way clutch"):
+            kind = gp.Clutch if self.part == "clutch" else gp.OneWayClutch
+            self.p = kind(fn_max=10.0, f_normalized=self.pressed)
+            grounded = [
+                gl.connect(self.a.flange_b, self.s.flange_a),
+                gl.connect(self.s.flange_b, self.ground.flange),
+            ]
+            return [
+                *joints,
+                *grounded,
+                gl.connect(self.a.flange_a, self.p.flange_a),
+                gl.connect(self.p.flange_b, self.z.flange_a),
+            ]
+        if self.part == "brake":
+            self.p = gp.Brake(fn_max=10.0, f_normalized=self.pressed)
+        else:
+            self.p = gp.BearingFriction(tau_pos=((0.0, 1.0), (10.0, 2.0)))
+        return [
+            *joints,
+            gl.connect(self.a.flange_b, self.s.flange_a),
+            gl.connect(self.s.flange_b, self.z.flange_a),
+            gl.connect(self.z.flange_b, self.p.flange_a),
+        ]
+
+
+@pytest.mark.parametrize(("state", "pressed", "speed"), [("open", 0.0, 3.0), ("stuck", 1.0, 0.0), ("sliding", 1.0, 3.0)])
+@pytest.mark.parametrize("part", ["clutch", "one-way clutch", "brake", "bearing"])
+def test_friction_is_open_stuck_or_sliding(part: str, state: str, pressed: float, speed: float) -> None:
+    """Not pressed, at rest relative to each other, and turning; in every linear analysis."""
+    if part == "bearing" and state == "open":
+        state = "sliding"  # a bearing's friction acts whenever it turns
+    system = gl.compile(Slipping(part=part))
+    at = {"z.w": speed, "z.phi": 0.0} if part in ("brake", "bearing") else {"z.w": speed, "z.phi": 0.0, "a.w": 0.0}
+    values = {"pressed": pressed}
+    said = f"{state}: {part} p"
+    assert gl.modes(system, at=at, parameters=values).conditions == (said,)
+    assert said in str(gl.stability(system, at=at, parameters=values))
+    assert system.linearize(["t.tau"], ["a.w", "z.w"], at=at, parameters=values, sparse=True).conditions == (said,)
+    found = gl.frequency_response(system, [1.0, 2.0], ["t.tau"], ["a.w", "z.w"], at=at, parameters=values)
+    assert found.conditions == (said,)
+    assert f"Operating point: {said}." in str(found)
