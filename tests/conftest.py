@@ -31,3 +31,5 @@ settings.register_profile(
     "gearlib", derandomize=True, deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("gearlib")
+
+from tests.trains import chain, paper  # noqa: E402, F401  (fixtures of several folders)

@@ -24,7 +24,7 @@ class Pair(gl.Component):
 
     rigid = gl.Structural(False)
     linear = gl.Structural(False, "no fan")
-    fan = gl.Parameter("N.m.s2/rad2", "drag of the load over its speed squared", default=0.01)
+    fan = gl.Parameter("N.m", "drag of the load at 1 rad/s; it grows with the speed squared", default=0.01)
 
     def assemble(self) -> list[Any]:
         self.torque = gp.Torque(tau=10 + 2 * gl.sin(30 * gl.time))
