@@ -162,12 +162,15 @@ def test_of_several_it_is_the_one_that_the_motion_goes_to() -> None:
 
     class Motor(gl.Component):
         flange = gp.Flange()
+        d = gl.Parameter("N.m.s/rad", default=0.05)
+        power = gl.Parameter("N.m.rad/s", default=40.0)
+        w_most = gl.Parameter("rad/s", "speed of the largest torque", default=10.0)
         w = gl.Variable("rad/s", "speed")
 
         def equations(self) -> list[gl.Eq]:
             return [
                 gl.Eq(self.w, gl.der(self.flange.phi)),
-                gl.Eq(self.flange.tau, 0.05 * self.w - 40 * self.w / (100 + self.w**2)),
+                gl.Eq(self.flange.tau, self.d * self.w - self.power * self.w / (self.w_most**2 + self.w**2)),
             ]
 
     class Train(gl.Component):
