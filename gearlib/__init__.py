@@ -65,10 +65,6 @@ if TYPE_CHECKING:
     from gearlib.linear.loop_plots import root_locus_plot as root_locus_plot
     from gearlib.linear.stability import StabilityReport as StabilityReport
     from gearlib.linear.stability import stability as stability
-    from gearlib.modes.campbell import Campbell as Campbell
-    from gearlib.modes.campbell import campbell as campbell
-    from gearlib.modes.modes import Modes as Modes
-    from gearlib.modes.modes import modes as modes
     from gearlib.periodic.describing_function import PreloadedBacklash as PreloadedBacklash
     from gearlib.periodic.describing_function import backlash_describing_function as backlash_describing_function
     from gearlib.periodic.describing_function import equivalent_stiffness as equivalent_stiffness
@@ -88,17 +84,21 @@ if TYPE_CHECKING:
     from gearlib.system import System as System
     from gearlib.system import compile as compile
     from gearlib.system import simulate as simulate
+    from gearlib.vibration.campbell import Campbell as Campbell
+    from gearlib.vibration.campbell import campbell as campbell
+    from gearlib.vibration.modes import Modes as Modes
+    from gearlib.vibration.modes import modes as modes
 
 __version__ = "0.1.0"
 
 _HOME = {
-    **dict.fromkeys(["Campbell", "campbell"], "gearlib.modes.campbell"),
+    **dict.fromkeys(["Campbell", "campbell"], "gearlib.vibration.campbell"),
     **dict.fromkeys(
         ["PreloadedBacklash", "backlash_describing_function", "equivalent_stiffness"], "gearlib.periodic.describing_function"
     ),
     "harmonic_balance": "gearlib.periodic.harmonic_balance",
     "HarmonicBalance": "gearlib.periodic.harmonic_response",
-    **dict.fromkeys(["Modes", "modes"], "gearlib.modes.modes"),
+    **dict.fromkeys(["Modes", "modes"], "gearlib.vibration.modes"),
     **dict.fromkeys(["OrderSpectrum", "OrderWaterfall", "order_spectrum", "order_waterfall"], "gearlib.periodic.order_analysis"),
     **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.linear.loop_plots"),
     **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.linear.frequency_response"),

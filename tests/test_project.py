@@ -133,3 +133,12 @@ def test_wheel_holds_both_packages_and_nothing_else(tmp_path: Path) -> None:
 
 def test_pictures_of_the_documentation_are_small() -> None:
     assert sum(path.stat().st_size for path in (ROOT / "docs" / "images").iterdir()) < 300_000
+
+
+def test_no_public_name_is_that_of_a_folder_or_module() -> None:
+    """Importing ``gearlib.x`` puts the module in place of ``gl.x``, so that what is called depends on what was imported before."""
+    import pkgutil
+
+    import gearlib
+
+    assert not {module.name for module in pkgutil.iter_modules(gearlib.__path__)} & set(gearlib.__all__)

@@ -16,7 +16,7 @@ from gearlib.linear.margins import Margins, margins
 from gearlib.linear.nyquist import NyquistCount, nyquist_count
 from gearlib.linear.poles import MEANING, Poles, Verdict, poles
 from gearlib.linear.subject import is_system
-from gearlib.modes.modes import MOST_DENSE, Modes, modes
+from gearlib.vibration.modes import MOST_DENSE, Modes, modes
 
 
 @dataclass(frozen=True, eq=False)

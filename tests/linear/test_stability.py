@@ -290,7 +290,7 @@ def test_responses_and_shapes_survive_balancing() -> None:
     """
     from scipy.linalg import matrix_balance
 
-    from gearlib.modes.spectrum import dense_spectrum
+    from gearlib.vibration.spectrum import dense_spectrum
 
     rng = np.random.default_rng(2)
     rings = 0

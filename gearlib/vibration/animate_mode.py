@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearlib.errors import ArgumentError
-from gearlib.modes.draw_mode import MOTION, _largest, aligned
 from gearlib.optional import optional
+from gearlib.vibration.draw_mode import MOTION, _largest, aligned
 
 if TYPE_CHECKING:
-    from gearlib.modes.modes import Modes
+    from gearlib.vibration.modes import Modes
 
 COLUMNS = 6
 BODY, SLIDER = "#cfd8e3", "#66a61e"

@@ -9,7 +9,7 @@ import numpy as np
 from gearlib.optional import optional
 
 if TYPE_CHECKING:
-    from gearlib.modes.modes import Modes
+    from gearlib.vibration.modes import Modes
 
 MOST_BARS = 30
 KINETIC, POTENTIAL, MOTION = "#1f6fb4", "#d95f02", "0.35"

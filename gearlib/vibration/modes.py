@@ -18,8 +18,6 @@ from gearlib.linear.condition import conditions, described, matters_elsewhere
 from gearlib.linear.held_states import remaining
 from gearlib.linear.linearize import operating_point, slots_at
 from gearlib.linear.subject import check_system
-from gearlib.modes.mode_energies import Family, energies, families
-from gearlib.modes.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
 from gearlib.optional import optional
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
@@ -27,6 +25,8 @@ from gearlib.program.sensitivity import sensitivity
 from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import needed_states, node_name
 from gearlib.structure.incidence import Node
+from gearlib.vibration.mode_energies import Family, energies, families
+from gearlib.vibration.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
 
 if TYPE_CHECKING:
     import pandas
@@ -279,7 +279,7 @@ class Modes:
 
     def draw(self, mode: int, *, axes: Any = None) -> Any:
         """Draw a mode: amplitudes of the bodies, and the shares of energy. Returns the matplotlib axes."""
-        from gearlib.modes.draw_mode import draw_mode
+        from gearlib.vibration.draw_mode import draw_mode
 
         self._check(mode)
         return draw_mode(self, int(mode) % len(self), axes)
@@ -297,7 +297,7 @@ class Modes:
         degrees : float
             Swing of the body that turns most.
         """
-        from gearlib.modes.animate_mode import animate_mode
+        from gearlib.vibration.animate_mode import animate_mode
 
         self._check(mode)
         return animate_mode(self, int(mode) % len(self), frames, degrees)

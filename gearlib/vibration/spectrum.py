@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
 from gearlib.linear.poles import deflate
-from gearlib.modes.lowest_eigenvalues import lowest
 from gearlib.structure.sparse_elimination import factorise
+from gearlib.vibration.lowest_eigenvalues import lowest
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -12,9 +12,9 @@ from scipy.linalg import eig, eigh
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.modes import spectrum
-from gearlib.modes.eigenvalue_count import missing_inside
-from gearlib.modes.lowest_eigenvalues import lowest, similarity
+from gearlib.vibration import spectrum
+from gearlib.vibration.eigenvalue_count import missing_inside
+from gearlib.vibration.lowest_eigenvalues import lowest, similarity
 from tests.benchmarks.scenes import DRAG, C, Chain, D
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.modes.eigenvalue_count import missing_inside
+from gearlib.vibration.eigenvalue_count import missing_inside
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

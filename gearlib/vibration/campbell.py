@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import increasing, real, reals, shown
 from gearlib.errors import ArgumentError
 from gearlib.linear.subject import check_system
-from gearlib.modes.modes import Modes, modes
 from gearlib.optional import optional
+from gearlib.vibration.modes import Modes, modes
 
 if TYPE_CHECKING:
     import pandas
