@@ -19,7 +19,7 @@ from gearlib.equations.template import Template
 from gearlib.errors import BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.model import Instance
-from gearlib.language.component import Component, _inside
+from gearlib.language.component import Component, _inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input
 from gearlib.language.expressions import check_depth
 
@@ -276,7 +276,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
         raise BindingError(f"{path} has no value; give one in {unit} ({description or 'no default'}){hint}")
     if callable(value) and scope is not None:
         try:
-            with _inside(scope):
+            with _inside(scope), reads_of(scope):
                 value = value(scope)
         except Exception as problem:
             raise BindingError(f"{path}: its function raised {type(problem).__name__}: {problem}") from None

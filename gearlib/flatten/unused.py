@@ -1,8 +1,9 @@
 """Values that were given and that nothing uses: parameters, inputs and structural choices of the kind of model that was not chosen.
 
 A parameter counts as used where an equation of a component, a start value, or another parameter that is used holds it; an input where
-an equation other than its own binding does; a structural choice where ``assemble`` or ``equations`` asked for it. What a composite
-passes on to its parts is not refused there: then the composite's own parameter is unused, and is refused if it was given.
+an equation other than its own binding does; a structural choice where ``assemble`` or ``equations`` asked for it, or the default of a
+parameter that is used. What a composite passes on to its parts is not refused there: then the composite's own parameter is unused,
+and is refused if it was given.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from gearlib.equations.bindings import is_expression
 from gearlib.errors import BindingError, GearlibError
 from gearlib.flatten.instances import Tree, walk
-from gearlib.language.component import Component
+from gearlib.language.component import Component, _inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input, Offered, Parameter, Structural
 
 MOST_TRIALS = 40  # other choices that are tried for the sake of the message
@@ -29,9 +30,11 @@ def refuse_unused(tree: Tree, root: Component) -> None:
         number = tree.numbers[id(component)]
         record = tree.records[number]
         for name, value in component._given.items():
-            read = name in component._read or name in record.choices
             default = component._declarations[name].default  # type: ignore[attr-defined]
-            if not read and type(value) is not Offered and not _same(value, default):
+            if name in component._read or name in record.choices or type(value) is Offered or _same(value, default):
+                continue
+            used = used or Used(tree)
+            if name not in _read_by_defaults(component, number, used):
                 raise _refusal(component, tree.instances[number].path, name, value)
         for name, value in component._bindings.items():
             if name in record.own_names or type(value) is Offered or value is None or value is NO_VALUE or callable(value):
@@ -101,6 +104,16 @@ class Used:
         return bool(self.variables[instance.first_variable + record.variable_index[name]])
 
 
+def _read_by_defaults(component: Component, number: int, used: Used) -> set[str]:
+    """The structural choices that the defaults of a component's parameters ask for, where these parameters are used."""
+    with _inside(component), reads_of(component) as found:
+        for name, declared in component._declarations.items():
+            if isinstance(declared, Parameter) and callable(declared.default) and name not in component._bindings:
+                if used.has(number, name):
+                    declared.default(component)
+    return found
+
+
 def _components(root: Component) -> Iterator[Component]:
     stack = [root]
     while stack:
@@ -168,7 +181,8 @@ def _counts(component: Component, name: str, other: dict[str, Any]) -> bool:
         except GearlibError:
             return name in trial._read
         if isinstance(declarations[name], Structural):
-            return name in trial._read or name in tree.records[0].choices
+            read = name in trial._read or name in tree.records[0].choices
+            return read or name in _read_by_defaults(trial, 0, Used(tree))
         return Used(tree).has(0, name)
     except Exception:  # a component with a constructor of its own, or one that needs other values: no advice then
         return False

@@ -441,6 +441,17 @@ def _inside(component: Component) -> Iterator[None]:
 
 
 @contextmanager
+def reads_of(component: Component) -> Iterator[set[str]]:
+    """The structural choices that are asked for in here; they do not count as read by ``equations`` and ``assemble``."""
+    before, reads = component._read, set[str]()
+    object.__setattr__(component, "_read", reads)
+    try:
+        yield reads
+    finally:
+        object.__setattr__(component, "_read", before)
+
+
+@contextmanager
 def _explained(where: str) -> Iterator[None]:
     """Say where, and in the modeller's terms what Python's ``if`` and number functions cannot do with a symbol."""
     try:

@@ -20,7 +20,7 @@ from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
 from gearlib.errors import ModelError
-from gearlib.language.component import Component, _inside, equations_of
+from gearlib.language.component import Component, _inside, equations_of, reads_of
 from gearlib.language.declarations import Connector, Derivative, Discrete, Input, Parameter
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, value_of
 from gearlib.language.units import NONE, SECOND, Dimension, dimension, name_of
@@ -153,7 +153,8 @@ def _given(component: Component, where: str, unit: str, value: Any) -> Iterator[
     if callable(value) and not isinstance(value, sympy.Basic):
         read = set(component._read)
         try:
-            value = value(component)
+            with reads_of(component):
+                value = value(component)
         except Exception:  # a user's function: what is wrong with it is said where its value is needed
             return
         finally:

@@ -144,3 +144,23 @@ def test_what_is_offered_may_go_unused() -> None:
     assert gl.compile(Own(heavy=True, **gl.offered({"m": 2.0, "u": 3.0}))).simulate(1.0, samples=2)["x"][-1] == pytest.approx(
         6.0
     )
+
+
+class Sized(gl.Component):
+    """A choice that nothing but the default of a parameter asks for, which counts in one kind of model."""
+
+    heavy = gl.Structural(False)
+    bodies = gl.Structural(1)
+    m = gl.Parameter("kg", default=lambda part: 0.5 * part.bodies)
+    x = gl.Variable("1")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), self.m if self.heavy else 1.0)]
+
+
+def test_a_choice_that_the_default_of_a_parameter_asks_for_counts_where_the_parameter_does() -> None:
+    assert gl.simulate(Sized(heavy=True, bodies=3), 1.0, samples=2)["x"][-1] == pytest.approx(1.5)
+    with pytest.raises(BindingError, match=r"Sized: bodies=3 has no effect with heavy=False; it counts with heavy=True"):
+        gl.compile(Sized(bodies=3))
+    with pytest.raises(BindingError, match=r"Sized: bodies=3 has no effect"):
+        gl.compile(Sized(heavy=True, bodies=3, m=2.0))
