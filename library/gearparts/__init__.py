@@ -57,9 +57,14 @@ if TYPE_CHECKING:
     from gearparts.planar import PlanarShaft as PlanarShaft
     from gearparts.planar import PlanarSupport as PlanarSupport
     from gearparts.planar import PlanetBearing as PlanetBearing
+    from gearparts.planetary import IdealPlanetaryUnit as IdealPlanetaryUnit
+    from gearparts.planetary import LossyPlanetaryUnit as LossyPlanetaryUnit
+    from gearparts.planetary import LumpedPlanetaryUnit as LumpedPlanetaryUnit
     from gearparts.planetary import Planet as Planet
     from gearparts.planetary import PlanetaryUnit as PlanetaryUnit
     from gearparts.planetary import PlanetOnCarrier as PlanetOnCarrier
+    from gearparts.planetary import TorsionalPlanetaryUnit as TorsionalPlanetaryUnit
+    from gearparts.planetary import TranslationalPlanetaryUnit as TranslationalPlanetaryUnit
     from gearparts.sensors import AccSensor as AccSensor
     from gearparts.sensors import AngleSensor as AngleSensor
     from gearparts.sensors import MultiSensor as MultiSensor
@@ -126,7 +131,13 @@ _HOME = {
         ],
         "gearparts.planar",
     ),
-    **dict.fromkeys(["Planet", "PlanetOnCarrier", "PlanetaryUnit"], "gearparts.planetary"),
+    **dict.fromkeys(
+        [
+            "IdealPlanetaryUnit", "LossyPlanetaryUnit", "LumpedPlanetaryUnit", "Planet", "PlanetOnCarrier", "PlanetaryUnit",
+            "TorsionalPlanetaryUnit", "TranslationalPlanetaryUnit",
+        ],
+        "gearparts.planetary",
+    ),
     **dict.fromkeys(
         [
             "AccSensor", "AngleSensor", "MultiSensor", "PowerSensor", "RelAccSensor", "RelAngleSensor",

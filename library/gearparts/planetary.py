@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import gearlib as gl
+from gearlib.arguments import shown
+from gearlib.errors import BindingError
+from gearlib.language.declarations import Offered
 from gearparts.gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
 from gearparts.lossy_planetary import IDEAL_MESH, NO_FRICTION, LossyPlanetary
@@ -82,33 +85,23 @@ class Planet(gl.Component):
 
 
 class PlanetaryUnit(gl.Component):
-    """Planetary differential, two degrees of freedom (the X unit), in several levels of detail.
+    """Planetary differential, two degrees of freedom (the X unit), in several levels of detail: one class for each.
 
-    ``level`` chooses how much of it moves; bodies and radii are the same at all levels.
+    ``PlanetaryUnit(level=..., planet_meshes=...)`` makes one of them; bodies and radii are the same in all.
 
-    ``"ideal"``: rigid; `IdealPlanetary` with the inertias of sun, ring, carrier and planets.
-
-    ``"lossy"``: the same with the losses of `LossyPlanetary`: ``sun_efficiency``, ``ring_efficiency``, ``bearing``.
-
-    ``"elastic"``: bodies that turn, with elastic meshes, in one of two models of the planets' meshes (``planet_meshes``):
-
-    - ``"lumped"``, Zhou and Cui's: one mesh at the ring and one at the sun, with the stiffness of all planets together, and one
-      body each for the planets as that mesh sees them. The planets' spin and orbit follow the body at the ring rigidly; a support
-      damper for each planet leads to the body at the sun, which is a motion of its own.
-    - ``"separate"``: every planet has a mesh with the ring and a mesh with the sun, and rides rigidly on the carrier.
-      ``K_ring, C_ring, K_sun, C_sun`` then hold for one mesh; ``I_at_ring``, ``I_at_sun`` and ``C_v`` have no meaning. With
-      ``sun_details`` or ``ring_details`` the meshes are detailed ones (`DetailedExternalMesh`, `DetailedInternalMesh`) with these
-      choices and values, whose phases follow from the numbers of teeth: planet n at ``psi_n`` has the mesh phase
-      ``-Z_s psi_n`` at the sun and ``ring_phase - Z_r psi_n`` at the ring (`planet_phasing`). Where the sun drives, the ring's
-      phase decreases, and its patterns are run through backwards.
-
-    ``"planar"``: all bodies also move sideways on elastic bearings (`PlanarPlanetaryUnit`), with a mesh for each planet, and
-    ``K_ring, C_ring, K_sun, C_sun`` for one mesh. The radii are those at which the meshes' forces act, so the planets' centres
-    are at ``R_h / cos(alpha)``.
+    =============  =================  ==========================
+    ``level``      ``planet_meshes``  class
+    =============  =================  ==========================
+    ``"ideal"``                       `IdealPlanetaryUnit`
+    ``"lossy"``                       `LossyPlanetaryUnit`
+    ``"elastic"``  ``"lumped"``       `LumpedPlanetaryUnit`
+    ``"elastic"``  ``"separate"``     `TorsionalPlanetaryUnit`
+    ``"planar"``                      `TranslationalPlanetaryUnit`
+    =============  =================  ==========================
 
     With no deflection, and no slip in the support dampers of ``"lumped"`` (a third degree of freedom), all obey Willis' equation
-    ``R_r w_ring + R_s w_sun = 2 R_h w_carrier`` with ``R_r = R_s + 2 R_p``. Numbers
-    of teeth, where given, must allow equally spaced planets to be assembled.
+    ``R_r w_ring + R_s w_sun = 2 R_h w_carrier`` with ``R_r = R_s + 2 R_p``. Numbers of teeth, where given, must allow equally spaced
+    planets to be assembled.
 
     References
     ----------
@@ -117,20 +110,16 @@ class PlanetaryUnit(gl.Component):
     J. Lin, R. G. Parker, Journal of Vibration and Acoustics 121 (1999) 316-321. https://doi.org/10.1115/1.2893982
     """
 
+    level: ClassVar[str]
+    planet_meshes: ClassVar[str] = "lumped"
+
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")
     planets = gl.Structural(3, "number of planets", min=1)
-    level = gl.Structural("elastic", "what moves and what loses power", choices=("ideal", "lossy", "elastic", "planar"))
-    planet_meshes = gl.Structural("lumped", "one mesh for all planets, or one for each", choices=("lumped", "separate"))
-    sun_efficiency = gl.Structural(IDEAL_MESH, "lossy: rows of speed (rad/s), efficiencies with sun and with ring driving")
-    ring_efficiency = gl.Structural(IDEAL_MESH, "lossy: rows of speed (rad/s), efficiencies with sun and with ring driving")
-    bearing = gl.Structural(NO_FRICTION, "lossy: rows of speed (rad/s) and friction torque at the sun (N.m)")
     Z_s = gl.Structural(0, "teeth of the sun; 0: not known", min=0)
     Z_p = gl.Structural(0, "teeth of a planet; 0: not known", min=0)
     Z_r = gl.Structural(0, "teeth of the ring; 0: not known", min=0)
-    sun_details = gl.Structural((), "separate: choices and values of the sun's detailed meshes, as pairs")
-    ring_details = gl.Structural((), "separate: choices and values of the ring's detailed meshes, as pairs")
 
     R_s = gl.Parameter("m", "pitch radius of the sun", min=0)
     R_p = gl.Parameter("m", "pitch radius of a planet", min=0)
@@ -141,16 +130,237 @@ class PlanetaryUnit(gl.Component):
     I_h = gl.Parameter("kg.m2", "moment of inertia of the carrier without planets", min=0)
     I_spin = gl.Parameter("kg.m2", "moment of inertia of one planet about its own axis", min=0)
     I_orbit = gl.Parameter("kg.m2", "moment of inertia of one planet's centre about the carrier's axis", min=0)
-    I_at_ring = gl.Parameter("kg.m2", "lumped: planets as the ring's mesh sees them", default=lambda unit: unit.I_spin, min=0)
-    I_at_sun = gl.Parameter("kg.m2", "lumped: planets as the sun's mesh sees them", default=lambda unit: unit.I_spin, min=0)
+
+    def __new__(cls, *_: Any, level: str = "elastic", planet_meshes: str = "lumped", **__: Any) -> PlanetaryUnit:
+        if cls is not PlanetaryUnit:
+            return object.__new__(cls)
+        for name, value in (("level", level), ("planet_meshes", planet_meshes)):
+            valid = CHOICES[name]
+            if value not in valid:
+                choices = ", ".join(map(repr, valid))
+                raise BindingError(f"PlanetaryUnit: structural choice '{name}' is {shown(value)}; valid choices: {choices}")
+        return object.__new__(model_of(level, planet_meshes))
+
+    def __init__(self, *positional: Any, level: str | None = None, planet_meshes: str | None = None, **values: Any) -> None:
+        # what other models declare is refused when the unit's path is known
+        others = {n: v for n, v in values.items() if n not in self._bindable and any(n in m._bindable for m in MODELS)}
+        super().__init__(*positional, **{n: v for n, v in values.items() if n not in others})
+        chosen = {"level": level, "planet_meshes": planet_meshes}
+        others |= {n: v for n, v in chosen.items() if v is not None and v != getattr(self, n)}
+        if without_effect := tuple((n, v) for n, v in others.items() if _is_own(v)):
+            self.without_effect = without_effect
+
+    def refuse_what_has_no_effect(self) -> None:
+        """Raise `BindingError` for a value that only another model of the unit has."""
+        for name, value in self.__dict__.get("without_effect", ()):
+            models = [m for m in MODELS if name in m._bindable or (name in CHOICES and getattr(m, name) == value)]
+            described: Any = models[0]._declarations.get(name)
+            meaning = f" ({described.description})" if described else ""
+            levels = [f"level={m.level!r}" for m in models]
+            advice = levels if name in CHOICES else self._other_choices(models)
+            path = f"{self._path()} (PlanetaryUnit)" if self._path() else "PlanetaryUnit"
+            raise BindingError(
+                f"{path}: {name}={shown(value)} has no effect with level={self.level!r}, planet_meshes={self.planet_meshes!r}{meaning}; "
+                f"it counts with {' or '.join(advice)}"
+            )
+
+    def _other_choices(self, models: list[type[PlanetaryUnit]]) -> list[str]:
+        """The choices that make one of ``models``: one changed, or both where that is needed."""
+        single = [f"level={m.level!r}" for m in models if m.level != self.level and m is model_of(m.level, self.planet_meshes)]
+        single += [f"planet_meshes={m.planet_meshes!r}" for m in models if m.level == self.level]
+        return single or [f"level={m.level!r} and planet_meshes={m.planet_meshes!r}" for m in models]
+
+    def check(self) -> None:
+        """Refuse values without effect, and planets that cannot be put between sun and ring."""
+        self.refuse_what_has_no_effect()
+        if self.Z_s or self.Z_p or self.Z_r:
+            check_assembly("PlanetaryUnit", self.Z_s, self.Z_p, self.Z_r, self.planets)
+
+
+def _is_own(value: Any) -> bool:
+    """Whether a value is the unit's own: neither offered, nor handed on by what encloses it."""
+    if type(value) is Offered or value is None or callable(value):
+        return False
+    return not any(symbol.name != "time" for symbol in getattr(value, "free_symbols", ()))
+
+
+class TurningPlanetaryUnit(PlanetaryUnit):
+    """Declares what the units share whose bodies turn only: the bodies on their shafts."""
+
+    def bodies(self) -> list[Connection]:
+        """Sun, ring, carrier and planets, and their shafts."""
+        self.check()
+        self.ring_gear, self.sun_gear = Inertia(J=self.I_r), Inertia(J=self.I_s)
+        self.carrier_body = Inertia(J=self.I_h)
+        self.planet = [
+            Planet(R_p=self.R_p, R_h=self.R_h, I_spin=self.I_spin, I_orbit=self.I_orbit) for _ in range(self.planets)
+        ]
+        return [
+            gl.connect(self.ring, self.ring_gear.flange_a),
+            gl.connect(self.sun, self.sun_gear.flange_a),
+            gl.connect(self.carrier, self.carrier_body.flange_a),
+            gl.connect(self.carrier_body.flange_b, *(planet.carrier for planet in self.planet)),
+        ]
+
+    def rigid(self, rigid_set: IdealPlanetary | LossyPlanetary) -> list[Connection]:
+        """The bodies joined by a rigid set, and by a gear without losses that turns the planets."""
+        shafts = self.bodies()
+        self.set = rigid_set
+        self.rolling = IdealGear(ratio=-self.R_p / self.R_s)
+        return [
+            *shafts,
+            gl.connect(self.sun_gear.flange_b, self.set.sun, self.rolling.flange_a),
+            gl.connect(self.rolling.flange_b, *(planet.sun_side for planet in self.planet)),
+            gl.connect(self.ring_gear.flange_b, self.set.ring),
+            gl.connect(self.carrier_body.flange_b, self.set.carrier),
+        ]
+
+
+class IdealPlanetaryUnit(TurningPlanetaryUnit):
+    """Rigid planetary differential: `IdealPlanetary` with the inertias of sun, ring, carrier and planets."""
+
+    level = "ideal"
+
+    def assemble(self) -> list[Connection]:
+        return self.rigid(IdealPlanetary(ratio=self.R_r / self.R_s))
+
+
+class LossyPlanetaryUnit(TurningPlanetaryUnit):
+    """Rigid planetary differential with the losses of `LossyPlanetary`, and the inertias of sun, ring, carrier and planets."""
+
+    level = "lossy"
+
+    sun_efficiency = gl.Structural(IDEAL_MESH, "lossy: rows of speed (rad/s), efficiencies with sun and with ring driving")
+    ring_efficiency = gl.Structural(IDEAL_MESH, "lossy: rows of speed (rad/s), efficiencies with sun and with ring driving")
+    bearing = gl.Structural(NO_FRICTION, "lossy: rows of speed (rad/s) and friction torque at the sun (N.m)")
+
+    def assemble(self) -> list[Connection]:
+        return self.rigid(
+            LossyPlanetary(
+                ratio=self.R_r / self.R_s, sun_mesh=self.sun_efficiency, ring_mesh=self.ring_efficiency, bearing=self.bearing
+            )
+        )
+
+
+class MeshValues(PlanetaryUnit):
+    """Declares the stiffness and the damping of elastic meshes."""
+
     K_ring = gl.Parameter("N/m", "elastic, planar: stiffness of a mesh at the ring", default=1e8, min=0)
     C_ring = gl.Parameter("N.s/m", "elastic, planar: damping of a mesh at the ring", default=0.0, min=0)
     K_sun = gl.Parameter("N/m", "elastic, planar: stiffness of a mesh at the sun", default=1e8, min=0)
     C_sun = gl.Parameter("N.s/m", "elastic, planar: damping of a mesh at the sun", default=0.0, min=0)
+
+
+class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
+    """Declares what the units share whose bodies turn and whose meshes are elastic."""
+
+    level = "elastic"
+
+    e_rate = gl.Input("m/s", "elastic: rate of the transmission error, the same in all meshes", default=0.0)
+
+    def internal_mesh(self) -> InternalMesh:
+        """A mesh of the ring and a planet."""
+        return InternalMesh(r_a=self.R_r, r_b=self.R_p, c=self.K_ring, d=self.C_ring, e_rate=self.e_rate)
+
+    def external_mesh(self) -> ExternalMesh:
+        """A mesh of the sun and a planet."""
+        return ExternalMesh(r_a=self.R_s, r_b=self.R_p, c=self.K_sun, d=self.C_sun, e_rate=self.e_rate)
+
+
+class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
+    """Planetary differential after Zhou and Cui: one elastic mesh at the ring and one at the sun stand for those of all planets.
+
+    The meshes have the stiffness of all planets together, and one body each for the planets as that mesh sees them. The planets'
+    spin and orbit follow the body at the ring rigidly; a support damper for each planet leads to the body at the sun, which is a
+    motion of its own.
+    """
+
+    I_at_ring = gl.Parameter("kg.m2", "lumped: planets as the ring's mesh sees them", default=lambda unit: unit.I_spin, min=0)
+    I_at_sun = gl.Parameter("kg.m2", "lumped: planets as the sun's mesh sees them", default=lambda unit: unit.I_spin, min=0)
     C_v = gl.Parameter("N.s/m", "lumped: damping of one planet's support along the line of action", default=0.0, min=0)
+
+    def assemble(self) -> list[Connection]:
+        shafts = self.bodies()
+        self.ring_mesh, self.sun_mesh = self.internal_mesh(), self.external_mesh()
+        self.planets_at_ring, self.planets_at_sun = Inertia(J=self.I_at_ring), Inertia(J=self.I_at_sun)
+        self.support = [Damper(d=self.C_v * self.R_p**2) for _ in self.planet]
+        return [
+            *shafts,
+            gl.connect(self.ring_gear.flange_b, self.ring_mesh.flange_a),
+            gl.connect(self.ring_mesh.flange_b, self.planets_at_ring.flange_a),
+            gl.connect(self.sun_gear.flange_b, self.sun_mesh.flange_a),
+            gl.connect(self.sun_mesh.flange_b, self.planets_at_sun.flange_a),
+            gl.connect(self.planets_at_ring.flange_b, *(planet.ring_side for planet in self.planet)),
+            gl.connect(self.planets_at_sun.flange_b, *(support.flange_a for support in self.support)),
+            *(gl.connect(p.sun_side, s.flange_b) for p, s in zip(self.planet, self.support, strict=True)),
+        ]
+
+
+class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
+    """Planetary differential in which every planet has a mesh with the ring and a mesh with the sun, and rides rigidly on the carrier.
+
+    ``K_ring, C_ring, K_sun, C_sun`` hold for one mesh. With ``sun_details`` or ``ring_details`` the meshes are detailed ones
+    (`DetailedExternalMesh`, `DetailedInternalMesh`) with these choices and values, whose phases follow from the numbers of teeth:
+    planet n at ``psi_n`` has the mesh phase ``-Z_s psi_n`` at the sun and ``ring_phase - Z_r psi_n`` at the ring
+    (`planet_phasing`). Where the sun drives, the ring's phase decreases, and its patterns are run through backwards.
+    """
+
+    planet_meshes = "separate"
+
+    sun_details = gl.Structural((), "separate: choices and values of the sun's detailed meshes, as pairs")
+    ring_details = gl.Structural((), "separate: choices and values of the ring's detailed meshes, as pairs")
     ring_phase = gl.Parameter(
         "rad", "separate: mesh phase of the ring against the sun", default=lambda unit: gl.pi * ((unit.Z_p - 1) % 2)
     )
+
+    def assemble(self) -> list[Connection]:
+        shafts = self.bodies()
+        detailed = bool(self.sun_details or self.ring_details)
+        self.ring_meshes: list[Any]
+        self.sun_meshes: list[Any]
+        if detailed:
+            self.sun_meshes, self.ring_meshes = self._detailed()
+        else:
+            self.ring_meshes = [self.internal_mesh() for _ in self.planet]
+            self.sun_meshes = [self.external_mesh() for _ in self.planet]
+        links = [
+            *shafts,
+            gl.connect(self.ring_gear.flange_b, *(mesh.flange_a for mesh in self.ring_meshes)),
+            gl.connect(self.sun_gear.flange_b, *(mesh.flange_a for mesh in self.sun_meshes)),
+        ]
+        meshing = zip(self.planet, self.ring_meshes, self.sun_meshes, strict=True)
+        if detailed:
+            links.append(
+                gl.connect(self.carrier_body.flange_b, *(mesh.support for mesh in (*self.sun_meshes, *self.ring_meshes)))
+            )
+            return links + [gl.connect(p.shaft, outer.flange_b, inner.flange_b) for p, outer, inner in meshing]
+        for planet, at_ring, at_sun in meshing:
+            links += [gl.connect(at_ring.flange_b, planet.ring_side), gl.connect(at_sun.flange_b, planet.sun_side)]
+        return links
+
+    def _detailed(self) -> tuple[list[DetailedExternalMesh], list[DetailedInternalMesh]]:
+        """Meshes that ride on the carrier, each with its phase."""
+        check_assembly("PlanetaryUnit", self.Z_s, self.Z_p, self.Z_r, self.planets)
+        psi = [2 * gl.pi * n / self.planets for n in range(self.planets)]
+        common = {"r_b": self.R_p, "use_support": True, "e_rate": self.e_rate}
+        sun = {**common, "r_a": self.R_s, "z_a": self.Z_s, "c": self.K_sun, "d": self.C_sun, **dict(self.sun_details)}
+        ring = {**common, "r_a": self.R_r, "z_a": self.Z_r, "c": self.K_ring, "d": self.C_ring, **dict(self.ring_details)}
+        at_sun, at_ring = sun.pop("phase0", 0), ring.pop("phase0", 0) + self.ring_phase
+        return (
+            [DetailedExternalMesh(phase0=at_sun - self.Z_s * p, **sun) for p in psi],
+            [DetailedInternalMesh(phase0=at_ring - self.Z_r * p, **ring) for p in psi],
+        )
+
+
+class TranslationalPlanetaryUnit(MeshValues):
+    """Planetary differential whose bodies also move sideways on elastic bearings: `PlanarPlanetaryUnit` from pitch radii.
+
+    ``K_ring, C_ring, K_sun, C_sun`` hold for one mesh. The radii are those at which the meshes' forces act, so the planets' centres
+    are at ``R_h / cos(alpha)``.
+    """
+
+    level = "planar"
+
     alpha = gl.Parameter("rad", "planar: working pressure angle", default=gl.pi / 9, min=0, max=1.5)
     m_s = gl.Parameter("kg", "planar: mass of the sun", default=lambda unit: 2 * unit.I_s / unit.R_s**2, min=0)
     m_r = gl.Parameter("kg", "planar: mass of the ring", default=lambda unit: unit.I_r / unit.R_r**2, min=0)
@@ -159,91 +369,9 @@ class PlanetaryUnit(gl.Component):
     k_r = gl.Parameter("N/m", "planar: bearing stiffness of the ring", default=1e9, min=0)
     k_h = gl.Parameter("N/m", "planar: bearing stiffness of the carrier", default=1e9, min=0)
     k_p = gl.Parameter("N/m", "planar: bearing stiffness of a planet", default=1e9, min=0)
-    e_rate = gl.Input("m/s", "elastic: rate of the transmission error, the same in all meshes", default=0.0)
 
     def assemble(self) -> list[Connection]:
-        if self.Z_s or self.Z_p or self.Z_r:
-            check_assembly(type(self).__name__, self.Z_s, self.Z_p, self.Z_r, self.planets)
-        if self.level == "planar":
-            return self._planar()
-        self.ring_gear, self.sun_gear = Inertia(J=self.I_r), Inertia(J=self.I_s)
-        self.carrier_body = Inertia(J=self.I_h)
-        self.planet = [
-            Planet(R_p=self.R_p, R_h=self.R_h, I_spin=self.I_spin, I_orbit=self.I_orbit) for _ in range(self.planets)
-        ]
-        shafts = [
-            gl.connect(self.ring, self.ring_gear.flange_a),
-            gl.connect(self.sun, self.sun_gear.flange_a),
-            gl.connect(self.carrier, self.carrier_body.flange_a),
-            gl.connect(self.carrier_body.flange_b, *(planet.carrier for planet in self.planet)),
-        ]
-        if self.level != "elastic":
-            return shafts + self._rigid()
-        return shafts + (self._lumped() if self.planet_meshes == "lumped" else self._separate())
-
-    def _rigid(self) -> list[Connection]:
-        """The set, and a gear without losses that turns the planets."""
-        ratio = self.R_r / self.R_s
-        if self.level == "ideal":
-            self.set: IdealPlanetary | LossyPlanetary = IdealPlanetary(ratio=ratio)
-        else:
-            self.set = LossyPlanetary(
-                ratio=ratio, sun_mesh=self.sun_efficiency, ring_mesh=self.ring_efficiency, bearing=self.bearing
-            )
-        self.rolling = IdealGear(ratio=-self.R_p / self.R_s)
-        return [
-            gl.connect(self.sun_gear.flange_b, self.set.sun, self.rolling.flange_a),
-            gl.connect(self.rolling.flange_b, *(planet.sun_side for planet in self.planet)),
-            gl.connect(self.ring_gear.flange_b, self.set.ring),
-            gl.connect(self.carrier_body.flange_b, self.set.carrier),
-        ]
-
-    def _lumped(self) -> list[Connection]:
-        self.ring_mesh, self.sun_mesh = self._internal_mesh(), self._external_mesh()
-        self.planets_at_ring, self.planets_at_sun = Inertia(J=self.I_at_ring), Inertia(J=self.I_at_sun)
-        self.support = [Damper(d=self.C_v * self.R_p**2) for _ in self.planet]
-        links = [
-            gl.connect(self.ring_gear.flange_b, self.ring_mesh.flange_a),
-            gl.connect(self.ring_mesh.flange_b, self.planets_at_ring.flange_a),
-            gl.connect(self.sun_gear.flange_b, self.sun_mesh.flange_a),
-            gl.connect(self.sun_mesh.flange_b, self.planets_at_sun.flange_a),
-            gl.connect(self.planets_at_ring.flange_b, *(planet.ring_side for planet in self.planet)),
-            gl.connect(self.planets_at_sun.flange_b, *(support.flange_a for support in self.support)),
-        ]
-        return links + [gl.connect(p.sun_side, s.flange_b) for p, s in zip(self.planet, self.support, strict=True)]
-
-    def _separate(self) -> list[Connection]:
-        if self.sun_details or self.ring_details:
-            return self._detailed()
-        self.ring_meshes: list[Any] = [self._internal_mesh() for _ in self.planet]
-        self.sun_meshes: list[Any] = [self._external_mesh() for _ in self.planet]
-        links = [
-            gl.connect(self.ring_gear.flange_b, *(mesh.flange_a for mesh in self.ring_meshes)),
-            gl.connect(self.sun_gear.flange_b, *(mesh.flange_a for mesh in self.sun_meshes)),
-        ]
-        for planet, at_ring, at_sun in zip(self.planet, self.ring_meshes, self.sun_meshes, strict=True):
-            links += [gl.connect(at_ring.flange_b, planet.ring_side), gl.connect(at_sun.flange_b, planet.sun_side)]
-        return links
-
-    def _detailed(self) -> list[Connection]:
-        """Meshes that ride on the carrier, each with its phase."""
-        check_assembly(type(self).__name__, self.Z_s, self.Z_p, self.Z_r, self.planets)
-        psi = [2 * gl.pi * n / self.planets for n in range(self.planets)]
-        common = {"r_b": self.R_p, "use_support": True, "e_rate": self.e_rate}
-        sun = {**common, "r_a": self.R_s, "z_a": self.Z_s, "c": self.K_sun, "d": self.C_sun, **dict(self.sun_details)}
-        ring = {**common, "r_a": self.R_r, "z_a": self.Z_r, "c": self.K_ring, "d": self.C_ring, **dict(self.ring_details)}
-        at_sun, at_ring = sun.pop("phase0", 0), ring.pop("phase0", 0) + self.ring_phase
-        self.sun_meshes = [DetailedExternalMesh(phase0=at_sun - self.Z_s * p, **sun) for p in psi]
-        self.ring_meshes = [DetailedInternalMesh(phase0=at_ring - self.Z_r * p, **ring) for p in psi]
-        links = [
-            gl.connect(self.ring_gear.flange_b, *(mesh.flange_a for mesh in self.ring_meshes)),
-            gl.connect(self.sun_gear.flange_b, *(mesh.flange_a for mesh in self.sun_meshes)),
-            gl.connect(self.carrier_body.flange_b, *(mesh.support for mesh in (*self.sun_meshes, *self.ring_meshes))),
-        ]
-        meshing = zip(self.planet, self.ring_meshes, self.sun_meshes, strict=True)
-        return links + [gl.connect(p.shaft, outer.flange_b, inner.flange_b) for p, outer, inner in meshing]
-
-    def _planar(self) -> list[Connection]:
+        self.check()
         r_c = self.R_h / gl.cos(self.alpha)
         self.planar = PlanarPlanetaryUnit(
             planets=self.planets, r_s=self.R_s, r_r=self.R_r, r_p=self.R_p, r_c=r_c, m_s=self.m_s, m_r=self.m_r,
@@ -253,8 +381,20 @@ class PlanetaryUnit(gl.Component):
         )  # fmt: skip
         return [gl.connect(getattr(self, shaft), getattr(self.planar, shaft)) for shaft in ("sun", "carrier", "ring")]
 
-    def _internal_mesh(self) -> InternalMesh:
-        return InternalMesh(r_a=self.R_r, r_b=self.R_p, c=self.K_ring, d=self.C_ring, e_rate=self.e_rate)
 
-    def _external_mesh(self) -> ExternalMesh:
-        return ExternalMesh(r_a=self.R_s, r_b=self.R_p, c=self.K_sun, d=self.C_sun, e_rate=self.e_rate)
+MODELS: tuple[type[PlanetaryUnit], ...] = (
+    IdealPlanetaryUnit, LossyPlanetaryUnit, LumpedPlanetaryUnit, TorsionalPlanetaryUnit, TranslationalPlanetaryUnit,
+)  # fmt: skip
+CHOICES = {name: tuple(dict.fromkeys(getattr(model, name) for model in MODELS)) for name in ("level", "planet_meshes")}
+
+
+def model_of(level: str, planet_meshes: str) -> type[PlanetaryUnit]:
+    """The class of a level of detail; ``planet_meshes`` tells where there are two.
+
+    Examples
+    --------
+    >>> model_of("elastic", "separate").__name__
+    'TorsionalPlanetaryUnit'
+    """
+    models = [model for model in MODELS if model.level == level]
+    return next((model for model in models if model.planet_meshes == planet_meshes), models[0])

@@ -33,7 +33,6 @@ def needed_values(kind: type[gl.Component], signal: Any) -> dict[str, Any]:
 
 # Choices that are refused, since another choice leaves nothing to choose.
 WITHOUT_EFFECT: dict[str, Callable[[dict[str, Any]], bool]] = {
-    "PlanetaryUnit": lambda c: c["level"] != "elastic" and c["planet_meshes"] != "lumped",
     "LossyGear": lambda c: c["smoothness"] != "linear",  # one row is not interpolated
 }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -169,3 +171,73 @@ def test_the_lossy_unit_has_the_efficiency_of_its_set() -> None:
 def test_what_does_not_fit_is_named(given: dict[str, Any], message: str) -> None:
     with pytest.raises(BindingError, match=message):
         gl.compile(driven(**given))
+
+
+MODELS = {
+    gp.IdealPlanetaryUnit: {"level": "ideal"},
+    gp.LossyPlanetaryUnit: {"level": "lossy"},
+    gp.LumpedPlanetaryUnit: {},
+    gp.TorsionalPlanetaryUnit: {"planet_meshes": "separate"},
+    gp.TranslationalPlanetaryUnit: {"level": "planar"},
+}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_each_level_is_a_class_that_the_unit_makes(model: type[gp.PlanetaryUnit]) -> None:
+    made = gp.PlanetaryUnit(**DATA, **MODELS[model])
+    assert type(made) is model
+    assert isinstance(made, gp.PlanetaryUnit)
+    assert type(copy.deepcopy(made)) is type(pickle.loads(pickle.dumps(made))) is model
+    assert made.planets == N
+    assert MODELS[model].items() <= {"level": made.level, "planet_meshes": made.planet_meshes}.items()
+    by_name = gl.compile(model(**DATA, start={}), outputs=None)
+    assert by_name.states == gl.compile(made).states
+
+
+def test_no_model_declares_what_it_has_no_use_for() -> None:
+    common = gp.PlanetaryUnit._bindable.keys()
+    assert gp.IdealPlanetaryUnit._bindable.keys() == common
+    assert gp.LumpedPlanetaryUnit._bindable.keys() - gp.TorsionalPlanetaryUnit._bindable.keys() == {
+        "C_v",
+        "I_at_ring",
+        "I_at_sun",
+    }
+    assert "e_rate" not in gp.TranslationalPlanetaryUnit._bindable
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: gp.IdealPlanetaryUnit(**DATA, level="lossy"),
+            r"PlanetaryUnit: level='lossy' has no effect with level='ideal'.*it counts with level='lossy'$",
+        ),
+        (
+            lambda: gp.PlanetaryUnit(**DATA, level="ideal", C_v=3.0),
+            r"PlanetaryUnit: C_v=3\.0 has no effect with level='ideal', planet_meshes='lumped' \(.*\); it counts with level='elastic'$",
+        ),
+        (
+            lambda: gp.PlanetaryUnit(**DATA, level="ideal", sun_details=(("b", 1e-4),)),
+            r"it counts with level='elastic' and planet_meshes='separate'$",
+        ),
+        (lambda: gp.PlanetaryUnit(**DATA, K_rng=3.0), r"LumpedPlanetaryUnit: 'K_rng' is no parameter.*'K_ring'"),
+    ],
+)
+def test_a_value_of_another_level_is_refused_with_the_choice_that_gives_it_a_meaning(
+    make: Callable[[], gl.Component], message: str
+) -> None:
+    with pytest.raises(BindingError, match=message):
+        gl.compile(make())
+
+
+def test_what_a_composite_hands_on_and_what_is_offered_may_have_no_effect() -> None:
+    class Outer(gl.Component):
+        damping = gl.Parameter("N.s/m", default=3.0)
+
+        def assemble(self) -> Any:
+            self.unit = gp.PlanetaryUnit(**DATA, level="ideal", C_v=self.damping, **gl.offered({"K_sun": 1e8}))
+            return []
+
+    assert gl.compile(Outer()).states
+    with pytest.raises(BindingError, match=r"Outer: damping=2\.0 has no effect"):
+        gl.compile(Outer(damping=2.0))
