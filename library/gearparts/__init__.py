@@ -94,6 +94,7 @@ if TYPE_CHECKING:
     from gearparts.sources import Torque as Torque
     from gearparts.sources import Torque2 as Torque2
     from gearparts.sources import TorqueStep as TorqueStep
+    from gearparts.stiffness_laws import StiffnessLaw as StiffnessLaw
     from gearparts.stiffness_patterns import StiffnessPattern as StiffnessPattern
     from gearparts.stiffness_patterns import cai_pair_stiffness as cai_pair_stiffness
     from gearparts.stiffness_patterns import cai_stiffness as cai_stiffness
@@ -159,6 +160,7 @@ _HOME = {
         ],
         "gearparts.sources",
     ),
+    "StiffnessLaw": "gearparts.stiffness_laws",
     **dict.fromkeys(["StiffnessPattern", "cai_pair_stiffness", "cai_stiffness"], "gearparts.stiffness_patterns"),
     **dict.fromkeys(["Convection", "FixedTemperature", "HeatCapacitor", "ThermalConductor"], "gearparts.thermal"),
     **dict.fromkeys(["FixedAxisUnit", "XPTrain", "ZhouCui2022"], "gearparts.trains"),

@@ -8,231 +8,41 @@ only where something varies with it.
 
 from __future__ import annotations
 
-from math import pi
-from typing import Any, ClassVar
+from typing import Any
 
 import sympy
 
 import gearlib as gl
 from gearlib.errors import BoundError
-from gearparts.interfaces import Dissipative, TwoFlangesAndSupport
-from gearparts.mesh_phase import checked_period, periodic, stretches, wrapped
-from gearparts.tables import Rows, check_rows, is_finite
-
-STIFFNESS = ("constant", "sinusoidal", "rectangular", "fourier", "table")
-CONTACT = {
-    0.0: "open: mesh {}",
-    1.0: "in contact: mesh {}",
-    -1.0: "in contact, driven backwards: mesh {}",
-    2.0: "in contact on both flanks: mesh {}",
-}
-EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
+from gearparts.interfaces import Dissipative
+from gearparts.tables import is_finite
+from gearparts.tooth_friction import ToothFriction
+from gearparts.transmission_error import TransmissionError
 
 
-class DetailedMesh(TwoFlangesAndSupport, Dissipative):
-    """Declares what detailed meshes share; see `DetailedExternalMesh` for the laws."""
+class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
+    """Joins what a detailed mesh is made of; see `DetailedExternalMesh` for the laws.
 
-    turns_against: ClassVar[int]  # 1 where the gears turn against each other, -1 otherwise
-
-    backlash = gl.Structural(False, "whether the flanks can part; otherwise force and deflection are proportional")
-    stiffness = gl.Structural("constant", "how the stiffness varies over the mesh phase", choices=STIFFNESS)
-    stiffness_terms = gl.Structural((), "fourier: rows of order, relative amplitude, phase (rad) of cosines")
-    stiffness_table = gl.Structural(EVEN, "table: rows of mesh phase (rad), stiffness over c")
-    contact_ratio = gl.Structural(1.5, "rectangular, friction: mean number of tooth pairs in contact")
-    error_terms = gl.Structural((), "static transmission error: rows of order, amplitude (m), phase (rad) of sines")
-    error_table = gl.Structural((), "static transmission error: rows of mesh phase (rad), error (m)")
-    friction = gl.Structural(False, "whether the teeth slide with friction")
-
-    r_a = gl.Parameter("m", "base radius of the gear on flange_a", min=0)
-    r_b = gl.Parameter("m", "base radius of the gear on flange_b", min=0)
-    z_a = gl.Parameter("1", "teeth of the gear on flange_a", default=1.0, min=1)
-    c = gl.Parameter("N/m", "mean mesh stiffness along the line of action", min=0)
-    d = gl.Parameter("N.s/m", "mesh damping along the line of action; see mesh_damping", min=0)
-    b = gl.Parameter("m", "backlash: total gap along the line of action; negative: interference, a preload", default=0.0)
-    c_amplitude = gl.Parameter("1", "sinusoidal: amplitude of the stiffness over its mean", default=0.0, min=-1, max=1)
-    c_phase = gl.Parameter("rad", "phase of the stiffness, ahead of the mesh phase", default=0.0)
-    phase0 = gl.Parameter("rad", "mesh phase at the start", default=0.0)
-    mu = gl.Parameter("1", "friction: coefficient of the sliding teeth", default=0.05, min=0)
-    v_smooth = gl.Parameter("m/s", "friction: sliding speed at which it has 76 % of its full size", default=1e-3, min=1e-12)
-    alpha = gl.Parameter("rad", "friction: working pressure angle in the transverse section", default=gl.pi / 9, min=0, max=1.5)
-    approach = gl.Parameter(
-        "1", "friction: part of the contact ratio before the pitch point", default=lambda mesh: mesh.contact_ratio / 2, min=0
-    )
-    pitch = gl.Parameter("m", "friction: base pitch", default=lambda mesh: 2 * gl.pi * mesh.r_a / mesh.z_a, min=0)
-    tangent_a = gl.Parameter(
-        "m",
-        "friction: way from gear a's tangent point to the pitch point",
-        default=lambda mesh: mesh.r_a * gl.tan(mesh.alpha),
-        min=0,
-    )
-    tangent_b = gl.Parameter(
-        "m",
-        "friction: way from gear b's tangent point to the pitch point",
-        default=lambda mesh: mesh.r_b * gl.tan(mesh.alpha),
-        min=0,
-    )
-    e_rate = gl.Input("m/s", "rate of a further transmission error; adds to the deflection", default=0.0)
-    q = gl.Variable("m", "deflection along the line of action", state="prefer", nominal=1e-6)
-    v = gl.Variable("m/s", "rate of deflection")
-    f = gl.Variable("N", "force along the line of action; acts against a positive turn of flange_a")
-    contact = gl.Variable(
-        "1",
-        "1: pressed by a positive turn of flange_a, -1: by a negative one, 0: open, 2: both flanks are pressed",
-        words=CONTACT,
-    )
-    turned = gl.Variable("rad", "mesh phase beyond phase0", state="prefer", start=0.0)
-    phase = gl.Variable("rad", "mesh phase", state="never")
-    phase_in_stiffness = gl.Variable("rad", "table: phase within the period of stiffness_table", state="never")
-    phase_in_error = gl.Variable("rad", "error_table: phase within its period", state="never")
-    beyond = gl.Variable(
-        "m", "friction: way of the newest pair from the pitch point, away from gear a's tangent point", state="never"
-    )
-    sliding = gl.Variable("m/s", "friction: sliding speed of the newest pair")
-    grip = gl.Variable("1", "friction: mean over the pairs of their smoothed signs of sliding")
-    grip_later = gl.Variable("1", "friction: the same, each times the base pitches that the pair is ahead of the newest")
-    c_now = gl.Variable("N/m", "stiffness")
-    e = gl.Variable("m", "static transmission error; adds to the deflection", state="never")
-    w_a = gl.Variable("rad/s", "speed of flange_a relative to the support", state="avoid")
-    w_b = gl.Variable("rad/s", "speed of flange_b relative to the support", state="avoid")
-    tau_friction_a = gl.Variable("N.m", "torque of the sliding friction on flange_a")
-    tau_friction_b = gl.Variable("N.m", "torque of the sliding friction on flange_b")
+    The mesh phase (`MeshMotion`), the stiffness over it (`VaryingStiffness`, by a `StiffnessLaw`), the static transmission error
+    (`TransmissionError`), the flanks with or without backlash (`Flanks`) and the friction of the teeth (`ToothFriction`).
+    """
 
     def equations(self) -> list[gl.Eq]:
         r_b = self.turns_against * self.r_b
-        w_support = gl.der(self.support.phi) if self.use_support else 0
-        error, slope, phase_in_error = self._error()
-        stiffness, phase_in_stiffness = self._stiffness()
-        phase_rate = self.z_a * self.w_a
-        force, loss = self._force()
-        rubbing = self.tau_friction_a * self.w_a + self.tau_friction_b * self.w_b if self.friction else 0
+        rubbing_a, rubbing_b = self.friction_torques()
         return [
-            gl.Eq(self.w_a, gl.der(self.flange_a.phi) - w_support),
-            gl.Eq(self.w_b, gl.der(self.flange_b.phi) - w_support),
-            gl.Eq(gl.der(self.turned), phase_rate),
-            gl.Eq(self.phase, self.phase0 + self.turned),
-            gl.Eq(self.phase_in_stiffness, phase_in_stiffness),
-            gl.Eq(self.phase_in_error, phase_in_error),
-            gl.Eq(self.e, error),
-            gl.Eq(gl.der(self.q), self.v),
-            gl.Eq(self.v, self.r_a * self.w_a + r_b * self.w_b + self.e_rate + slope * phase_rate),
-            gl.Eq(self.c_now, self.c * stiffness),
-            gl.Eq(self.f, force),
-            gl.Eq(self.contact, self._contact()),
-            *self._friction(self.turns_against),
-            gl.Eq(self.flange_a.tau, self.r_a * self.f + (self.tau_friction_a if self.friction else 0)),
-            gl.Eq(self.flange_b.tau, r_b * self.f + (self.tau_friction_b if self.friction else 0)),
-            gl.Eq(self.loss_power, loss + rubbing),
+            gl.Eq(self.v, self.r_a * self.w_a + r_b * self.w_b + self.error_rate()),
+            gl.Eq(self.flange_a.tau, self.r_a * self.f + rubbing_a),
+            gl.Eq(self.flange_b.tau, r_b * self.f + rubbing_b),
+            gl.Eq(self.loss_power, self.damping_loss() + rubbing_a * self.w_a + rubbing_b * self.w_b),
         ]
 
     def energies(self) -> gl.Energy:
         """The transmission error moves the flanks, and a stiffness that varies stores more, or less, in the same deflection."""
-        half = self.b / 2
-        flanks = gl.Max(self.q - half, 0) ** 2 + gl.Max(-self.q - half, 0) ** 2 if self.backlash else self.q**2
-        phase_rate = self.z_a * self.w_a
-        excited = self.f * (self.e_rate + self._error()[1] * phase_rate)
-        stiffer = self.c * self._stiffening() * phase_rate * flanks / 2
-        return gl.Energy(stored=self.c_now * flanks / 2, heat=self.loss_power, supplied=excited + stiffer)
-
-    def _owner(self, name: str) -> str:
-        return f"{type(self).__name__}.{name}"
-
-    def _error(self) -> tuple[Any, Any, Any]:
-        """The static transmission error, its derivative with respect to the mesh phase, and the phase in its table."""
-        rows = self._terms("error_terms", self.error_terms)
-        angles = [order * self.phase + shift for order, _, shift in rows]
-        error = sum(row[1] * gl.sin(angle) for row, angle in zip(rows, angles, strict=True))
-        slope = sum(row[0] * row[1] * gl.cos(angle) for row, angle in zip(rows, angles, strict=True))
-        if not self.error_table:
-            return error, slope, 0
-        table = checked_period(self._owner("error_table"), self.error_table)
-        more = periodic(table, self.phase_in_error)
-        return error + more[0], slope + more[1], wrapped(self.phase, table[0][0] + pi)
-
-    def _terms(self, name: str, rows: Rows) -> Rows:
-        return check_rows(self._owner(name), rows, 3) if rows else ()
-
-    def _stiffness(self) -> tuple[Any, Any]:
-        """The stiffness over its mean, and the phase in its table."""
-        phase = self.phase + self.c_phase
-        if self.stiffness == "constant":
-            return 1, 0
-        if self.stiffness == "sinusoidal":
-            return 1 + self.c_amplitude * gl.cos(phase), 0
-        if self.stiffness == "fourier":
-            rows = self._terms("stiffness_terms", self.stiffness_terms)
-            return 1 + sum(amplitude * gl.cos(order * phase + shift) for order, amplitude, shift in rows), 0
-        if self.stiffness == "table":
-            table = checked_period(self._owner("stiffness_table"), self.stiffness_table)
-            return periodic(table, self.phase_in_stiffness)[0], wrapped(phase, table[0][0] + pi)
-        first, second = stretches(type(self).__name__, self.contact_ratio)
-        if first.pairs == second.pairs:
-            return 1, 0
-        more, fewer = (stretch.pairs / self.contact_ratio for stretch in (first, second))
-        return gl.Piecewise((more, first.within(phase)), (fewer, True)), 0
-
-    def _stiffening(self) -> Any:
-        """The derivative of the stiffness, over its mean, with respect to the mesh phase, where it does not jump."""
-        phase = self.phase + self.c_phase
-        if self.stiffness == "sinusoidal":
-            return -self.c_amplitude * gl.sin(phase)
-        if self.stiffness == "fourier":
-            rows = self._terms("stiffness_terms", self.stiffness_terms)
-            return -sum(order * amplitude * gl.sin(order * phase + shift) for order, amplitude, shift in rows)
-        if self.stiffness == "table":
-            table = checked_period(self._owner("stiffness_table"), self.stiffness_table)
-            return periodic(table, self.phase_in_stiffness)[1]
-        return 0
-
-    def _force(self) -> tuple[Any, Any]:
-        """Force and loss."""
-        damping = self.d * self.v
-        if not self.backlash:
-            return self.c_now * self.q + damping, damping * self.v
-        half = self.b / 2
-        drive, coast = self._flanks()
-        force = gl.Piecewise((self.c_now * (self.q - half) + damping, drive), (0, True)) + gl.Piecewise(
-            (self.c_now * (self.q + half) + damping, coast), (0, True)
+        stiffer = self.stiffness_slope() * self.phase_rate() * self.squeezed() / 2
+        return gl.Energy(
+            stored=self.c_now * self.squeezed() / 2, heat=self.loss_power, supplied=self.f * self.error_rate() + stiffer
         )
-        flanks = gl.Piecewise((1, drive), (0, True)) + gl.Piecewise((1, coast), (0, True))
-        return force, flanks * damping * self.v
-
-    def _flanks(self) -> tuple[Any, Any]:
-        """Whether each flank is in contact. One of them includes the edge of the gap: without a gap there is always contact."""
-        return self.q >= self.b / 2, self.q < -self.b / 2
-
-    def _contact(self) -> Any:
-        if not self.backlash:
-            return 1
-        drive, coast = self._flanks()
-        return gl.no_event(gl.Piecewise((2, sympy.And(drive, coast)), (1, drive), (-1, coast), (0, True)))
-
-    def _friction(self, turns_against: int) -> list[gl.Eq]:
-        """The sliding of the pairs in contact, and the torques of their friction."""
-        laws = (self.beyond, self.sliding, self.grip, self.grip_later, self.tau_friction_a, self.tau_friction_b)
-        if not self.friction:
-            return [gl.Eq(law, 0) for law in laws]
-        step, opposite = turns_against * self.pitch, turns_against * self.tangent_b
-        early, late = stretches(type(self).__name__, self.contact_ratio)
-        inside = early.within(self.phase)
-        newest = gl.Piecewise((early.newest(self.phase), inside), (late.newest(self.phase), True))
-
-        def mean(weight: int) -> Any:
-            """Over the pairs, of their signs; with weight 1 each times the pitches that it is ahead of the newest."""
-            speeds = [self.sliding + pair * step * (self.w_a - self.w_b) for pair in range(early.pairs)]
-            signs = [pair**weight * gl.tanh(speed / self.v_smooth) for pair, speed in enumerate(speeds)]
-            return gl.Piecewise(*((sum(signs[: s.pairs]) / s.pairs, when) for s, when in ((early, inside), (late, True))))
-
-        pressed = self.mu * gl.no_event(abs(self.f))
-        arm_a, arm_b = self.tangent_a + self.beyond, opposite - self.beyond
-        values = (
-            step * (newest - self.approach),
-            arm_a * self.w_a + arm_b * self.w_b,
-            mean(0),
-            mean(1),
-            pressed * (arm_a * self.grip + step * self.grip_later),
-            pressed * (arm_b * self.grip - step * self.grip_later),
-        )
-        return [gl.Eq(law, value) for law, value in zip(laws, values, strict=True)]
 
 
 class DetailedExternalMesh(DetailedMesh):

@@ -1,4 +1,4 @@
-"""Patterns over the mesh phase: sums of cosines, periodic tables, and the stretches with a constant number of tooth pairs.
+"""The motion of a mesh, and patterns over its phase: sums of cosines, periodic tables, stretches with a constant number of pairs.
 
 The mesh phase grows by two pi with every tooth; a pattern has the period two pi.
 """
@@ -11,7 +11,41 @@ from typing import Any
 
 import gearlib as gl
 from gearlib.errors import BindingError
+from gearparts.interfaces import TwoFlangesAndSupport
 from gearparts.tables import Rows, check_rows, piecewise_without_events
+
+
+class MeshMotion(TwoFlangesAndSupport):
+    """Declares how a mesh moves: speeds relative to the support, deflection, and the phase, which grows by two pi with every tooth.
+
+    A derived class equates ``v``.
+    """
+
+    contact_ratio = gl.Structural(1.5, "rectangular, friction: mean number of tooth pairs in contact")
+    r_a = gl.Parameter("m", "base radius of the gear on flange_a", min=0)
+    r_b = gl.Parameter("m", "base radius of the gear on flange_b", min=0)
+    z_a = gl.Parameter("1", "teeth of the gear on flange_a", default=1.0, min=1)
+    phase0 = gl.Parameter("rad", "mesh phase at the start", default=0.0)
+    q = gl.Variable("m", "deflection along the line of action", state="prefer", nominal=1e-6)
+    v = gl.Variable("m/s", "rate of deflection")
+    turned = gl.Variable("rad", "mesh phase beyond phase0", state="prefer", start=0.0)
+    phase = gl.Variable("rad", "mesh phase", state="never")
+    w_a = gl.Variable("rad/s", "speed of flange_a relative to the support", state="avoid")
+    w_b = gl.Variable("rad/s", "speed of flange_b relative to the support", state="avoid")
+
+    def phase_rate(self) -> Any:
+        """The rate of the mesh phase."""
+        return self.z_a * self.w_a
+
+    def equations(self) -> list[gl.Eq]:
+        w_support = gl.der(self.support.phi) if self.use_support else 0
+        return [
+            gl.Eq(self.w_a, gl.der(self.flange_a.phi) - w_support),
+            gl.Eq(self.w_b, gl.der(self.flange_b.phi) - w_support),
+            gl.Eq(gl.der(self.q), self.v),
+            gl.Eq(gl.der(self.turned), self.phase_rate()),
+            gl.Eq(self.phase, self.phase0 + self.turned),
+        ]
 
 
 def wrapped(phase: Any, centre: float = 0.0) -> Any:
@@ -39,6 +73,12 @@ def checked_period(owner: str, rows: Rows) -> Rows:
             "one period of two pi, which repeats by itself"
         )
     return rows
+
+
+def checked_terms(mesh: Any, name: str) -> Rows:
+    """Rows of order, amplitude and phase, if the mesh has any."""
+    rows: Rows = getattr(mesh, name)
+    return check_rows(f"{type(mesh).__name__}.{name}", rows, 3) if rows else ()
 
 
 def periodic(rows: Rows, x: Any) -> tuple[Any, Any]:

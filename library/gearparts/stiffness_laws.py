@@ -1,0 +1,141 @@
+"""How the stiffness of a mesh varies over its phase: one class for each law, and what a mesh has to do with it."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import gearlib as gl
+from gearlib.arguments import shown
+from gearlib.errors import BindingError
+from gearparts.mesh_phase import MeshMotion, checked_period, checked_terms, periodic, stretches, wrapped
+from gearparts.tables import Rows
+
+EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
+
+
+class StiffnessLaw:
+    """Constant stiffness, and what every law says: the stiffness over its mean ``mesh.c`` at a mesh phase.
+
+    A law is handed the mesh, whose parameters and structural choices it may use; what it holds itself must be hashable, as in a
+    frozen dataclass. ``phase`` is the mesh phase ahead by ``mesh.c_phase``. Give a law of your own as ``stiffness_law`` of a mesh.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class SquaredCosine(gp.StiffnessLaw):
+    ...     depth: float
+    ...     def value(self, mesh, phase):
+    ...         return 1 + self.depth * (gl.cos(phase) ** 2 - 0.5)
+    ...     def slope(self, mesh, phase):
+    ...         return -self.depth * gl.sin(2 * phase)
+    >>> mesh = gp.DetailedExternalMesh(stiffness_law=SquaredCosine(0.2), r_a=0.03, r_b=0.06, c=1e8, d=10.0)
+    """
+
+    def value(self, mesh: Any, phase: Any) -> Any:
+        """The stiffness over its mean."""
+        return 1
+
+    def slope(self, mesh: Any, phase: Any) -> Any:
+        """Its derivative with respect to the phase, where it does not jump."""
+        return 0
+
+    def phase_in_table(self, mesh: Any, phase: Any) -> Any:
+        """The phase within the period of a table, if the law has one: ``mesh.phase_in_stiffness``."""
+        return 0
+
+
+class SinusoidalStiffness(StiffnessLaw):
+    """``1 + c_amplitude cos(phase)``."""
+
+    def value(self, mesh: Any, phase: Any) -> Any:
+        return 1 + mesh.c_amplitude * gl.cos(phase)
+
+    def slope(self, mesh: Any, phase: Any) -> Any:
+        return -mesh.c_amplitude * gl.sin(phase)
+
+
+class FourierStiffness(StiffnessLaw):
+    """``1 + sum(A_k cos(k phase + p_k))``."""
+
+    def value(self, mesh: Any, phase: Any) -> Any:
+        return 1 + sum(amplitude * gl.cos(order * phase + shift) for order, amplitude, shift in self._terms(mesh))
+
+    def slope(self, mesh: Any, phase: Any) -> Any:
+        return -sum(order * amplitude * gl.sin(order * phase + shift) for order, amplitude, shift in self._terms(mesh))
+
+    def _terms(self, mesh: Any) -> Rows:
+        return checked_terms(mesh, "stiffness_terms")
+
+
+class TabulatedStiffness(StiffnessLaw):
+    """A periodic cubic spline through the rows of a table."""
+
+    def value(self, mesh: Any, phase: Any) -> Any:
+        return periodic(self._table(mesh), mesh.phase_in_stiffness)[0]
+
+    def slope(self, mesh: Any, phase: Any) -> Any:
+        return periodic(self._table(mesh), mesh.phase_in_stiffness)[1]
+
+    def phase_in_table(self, mesh: Any, phase: Any) -> Any:
+        return wrapped(phase, self._table(mesh)[0][0] + pi)
+
+    def _table(self, mesh: Any) -> Rows:
+        return checked_period(f"{type(mesh).__name__}.stiffness_table", mesh.stiffness_table)
+
+
+class RectangularStiffness(StiffnessLaw):
+    """In proportion to the number of pairs in contact."""
+
+    def value(self, mesh: Any, phase: Any) -> Any:
+        first, second = stretches(type(mesh).__name__, mesh.contact_ratio)
+        if first.pairs == second.pairs:
+            return 1
+        more, fewer = (stretch.pairs / mesh.contact_ratio for stretch in (first, second))
+        return gl.Piecewise((more, first.within(phase)), (fewer, True))
+
+
+LAWS: dict[str, StiffnessLaw] = {
+    "constant": StiffnessLaw(),
+    "sinusoidal": SinusoidalStiffness(),
+    "rectangular": RectangularStiffness(),
+    "fourier": FourierStiffness(),
+    "table": TabulatedStiffness(),
+}
+
+
+class VaryingStiffness(MeshMotion):
+    """Declares the stiffness of a mesh, by a law over the mesh phase."""
+
+    stiffness = gl.Structural("constant", "how the stiffness varies over the mesh phase", choices=tuple(LAWS))
+    stiffness_law = gl.Structural(None, "a StiffnessLaw of one's own, in the place of stiffness")
+    stiffness_terms = gl.Structural((), "fourier: rows of order, relative amplitude, phase (rad) of cosines")
+    stiffness_table = gl.Structural(EVEN, "table: rows of mesh phase (rad), stiffness over c")
+    c = gl.Parameter("N/m", "mean mesh stiffness along the line of action", min=0)
+    c_amplitude = gl.Parameter("1", "sinusoidal: amplitude of the stiffness over its mean", default=0.0, min=-1, max=1)
+    c_phase = gl.Parameter("rad", "phase of the stiffness, ahead of the mesh phase", default=0.0)
+    c_now = gl.Variable("N/m", "stiffness")
+    phase_in_stiffness = gl.Variable("rad", "table: phase within the period of stiffness_table", state="never")
+
+    def law(self) -> StiffnessLaw:
+        """The law of the stiffness."""
+        own = self.stiffness_law
+        if own is None:
+            return LAWS[self.stiffness]
+        if not isinstance(own, StiffnessLaw):
+            where = f"{type(self).__name__}.stiffness_law"
+            raise BindingError(f"{where} is {shown(own)}; expected an instance of a class derived from gearparts.StiffnessLaw")
+        return own
+
+    def equations(self) -> list[gl.Eq]:
+        phase = self.phase + self.c_phase
+        return [
+            gl.Eq(self.phase_in_stiffness, self.law().phase_in_table(self, phase)),
+            gl.Eq(self.c_now, self.c * self.law().value(self, phase)),
+        ]
+
+    def stiffness_slope(self) -> Any:
+        """The derivative of the stiffness with respect to the mesh phase, where it does not jump."""
+        return self.c * self.law().slope(self, self.phase + self.c_phase)

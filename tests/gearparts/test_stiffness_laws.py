@@ -1,0 +1,74 @@
+"""A law of one's own for the stiffness of a mesh, in one class."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError
+from tests.gearparts.test_mesh_models import R_A, R_B, Z_A, C, pair
+
+
+@dataclass(frozen=True)
+class SquaredCosine(gp.StiffnessLaw):
+    """``1 + depth (cos(phase)**2 - 1/2)``."""
+
+    depth: float
+
+    def value(self, mesh: Any, phase: Any) -> Any:
+        return 1 + self.depth * (gl.cos(phase) ** 2 - 0.5)
+
+    def slope(self, mesh: Any, phase: Any) -> Any:
+        return -self.depth * gl.sin(2 * phase)
+
+
+class Deep(gp.DetailedExternalMesh):
+    """A mesh with a parameter of its own, which its law reads."""
+
+    depth = gl.Parameter("1", "variation of the stiffness", default=0.3)
+
+
+class DeepLaw(gp.StiffnessLaw):
+    def value(self, mesh: Any, phase: Any) -> Any:
+        return 1 + mesh.depth * (gl.cos(phase) ** 2 - 0.5)
+
+
+def test_a_law_of_one_s_own_against_scipy() -> None:
+    t = np.linspace(0.0, 0.05, 26)
+
+    def rate(_: float, x: np.ndarray) -> list[float]:
+        f = C * (1 + 0.3 * (np.cos(Z_A * x[1] + 0.2) ** 2 - 0.5)) * x[0]
+        return [R_A * x[2] + R_B * x[3], x[2], -R_A * f / 0.002, -R_B * f / 0.01]
+
+    expected = solve_ivp(rate, (0, 0.05), [0, 0, 10.0, 0], "DOP853", t, rtol=1e-10, atol=1e-13, max_step=2e-4).y
+    model = pair(stiffness_law=SquaredCosine(0.3), c_phase=0.2)
+    result = gl.simulate(model, 0.05, samples=26, rtol=1e-9)
+    assert result["mesh.q"] == pytest.approx(expected[0], abs=1e-6 * np.abs(expected[0]).max())
+    assert result.energy_balance().relative_residual < 1e-6  # the slope is the value's
+
+
+def test_a_law_may_read_a_parameter_of_a_derived_mesh() -> None:
+    class Rig(gl.Component):
+        def assemble(self) -> Any:
+            self.a, self.b = gp.Inertia(J=0.002, start={"w": 10.0}), gp.Inertia(J=0.01)
+            self.mesh = Deep(stiffness_law=DeepLaw(), r_a=R_A, r_b=R_B, z_a=float(Z_A), c=C, d=0.0, start={"q": 0.0})
+            return [gl.connect(self.a.flange_b, self.mesh.flange_a), gl.connect(self.mesh.flange_b, self.b.flange_a)]
+
+    ours = gl.compile(Rig()).simulate(0.02, samples=3, rtol=1e-9, parameters={"mesh.depth": 0.1})["mesh.q"]
+    same = gl.simulate(pair(stiffness_law=SquaredCosine(0.1)), 0.02, samples=3, rtol=1e-9)["mesh.q"]
+    assert ours == pytest.approx(same, rel=1e-6)
+
+
+def test_a_law_takes_the_place_of_the_choice_and_must_be_one() -> None:
+    with pytest.raises(BindingError, match=r"mesh \(DetailedExternalMesh\): stiffness='sinusoidal' has no effect"):
+        gl.compile(pair(stiffness_law=SquaredCosine(0.3), stiffness="sinusoidal"))
+    with pytest.raises(
+        BindingError, match=r"stiffness_law is 3\.0; expected an instance of a class derived from gearparts\.StiffnessLaw"
+    ):
+        gl.compile(pair(stiffness_law=3.0))
