@@ -151,14 +151,11 @@ def values_given(component: Component) -> Iterator[Pair]:
 def _given(component: Component, where: str, unit: str, value: Any) -> Iterator[Pair]:
     wanted = dimension(unit)
     if callable(value) and not isinstance(value, sympy.Basic):
-        read = set(component._read)
         try:
-            with reads_of(component):
+            with reads_of(component):  # a look at its unit gives a structural choice no effect
                 value = value(component)
         except Exception:  # a user's function: what is wrong with it is said where its value is needed
             return
-        finally:
-            component._read.intersection_update(read)  # a look at its unit gives a structural choice no effect
     if isinstance(value, sympy.Basic) and wanted is not None:
         yield value, wanted, where
 
