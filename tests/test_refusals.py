@@ -231,13 +231,15 @@ class Warm(gl.Component):
 
 
 def test_a_heat_port_that_is_left_open_is_named_first() -> None:
-    said = r"Nothing determines {0}\.heat_port\.T: connect {0}\.heat_port to a component that does, or leave it switched off "
-    said += r"\(use_heat_port=False of {0}\)\. "
+    off = r", or leave it switched off \(use_heat_port=False of {0}\)\. "
+    said = r"{0}\.heat_port is connected to nothing; connect it" + off
     with pytest.raises(
         BalanceError, match=r"^the model is not balanced\. " + said.format("one") + said.format("other") + "over-"
     ):
         gl.compile(Warm())
-    with pytest.raises(BalanceError, match=r"^the model is not balanced\. " + said.format("one") + "over-determined"):
+    with pytest.raises(
+        BalanceError, match=r"balanced\. Nothing determines one\.heat_port\.T: .* does" + off.format("one") + "over"
+    ):
         gl.compile(Warm(together=True))
     with pytest.raises(
         BalanceError, match=r"balanced\. Nothing determines heat_port\.T: .*use_heat_port=False of SpringDamper\)"

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from gearlib.arguments import shown
 from gearlib.equations.discrete_updates import Update, split_equations
 from gearlib.equations.template import Template, template_of
-from gearlib.errors import DeclarationError, nearest
+from gearlib.errors import BalanceError, DeclarationError, nearest
 from gearlib.language.component import PRIVATE, Component, Declared, declared_by, equations_of
 from gearlib.language.declarations import Connector, Declaration, Discrete
 from gearlib.language.dimensions import unit_errors, values_compared, values_given
@@ -115,6 +117,7 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
         for local in t.locals:
             if lookup.find(local) is None:
                 raise DeclarationError(f"{t.label}: '{local}' is not declared; {nearest(local, declared.variables)}")
+    _refuse_void(templates)
     refuse_misfits(unit_errors(component, values_compared(component, equations)))
     own = all(local in declared.variables for t in everything for local in t.locals)
     own = own and all(p in declared.parameters for t in everything for p in t.parameters)
@@ -129,6 +132,42 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
         frozenset(component._read) | {d.when for d in component._declarations.values() if isinstance(d, Connector) and d.when},
         frozenset(n for t in everything for n in (*t.locals, *t.parameters)),
     )
+
+
+def _refuse_void(templates: Sequence[Template]) -> None:
+    """Refuse equations of a class that hold no variable, and those that say what others of it say.
+
+    Further on, both might pass for redundant rigid connections, of which a torque is not determined and is set to zero.
+    """
+    known: dict[Any, Template] = {}
+    equalities = [t for t in templates if t.alias is not None]
+    names = sorted({name for t in equalities for name in t.locals})
+    coefficients = np.zeros((len(equalities), len(names)))
+    for t in templates:
+        if not (t.columns or t.held or t.relation_columns):
+            raise BalanceError(
+                f"the model is not balanced. over-determined: {t.label} holds no variable that it could determine"
+            )
+        other = known.setdefault(t.residual, known.get(-t.residual, t))
+        if other is not t:
+            raise BalanceError(
+                f"the model is not balanced. over-determined: {_both(other, t)} say the same; leave one of them out"
+            )
+    for row, t in zip(coefficients, equalities, strict=True):
+        assert t.alias is not None
+        i, j, sign = t.alias
+        row[names.index(t.locals[i])] = 1.0
+        if j >= 0:
+            row[names.index(t.locals[j])] = -sign
+    if len(equalities) > 1 and np.linalg.matrix_rank(coefficients) < len(equalities):
+        every = "; ".join(t.label for t in equalities)
+        raise BalanceError(
+            f"the model is not balanced. over-determined: one of these equations follows from the others: {every}"
+        )
+
+
+def _both(one: Template, other: Template) -> str:
+    return f"{one.label} and {other.label}" if one.label != other.label else f"two equations {one.label}"
 
 
 _fitting: WeakKeyDictionary[type[Component], set[Any]] = WeakKeyDictionary()  # values that were found to fit

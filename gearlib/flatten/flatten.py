@@ -24,6 +24,7 @@ from gearlib.flatten.model import (
     Instance,
     Integers,
     ParameterTable,
+    Ports,
     StartValues,
     UpdateGroup,
 )
@@ -61,7 +62,7 @@ def flatten(component: Component, absent: frozenset[int] = frozenset()) -> FlatM
     table = _parameter_table(tree)
     check_bounds(table, table.defaults)
     raw, equalities = _equations(tree, absent)
-    sums, zeros, n_sets, n_variables = _connections(tree)
+    sums, zeros, n_sets, n_variables, ports = _connections(tree)
     for kind in sorted({len(s.variables) for s in sums} - {2}):
         members = [s for s in sums if len(s.variables) == kind]
         variables = np.array([s.variables for s in members], np.int64)
@@ -76,7 +77,7 @@ def flatten(component: Component, absent: frozenset[int] = frozenset()) -> FlatM
     n_equations = len(equalities) + sum(map(len, raw))
     raw, equalities, aliases = _without_aliases(raw, equalities, n_variables, own.rank)
     rep = aliases.representative
-    _refuse_equal_inputs(tree, aliases)
+    _refuse_equal_inputs(tree, aliases, ports)
     merged = merge(own, rep, tree.choices)
     groups = tuple(_group(r, aliases, tree) for r in raw)
     counts = Counts(
@@ -94,7 +95,7 @@ def flatten(component: Component, absent: frozenset[int] = frozenset()) -> FlatM
             np.array([s[2] for s in starts], bool),
         ),
         np.array(tree.inputs, np.int64), rep, aliases.sign, merged.preference, merged.potential, merged.flow, merged.nominal,
-        tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases),
+        tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases), ports,
     )  # fmt: skip
 
 
@@ -135,7 +136,7 @@ def _separated(pieces: Iterable[Raw], equalities: list[tuple[int, int, int]]) ->
     return raw
 
 
-def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
+def _refuse_equal_inputs(tree: Tree, aliases: Aliases, ports: Ports) -> None:
     for own in tree.inputs:
         other = int(aliases.representative[own])
         name = _variable_name(tree, own)
@@ -143,11 +144,16 @@ def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
             instance, _ = _place(tree, own)
             part = instance.path or instance.kind
             number = tree.instances.index(instance)
-            linked = {node // 2 for link in tree.links for node in link}
-            if instance.connectors and not any(tree.port_numbers[number, c] in linked for c in instance.connectors):
+            loose = [c for n, c in ports.loose if n == number]
+            if loose and len(loose) == len(instance.connectors):
                 raise ModelError(
                     f"{part} is not connected, so that its input {name} acts on nothing; connect it, or leave it out"
                 )
+            if loose:
+                c = loose[0]
+                switch = instance.connectors[c].when
+                off = f", or leave it switched off ({switch}=False of {part})" if switch else ""
+                raise ModelError(f"{part}.{c} is connected to nothing, so that the input {name} does nothing; connect it{off}")
             raise ModelError(
                 f"the equations of the model make the input {name} zero; bind it to 0: {name.rpartition('.')[2]}=0"
             )
@@ -251,8 +257,8 @@ def _equations(tree: Tree, absent: frozenset[int]) -> tuple[list[Raw], list[tupl
     return _separated(pieces, equalities), equalities
 
 
-def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int, int]:
-    """Sums of flows, equalities (potentials; flows of unconnected ports), number of sets, number of variables."""
+def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int, int, Ports]:
+    """Sums of flows, equalities (potentials; flows of unconnected ports), number of sets, number of variables, what is loose."""
     sets = connection_sets(tree.links)
     connected = {node for s in sets for node in s}
     sums: list[Sum] = []
@@ -278,10 +284,12 @@ def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int
         for flows in zip(*(variables_of(node, Flow) for node in members), strict=True):
             pieces, n_variables = split_sum(Sum(flows, signs), n_variables)
             sums += pieces
-    for port in range(len(tree.ports)):
-        if 2 * port not in connected:
-            equalities += [(v, -1, 0) for v in variables_of(2 * port, Flow)]
-    return sums, equalities, len(sets), n_variables
+    loose = [port for port in range(len(tree.ports)) if 2 * port not in connected]
+    for port in loose:
+        equalities += [(v, -1, 0) for v in variables_of(2 * port, Flow)]
+    inner = sorted(node // 2 for node in connected if node % 2)
+    ports = Ports(tuple(tree.ports[port] for port in loose), tuple(tree.ports[port] for port in inner))
+    return sums, equalities, len(sets), n_variables, ports
 
 
 def _group(raw: Raw, aliases: Aliases, tree: Tree) -> EquationGroup:

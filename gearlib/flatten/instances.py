@@ -115,7 +115,7 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
     tree.instances.append(
         Instance(
             path, type(component).__name__, declared.variables, declared.parameters, tree.n_variables, len(tree.parameter_names),
-            declared.derivatives, declared.connectors,
+            declared.derivatives, declared.connectors, record.templates,
         )
     )  # fmt: skip
     tree.n_variables += len(declared.variables)

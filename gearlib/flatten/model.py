@@ -32,6 +32,7 @@ class Instance:
     first_parameter: int
     derivatives: Mapping[str, str] = field(default_factory=dict)  # other names of derivatives, such as {"a": "der(w)"}
     connectors: Mapping[str, Connector] = field(default_factory=dict)
+    templates: tuple[Template, ...] = ()  # its own equations, before anything was done to them
 
 
 @dataclass(frozen=True)
@@ -163,6 +164,14 @@ class Counts:
 
 
 @dataclass(frozen=True)
+class Ports:
+    """Connectors (number of the instance, name) that are connected to nothing outside, and to parts inside; for messages."""
+
+    loose: tuple[tuple[int, str], ...] = ()
+    inner: tuple[tuple[int, str], ...] = ()
+
+
+@dataclass(frozen=True)
 class FlatModel:
     """Flat equations over representative variables."""
 
@@ -181,6 +190,7 @@ class FlatModel:
     redundant: int  # equations found to say nothing new
     counts: Counts
     discretes: Discretes
+    ports: Ports = Ports()
     closed: tuple[int, ...] = ()  # flows set to zero because nothing determines them
 
     @property

@@ -14,8 +14,9 @@ import numpy as np
 
 from gearlib.errors import BalanceError, LoopError
 from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.reduce.imbalance import explained
 from gearlib.reduce.rows import Numbers, Rows, listed, some
-from gearlib.structure.dulmage_mendelsohn import Balance, dulmage_mendelsohn
+from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn
 from gearlib.structure.rigid_loops import determining, examine, null_space
 
 
@@ -124,7 +125,7 @@ def balanced(
         if balance.surplus or len(closed) >= model.redundant or not free:
             if balance.surplus == 0 and balance.deficit <= model.redundant - len(closed) and wanted & set(balance.undetermined):
                 raise BalanceError(_split(loops))
-            raise BalanceError(_explain(model, rows, balance))
+            raise BalanceError(explained(model, rows, balance))
         closing = free[: balance.deficit]
         closed += closing
         for v in closing:
@@ -214,44 +215,9 @@ def _zeroed(model: FlatModel, variable: int) -> FlatModel:
 
 def _split(loops: Sequence[Sequence[str]]) -> str:
     """Paths side by side whose losses or friction depend on how they share the torque."""
-    named = "; ".join(", ".join(owners) for owners in loops)
+    named = some([some(list(owners), ", ") for owners in loops])
     return (
         f"the model is not balanced. A rigid loop goes through {named}: its paths share the torque in a way that no equation "
         "determines, and the losses in them depend on it. Make one of the paths elastic (a SpringDamper in series, or an elastic "
         "mesh), or join the paths into one component"
     )
-
-
-def _left_open(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
-    """Connectors whose potential is in no equation, with the likely fix."""
-    used = {v for e in range(len(rows.place)) for v, _ in rows.columns(e, 0)}
-    text = []
-    for v in balance.undetermined:
-        if model.potential[v] and v not in used:
-            alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
-            name = min(alike, key=lambda n: n.count("."))
-            connector = name.rpartition(".")[0]
-            owner, _, local = connector.rpartition(".")
-            instance = next(i for i in model.instances if i.path == owner)
-            switch = instance.connectors[local].when
-            off = f", or leave it switched off ({switch}=False of {owner or instance.kind})" if switch else ""
-            text.append(f"Nothing determines {name}: connect {connector} to a component that does{off}.")
-    return text[:3]
-
-
-def _explain(model: FlatModel, rows: Rows, balance: Balance) -> str:
-    text = _left_open(model, rows, balance)
-    if balance.surplus:
-        text.append(
-            f"over-determined: {len(balance.excess_equations)} equations for {len(balance.excess_variables)} variables, "
-            f"{balance.surplus} too many. The equations: {listed(model, rows, balance.excess_equations)}. "
-            f"The variables: {some([model.name(v) for v in balance.excess_variables]) or 'none that is not given or zero'}. "
-            "Is something held or driven twice (two sources or grounds on one rigid shaft), or a source not connected?"
-        )
-    if balance.deficit:
-        text.append(
-            f"under-determined: {len(balance.undetermined)} variables in {len(balance.missing_equations)} equations, "
-            f"{balance.deficit} too few. The variables: {some([model.name(v) for v in balance.undetermined])}. "
-            "Is a flange left unconnected inside a composite, or a variable without an equation?"
-        )
-    return "the model is not balanced. " + " ".join(text)

@@ -61,9 +61,9 @@ def _columns(group: EquationGroup) -> list[list[Node]]:
     return rows
 
 
-def some(items: list[str]) -> str:
+def some(items: list[str], separator: str = "; ") -> str:
     """The first few of a list, and how many more there are."""
-    return "; ".join(items[:8]) + (f"; and {len(items) - 8} more" if len(items) > 8 else "")
+    return separator.join([*items[:8], *([f"and {len(items) - 8} more"] if len(items) > 8 else [])])
 
 
 def listed(model: FlatModel, rows: Rows, equations: Iterable[int]) -> str:

@@ -86,11 +86,12 @@ def source_in_the_air(self: Any) -> list[Any]:
         (grounded_on_both_sides, r"over-determined: held twice by one \(Fixed: .*; other \(Fixed: "),
         (
             unconnected,
-            r"under-determined.*1 too few\. The variables: gear\.flange_a\.phi; gear\.flange_b\.phi\. Is a flange left",
+            r"gear\.flange_a and gear\.flange_b are connected to nothing.*under-determined.*1 too few\. "
+            r"The variables: gear\.flange_a\.phi; gear\.flange_b\.phi\.",
         ),
         (
             source_in_the_air,
-            r"over-determined.*torque \(binding\).*source not connected.*under-determined.*torque\.flange\.phi",
+            r"torque\.flange is connected to nothing.*over-determined.*torque \(binding\).*under-determined.*torque\.flange\.phi",
         ),
     ],
 )
@@ -112,7 +113,7 @@ def test_unbalanced_models_are_named(assemble: Any, message: str) -> None:
             lambda s: [gl.Eq(s.x + s.y, 1), gl.Eq(s.x * s.y, 2), gl.Eq(s.x, gl.exp(s.y))],
             r"over-determined: 3 equations for 2 .*x = exp",
         ),
-        (lambda s: [gl.Eq(s.x, 1), gl.Eq(s.y, 1), gl.Eq(s.x, s.x)], "over-determined: .*Leaf: x = x.*none that is not given"),
+        (lambda s: [gl.Eq(s.x, 1), gl.Eq(s.y, 1), gl.Eq(s.x, s.x)], "over-determined: Leaf: x = x holds no variable"),
         (lambda s: [gl.Eq(s.x, 1), gl.Eq(s.y, 1), gl.Eq(1, 2)], "over-determined: .*Leaf: 1 = 2"),
     ],
 )

@@ -1,0 +1,221 @@
+"""Why a model has too many equations or too few: the class, the connector and the equation at fault, by name.
+
+Each class owes as many equations as it has variables of its own and flows in its connectors: what is outside gives the potentials, or
+says what they are equal to. A class that keeps to that can only be connected wrongly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearlib.flatten.model import FlatModel, Instance
+from gearlib.language.declarations import Flow, Input, Potential
+from gearlib.reduce.rows import Rows, listed, some
+from gearlib.structure.dulmage_mendelsohn import Balance
+
+MOST_NAMED = 3  # causes of one kind
+
+
+@dataclass(frozen=True)
+class Account:
+    """The equations of a class, and the unknowns that it owes them for.
+
+    Attributes
+    ----------
+    kind : str
+        The class.
+    equations : tuple of str
+        As they are written; those between a composite's connectors and its parts are "connection of flange_a".
+    unknowns : tuple of str
+        Own variables but inputs, and flows of connectors.
+    untouched : tuple of str
+        Unknowns that none of the equations holds.
+    """
+
+    kind: str
+    equations: tuple[str, ...]
+    unknowns: tuple[str, ...]
+    untouched: tuple[str, ...]
+
+    @property
+    def surplus(self) -> int:
+        return len(self.equations) - len(self.unknowns)
+
+    def __str__(self) -> str:
+        n, m = len(self.equations), len(self.unknowns)
+        over = abs(self.surplus)
+        text = f"{n or 'no'} equation{'s' * (n != 1)} for {m or 'no'} unknown{'s' * (m != 1)}"
+        text += f" ({some(list(self.unknowns))})" if self.unknowns else ""
+        text += f", {over} {'is' if over == 1 else 'are'} {'too many' if self.surplus > 0 else 'missing'}"
+        if self.surplus > 0:
+            return f"{text}: {some(list(self.equations))}"
+        return f"{text}: none of them holds {', '.join(self.untouched)}" if self.untouched else text
+
+
+def account(instance: Instance, inner: Iterable[str]) -> Account:
+    """What a component's class has and owes; ``inner`` are the connectors that are connected to its parts."""
+    unknowns = tuple(n for n, v in instance.variables.items() if not isinstance(v, (Potential, Input)))
+    joined = [f"{c}.{n}" for c in inner for n, v in instance.connectors[c].variables.items() if isinstance(v, Flow)]
+    written = tuple(t.label.removeprefix(f"{instance.kind}: ") for t in instance.templates)
+    held = {n for t in instance.templates for n in t.locals}.union(joined)
+    untouched = tuple(n for n in unknowns if n not in held)
+    return Account(
+        instance.kind, (*written, *(f"connection of {flow.rpartition('.')[0]}" for flow in joined)), unknowns, untouched
+    )
+
+
+def unbalanced_classes(model: FlatModel) -> list[tuple[list[str], Account]]:
+    """The classes that have more equations than they owe, or fewer, with the paths of their instances."""
+    inner: dict[int, list[str]] = {}
+    for number, connector in model.ports.inner:
+        inner.setdefault(number, []).append(connector)
+    found: dict[Account, list[str]] = {}
+    for number, instance in enumerate(model.instances):
+        balance = account(instance, inner.get(number, ()))
+        if balance.surplus:
+            found.setdefault(balance, []).append(instance.path)
+    return [(paths, balance) for balance, paths in found.items()]
+
+
+def explained(model: FlatModel, rows: Rows, balance: Balance) -> str:
+    """The message of an unbalanced model: causes first, then the Dulmage-Mendelsohn parts."""
+    classes = [
+        f"{', '.join([*paths[:MOST_NAMED], *(['...'] if len(paths) > MOST_NAMED else [])]) or 'the model'} ({tally.kind}) has {tally}."
+        for paths, tally in unbalanced_classes(model)
+        if (tally.surplus > 0 and balance.surplus) or (tally.surplus < 0 and balance.deficit)
+    ]
+    causes = [*classes[:MOST_NAMED], *_given_twice(model, rows, balance), *_loose_ends(model, rows, balance, not classes)]
+    text = list(causes)
+    if balance.surplus:
+        text.append(
+            f"over-determined: {len(balance.excess_equations)} equations for {len(balance.excess_variables)} variables, "
+            f"{balance.surplus} too many. The equations: {listed(model, rows, balance.excess_equations)}. "
+            f"The variables: {some([model.name(v) for v in balance.excess_variables]) or 'none that is not given or zero'}."
+        )
+        if not causes:
+            text.append(
+                "Is something held or driven twice (two sources or grounds on one rigid shaft), or a source not connected?"
+            )
+    if balance.deficit:
+        text.append(
+            f"under-determined: {len(balance.undetermined)} variables in {len(balance.missing_equations)} equations, "
+            f"{balance.deficit} too few. The variables: {some([model.name(v) for v in balance.undetermined])}."
+        )
+        if not causes:
+            text.append("Is a flange left unconnected inside a composite, or a variable without an equation?")
+    return "the model is not balanced. " + " ".join(text)
+
+
+def _given_twice(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
+    """Inputs that are given, and that an equation of an enclosing component, or of their own, is to determine."""
+    excess = [e for e in balance.excess_equations if rows.place[e] and _owner(model, rows, e) is not None]
+    bound = {v for e in excess if _label(model, rows, e) == "binding" for v, _ in rows.columns(e, 0)}
+    text: dict[str, None] = {}
+    for e in excess:
+        owner, label = _owner(model, rows, e), _label(model, rows, e)
+        if owner is None or label == "binding":
+            continue
+        here = {v for v, _ in rows.columns(e, 0)}
+        for v in sorted(here & {*bound, *model.inputs.tolist()}):
+            for same in np.flatnonzero(model.representative == v).tolist():
+                if not isinstance(model.declaration(same), Input):
+                    continue
+                name = model.name(same)
+                part, _, local = name.rpartition(".")
+                if part == owner.path and here <= set(model.inputs.tolist()):
+                    text[
+                        f"{name} is an input, which is given from outside; declare it as a variable if {label} is to determine it."
+                    ] = None
+                elif part != owner.path and part.startswith(f"{owner.path}." if owner.path else ""):
+                    given = "bound to something already" if v in bound else "given from outside"
+                    text[
+                        f"{name} is an input and {given}; if it is to obey {label}, bind it: {local}=... where {part} is made."
+                    ] = None
+    return list(text)[:MOST_NAMED]
+
+
+def _loose_ends(model: FlatModel, rows: Rows, balance: Balance, guess: bool) -> Iterator[str]:
+    """Connectors that are connected to nothing, where that is the reason; those of free ends are not.
+
+    With ``guess``, also those on which a law without inertia depends: their flow, which is zero, leaves the law an unknown short.
+    """
+    loose: dict[int, list[str]] = {}
+    for number, connector in model.ports.loose:
+        if model.instances[number].path:
+            loose.setdefault(number, []).append(connector)
+    open_ = set(balance.undetermined)
+    text: dict[str, str] = {}  # by connector
+    used = {v for e in range(len(rows.place)) for v, _ in rows.columns(e, 0)}
+    for v in balance.undetermined:  # potentials that no equation holds
+        if len(text) < MOST_NAMED and model.potential[v] and v not in used:
+            alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
+            name = min(alike, key=lambda n: n.count("."))
+            connector = name.rpartition(".")[0]
+            owner, _, local = connector.rpartition(".")
+            number = next(k for k, i in enumerate(model.instances) if i.path == owner)
+            instance = model.instances[number]
+            if local in loose.get(number, ()):
+                text[connector] = _nothing(instance, [local])
+            else:
+                off = _switch(instance, local)
+                text[connector] = f"Nothing determines {name}: connect {connector} to a component that does{off}."
+    blamed = {_number(model, rows, e) for e in balance.excess_equations if guess and _massless(model, rows, e, loose)}
+    forgotten: list[str] = []
+    for number, connectors in loose.items():
+        instance = model.instances[number]
+        path = instance.path
+        inside = path.startswith(tuple(f"{f}." for f in forgotten))
+        alone = len(connectors) == len(instance.connectors)
+        own = range(instance.first_variable, instance.first_variable + len(instance.variables))
+        undetermined = any(int(model.representative[v]) in open_ and model.sign[v] for v in own)
+        if alone and (undetermined or number in blamed):
+            forgotten.append(path)
+        if not inside and ((alone and undetermined and guess) or number in blamed):
+            for c in connectors:
+                text.pop(f"{path}.{c}", None)
+            text[path] = _nothing(instance, connectors)
+    yield from list(text.values())[:MOST_NAMED]
+
+
+def _massless(model: FlatModel, rows: Rows, e: int, loose: dict[int, list[str]]) -> bool:
+    """Whether an equation holds the flow of a connector that nothing is connected to, and no derivative."""
+    g, i = rows.place[e]
+    group = model.groups[g]
+    connectors = loose.get(int(group.owners[i]), ())
+    if not connectors or any(order for _, order in group.template.columns):
+        return False
+    if group.template.label == "binding":
+        return not rows.columns(e, 0) or not any(v not in set(model.inputs.tolist()) for v, _ in rows.columns(e, 0))
+    instance = model.instances[int(group.owners[i])]
+    flows = {f"{c}.{n}" for c in connectors for n, v in instance.connectors[c].variables.items() if isinstance(v, Flow)}
+    return any(name in flows for t in instance.templates if t.label == group.template.label for name in t.locals)
+
+
+def _nothing(instance: Instance, connectors: list[str]) -> str:
+    paths = [f"{instance.path}.{c}" for c in connectors]
+    verb = "is" if len(paths) == 1 else "are"
+    off = _switch(instance, connectors[0]) if len(paths) == 1 else f", or leave {instance.path} out"
+    return f"{' and '.join(paths)} {verb} connected to nothing; connect {'it' if len(paths) == 1 else 'them'}{off}."
+
+
+def _switch(instance: Instance, connector: str) -> str:
+    switch = instance.connectors[connector].when
+    return f", or leave it switched off ({switch}=False of {instance.path or instance.kind})" if switch else ""
+
+
+def _number(model: FlatModel, rows: Rows, e: int) -> int:
+    g, i = rows.place[e]
+    return int(model.groups[g].owners[i])
+
+
+def _owner(model: FlatModel, rows: Rows, e: int) -> Instance | None:
+    number = _number(model, rows, e)
+    return model.instances[number] if number >= 0 else None
+
+
+def _label(model: FlatModel, rows: Rows, e: int) -> str:
+    label: str = model.groups[rows.place[e][0]].template.label
+    return label
