@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.reduce.imbalance import explained
 from gearlib.reduce.rows import Numbers, Rows, listed, some
 from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn
-from gearlib.structure.rigid_loops import determining, examine, null_space
+from gearlib.structure.rigid_loops import core, determining, examine, null_space
 
 
 def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, tuple[int, ...]]:
@@ -45,11 +46,13 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, 
             candidates.append(int(rows.first[g]) + i)
             coefficients.append(row)
             constants.append(-float(rest[i]))
+    order, coefficients, standing = _by_name(model, rows, candidates, coefficients)
+    candidates, constants = [candidates[r] for r in order], [constants[r] for r in order]
     loops = examine(coefficients, constants, frozenset())
     for found in loops.contradictory:
         held = [r for r in found.rows if len(coefficients[r]) == 1]
         if len(held) > 1:
-            variables = dict.fromkeys(model.name(v) for r in held for v in coefficients[r])
+            variables = dict.fromkeys(model.name(v) for r in held for v, _ in rows.columns(candidates[r], 0))
             raise BalanceError(
                 f"the model is not balanced. over-determined: held twice by {listed(model, rows, [candidates[r] for r in held])}. "
                 f"The variables: {'; '.join(variables)}. Remove one of them, or make a connection between them elastic"
@@ -61,12 +64,34 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, 
                 "the model is not balanced. over-determined: these equations contradict each other: "
                 f"{listed(model, rows, [candidates[r] for r in bad.rows])}"
             )
-        what = f"force {model.name(bad.variable)} to stand still" if bad.variable >= 0 else "contradict each other"
+        forced = standing[bad.variable] if bad.variable >= 0 else -1
+        what = f"force {model.name(forced)} to stand still" if forced >= 0 else "contradict each other"
         raise LoopError(
             f"the rigid loop through {', '.join(owners)} cannot turn: its ratios {what}; check the ratios of these components, or "
             "make one of the connections elastic"
         )
     return {candidates[found.last]: tuple(candidates[r] for r in found.rows) for found in loops.redundant}
+
+
+def _by_name(
+    model: FlatModel, rows: Rows, candidates: Sequence[int], coefficients: list[dict[int, float]]
+) -> tuple[list[int], list[dict[int, float]], list[int]]:
+    """The rows of loops in the order of their names, over the variables in that of theirs; and which these are.
+
+    Which equation of a loop is left out must not depend on the order in which the parts were made.
+    """
+    loops = core(coefficients)
+    label = {r: _written_by(model, rows, candidates[r]) for r in loops}
+    order = sorted(loops, key=label.__getitem__)
+    known = last_names(model, {v for r in order for v, c in coefficients[r].items() if c != 0.0})
+    variables = sorted(known, key=lambda v: alphabetical(known[v]))
+    place = {v: k for k, v in enumerate(variables)}
+    return order, [{place[v]: c for v, c in coefficients[r].items() if c != 0.0} for r in order], variables
+
+
+def _written_by(model: FlatModel, rows: Rows, e: int) -> tuple[Any, str]:
+    g, i = rows.place[e]
+    return alphabetical(model.owner(g, i)), model.groups[g].template.label
 
 
 def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel:
@@ -115,8 +140,7 @@ def balanced(
         unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
         balance = dulmage_mendelsohn(incidence, unknown)
         if balance.balanced:
-            known = _names(model, closed)
-            return model, tuple(max(known[v], key=alphabetical, default=model.name(v)) for v in closed)
+            return model, tuple(last_names(model, closed).values())
         if balance.surplus == 0 and candidates is None and model.redundant:
             flows = [v for v in unknown if model.flow[v]]  # some of which are in no equation: what runs round in a body
             values = null_space(_flow_rows(model, rows, numbers), flows)
@@ -134,21 +158,20 @@ def balanced(
 
 
 def _last_first(model: FlatModel, variables: Collection[int], wanted: Collection[int]) -> list[int]:
-    """Variables in the order in which they are set to zero: wanted ones first, the alphabet's last first.
+    """Variables in the order in which they are set to zero: wanted ones first, the alphabet's last first."""
+    known = last_names(model, [v for v in variables if v < model.auxiliary])
+    return sorted(sorted(known, key=lambda v: alphabetical(known[v]), reverse=True), key=lambda v: v not in wanted)
 
-    The name of a variable is the last in the alphabet of all that equal it: which of them represents them depends on the order in
-    which the parts were made, and nothing that is computed may.
+
+def last_names(model: FlatModel, variables: Collection[int]) -> dict[int, str]:
+    """Of each representative the name that is the last in the alphabet of all that equal it.
+
+    Which of them represents them depends on the order in which the parts were made, and nothing that is computed may.
     """
-    known = {v: max(map(alphabetical, same)) for v, same in _names(model, variables).items() if v < model.auxiliary}
-    return sorted(sorted(known, key=known.__getitem__, reverse=True), key=lambda v: v not in wanted)
-
-
-def _names(model: FlatModel, variables: Collection[int]) -> dict[int, list[str]]:
-    """Of each variable, the names of all that equal it."""
     names: dict[int, list[str]] = {v: [] for v in variables}
     for same in np.flatnonzero(np.isin(model.representative, list(names))).tolist():
         names[int(model.representative[same])].append(model.name(same))
-    return names
+    return {v: max(same, key=alphabetical, default=model.name(v)) for v, same in names.items()}
 
 
 def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:

@@ -60,7 +60,7 @@ def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may
     >>> examine([{0: 1, 1: -3}, {0: 1, 1: -2}], [0, 0], frozenset()).contradictory[0].rows
     (0, 1)
     """
-    alive = _core(rows)
+    alive = core(rows)
     work: dict[int, dict[int, float]] = {r: {v: c for v, c in rows[r].items() if c != 0.0} for r in alive}
     combos: dict[int, dict[int, float]] = {r: {r: 1.0} for r in alive}
     rhs = {r: float(constants[r]) for r in alive}
@@ -111,7 +111,7 @@ def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may
     return Loops(tuple(redundant), tuple(contradictory))
 
 
-def _core(rows: Sequence[Mapping[int, float]]) -> list[int]:
+def core(rows: Sequence[Mapping[int, float]]) -> list[int]:
     """Rows that are left when those with a variable of their own are taken away, again and again."""
     holders: dict[int, list[int]] = defaultdict(list)
     for r, row in enumerate(rows):
@@ -208,15 +208,18 @@ def determining(values: Mapping[int, Floats], order: Iterable[int]) -> list[int]
     [1]
     """
     chosen: list[int] = []
-    directions: list[Floats] = []
+    dimension = len(next(iter(values.values()), ()))
+    directions = np.empty((dimension, dimension))  # orthonormal, one for each column that was chosen
     for column in order:
+        if len(chosen) == dimension:
+            break
         if column not in values:
             continue
-        rest = values[column]
-        for direction in (*directions, *directions):  # twice is enough
-            rest = rest - (rest @ direction) * direction
+        known, rest = directions[: len(chosen)], values[column]
+        for _ in range(2):  # twice is enough
+            rest = rest - (known @ rest) @ known
         size = float(np.linalg.norm(rest))
         if size > INDEPENDENT * float(np.linalg.norm(values[column])):
+            directions[len(chosen)] = rest / size
             chosen.append(column)
-            directions.append(rest / size)
     return chosen

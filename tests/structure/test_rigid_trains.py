@@ -218,6 +218,23 @@ def test_losses_in_a_rigid_loop_are_refused_with_the_remedy(second: str) -> None
     assert gl.compile(Paths(elastic=True)).simulate(0.01, samples=3)["outlet.w"][-1] > 0
 
 
+def test_of_many_loops_the_message_names_some() -> None:
+    class Paths(gl.Component):
+        def assemble(self) -> list[Any]:
+            losses = ((0.0, 0.9, 0.8, 0.1, 0.1),)
+            self.torque, self.inlet, self.outlet = gp.Torque(tau=5.0), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            self.path = [gp.LossyGear(ratio=2.0, loss_table=losses) for _ in range(60)]
+            return [
+                c(self.torque.flange, self.inlet.flange_a),
+                c(self.inlet.flange_b, *(p.flange_a for p in self.path)),
+                c(self.outlet.flange_a, *(p.flange_b for p in self.path)),
+            ]
+
+    with pytest.raises(BalanceError, match=r"rigid loop goes through path\[.*; and 51 more: its paths share") as refused:
+        gl.compile(Paths())
+    assert len(str(refused.value)) < 1000
+
+
 def test_what_lacks_an_equation_beside_a_rigid_loop_is_named() -> None:
     """The loop is not blamed for it."""
 

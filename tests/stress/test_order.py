@@ -1,0 +1,32 @@
+"""No answer depends on the order in which parts are declared, connected, or named in a connection."""
+
+from __future__ import annotations
+
+import pytest
+
+import gearlib as gl
+from tests.stress.analyses_campaign import analysed_train
+from tests.stress.described import Model
+from tests.stress.order import differences, redundant
+
+
+@pytest.mark.parametrize("seed", [3, 17, 31])
+def test_a_few_trains(seed: int) -> None:
+    """Rigid loops, prescribed speeds, elastic trains."""
+    assert differences(analysed_train(seed), seed + 1) == []
+
+
+@pytest.mark.parametrize("seed", [3, 32, 143, 152, 257, 353])
+def test_what_is_redundant(seed: int) -> None:
+    train = analysed_train(seed)
+    found = [redundant(gl.compile(Model(train=train, order=order))) for order in (0, seed + 1, seed + 2)]
+    assert found[0]
+    assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("first", range(0, 1000, 50))
+def test_many_trains(first: int) -> None:
+    for seed in range(first, first + 50):
+        wrong = differences(analysed_train(seed), seed + 1)
+        assert wrong == [], f"train {seed}"
