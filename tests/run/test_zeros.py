@@ -149,3 +149,18 @@ def test_a_zero_divisor_is_named_in_whichever_batch_it_stands(parameters: dict[s
 
     with pytest.raises(SingularError, match=named):
         gl.compile(Both()).simulate(1.0, parameters=parameters)
+
+
+@pytest.mark.parametrize("zeros", [{"J": 0.0}, {"d1": 0.0}, {"J": 0.0, "c1": 0.0}])
+def test_a_run_with_zeros_is_audited(zeros: dict[str, float]) -> None:
+    """The energies are those of the translation that fits: what has no inertia stores nothing, what has no damping loses nothing."""
+    system = gl.compile(Train())
+    result = system.simulate(2.0, samples=5, audit=True, parameters=zeros, rtol=1e-9)
+    balance = result.energy_balance()
+    bodies = (result["a.w"] ** 2 + zeros.get("J", 1.0) * result["n.w"] ** 2 + 2.0 * result["b.w"] ** 2) / 2
+    springs = (zeros.get("c1", 100.0) * result["s.phi_rel"] ** 2 + 50.0 * result["k.phi_rel"] ** 2) / 2
+    assert sum(balance.stored.values()) == pytest.approx(bodies + springs, rel=1e-6, abs=1e-9)
+    assert np.abs(balance.residual).max() < 1e-7
+    assert result.stats["energy_residual"] < 1e-7
+    if "d1" in zeros:
+        assert not np.any(balance.heat.get("s", 0.0))
