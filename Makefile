@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help run test slow bench stress docs check format clean
+.PHONY: help run test slow bench stress mutate docs check format clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -21,6 +21,7 @@ help:
 	@echo "make slow    the tests that take long"
 	@echo "make bench   benchmarks against other solvers"
 	@echo "make stress  large, long and random models"
+	@echo "make mutate  change the code in many places, one at a time: does a test notice?"
 	@echo "make docs    documentation, in docs/_build/html"
 	@echo "make check   style, types and layers"
 	@echo "make format  apply the style"
@@ -40,6 +41,9 @@ bench: $(VENV)/.installed-bench
 
 stress: $(VENV)/.installed-test
 	$(PYTEST) -m stress $(ARGS)
+
+mutate: $(VENV)/.installed-mutate
+	$(BIN)/python tests/mutation.py $(ARGS)
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -q -W --keep-going -d .cache/sphinx docs docs/_build/html

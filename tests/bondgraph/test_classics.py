@@ -137,6 +137,27 @@ def test_loop_without_solution_is_reported() -> None:
         RunTime(state_equations(graph)).rhs(0, [10.0], [0.0], {"R_1": 1.0, "L": 1.0})
 
 
+@pytest.mark.parametrize("missing", [1e-1, 1e-4, 1e-7])
+def test_a_loop_that_nearly_has_a_solution_has_none(missing: float) -> None:
+    """f**2 + f + 1/4 = -missing: the parabola ends above zero."""
+    graph = divider(R(law=lambda f: f**2 + 0.25 + missing))
+    with pytest.raises(SolverError, match="no solution of the algebraic loops"):
+        RunTime(state_equations(graph)).rhs(0, [0.0], [0.0], {"R_1": 1.0, "L": 1.0})
+
+
+@pytest.mark.parametrize("written", ["law", "conductance", "both"])
+def test_a_nonlinear_resistance_is_evaluated_as_it_is_written(written: str) -> None:
+    """In a loop of resistances, where either direction is possible: e(f) gives the effort, f(e) takes it."""
+    laws = {"law": lambda f: sp.sinh(f), "conductance": lambda e: sp.asinh(e)}
+    resistance = R(**(laws if written == "both" else {written: laws[written]}))
+    graph = divider(resistance)
+    if written != "both":
+        assert (assign_causality(graph).effort_to[4] is resistance) == (written == "conductance")
+    rate = RunTime(state_equations(graph)).rhs(0, [1.0], [4.0], {"R_1": 1.5, "L": 2.0})[0]
+    branch = brentq(lambda f: np.sinh(f) + 1.5 * (f + 0.5) - 4.0, -10, 10, xtol=1e-14)
+    assert rate == pytest.approx(np.sinh(branch), rel=1e-10)
+
+
 def test_state_dependent_mass_matrix_of_a_slider_crank() -> None:
     # crank of inertia J drives a slider through v = r cos(phi) w; phi is stored by a compliance that has no stiffness
     crank, slider, phi = One("crank"), One("slider"), energy_symbol("q", 3)

@@ -220,3 +220,17 @@ def test_an_unbound_reference_starts_the_filter() -> None:
     bessel = lti([wc**2 / 0.618], [1.0, 1.3617 * wc / 0.618, wc**2 / 0.618])
     _, y, _ = lsim(bessel, np.interp(fine, [0.0, 0.4, 1.0], [0.2, 0.5, 0.1]) - 0.2, fine)
     assert result["body.phi"] == pytest.approx(0.2 + y[::1000], abs=1e-9)
+
+
+@pytest.mark.parametrize(("source", "lag"), [("Position", 1.3617), ("Speed", 1.0)])
+def test_filters_cut_off_at_50_hz_unless_told_otherwise(source: str, lag: float) -> None:
+    """A filter follows a ramp of slope 1 with a delay: the coefficient of its first derivative over the angular frequency."""
+
+    class Ramp(gl.Component):
+        def assemble(self) -> Any:
+            self.drive = gp.Position(phi_ref=gl.time) if source == "Position" else gp.Speed(w_ref=gl.time)
+            self.body = gp.Inertia(J=1.0)
+            return [gl.connect(self.drive.flange, self.body.flange_a)]
+
+    error = "drive.phi_error" if source == "Position" else "drive.w_error"
+    assert gl.simulate(Ramp(), t_end=1.0, samples=2, rtol=1e-9)[error][-1] == pytest.approx(-lag / (100 * np.pi), rel=1e-6)

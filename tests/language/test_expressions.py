@@ -93,3 +93,14 @@ def test_symbols_without_assumptions_are_the_declared_ones() -> None:
 
 def test_derivative_of_a_parameter_is_zero() -> None:
     assert gl.compile(leaf(lambda s: gl.der(s.p * s.p) + 5)).simulate(1.0, samples=2)["x"].tolist() == [5.0, 5.0]
+
+
+def test_functions_have_names_documentation_and_a_number_of_arguments() -> None:
+    assert (gl.sin.__name__, gl.sin.__doc__) == ("sin", "sin of a number or an expression.")
+    assert (gl.atan2.__name__, gl.atan2.__doc__) == ("atan2", "atan2 of numbers or expressions.")
+    for function, arguments, said in (
+        (gl.sin, (x, y), r"sin\(\) takes 1 argument, got 2"),
+        (gl.atan2, (x,), r"atan2\(\) takes 2 arguments, got 1"),
+    ):
+        with pytest.raises(TypeError, match=said):
+            function(*arguments)

@@ -74,6 +74,21 @@ def test_own_axes_are_used(chain: Callable[..., gl.System]) -> None:
     assert "body[2].w" in texts(top)
 
 
+def test_campbell_draws_what_it_found(chain: Callable[..., gl.System]) -> None:
+    """Over the speed in 1/min: the frequencies, the lines of the orders (60 / min is 1 Hz), and the crossings on both."""
+    diagram = gl.campbell(chain(n=3, grounded=True), [0.0, 1.0, 4.0], {"mesh": 20})
+    ax = diagram.plot()
+    lines = {line.get_label(): (np.asarray(line.get_xdata()), np.asarray(line.get_ydata())) for line in ax.lines}
+    rpm, order = lines["mesh (order 20)"]
+    assert rpm == pytest.approx(diagram.speeds * 30 / np.pi)
+    assert order == pytest.approx(20 * rpm / 60)
+    assert lines["natural frequencies"][1] == pytest.approx(diagram.frequencies[:, 0])
+    x, y = lines["crossings"]
+    assert len(x) == len(diagram.crossings) > 0
+    assert y == pytest.approx(20 * x / 60)
+    assert y == pytest.approx([c.frequency for c in diagram.crossings])
+
+
 def spoke_angles(animation: Any, frame: int) -> list[float]:
     """Degrees by which each body has turned in a picture."""
     animation._func(frame)

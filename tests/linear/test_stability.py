@@ -274,6 +274,17 @@ def test_verdict_is_that_of_the_eigenvalues_on_random_matrices() -> None:
     assert min(count.values()) > 50
 
 
+def test_what_grows_is_said_whether_it_vibrates_or_not() -> None:
+    """Each pair of poles once, also where it is slow."""
+    A = np.zeros((4, 4))
+    A[0, 0], A[1, 1], A[2:, 2:] = 0.5, -2.0, [[0.1, 0.6], [-0.6, 0.1]]
+    lines = str(gl.stability(control.ss(A, np.ones((4, 1)), np.ones((1, 4)), 0))).split("\n\n")[0].splitlines()
+    assert sorted(lines[1:-1]) == [
+        "  a motion without vibration grows e-fold in 2 s",
+        "  a vibration at 0.095493 Hz grows e-fold in 10 s",
+    ]
+
+
 def permuted_and_scaled(rng: np.random.Generator) -> Any:
     """A sparse matrix over eight decades, whose balancing needs a permutation and scales, too."""
     n = int(rng.integers(3, 8))

@@ -60,6 +60,15 @@ def test_work_of_a_source_by_hand() -> None:
     assert found.stored["b"][-1] == pytest.approx(0.25 * w**2, rel=1e-7)
 
 
+def test_a_source_between_two_bodies_puts_its_work_into_both() -> None:
+    """tau = 3 sin(2 t) on 0.5 and against 1.5: the speeds are 3 (1 - cos(2 t)) and a third of that, the other way."""
+    parts = gp.Inertia(J=1.5), gp.Torque2(tau=3 * gl.sin(2 * gl.time)), gp.Inertia(J=0.5)
+    found = gl.simulate(chain(*parts), 1.0, samples=2, rtol=1e-10).energy_balance()
+    w = 3 * (1 - np.cos(2.0))
+    assert found.work["b"][-1] == pytest.approx(0.25 * w**2 + 0.75 * (w / 3) ** 2, rel=1e-7)
+    assert (found.heat, found.unaccounted, found.unknown) == ({}, {}, ())
+
+
 def test_a_clutch_that_engages_turns_speed_into_heat() -> None:
     """Two bodies that come to one speed: the heat is J_a J_b / (2 (J_a + J_b)) w**2, whatever the torque."""
     clutch = gp.Clutch(fn_max=20.0, f_normalized=gl.Piecewise((0, gl.time < 0.3), (1, True)))

@@ -153,3 +153,17 @@ def test_only_what_the_outputs_need_is_integrated() -> None:
     assert len(gl.compile(Two()).states) == 3 + 5
     assert len(gl.compile(Two(), outputs=["other.body[0].w"]).states) == 5
     assert len(gl.compile(Two(), outputs=["one.body[0].phi"]).states) == 4  # an absolute angle, too
+
+
+def test_what_an_event_gives_a_value_is_a_state_whatever_is_preferred() -> None:
+    class Pair(gl.Component):
+        x = gl.Variable("m", state="prefer")
+        y = gl.Variable("m")
+        v = gl.Variable("m/s")
+
+        def equations(self) -> list[Any]:
+            jump = gl.When(gl.time > 0.5, gl.reinit(self.y, 0))
+            return [gl.Eq(gl.der(self.y), 2), gl.Eq(self.y, 2 * self.x), gl.Eq(self.v, gl.der(self.x)), jump]
+
+    result = gl.simulate(Pair(), 1.0, samples=3)
+    assert result["x"] == pytest.approx([0.0, 0.0, 0.5], abs=1e-9)

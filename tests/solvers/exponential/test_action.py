@@ -10,7 +10,11 @@ from scipy.linalg import expm
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import expm_multiply
 
+<<<<<<< HEAD:tests/solvers/exponential/test_action.py
 from gearlib.solvers.exponential.action import Triplets, _enclose, band_order, prepare
+=======
+from gearlib.solve.action import Ellipse, Triplets, _enclose, band_order, prepare
+>>>>>>> b1904fc (make mutate: changes the code in many places and counts what the tests notice; tests for what they did not):tests/solve/test_action.py
 
 
 def triplets(A: np.ndarray) -> Triplets:
@@ -48,6 +52,18 @@ def test_the_safe_ellipse_contains_the_field_of_values(seed: int) -> None:
         turned = np.exp(-1j * angle) * A
         support = safe.centre * math.cos(angle) + math.hypot(safe.real * math.cos(angle), safe.imaginary * math.sin(angle))
         assert np.linalg.eigvalsh((turned + turned.conj().T) / 2).max() <= support
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_ellipse_of_round_numbers_contains_the_exact_one(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    centre, real, imaginary = -(10 ** random.uniform(-3, 6)), *(10 ** random.uniform(-3, 6, 2))
+    exact, rounded = Ellipse(centre, real, imaginary), Ellipse(centre, real, imaginary).rounded()
+    assert rounded.centre + rounded.real >= centre + real
+    assert rounded.centre - rounded.real <= centre - real
+    assert rounded.imaginary >= imaginary
+    longest = max(real, imaginary)
+    assert max(rounded.real - exact.real, rounded.imaginary - exact.imaginary) <= 2.0 / 512 * longest
 
 
 def test_an_undamped_chain_has_a_flat_ellipse() -> None:

@@ -12,10 +12,17 @@ import pytest
 from scipy.linalg import expm
 
 from gearlib.errors import ArgumentError, SolverError
+<<<<<<< HEAD:tests/solvers/rungekutta/test_rungekutta.py
 from gearlib.solvers.problem import Floats
 from gearlib.solvers.rungekutta import tableaux
 from gearlib.solvers.rungekutta.rungekutta import integrate
 from tests.run.python_problem import problem
+=======
+from gearlib.solve import tableaux
+from gearlib.solve.problem import Floats
+from gearlib.solve.rungekutta import _prepare, integrate
+from tests.solve.python_problem import problem
+>>>>>>> b1904fc (make mutate: changes the code in many places and counts what the tests notice; tests for what they did not):tests/solve/test_rungekutta.py
 
 
 def oscillator(t: float, x: Any, dx: Any, data: Any) -> None:
@@ -356,6 +363,20 @@ def test_a_run_is_stiff_once_nothing_fast_is_alive(alive: float, status: str) ->
 def test_stiff_run_near_its_end_is_finished() -> None:
     solution = integrate(problem(van_der_pol, [2.0, 0.0]), np.array([0.0, 0.3]), rtol=1e-4, detect_stiffness=True)
     assert solution.status == "done"
+
+
+# ---------------------------------------------------------------- memory
+
+
+@pytest.mark.parametrize(
+    ("order", "stages", "polynomials"),
+    [(5, len(tableaux.TSIT5_A), len(tableaux.TSIT5_R[0])), (8, len(tableaux.DOP853_A), 3 + len(tableaux.DOP853_D))],
+)
+def test_memory_of_a_run_has_a_row_for_each_stage_and_polynomial(order: int, stages: int, polynomials: int) -> None:
+    frame = _prepare(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1.0]), order, 1e-6, np.ones(2)).frame
+    row = 8 * frame.size
+    found = [(frame.c - frame.k) / row, (frame.past - frame.c) / row, (frame.phases - frame.past) / row]
+    assert found == [stages, polynomials, 3]
 
 
 # ---------------------------------------------------------------- cost
