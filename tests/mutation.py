@@ -2,8 +2,8 @@
 
 Cosmic-ray makes the changes; this file draws a repeatable sample of them, finds each one's tests, runs them in a copy of the project
 and says how they noticed. A module's tests follow from paths and names: the test file that mirrors it and its own doctests, then
-those of the modules that import it, then the test files that use most of its public names, then the rest of the mirrored folder;
-a mutant survives when its share of processor time is used up and no test has failed.
+those of the modules that import it, then the test files that use most of its public names, then the rest of the mirrored folder. A
+mutant survives when its share of processor time is used up and no test of the likeliest files (with ``--wide``: of all) has failed.
 
 =============  =======================================================================================
 ``assertion``  a test said that a value, a message or the kind of an error is wrong
@@ -242,7 +242,7 @@ def tests_of(module: str) -> list[str]:
     folder = [file for file in test_files() if Path(file).parent.name == Path(module).parent.name]
     near = [file for user in users for file in mirrors(user)]
     first = [*mirrors(module), module, *(file for file in using if file in folder), *near]
-    return list(dict.fromkeys([*first, *users, *using, *folder]))
+    return list(dict.fromkeys([*first, *users, *using, *folder, *test_files()]))
 
 
 # ---------------------------------------------------------------- runs
@@ -371,7 +371,7 @@ def main() -> None:
     parser.add_argument(
         "--budget", type=float, default=10.0, help="seconds of processor time for the likeliest tests of a mutant"
     )
-    parser.add_argument("--wide", action="store_true", help="run all tests that use a module, not the likeliest seven files")
+    parser.add_argument("--wide", action="store_true", help="run all quick tests, not the likeliest seven files only")
     parser.add_argument("--again", type=Path, help="a log, whose mutants that no assertion noticed are tried again")
     parser.add_argument("--log", type=Path, default=ROOT / ".cache" / "mutation.jsonl")
     chosen = parser.parse_args()

@@ -65,6 +65,7 @@ def test_a_source_between_two_bodies_puts_its_work_into_both() -> None:
     parts = gp.Inertia(J=1.5), gp.Torque2(tau=3 * gl.sin(2 * gl.time)), gp.Inertia(J=0.5)
     found = gl.simulate(chain(*parts), 1.0, samples=2, rtol=1e-10).energy_balance()
     w = 3 * (1 - np.cos(2.0))
+    assert list(found.work) == ["b"]
     assert found.work["b"][-1] == pytest.approx(0.25 * w**2 + 0.75 * (w / 3) ** 2, rel=1e-7)
     assert (found.heat, found.unaccounted, found.unknown) == ({}, {}, ())
 
