@@ -176,7 +176,8 @@ def sample(n: int, seed: int, under: str) -> Iterator[Mutant]:
     draw = random.Random(seed)
     candidates = [module for module in modules() if module.startswith(under)]
     weights = [
-        len(source(module)) * (0.25 if re.search("/(solve|run)/|^gearlib/[^/]*$", module) else 1) for module in candidates
+        len(source(module)) * (0.25 if re.search("^gearlib/(run|solvers)/|^gearlib/[^/]*$", module) else 1)
+        for module in candidates
     ]
     seen: set[tuple[str, int]] = set()
     for _ in range(50 * n):

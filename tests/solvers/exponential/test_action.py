@@ -10,11 +10,7 @@ from scipy.linalg import expm
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import expm_multiply
 
-<<<<<<< HEAD:tests/solvers/exponential/test_action.py
-from gearlib.solvers.exponential.action import Triplets, _enclose, band_order, prepare
-=======
-from gearlib.solve.action import Ellipse, Triplets, _enclose, band_order, prepare
->>>>>>> b1904fc (make mutate: changes the code in many places and counts what the tests notice; tests for what they did not):tests/solve/test_action.py
+from gearlib.solvers.exponential.action import Ellipse, Triplets, _enclose, band_order, prepare
 
 
 def triplets(A: np.ndarray) -> Triplets:

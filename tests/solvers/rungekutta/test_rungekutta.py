@@ -12,17 +12,10 @@ import pytest
 from scipy.linalg import expm
 
 from gearlib.errors import ArgumentError, SolverError
-<<<<<<< HEAD:tests/solvers/rungekutta/test_rungekutta.py
 from gearlib.solvers.problem import Floats
 from gearlib.solvers.rungekutta import tableaux
-from gearlib.solvers.rungekutta.rungekutta import integrate
+from gearlib.solvers.rungekutta.rungekutta import _prepare, integrate
 from tests.run.python_problem import problem
-=======
-from gearlib.solve import tableaux
-from gearlib.solve.problem import Floats
-from gearlib.solve.rungekutta import _prepare, integrate
-from tests.solve.python_problem import problem
->>>>>>> b1904fc (make mutate: changes the code in many places and counts what the tests notice; tests for what they did not):tests/solve/test_rungekutta.py
 
 
 def oscillator(t: float, x: Any, dx: Any, data: Any) -> None:
