@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import shown
-from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.linear.held_states import remaining
 from gearlib.program.build import build
 from gearlib.program.interpret import Prepared, evaluate, prepare
 from gearlib.program.program import Program
-from gearlib.program.sensitivity import sensitivity
+from gearlib.program.sensitivity import sensitivity, undetermined
 from gearlib.run.scene import Scene, needed_states, node_name
 from gearlib.solvers.inputs.table import values
 from gearlib.structure.incidence import Node
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from gearlib.system import System
 
 Floats = NDArray[np.float64]
+NEGLIGIBLE = 1e-12  # what rounding leaves where an open value has no effect
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,7 @@ def linearize(
             position.append(("added", len(added)))
             added.append(slot)
     d = sensitivity(prepared, point.t, slots, flags, seeds, [(slot, i, 1.0) for i, slot in enumerate(added)])
+    _refuse_undetermined(scene, program, undetermined(prepared, point.t, slots, flags))
     if not d.shape[0]:  # nothing has to be computed: all outputs are always zero
         d = np.zeros((1, len(seeds) + len(added)))
     n = len(states)
@@ -176,6 +178,20 @@ def linearize(
         A, B, C = A[left.keep] @ left.basis, B[left.keep], C @ left.basis
         names = tuple(names[i] for i in left.keep)
     return LinearModel(A, B, C, D, names, tuple(inputs), tuple(outputs))
+
+
+def _refuse_undetermined(scene: Scene, program: Program, open_: Floats) -> None:
+    """A rate that the equations leave open; torques that stuck elements share in any way are no matter."""
+    wanted = [(v, k + 1) for v, k in scene.states]
+    rows = open_[[program.slots[node] for node in wanted]]
+    if not rows.size:
+        return
+    bad = np.flatnonzero(np.abs(rows).max(axis=1, initial=0.0) > NEGLIGIBLE * np.abs(open_).max(initial=0.0))
+    if len(bad):
+        raise SolverError(
+            f"there is no linear model at this point: {node_name(scene.model, wanted[int(bad[0])])} is not determined there, nothing "
+            "says how fast it moves; give inertia to what nothing moves, or another point (at=...)"
+        )
 
 
 def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from gearlib.equations.kernel import derivative_of
 from gearlib.errors import SolverError
 from gearlib.program.factored import Factored
 from gearlib.program.interpret import Prepared, assemble, batch_values
-from gearlib.program.program import Batch, Linear, Program
+from gearlib.program.program import Batch, Linear, Newton, Program
 
 Floats = NDArray[np.float64]
 Added = tuple[int, int, float]  # slot, which of the added seeds, weight
@@ -62,7 +63,7 @@ def sensitivity(
             store.combine(step.unknowns, next(solutions), step.known)
         else:
             n = len(step.unknowns)
-            matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n)[:, 0].reshape(n, n)
+            matrix = _matrix(step, prepared, now, here, flags)
             inside = {int(u) for u in step.unknowns}
             parts = [
                 (b.targets[r], c, v) for b in step.residuals for r, c, v in _entries(b, now, here, prepared.parameters, flags)
@@ -85,6 +86,40 @@ def sensitivity(
             if now_made.any():
                 store.add(places[now_made], len(seeds) + columns_added[now_made], weights[now_made])
     return store.result()
+
+
+def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats) -> Floats:
+    """How all slots change with what the equations that are solved by iteration leave open, shape (slots, how many directions)."""
+    now, here, flags = np.array([t]), slots[:, None], relations[:, None]
+    added: list[Added] = []
+    count = 0
+    for step in (s for s in prepared.program.steps if isinstance(s, Newton)):
+        for direction in _null_space(_matrix(step, prepared, now, here, flags)).T:
+            added += [(int(u), count, float(x)) for u, x in zip(step.unknowns, direction, strict=True)]
+            count += 1
+    if not count:
+        return np.zeros((len(slots), 0))
+    found = sensitivity(prepared, t, slots, relations, (), added)
+    return np.asarray(found.toarray() if hasattr(found, "toarray") else found, float)
+
+
+def _matrix(step: Newton, prepared: Prepared, now: Floats, here: Floats, flags: Floats) -> Floats:
+    n = len(step.unknowns)
+    return assemble(step.jacobian, now, here, prepared.parameters, flags, n * n)[:, 0].reshape(n, n)
+
+
+def _null_space(matrix: Floats) -> Floats:
+    """Orthonormal directions that a square matrix, its rows and columns scaled, takes to nothing."""
+    row = np.abs(matrix).max(axis=1)
+    scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
+    column = np.abs(scaled).max(axis=0)
+    column[column == 0.0] = 1.0
+    scaled = scaled / column
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        if np.abs(np.linalg.inv(scaled)).sum(axis=1).max() * np.abs(scaled).sum(axis=1).max() < SINGULAR:
+            return np.zeros((len(matrix), 0))
+    _, sizes, right = np.linalg.svd(scaled)
+    return np.asarray(right[sizes * SINGULAR <= max(sizes.max(initial=0.0), 1e-300)].T / column[:, None], float)
 
 
 def solve_shared(matrix: Floats, right: Floats) -> Floats:

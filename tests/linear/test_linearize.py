@@ -119,6 +119,35 @@ def test_point_without_a_linear_model_is_named() -> None:
         gl.compile(Massless()).linearize()
 
 
+def test_rate_that_the_equations_leave_open_is_named() -> None:
+    """Brakes that are free on a shaft without inertia: one has no torque, two have none either."""
+
+    class Pair(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.one, self.other = gp.Brake(fn_max=3.0), gp.Brake(fn_max=2.0)
+            return [gl.connect(self.one.flange_b, self.other.flange_a)]
+
+    for model, state in ((gp.Brake(fn_max=3.0), "v"), (Pair(), r"(one|other)\.v")):
+        with pytest.raises(gl.GearlibError, match=rf"no linear model at this point: der\({state}\) is not determined there"):
+            gl.compile(model).linearize()
+
+
+def test_torque_that_stuck_brakes_share_is_no_matter() -> None:
+    class Held(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.body, self.one, self.other = gp.Inertia(J=2.0), *(gp.Brake(fn_max=3.0, f_normalized=1.0) for _ in range(2))
+            self.shaft, self.load = gp.SpringDamper(c=18.0, d=0.0), gp.Inertia(J=2.0)
+            return [
+                gl.connect(self.body.flange_b, self.one.flange_a),
+                gl.connect(self.one.flange_b, self.other.flange_a),
+                gl.connect(self.other.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.load.flange_a),
+            ]
+
+    model = gl.compile(Held()).linearize([], ["load.w"])
+    assert np.sort_complex(np.linalg.eigvals(np.array(model.A))) == pytest.approx(np.array([-3j, 3j]), abs=1e-12)
+
+
 def test_absolute_angles_may_grow_in_the_steady_state() -> None:
     model = gl.compile(Fan()).linearize(["torque.tau"], ["rotor.phi", "rotor.w"], at="steady")
     assert list(model.state_labels) == ["rotor.phi", "rotor.w"]
