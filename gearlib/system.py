@@ -24,6 +24,7 @@ from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
 from gearlib.run.integrate import Run
 from gearlib.run.jumps import refuse_jumps
+from gearlib.run.limits import refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_options, output_times
 from gearlib.run.result import Result
 from gearlib.run.scene import Numbers, Scene, needed_states, node_name
@@ -361,6 +362,7 @@ class System:
         hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, where it was not asked for
         found = [(Part.of(run, o, first), o.stats, o.events) for (run, o), first in zip(parts, hidden, strict=True)]
         asked = replace(asked, max_step=run.longest_step)  # a run that is done again takes the same steps
+        refuse_too_small([part for part, _, _ in found], asked.rtol)
         return Result(found, self.outputs if self.outputs is not None else self.states, partial(self._again, asked))
 
     def _again(self, asked: Request, states: tuple[Node, ...], times: Floats | None = None) -> Result:

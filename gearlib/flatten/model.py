@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -272,6 +273,18 @@ class FlatModel:
         """All variables' paths, in order."""
         for instance in self.instances:
             yield from self._names_of(instance)
+
+    @cached_property
+    def bounded(self) -> tuple[tuple[int, float], ...]:
+        """Variables that have a least value, and that value."""
+        known: dict[int, list[tuple[int, float]]] = {}
+        found = []
+        for instance in self.instances:
+            if id(instance.variables) not in known:
+                least = [(i, v.min) for i, v in enumerate(instance.variables.values()) if v.min > -math.inf]
+                known[id(instance.variables)] = least
+            found += [(instance.first_variable + i, least) for i, least in known[id(instance.variables)]]
+        return tuple(found)
 
     @cached_property
     def guessed(self) -> tuple[Integers, Integers, Integers]:

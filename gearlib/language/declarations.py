@@ -148,6 +148,9 @@ class Variable(Declaration):
     words : mapping of float to str, optional
         What its values mean, ``{0: "open: mesh {}", 1: "in contact: mesh {}"}`` with a place for the component's path: linear
         analyses say so of their operating point. 0 stands for what transmits no force.
+    min : float, optional
+        Least value that is possible, where the equations rely on it: the relative speed of a freewheel. A start below it is
+        refused, and so is a run that a ``reinit`` takes there.
     """
 
     unit: str = "1"
@@ -157,9 +160,11 @@ class Variable(Declaration):
     guess: float = 0.0
     start: float | None = None
     words: Mapping[float, str] | None = None
+    min: float = -float("inf")
 
     def __post_init__(self) -> None:
         _check_text(self, "unit", "description")
+        _check_number(self, "min", infinite=True)
         if not (isinstance(self.state, str) and self.state in get_args(StatePreference)):
             raise DeclarationError(
                 f"Variable(state={shown(self.state)}): valid choices: {', '.join(map(repr, get_args(StatePreference)))}"

@@ -32,6 +32,7 @@ from gearlib.program.program import Newton
 from gearlib.program.relations import relations_of
 from gearlib.program.sensitivity import sensitivity
 from gearlib.run.integrate import Run, integrate
+from gearlib.run.limits import too_small
 from gearlib.run.scene import Numbers, Scene, node_name
 from gearlib.run.start_values import Start
 from gearlib.structure.incidence import Node
@@ -152,6 +153,7 @@ class End:
     x: Floats
     steady: bool
     free: bool = False  # the equations leave something open there that would have to change
+    forbidden: bool = False  # nothing changes, but a variable is below its least value: a step went across an event
 
 
 def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
@@ -206,7 +208,7 @@ def _found(search: Search) -> End:
     linear = program.is_linear and search.scene.relations is None
     if linear and (end := _closed(search, x)).steady:
         return end
-    if not linear and (end := _continued(search, x, stable=True)).steady:
+    if not linear and ((end := _continued(search, x, stable=True)).steady or end.forbidden):
         return end
     return _continued(search, x, stable=False)
 
@@ -236,6 +238,8 @@ def _continued(search: Search, x: Floats, stable: bool) -> End:
         size = float(np.abs(x / search.scale).max())
         if step == longest or (step * search.largest(gradient) > STIFF and np.abs(change).max() <= NEAR * size):
             end = _closed(search, x)
+            if end.forbidden:
+                return end
             if end.steady and (step == longest or np.abs((end.x - x) / search.scale).max() <= LOCAL * size):
                 return end
             left, last = (np.abs(search.held.T @ rates).max(initial=0.0) for rates in (f, before))
@@ -297,11 +301,17 @@ def _closed(search: Search, x: Floats) -> End:
                 if free or not small.all():
                     break
                 x = x + search.scale * change
-                return End(x, _goes_on(search, x))
+                forbidden = _forbidden(search, x)
+                return End(x, not forbidden and _goes_on(search, x), forbidden=forbidden)
             x, last = x + search.scale * change, size
         except SolverError:
             break
     return End(x, False, free)
+
+
+def _forbidden(search: Search, x: Floats) -> bool:
+    """Whether a step across the event that locks a freewheel has led to where it cannot be."""
+    return bool(too_small(search.scene, search.numbers, search.t, x, search.inputs, search.begin))
 
 
 def _goes_on(search: Search, x: Floats) -> bool:

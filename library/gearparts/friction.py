@@ -11,7 +11,7 @@ from typing import Any
 
 import gearlib as gl
 from gearlib.errors import BindingError
-from gearparts.interfaces import Compliant, Dissipative, Flange, TwoFlanges
+from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, TwoFlanges
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
@@ -233,8 +233,10 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
 
     Flange_a cannot overtake flange_b: locked, ``der(w_rel) = 0`` with any ``tau < 0``, and with ``tau > 0`` up to ``peak`` times
     the sliding torque at zero speed. Where ``f_normalized > 0`` does not hold, flange_b overruns without a torque.
+    A start with ``w_rel < 0`` is refused.
     """
 
+    w_rel = gl.Variable("rad/s", "relative speed; flange_a cannot overtake flange_b", nominal=SLOW, min=0)
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
     w_small = gl.Parameter("rad/s", "speed that only a reinit can have reached while stuck", default=1e10)
     sa = gl.Variable("any", "curve parameter: torque while locked, acceleration otherwise")

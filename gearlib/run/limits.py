@@ -1,0 +1,104 @@
+"""Variables that have a least value: a start below it, or a run that gets there, is refused by name.
+
+The equations of a one-sided element (a freewheel) rely on the value that its variable cannot have. Started there, they would stay
+there; nothing in them is wrong, so that nothing else would notice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError, StartError
+from gearlib.flatten.model import FlatModel
+from gearlib.program.build import build
+from gearlib.program.interpret import evaluate, prepare
+from gearlib.run.scene import Numbers, Scene
+from gearlib.run.segment import Part
+from gearlib.run.start_values import Start
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import reach
+
+Floats = NDArray[np.float64]
+MISSED = 10.0  # tolerances that a variable may be below its least value, of the largest number that it is computed from
+ACCURATE = 1e-9  # tolerance of a state that no integration has led to
+
+
+def refuse_too_small(parts: Sequence[Part], rtol: float) -> None:
+    """Check a run.
+
+    Raises
+    ------
+    StartError
+        A variable is below its least value at the first sample.
+    SolverError
+        Later.
+    """
+    for number, part in enumerate(parts):
+        for v, least, node in _bounded(part.scene):
+            values = int(part.scene.model.sign[v]) * part.history(node)
+            wrong = values < least - MISSED * rtol * _size(part.scene, node, part.states, values)
+            if wrong.any():
+                first = int(np.argmax(wrong))
+                at_start = number == 0 and first == 0
+                text = _text(part.scene.model, v, float(values[first]), least)
+                raise (StartError if at_start else SolverError)(
+                    f"{text} at t = {part.time[first]:g} s; {_fix(part.scene.model, v, least, at_start)}"
+                )
+
+
+def too_small(scene: Scene, numbers: Numbers, t: float, x: Floats, inputs: Floats, begin: Start) -> str:
+    """Which variable is below its least value in a state; nothing where none is."""
+    bounded = list(_bounded(scene))
+    if not bounded:
+        return ""
+    program = build(scene.structure, [node for _, _, node in bounded], scene.states, dynamic=False)
+    now, column = np.array([t]), x[:, None]
+    given = np.concatenate([inputs, np.zeros(max(0, len(program.inputs) - len(inputs)))])[: len(program.inputs), None]
+    flags = scene.modes(numbers, now, column, inputs[:, None], start=begin.guess)
+    prepared = prepare(program, scene.structure, numbers.parameters)
+    slots = evaluate(prepared, now, column, given, flags, scene.guess(program, begin.guess))
+    for v, least, node in bounded:
+        value = int(scene.model.sign[v]) * slots[program.slots[node]]
+        if value[0] < least - MISSED * ACCURATE * _size(scene, node, column.T, value):
+            return _text(scene.model, v, float(value[0]), least)
+    return ""
+
+
+def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:
+    """Variables with a least value that the scene determines."""
+    model = scene.model
+    for v, least in model.bounded:
+        node = (int(model.representative[v]), 0)
+        known = node in scene.structure.choice.solved_by or node in scene.place_of
+        if model.sign[v] and known and not scene.missing(node):
+            yield v, least, node
+
+
+def _size(scene: Scene, node: Node, states: Floats, values: Floats) -> float:
+    """The largest of the numbers that a variable is computed from, its own and its typical size."""
+    needed = [
+        scene.place_of[s]
+        for s in reach(scene.structure.dependence, [node], dynamic=False, events=False)[1]
+        if s in scene.place_of
+    ]
+    return max(
+        float(scene.model.nominal[node[0]]),
+        float(np.abs(values).max(initial=0.0)),
+        float(np.abs(states[:, needed]).max(initial=0.0)),
+    )
+
+
+def _text(model: FlatModel, v: int, value: float, least: float) -> str:
+    declared = model.declaration(v)
+    what = "" if declared is None else f" {declared.unit} ({declared.description})"
+    return f"{model.name(v)} is {value:.6g}{what}, but it cannot be below {least:g}"
+
+
+def _fix(model: FlatModel, v: int, least: float, at_start: bool) -> str:
+    name = model.name(v)
+    if at_start:
+        return f"choose start values that make {name} {least:g} or more (start={{...}}), or turn the part round"
+    return f"only a reinit takes it there: let it set values that leave {name} at {least:g} or more"
