@@ -266,6 +266,8 @@ class Modes:
             lines.append(f"Nothing depends on {', '.join(self.positions)}.")
         if self.conditions:
             lines.append(f"Operating point: {'; '.join(self.conditions)}.")
+        if self.preloads is None:
+            lines.append(f"Constant preloads in loops of meshes are not counted above {MOST_DENSE} states.")
         if self.preloads:
             are = "pole at 0 is a constant preload" if self.preloads == 1 else "poles at 0 are constant preloads"
             lines.append(f"Besides these, {self.preloads} {are}, locked into loops of meshes.")

@@ -66,7 +66,7 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats 
     free = _free(zero, speeds)
     still = zero_[:, : chains[0]] if chains else zero_  # with no rate at all; in a chain a motion is a place and a speed
     rates, acting = (np.asarray(rows)[:, permutation] * scale for rows in (speeds, speeds if forces is None else forces))
-    preloads = 0 if forces is None else _preloads(still, rates, acting)
+    preloads = None if forces is None else _preloads(still, rates, acting)
     return _ordered(values, full, free, preloads, count)
 
 

@@ -347,3 +347,19 @@ def test_drawing_shows_every_body(paper: gl.System) -> None:
 def test_wrong_count_is_refused(paper: gl.System) -> None:
     with pytest.raises(gl.GearlibError, match="count is 0; expected a whole number"):
         gl.modes(paper, 0)
+
+
+def test_large_trains_say_that_preloads_are_not_counted(
+    chain: Callable[..., gl.System], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the lowest modes cannot be told from all others, so that all of them are computed."""
+    from gearlib.vibration import modes, spectrum
+
+    system = chain(n=6)
+    assert gl.modes(system).preloads == 0
+    assert "not counted" not in str(gl.modes(system))
+    monkeypatch.setattr(modes, "MOST_DENSE", 5)
+    assert gl.modes(system, 2).preloads is None
+    assert "Constant preloads in loops of meshes are not counted above 5 states." in str(gl.modes(system, 2))
+    monkeypatch.setattr(spectrum, "lowest", lambda *_: None)
+    assert gl.modes(system, 2).preloads is None
