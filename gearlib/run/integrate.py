@@ -79,7 +79,7 @@ class Run:
         """What is to be said of a run that begins late, where time drives it and is known no better than the tolerance; or nothing."""
         late, span = float(np.abs(self.times[[0, -1]]).max()), float(self.times[-1] - self.times[0])
         resolution = math.ulp(late)
-        if late < LATE * span or not self.driven or resolution <= self.rtol * span / max(steps, LEAST_STEPS):
+        if span == 0.0 or late < LATE * span or not self.driven or resolution <= self.rtol * span / max(steps, LEAST_STEPS):
             return ""
         return (
             f"at t = {late:.6g} s the clock's resolution is {resolution:.2g} s, too coarse for rtol={self.rtol:g}: what time drives is "

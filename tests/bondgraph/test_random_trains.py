@@ -61,6 +61,7 @@ NUMBERS = (
     "ratio", "R_1", "R_2", "I_1", "I_2", "K_g", "C_g", "R_s", "R_p", "I_s", "I_r", "I_h", "I_spin", "I_orbit", "I_at_ring",
     "I_at_sun", "K_ring", "C_ring", "K_sun", "C_sun", "C_v",
 )  # fmt: skip
+LUMPED_ONLY = ("I_at_ring", "I_at_sun", "C_v")
 
 
 @st.composite
@@ -113,9 +114,8 @@ def part(unit: Unit) -> Any:
     if not unit.elastic:
         return gp.IdealPlanetary(ratio=unit.n["ratio"])
     meshes = "lumped" if unit.kind == "lumped X" else "separate"
-    return gp.PlanetaryUnit(
-        planets=unit.planets, planet_meshes=meshes, **{k: unit.n[k] for k in NUMBERS[NUMBERS.index("R_s") :]}
-    )
+    names = [k for k in NUMBERS[NUMBERS.index("R_s") :] if meshes == "lumped" or k not in LUMPED_ONLY]
+    return gp.PlanetaryUnit(planets=unit.planets, planet_meshes=meshes, **{k: unit.n[k] for k in names})
 
 
 def as_components(spec: Spec) -> gl.Component:
