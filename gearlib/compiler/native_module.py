@@ -19,13 +19,14 @@ from gearlib.compiler.cache import COMPILING, kept_bytes
 from gearlib.compiler.object_code import compiler_digest, linked, optimised
 from gearlib.compiler.translate import Environment, Prototype, is_record, translated
 
+_loaded: list[Any] = []  # libraries; addresses of their functions are kept in many places, so they stay in memory
+
 
 @dataclass(frozen=True)
 class NativeFunctions:
-    """Addresses of the exported functions of some modules, valid for as long as this object lives."""
+    """Addresses of the exported functions of some modules, valid until the process ends."""
 
     addresses: Mapping[str, int]
-    library: Any
 
 
 @cache
@@ -57,7 +58,8 @@ def native_functions(*modules: str) -> NativeFunctions:
             addresses, held = linked(code, names)
         except RuntimeError:  # damage that the checksum did not show
             addresses, held = linked(optimised(translated(functions(), fused=True)), names)
-    return NativeFunctions(addresses, held)
+    _loaded.append(held)
+    return NativeFunctions(addresses)
 
 
 def _is_native(node: ast.FunctionDef) -> bool:
