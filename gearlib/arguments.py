@@ -7,13 +7,15 @@ expected.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.optional import optional
 
 Floats = NDArray[np.float64]
 LONG = 100  # characters of a value in an error message
@@ -51,12 +53,45 @@ def real(name: str, value: Any, expected: str = "a finite number") -> float:
     >>> real("gain", 2)
     2.0
     """
+    if not is_real(value):
+        raise ArgumentError(f"{name} is {shown(value)}; expected {expected}")
+    return float(value)
+
+
+def is_real(value: Any) -> bool:
+    """Whether a value is a finite real number that a float holds: no truth value, no text, no length of time.
+
+    >>> [is_real(value) for value in (1, 2.5, float("inf"), True, "3", None, 10**400)]
+    [True, True, False, False, False, False, False]
+    """
+    if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (Real, np.integer, np.floating)):
+        return False
     try:
-        if isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool) and math.isfinite(value):
-            return float(value)
-    except OverflowError:  # a whole number too large for a float
-        pass
-    raise ArgumentError(f"{name} is {shown(value)}; expected {expected}")
+        return math.isfinite(value)
+    except Exception:  # a whole number too large for a float; an object of the user's
+        return False
+
+
+def whole(name: str, value: Any, least: int, expected: str = "") -> int:
+    """The value as an int, or an `ArgumentError` where it is no whole number from ``least`` on.
+
+    >>> whole("frames", 24, 2)
+    24
+    """
+    if not is_real(value) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ArgumentError(f"{name} is {shown(value)}; expected {expected or f'a whole number, {least} or more'}")
+    return int(value)
+
+
+def flag(name: str, value: Any) -> bool:
+    """The value as a bool, or an `ArgumentError` where it is neither True nor False.
+
+    >>> flag("sparse", True)
+    True
+    """
+    if isinstance(value, (bool, np.bool_)) or (type(value) is int and value in (0, 1)):
+        return bool(value)
+    raise ArgumentError(f"{name} is {shown(value)}; expected True or False")
 
 
 def reals(name: str, values: Any, expected: str) -> Floats:
@@ -67,7 +102,9 @@ def reals(name: str, values: Any, expected: str) -> Floats:
     """
     try:
         found = np.asarray(values)
-        result = found.astype(float) if found.dtype.kind in "iufO" else np.array(np.nan)
+        whole_or_real = found.dtype.kind in "iuf" or (found.dtype.kind == "O" and all(map(is_real, found.ravel().tolist())))
+        with np.errstate(over="ignore"):  # of longer numbers
+            result = found.astype(float) if whole_or_real else np.array(np.nan)
     except Exception:  # whatever an object of the user's makes of being an array
         result = np.array(np.nan)
     if not np.isfinite(result).all():
@@ -104,14 +141,17 @@ def name_list(what: str, values: Any, example: str) -> list[str]:
     if isinstance(values, (str, bytes)) or not isinstance(values, Iterable):
         suggested = [values] if isinstance(values, str) else [example]
         raise ArgumentError(f"{what} is {shown(values)}; expected a list of names, such as {suggested}")
-    found = list(values)
+    try:
+        found = list(values)
+    except Exception:  # an iterable of the user's that fails
+        raise ArgumentError(f"{what} is {shown(values)}; expected a list of names, such as {[example]}") from None
     for name in found:
         if not isinstance(name, str):
             raise NameLookupError(f"{shown(name)} is no name; names are text, such as '{example}' (in {what})")
     return found
 
 
-def by_name(what: str, values: Any, expected: str) -> dict[str, Any]:
+def by_name(what: str, values: Any, expected: str, example: str = "load.w") -> dict[str, Any]:
     """The values by name, empty where there are none, or an `ArgumentError` where they are no mapping.
 
     >>> by_name("torques", None, "a mapping of paths to numbers")
@@ -119,9 +159,26 @@ def by_name(what: str, values: Any, expected: str) -> dict[str, Any]:
     """
     if values is None:
         return {}
-    if not isinstance(values, Mapping):
+    try:
+        found = dict(values) if isinstance(values, Mapping) else None
+    except Exception:  # a mapping of the user's that fails
+        found = None
+    if found is None:
         raise ArgumentError(f"{what} is {shown(values)}; expected {expected}")
-    for name in values:
+    for name in found:
         if not isinstance(name, str):
-            raise NameLookupError(f"{shown(name)} is no name; names are text, such as 'load.w' (in {what})")
-    return dict(values)
+            raise NameLookupError(f"{shown(name)} is no name; names are text, such as '{example}' (in {what})")
+    return found
+
+
+def check_axes(axes: Any, count: int, name: str = "axes") -> None:
+    """Raise `ArgumentError` for anything but that many matplotlib Axes."""
+    Axes = optional("matplotlib.axes").Axes
+
+    try:
+        given = list(axes) if isinstance(axes, (Sequence, np.ndarray)) and count > 1 else [axes]
+    except Exception:  # a sequence of the user's that fails
+        given = []
+    if len(given) != count or not all(isinstance(one, Axes) for one in given):
+        expected = "matplotlib Axes" if count == 1 else f"{count} matplotlib Axes, such as those of plt.subplots({count})"
+        raise ArgumentError(f"{name} is {shown(axes)}; expected {expected}")

@@ -7,12 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import name_list, real, shown
+from gearlib.arguments import by_name, flag, name_list, real, shown
 from gearlib.errors import ArgumentError, ModelError, NameLookupError, SingularError, nearest
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
@@ -311,6 +312,7 @@ class System:
         t_end = real("t_end", t_end, "a finite number of seconds")
         grid = output_times(t_start, t_end, samples, times, len(self.states))
         check_options(method, rtol, max_step)
+        show, audit = flag("progress", progress), flag("audit", audit)
         numbers = self._parameters(parameters) if parameters is not None or not earlier else earlier[0]._parameters
         fitting = self.fitting(numbers)
         if fitting is not self:
@@ -320,7 +322,7 @@ class System:
             )  # fmt: skip
         signals = self._signals(inputs) if inputs is not None or not earlier else list(earlier[0]._signals)
         result = self._run(
-            self._scene, Request(float(t_start), grid, method, rtol, atol, numbers, start, tuple(signals), progress, max_step)
+            self._scene, Request(t_start, grid, method, float(rtol), atol, numbers, start, tuple(signals), show, max_step)
         )
         if audit:
             result.check_energy()
@@ -335,7 +337,11 @@ class System:
         if parameters is None and isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
             numbers = at[0]._parameters
         else:
-            numbers = parameters if isinstance(parameters, np.ndarray) else self._parameters(parameters)
+            numbers = self._model.parameters.defaults
+            if isinstance(parameters, np.ndarray) and parameters.shape == numbers.shape:
+                numbers = parameters
+            else:
+                numbers = self._parameters(parameters)  # type: ignore[arg-type]
         if not self._absent and not self._variants.zeros(numbers):
             return self
         return self._variants.fitting(numbers)
@@ -451,7 +457,7 @@ class System:
         states = needed_states(self._structure, self._nodes(chosen))
         scene, numbers, point = operating_point(self, states, at, parameters)
         model = linearize(scene, numbers, chosen_inputs, chosen, point)
-        if sparse:
+        if flag("sparse", sparse):
             return replace(model, conditions=conditions(scene, numbers, point).said)
         return state_space(model, self.name)
 
@@ -466,20 +472,18 @@ class System:
 
     def _parameters(self, given: Mapping[str, float] | None) -> Floats:
         table = self._model.parameters
-        if given is not None and not isinstance(given, Mapping):
-            raise ArgumentError(f"parameters is {given!r}; expected a mapping of paths to numbers")
+        given = by_name("parameters", given, "a mapping of paths to numbers", "load.J")
         if not given:
             return table.defaults
         chosen: dict[int, float] = {}
         for name, value in given.items():
             k = table.index.get(name)
             if k is None:
-                name = str(name)
                 valid = [n for n in table.names if "#" not in n and not n.startswith("start(")]
                 raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
-            if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+            if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (Real, np.integer, np.floating)):
                 raise ArgumentError(f"parameter {name} is {shown(value)} ({type(value).__name__}); expected a number")
-            chosen[k] = real(f"parameter {name}", value) if isinstance(value, int) else float(value)
+            chosen[k] = float(value) if isinstance(value, float) else real(f"parameter {name}", value)  # bounds: below
         result = table.evaluate(chosen)
         check_bounds(table, result)
         if self._structure.redundant:
@@ -497,12 +501,9 @@ class System:
 
     def _signals(self, given: Mapping[str, Any] | None) -> list[Any]:
         names = self.inputs
-        if given is not None and not isinstance(given, Mapping):
-            raise ArgumentError(f"inputs is {given!r}; expected a mapping of paths to numbers, functions of time or tables")
-        given = dict(given or {})
+        given = by_name("inputs", given, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
         for name, value in given.items():
             if name not in names:
-                name = str(name)
                 bound = self._model.find(name) is not None
                 hint = "it is bound in the model, or no input" if bound else nearest(name, names)
                 raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
@@ -541,7 +542,7 @@ class System:
                 f"start is {shown(start)}; expected a mapping of start values, 'steady', a result, or (result, time)"
             )
         if isinstance(start, Mapping):
-            for name, value in start.items():
+            for name, value in by_name("start", start, "a mapping of paths to start values").items():
                 if discrete and name in known.names:
                     discretes = known.starts.copy() if discretes is None else discretes
                     discretes[known.names.index(name)] = real(f"start of {name}", value)

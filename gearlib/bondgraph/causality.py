@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import networkx as nx
 
+from gearlib.arguments import shown, whole
 from gearlib.bondgraph.completion import can_be_completed
 from gearlib.bondgraph.elements import GY, TF, C, Element, I, Junction, One, R, Se, Sf, Zero
-from gearlib.bondgraph.graph import Bond, BondGraph
+from gearlib.bondgraph.graph import Bond, BondGraph, check_graph
 from gearlib.errors import ArgumentError, BalanceError
 
 __all__ = ["Causality", "Quantity", "assign_causality", "evaluation_order"]
@@ -158,11 +159,15 @@ def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
     D. C. Karnopp, D. L. Margolis, R. C. Rosenberg, "System Dynamics", 5th ed., Wiley, 2012, chapter 5.
     https://doi.org/10.1002/9781118152812
     """
-    if isinstance(prefer, str) or not isinstance(prefer, Iterable):
-        raise ArgumentError(f"{graph.name}: prefer is {prefer!r}; expected numbers of bonds, such as [2, 6]")
-    storage, first = graph.of_kind(I, C), tuple(dict.fromkeys(prefer))
+    check_graph(graph)
+    expected = "numbers of bonds with a storage element, such as [2, 6]"
+    try:
+        first = tuple(dict.fromkeys(whole("prefer", bond, 0) for bond in prefer))
+    except Exception:  # no sequence of numbers, or one of the user's that fails
+        raise ArgumentError(f"{graph.name}: prefer is {shown(prefer)}; expected {expected}") from None
+    storage = graph.of_kind(I, C)
     if wrong := [bond for bond in first if bond not in storage]:
-        raise ArgumentError(f"{graph.name}: no storage element on bonds {_join(wrong)}; they are on {_join(storage)}")
+        raise ArgumentError(f"{graph.name}: prefer: no storage element on bonds {_join(wrong)}; they are on {_join(storage)}")
     order = [*first, *(bond for bond in storage if bond not in first)]
     try:
         state, chosen = _sequence(graph, order, look_ahead=False)

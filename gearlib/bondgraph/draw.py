@@ -10,9 +10,11 @@ import networkx as nx
 import numpy as np
 import sympy as sp
 
+from gearlib.arguments import check_axes, real, reals, shown
 from gearlib.bondgraph.causality import Causality
 from gearlib.bondgraph.elements import GY, TF, Element, Junction, expression
-from gearlib.bondgraph.graph import Bond, BondGraph
+from gearlib.bondgraph.graph import Bond, BondGraph, check_graph
+from gearlib.errors import ArgumentError
 from gearlib.optional import optional
 
 __all__ = ["draw"]
@@ -52,15 +54,25 @@ def draw(
     matplotlib.axes.Axes
         The drawing; ``ax.figure.savefig(...)`` writes it to a file.
     """
-    place = {element: np.asarray(xy, dtype=float) for element, xy in (positions or _layout(graph)).items()}
+    check_graph(graph)
+    layout = {e: [xy] for e, xy in _layout(graph).items()} if positions is None else positions
+    place = {element: points[0] for element, points in _points("positions", layout, positions is not None).items()}
+    way = {} if routes is None else _points("routes", routes)
+    if missing := [element for element in graph.elements if element not in place]:
+        raise ArgumentError(f"positions has none for {graph.label(missing[0])}; expected one for each element")
+    if not (causality is None or isinstance(causality, Causality)):
+        raise ArgumentError(f"causality is {shown(causality)}; expected what assign_causality returned")
+    expected = "a positive number of inches, up to 100"
+    if not 0 < (scale := real("scale", scale, expected)) <= 100:
+        raise ArgumentError(f"scale is {shown(scale)}; expected {expected}")
     if ax is None:
         plt = optional("matplotlib.pyplot")
 
         spread = np.ptp(np.array(list(place.values())), axis=0)
         _, ax = plt.subplots(figsize=tuple(scale * (spread + 2)), layout="constrained")
+    check_axes(ax, 1, "ax")
     for bond in graph.bonds.values():
-        between = [np.asarray(point, dtype=float) for point in (routes or {}).get(bond.number, ())]
-        _draw_bond(ax, bond, [place[bond.tail], *between, place[bond.head]], causality)
+        _draw_bond(ax, bond, [place[bond.tail], *way.get(bond.number, ()), place[bond.head]], causality)
     late = set(causality.derivative) if causality else set()
     for element, xy in place.items():
         numbers = {bond.number for bond in graph.at(element)}
@@ -78,6 +90,18 @@ def draw(
     ax.margins(0.01)
     ax.autoscale_view()
     return ax
+
+
+def _points(name: str, given: Any, single: bool = False) -> dict[Any, Any]:
+    """Points, shape (n, 2), of elements or bonds; ``single`` ones are given without a list around them."""
+    expected = "points (x, y) by element" if name == "positions" else "lists of points (x, y) by number of bond"
+    try:
+        found = {key: reals(name, [value] if single else value, expected) for key, value in dict(given).items()}
+    except Exception:  # no mapping of points, or one of the user's that fails
+        found = {None: np.empty(0)}
+    if any(points.ndim != 2 or points.shape[1] != 2 for points in found.values()):
+        raise ArgumentError(f"{name} is {shown(given)}; expected {expected}")
+    return found
 
 
 def _label(element: Element, graph: BondGraph) -> str:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
+from numbers import Real
 from typing import Any
 
-import numpy as np
 import sympy as sp
 
-from gearlib.arguments import shown
+from gearlib.arguments import is_real, shown, whole
 from gearlib.errors import ArgumentError
 
 __all__ = ["GY", "TF", "C", "Element", "I", "Junction", "MSe", "MSf", "One", "R", "Se", "Sf", "Zero", "energy_symbol", "time"]
@@ -34,7 +35,9 @@ def energy_symbol(kind: str, bond: int) -> Any:
     >>> energy_symbol("q", 6)
     q_6
     """
-    return symbol(f"{kind}_{bond}")
+    if not (isinstance(kind, str) and kind in ("p", "q")):
+        raise ArgumentError(f"energy_symbol: kind is {shown(kind)}; expected 'p' or 'q'")
+    return symbol(f"{kind}_{whole('energy_symbol: bond', bond, 0)}")
 
 
 def expression(value: Any, default: str) -> Any:
@@ -48,12 +51,32 @@ def expression(value: Any, default: str) -> Any:
 
 def checked(value: Any, name: str, expected: str = "a number or an expression") -> Any:
     """A number or an expression in sympy's form; text, which sympy would execute, is refused."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, sp.Expr, np.number)):
+    if isinstance(value, Fraction):
+        value = sp.Rational(value.numerator, value.denominator)
+    if not isinstance(value, sp.Expr) and not is_real(value):
+        if isinstance(value, Real) and not isinstance(value, bool):
+            expected = "a finite number"
         raise ArgumentError(f"{name} is {shown(value)}; expected {expected}")
     found = sp.sympify(value)
     if found.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
         raise ArgumentError(f"{name} is {shown(value)}; expected a finite real number or expression")
     return found
+
+
+def by_law(law: Callable[[Any], Any], argument: Any, said: str) -> Any:
+    """What a law of the user's makes of an argument."""
+    try:
+        value = law(argument)
+    except Exception as problem:
+        raise ArgumentError(f"{said} raised {type(problem).__name__}: {problem}") from problem
+    return checked(value, said)
+
+
+def _check_laws(element: Element, *names: str) -> None:
+    for name in names:
+        law = getattr(element, name)
+        if law is not None and (isinstance(law, type) or not callable(law)):
+            raise ArgumentError(f"{element.kind}: {name} is {shown(law)}; expected a function of one expression")
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +132,9 @@ class Storage(Element):
     law: Callable[[Any], Any] | None = None
     inverse: Callable[[Any], Any] | None = None
 
+    def __post_init__(self) -> None:
+        _check_laws(self, "law", "inverse")
+
 
 @dataclass(frozen=True, eq=False)
 class I(Storage):  # noqa: E742  (the letter of the field)
@@ -138,6 +164,9 @@ class R(Element):
     value: Any = None
     law: Callable[[Any], Any] | None = None
     conductance: Callable[[Any], Any] | None = None
+
+    def __post_init__(self) -> None:
+        _check_laws(self, "law", "conductance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +206,10 @@ class Junction(Element):
     """
 
     name: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise ArgumentError(f"{type(self).__name__}: name is {shown(self.name)}; expected text, such as 'rotor'")
 
 
 @dataclass(frozen=True, eq=False)

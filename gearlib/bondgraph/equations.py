@@ -17,11 +17,12 @@ from typing import Any
 
 import sympy as sp
 
+from gearlib.arguments import flag, shown, whole
 from gearlib.bondgraph.causality import Causality, assign_causality, evaluation_order
 from gearlib.bondgraph.elements import C, I, Se, Sf, symbol, time
 from gearlib.bondgraph.expressions import Walk, rate_of
-from gearlib.bondgraph.graph import BondGraph
-from gearlib.errors import SingularError
+from gearlib.bondgraph.graph import BondGraph, check_graph
+from gearlib.errors import ArgumentError, SingularError
 
 __all__ = ["StateEquations", "state_equations"]
 
@@ -148,7 +149,8 @@ class StateEquations:
         variables += [rate_of(v) for v in (*self.dependent, *self.inputs)]
         names = {rate_of(v): rf"\dot{{{v.name[0]}}}_{{{v.name[2:]}}}" for v in (*self.states, *self.dependent)}
         names |= {rate_of(v): rf"\dot{{{v.name[:2]}}}_{{{v.name[3:]}}}" for v in self.inputs}
-        if solved:
+        whole("terms", terms, 1)
+        if flag("solved", solved):
             sides = [(y, [sp.latex(value, symbol_names=names)]) for y, value in self.explicit().items()]
         else:
             rows = {rate_of(x): value for x, value in self.printed.items()} | dict(self.tear_values)
@@ -212,7 +214,13 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
     >>> equations.printed
     mappingproxy({p_2: Se_1 - R_4*p_2/I_2 - q_3/C_3, q_3: p_2/I_2})
     """
-    causality = causality or assign_causality(graph, prefer)
+    check_graph(graph)
+    if causality is None:
+        causality = assign_causality(graph, prefer)
+    elif not isinstance(causality, Causality) or causality.effort_to.keys() != graph.bonds.keys():
+        raise ArgumentError(
+            f"{graph.name}: causality is {shown(causality)}; expected what assign_causality returned for this graph"
+        )
     walk = Walk(graph, causality, evaluation_order(graph, causality), own_law=True)
     imposed = [("f" if isinstance(graph.element(n, I, C), I) else "e", n) for n in causality.derivative]
     straight = Walk(graph, causality, evaluation_order(graph, causality, imposed), own_law=False)

@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy as sp
 
+from gearlib.arguments import shown
 from gearlib.bondgraph.causality import Causality, Quantity
 from gearlib.bondgraph.elements import (
     GY,
@@ -20,7 +21,7 @@ from gearlib.bondgraph.elements import (
     Sf,
     Storage,
     Zero,
-    checked,
+    by_law,
     energy_symbol,
     expression,
     symbol,
@@ -33,6 +34,8 @@ __all__ = ["Walk", "rate_of"]
 
 def rate_of(variable: Any) -> Any:
     """The symbol of a variable's time derivative: ``dp_17`` of ``p_17``."""
+    if not isinstance(variable, sp.Symbol):
+        raise ArgumentError(f"rate_of: variable is {shown(variable)}; expected a symbol, such as p_17")
     return symbol(f"d{variable.name}")
 
 
@@ -88,7 +91,7 @@ class Walk:
         assert isinstance(element, Storage)
         imposed = self(("f" if isinstance(element, I) else "e", number))
         if element.inverse is not None:
-            return checked(element.inverse(imposed), f"the inverse law of {self.graph.label(element)}")
+            return by_law(element.inverse, imposed, f"the inverse law of {self.graph.label(element)}")
         variable = self.energy(number)
         if element.law is None:
             return imposed * expression(element.value, f"{element.kind}_{number}")
@@ -119,21 +122,21 @@ class Walk:
         given = self(("f" if letter == "e" else "e", number))
         direct, reverse = (element.law, element.conductance) if letter == "e" else (element.conductance, element.law)
         if direct is not None:
-            return checked(direct(given), f"the law of {self.graph.label(element)}")
+            return by_law(direct, given, f"the law of {self.graph.label(element)}")
         if reverse is None:
             resistance = expression(element.value, f"R_{number}")
             return given * resistance if letter == "e" else given / resistance
         wanted = symbol(f"{letter}_{number}")
         need = "law" if letter == "e" else "conductance"
         label = f"{self.graph.name}: {self.graph.label(element)}"
-        return _solved(checked(reverse(wanted), f"the law of {label}"), wanted, given, label, need)
+        return _solved(by_law(reverse, wanted, f"the law of {label}"), wanted, given, label, need)
 
 
 def _law(element: Element, variable: Any) -> Any:
     """Flow of an inertia, or effort of a compliance, that stores ``variable``."""
     assert isinstance(element, Storage)
     if element.law is not None:
-        return checked(element.law(variable), f"the law of the {element.kind} that stores {variable}")
+        return by_law(element.law, variable, f"the law of the {element.kind} that stores {variable}")
     name = f"{element.kind}_{variable.name[2:]}"
     value = expression(element.value, name)
     if value == 0:

@@ -8,6 +8,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
+from gearlib.arguments import is_real, shown
 from gearlib.bondgraph.elements import GY, TF, Element, Junction, R, Se, Sf, Storage
 from gearlib.errors import ArgumentError, ConnectionError
 
@@ -63,6 +64,8 @@ class BondGraph:
     """
 
     def __init__(self, *bonds: tuple[int, Element, Element], name: str = "bond graph") -> None:
+        if not isinstance(name, str):
+            raise ArgumentError(f"BondGraph: name is {shown(name)}; expected text")
         self.name = name
         made: dict[int, Bond] = {}
         for bond in bonds:
@@ -91,9 +94,16 @@ class BondGraph:
 
     def at(self, element: Element) -> tuple[Bond, ...]:
         """Bonds that end on ``element``, by number."""
+        self._check_element(element)
         if element not in self._ends:
             raise ArgumentError(f"{self.name}: the {element.kind} element given is on no bond of this graph")
         return self._ends[element]
+
+    def _check_element(self, element: Any) -> None:
+        if not isinstance(element, Element):
+            raise ArgumentError(
+                f"{self.name}: element is {shown(element)}; expected an element of the graph, one of graph.elements"
+            )
 
     def element(self, number: int, *kinds: type[Element]) -> Element:
         """The source, storage or resistance at an end of bond ``number``, of one of these kinds where some are named.
@@ -103,8 +113,9 @@ class BondGraph:
         >>> graph.element(1).kind, graph.element(1, C).kind
         ('Se', 'C')
         """
-        if number not in self.bonds:
-            raise ArgumentError(f"{self.name}: there is no bond {number}; bonds are {', '.join(map(str, self.bonds))}")
+        _check_kinds(kinds)
+        if not is_real(number) or number not in self.bonds:
+            raise ArgumentError(f"{self.name}: there is no bond {shown(number)}; bonds are {', '.join(map(str, self.bonds))}")
         bond = self.bonds[number]
         for end in (bond.tail, bond.head):
             if not isinstance(end, Junction | TF | GY) and (not kinds or isinstance(end, kinds)):
@@ -113,11 +124,13 @@ class BondGraph:
 
     def of_kind(self, *kinds: type[Element]) -> tuple[int, ...]:
         """Bonds on which the one-port elements of these kinds stand, by number."""
+        _check_kinds(kinds)
         found = (bonds[0].number for element, bonds in self._ends.items() if isinstance(element, kinds) and len(bonds) == 1)
         return tuple(sorted(found))
 
     def label(self, element: Element) -> str:
         """What messages call an element: its kind, and its name or its bonds."""
+        self._check_element(element)
         if isinstance(element, Junction):
             where = f" '{element.name}'" if element.name else f" of bonds {_numbers(self._ends.get(element, ()))}"
             return f"{element.kind}-junction{where}"
@@ -125,14 +138,26 @@ class BondGraph:
         return f"{element.kind} on bond{'s' if len(bonds) > 1 else ''} {_numbers(bonds)}"
 
 
+def _check_kinds(kinds: tuple[Any, ...]) -> None:
+    for kind in kinds:
+        if not (isinstance(kind, type) and issubclass(kind, Element)):
+            raise ArgumentError(f"kinds are {shown(kinds)}; expected classes of elements, such as R")
+
+
+def check_graph(graph: Any) -> None:
+    """Raise `ArgumentError` for anything but a bond graph."""
+    if not isinstance(graph, BondGraph):
+        raise ArgumentError(f"graph is {shown(graph)}; expected a BondGraph")
+
+
 def _of_bond(name: str, bond: Any) -> tuple[int, Element, Element]:
-    if not isinstance(bond, tuple) or len(bond) != 3 or isinstance(bond[0], bool) or not isinstance(bond[0], int):
-        raise ArgumentError(f"{name}: {bond!r} is no bond; expected (number, tail, head), such as (1, Se(), One('v'))")
+    if not isinstance(bond, tuple) or len(bond) != 3 or not isinstance(bond[0], int) or not is_real(bond[0]):
+        raise ArgumentError(f"{name}: {shown(bond)} is no bond; expected (number, tail, head), such as (1, Se(), One('v'))")
     number, tail, head = bond
     for end in (tail, head):
         if not isinstance(end, Element):
             hint = f"; make one: {end.__name__}(...)" if isinstance(end, type) and issubclass(end, Element) else ""
-            raise ArgumentError(f"{name}: bond {number} ends on {end!r}, which is no element{hint}")
+            raise ArgumentError(f"{name}: bond {number} ends on {shown(end)}, which is no element{hint}")
     return number, tail, head
 
 

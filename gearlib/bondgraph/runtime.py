@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import sympy as sp
 
+from gearlib.arguments import by_name, is_real, real, reals, shown
 from gearlib.bondgraph.elements import time
 from gearlib.bondgraph.equations import StateEquations
 from gearlib.bondgraph.expressions import rate_of
@@ -44,6 +45,10 @@ class RunTime:
     """
 
     equations: StateEquations
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.equations, StateEquations):
+            raise ArgumentError(f"equations is {shown(self.equations)}; expected what state_equations returned")
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -110,7 +115,10 @@ class RunTime:
             f(t, x) that returns dx/dt.
         """
         theta = self._vector(parameters, self.parameters, "parameter")
-        u_of, du_of = self._signals(dict(inputs or {}), dict(rates or {}))
+        u_of, du_of = self._signals(
+            by_name("inputs", inputs, "numbers, expressions or functions of time by name", "Se_1"),
+            by_name("rates", rates, "functions of time by name", "Se_1"),
+        )
         outer, count = self.equations, len(self.equations.states)
         if outer.is_linear_in_unknowns and outer.mass_matrix.free_symbols <= set(outer.parameters):
             nothing = np.zeros(len(self.inputs))
@@ -128,7 +136,10 @@ class RunTime:
         y = self._unknowns(*arguments) if self._bends else np.zeros(len(self.equations.unknowns))
         by_y, by_x, by_u = self._jacobians(*arguments, y)
         count = len(self.states)
-        return -self._solve(by_y, by_x)[:count], -self._solve(by_y, by_u)[:count]
+        by_x, by_u = -self._solve(by_y, by_x)[:count], -self._solve(by_y, by_u)[:count]
+        if not (np.isfinite(by_x).all() and np.isfinite(by_u).all()):
+            raise SingularError(f"{self.equations.graph.name}: with these values of parameters something is divided by zero")
+        return by_x, by_u
 
     def bond_variables(
         self, t: float, x: Any, u: Values = (), parameters: Values = (), u_rate: Values = ()
@@ -145,38 +156,42 @@ class RunTime:
     # ------------------------------------------------------------------ arguments
 
     def _arguments(self, t: float, x: Any, u: Values, u_rate: Values, parameters: Values) -> tuple[Any, ...]:
-        state = np.asarray(x, dtype=float)
+        state = reals("x", x, f"{len(self.states)} numbers")
         if state.shape != (len(self.states),):
             raise ArgumentError(f"x must hold {len(self.states)} numbers ({', '.join(self.states)}), not {state.shape}")
         nothing = np.zeros(len(self.inputs))
-        values = self._vector(u, self.inputs, "input") if len(u) else nothing
-        rates = self._vector(u_rate, self.inputs, "input") if len(u_rate) else nothing
-        return float(t), state, values, rates, self._vector(parameters, self.parameters, "parameter")
+        values = nothing if isinstance(u, tuple) and not u else self._vector(u, self.inputs, "input")
+        rates = nothing if isinstance(u_rate, tuple) and not u_rate else self._vector(u_rate, self.inputs, "input")
+        return real("t", t), state, values, rates, self._vector(parameters, self.parameters, "parameter")
 
     def _vector(self, values: Values, names: tuple[str, ...], what: str) -> Array:
         name = self.equations.graph.name
         if isinstance(values, Mapping):
-            for key in values:
+            given = by_name(f"{name}: {what}s", values, "numbers by name", names[0] if names else "J")
+            for key in given:
                 if key not in names:
                     raise BindingError(f"{name}: no {what} '{key}': {nearest(key, names)}")
-            if missing := [key for key in names if key not in values]:
+            if missing := [key for key in names if key not in given]:
                 raise BindingError(f"{name}: no value for {what} {', '.join(missing)}")
-            values = [values[key] for key in names]
-        if len(values) != len(names):
-            raise BindingError(f"{name}: {len(values)} values for {len(names)} {what}s: {', '.join(names) or 'none'}")
-        try:
-            found = np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
-            raise BindingError(f"{name}: the {what}s {', '.join(names)} are {values!r}; expected a number each") from None
-        if not np.isfinite(found).all():
-            bad = [f"{key} = {value}" for key, value in zip(names, found, strict=True) if not np.isfinite(value)]
-            raise BoundError(f"{name}: {what} {', '.join(bad)}; expected finite numbers")
+            for key, value in given.items():
+                if not is_real(value):
+                    raise BoundError(f"{name}: {what} {key} = {shown(value)}; expected finite numbers")
+            return np.array([float(given[key]) for key in names])
+        found = reals(f"{name}: the {what}s {', '.join(names)}", values, "finite numbers, or a mapping")
+        if found.shape != (len(names),):
+            raise BindingError(f"{name}: {found.size} values for {len(names)} {what}s: {', '.join(names) or 'none'}")
         return found
 
     def _signals(self, inputs: dict[str, Input], rates: dict[str, Input]) -> tuple[Callable[[float], Array], ...]:
         for key in (*inputs, *rates):
             if key not in self.inputs:
                 raise BindingError(f"{self.equations.graph.name}: no input '{key}': {nearest(key, self.inputs)}")
+        for key, value in (*inputs.items(), *rates.items()):
+            if isinstance(value, sp.Expr):
+                if value.free_symbols - {time} or value.has(sp.nan, sp.zoo, sp.oo, sp.I):
+                    raise ArgumentError(f"input '{key}' is {shown(value)}; expected an expression of gearlib.bondgraph.time")
+            elif isinstance(value, type) or not callable(value):
+                real(f"input '{key}'", value, "a number, a function of time, or an expression of gearlib.bondgraph.time")
         needed = {str(symbol) for r in self.equations.residual for symbol in r.free_symbols}
         for symbol in self.equations.inputs:
             key, value = symbol.name, inputs.get(symbol.name, 0.0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
@@ -32,8 +33,8 @@ class BoundInput:
 def number(value: Any, path: str, unit: str, description: str) -> float:
     """The value as a finite float, or an error that names the parameter."""
     expected = f"expected a number in {unit} ({description})" if description else f"expected a number in {unit}"
-    if isinstance(value, (bool, np.bool_)) or not isinstance(
-        value, (int, float, np.number, sympy.Number, sympy.NumberSymbol, sympy.Expr)
+    if isinstance(value, (bool, np.bool_, np.timedelta64, np.complexfloating)) or not isinstance(
+        value, (int, float, np.number, Fraction, sympy.Expr)
     ):
         raise BindingError(f"{path} is {shown(value)} ({type(value).__name__}); {expected}")
     try:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.arguments import is_real, shown
 from gearlib.errors import BindingError, nearest
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
@@ -45,18 +46,18 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
     where = instance.path or instance.kind
     for what, given in (("nominal", component._nominal), ("state", component._state)):
         for name, value in given.items():
-            if name not in instance.variables:
+            if not isinstance(name, str) or name not in instance.variables:
                 raise BindingError(
-                    f"{where}: {what} is given for '{name}', which is no variable of {instance.kind}; "
-                    f"{nearest(name, instance.variables)}"
+                    f"{where}: {what} is given for {shown(name)}, which is no variable of {instance.kind}; "
+                    f"{nearest(str(name), instance.variables)}"
                 )
-            if what == "state" and value not in PREFERENCE:
+            if what == "state" and not (isinstance(value, str) and value in PREFERENCE):
                 raise BindingError(
-                    f"{where}: state of '{name}' is {value!r}; valid choices: {', '.join(map(repr, PREFERENCE))}"
+                    f"{where}: state of '{name}' is {shown(value)}; valid choices: {', '.join(map(repr, PREFERENCE))}"
                 )
-            if what == "nominal" and not (isinstance(value, (int, float)) and 0.0 < value < float("inf")):
+            if what == "nominal" and not (is_real(value) and value > 0):
                 raise BindingError(
-                    f"{where}: nominal value of '{name}' is {value!r}; expected a positive number, its typical size"
+                    f"{where}: nominal value of '{name}' is {shown(value)}; expected a positive number, its typical size"
                 )
             yield name, what, value
 

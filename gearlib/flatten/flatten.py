@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gearlib.arguments import shown
 from gearlib.equations.bindings import parameter_function
 from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, ModelError
@@ -56,7 +57,7 @@ def flatten(component: Component, absent: frozenset[int] = frozenset()) -> FlatM
     """
     if not isinstance(component, Component):
         hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
-        raise ModelError(f"expected a component, got {component!r}{hint}")
+        raise ModelError(f"expected a component, got {shown(component)}{hint}")
     tree = walk(component)
     refuse_unused(tree, component)
     table = _parameter_table(tree)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.arguments import shown
 from gearlib.equations.template import Column, Template, parse_column
 from gearlib.errors import NameLookupError, nearest
 from gearlib.language.declarations import Connector, Parameter, Variable
@@ -223,7 +224,7 @@ class FlatModel:
     def variable(self, name: str, what: str = "variable") -> int:
         """The number of the variable with that path."""
         if not isinstance(name, str):
-            raise NameLookupError(f"{name!r} is no name; names are text, such as 'load.w'")
+            raise NameLookupError(f"{shown(name)} is no name; names are text, such as 'load.w'")
         found = self.find(name)
         if found is None:
             head = name.rsplit(".", 1)[0] if "." in name else ""

@@ -68,6 +68,10 @@ class Connection:
 
     ports: tuple[Port, ...]
 
+    def __post_init__(self) -> None:
+        if not (isinstance(self.ports, tuple) and all(isinstance(port, Port) for port in self.ports)):
+            raise ConnectionError(f"Connection: ports is {shown(self.ports)}; expected connectors, as connect() takes them")
+
 
 def connect(*ports: Port) -> Connection:
     """Join connectors: their potentials become equal, their flows sum to zero.
@@ -207,7 +211,7 @@ class Component:
             ("start", start, "start values", "100.0"), ("guess", guess, "start values", "100.0"),
             ("nominal", nominal, "typical sizes", "0.01"), ("state", state, "preferences", "'prefer'"),
         ):  # fmt: skip
-            if given is not None and not isinstance(given, Mapping):
+            if given is not None and not _is_readable(given):
                 names = given if isinstance(given, (set, frozenset, list, tuple)) else ()
                 name = next((n for n in names if isinstance(n, str)), "w")
                 raise BindingError(
@@ -221,8 +225,8 @@ class Component:
         put(self, "_made", NOTHING)
         put(self, "_start", dict(start or {}))
         put(self, "_guess", dict(guess or {}))
-        put(self, "_nominal", nominal or {})
-        put(self, "_state", state or {})
+        put(self, "_nominal", dict(nominal or {}))
+        put(self, "_state", dict(state or {}))
         structural: dict[str, Any] = {}
         given_names = set(bindings)
         for name in bindings:
@@ -261,8 +265,8 @@ class Component:
             alike = [
                 c for c in declared.choices if isinstance(value, type(c)) and isinstance(value, bool) == isinstance(c, bool)
             ]
-            if not any(bool(np.all(value == choice)) for choice in alike):
-                raise BindingError(f"{where} is {shown(value)}; valid choices: {', '.join(map(repr, declared.choices))}")
+            if not any(_is_same(value, choice) for choice in alike):
+                raise BindingError(f"{where} is {shown(value)}; valid choices: {', '.join(map(shown, declared.choices))}")
             return value
         expected = type(declared.default)
         if expected is int and isinstance(value, (sympy.Integer, np.integer)):
@@ -504,6 +508,22 @@ def declared_by(component: Component) -> Declared:
     return Declared(variables, parameters, connectors, discretes, derivatives)
 
 
+def _is_same(value: Any, choice: Any) -> bool:
+    """Whether a value is a choice; comparing an object of the user's may fail."""
+    try:
+        return bool(np.all(value == choice))
+    except Exception:
+        return False
+
+
+def _is_readable(given: Any) -> bool:
+    """Whether something is a mapping; one of the user's may fail."""
+    try:
+        return isinstance(given, Mapping) and dict(given) is not None
+    except Exception:
+        return False
+
+
 def equations_of(component: Component) -> list[Eq | When]:
     """The equations of a component's class and of its bases, on symbols named from the component's scope.
 
@@ -531,7 +551,7 @@ def _is_hashable(equation: Eq | When) -> TypeGuard[Eq]:
     """Whether it is an equation between what can be compared."""
     try:
         hash(equation)
-    except TypeError:
+    except Exception:  # whatever an object of the user's makes of hash()
         return False
     return isinstance(equation, Eq)
 
@@ -553,6 +573,6 @@ def energies_of(component: Component) -> Energy | None:
         returned = component.energies()
     if returned is not None and not isinstance(returned, Energy):
         raise DeclarationError(
-            f"{type(component).__name__}.energies() must return gl.Energy(stored=..., heat=...); got {returned!r}"
+            f"{type(component).__name__}.energies() must return gl.Energy(stored=..., heat=...); got {shown(returned)}"
         )
     return returned

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, overlo
 import numpy as np
 import sympy
 
-from gearlib.arguments import real, shown
+from gearlib.arguments import by_name, real, shown
 from gearlib.errors import ArgumentError, AttributeNameError, DeclarationError
 from gearlib.language.expressions import der
 from gearlib.language.units import dimension
@@ -45,7 +45,8 @@ def offered(values: Mapping[str, float]) -> dict[str, float]:
     >>> data = gl.offered({"r_a": 0.03, "r_b": 0.06, "c": 2e8, "alpha": 0.35})  # the pressure angle counts with friction
     >>> mesh = gp.DetailedExternalMesh(**data, d=100.0)
     """
-    return {name: Offered(value) for name, value in values.items()}
+    given = by_name("values", values, "numbers by name, such as {'alpha': 0.35}", "alpha")
+    return {name: Offered(real(f"values: {name}", value)) for name, value in given.items()}
 
 
 class Declaration:
@@ -119,8 +120,9 @@ class Parameter(Declaration):
 
     def __post_init__(self) -> None:
         _check_text(self, "unit", "description")
-        _check_number(self, "min", infinite=True)
-        _check_number(self, "max", infinite=True)
+        for bound in ("min", "max"):
+            _check_number(self, bound, infinite=True)
+            object.__setattr__(self, bound, float(getattr(self, bound)))
         if self.min > self.max:
             raise DeclarationError(f"Parameter: min is {self.min:g}, above max, which is {self.max:g}")
         _check_default(self)
@@ -279,8 +281,8 @@ class Structural(Declaration):
     def bounds(self) -> str:
         """The numbers that are valid, in words."""
         if self.max == float("inf"):
-            return f"{self.min:g} or more"
-        return f"{self.max:g} or less" if self.min == -float("inf") else f"{self.min:g} to {self.max:g}"
+            return f"{shown(self.min)} or more"
+        return f"{shown(self.max)} or less" if self.min == -float("inf") else f"{shown(self.min)} to {shown(self.max)}"
 
     def __get__(self, instance: Any, owner: type) -> Any:
         if instance is None:
@@ -356,4 +358,6 @@ class Connector(Declaration):
 
 def as_tuple(value: Any) -> Any:
     """Nested tuples of what are lists or arrays."""
-    return tuple(as_tuple(v) for v in value) if isinstance(value, (list, tuple, np.ndarray)) else value
+    if isinstance(value, np.ndarray):
+        return as_tuple(value.tolist())
+    return tuple(as_tuple(v) for v in value) if isinstance(value, (list, tuple)) else value

@@ -5,6 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from gearlib.arguments import shown
+from gearlib.errors import DeclarationError
+from gearlib.language.expressions import value_of
+
 
 @dataclass(frozen=True)
 class Energy:
@@ -45,3 +51,9 @@ class Energy:
     heat: Any = 0
     supplied: Any = 0
     source: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("stored", "heat", "supplied"):
+            object.__setattr__(self, name, value_of(getattr(self, name), f"Energy({name}=)"))
+        if not isinstance(self.source, (bool, np.bool_)):
+            raise DeclarationError(f"Energy: source is {shown(self.source)}; expected True or False")

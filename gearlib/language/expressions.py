@@ -6,6 +6,7 @@ that nothing is handed to it but numbers and expressions: `as_number`, `as_condi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -63,8 +64,10 @@ def as_number(value: Any, said: str) -> Any:
             raise DeclarationError(str(problem)) from None
         return sympy.Integer(int(value)) if isinstance(value, (int, np.integer)) else sympy.Float(found)
     if isinstance(value, Fraction):
-        return sympy.Rational(value.numerator, value.denominator)
+        value = sympy.Rational(value.numerator, value.denominator)
     if isinstance(value, sympy.Expr) and not value.is_Matrix:
+        if value.is_Atom and not value.is_Symbol and not _is_ordinary(value):
+            raise DeclarationError(f"{said} is {shown(value)}; expected {_EXPECTED}, and finite")
         return value
     hint = ""
     if isinstance(value, str):
@@ -72,6 +75,14 @@ def as_number(value: Any, said: str) -> Any:
     elif isinstance(value, Boolean):
         hint = "a condition is no number; gl.Piecewise((1, condition), (0, True)) makes it one"
     raise DeclarationError(f"{said} is {shown(value)}; expected {_EXPECTED}{f' ({hint})' if hint else ''}")
+
+
+def _is_ordinary(number: Any) -> bool:
+    """Whether one of sympy's numbers is real and finite, and not too large for a float."""
+    try:
+        return math.isfinite(float(number))
+    except (TypeError, ValueError, OverflowError):
+        return False
 
 
 def as_condition(value: Any, said: str) -> Any:
@@ -134,7 +145,8 @@ def _function(kind: Any, count: int = 1) -> Callable[..., Any]:
     def call(*arguments: Any) -> Any:
         if len(arguments) != count:
             raise TypeError(f"{name}() takes {count} argument{'s' if count > 1 else ''}, got {len(arguments)}")
-        return kind(*(as_number(a, f"the argument of {name}()") for a in arguments))
+        numbers = [as_number(a, f"the argument of {name}()") for a in arguments]
+        return as_number(kind(*numbers), f"{name}({', '.join(map(shown, numbers))})")
 
     call.__name__ = call.__qualname__ = name
     call.__doc__ = f"{name} of {'a number or an expression' if count == 1 else 'numbers or expressions'}."

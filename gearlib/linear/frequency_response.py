@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import name_list, real, reals, shown
+from gearlib.arguments import check_axes, name_list, one_name, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.feedback_loop import check_linear, matrices
 from gearlib.linear.linearize import LinearModel, input_names
-from gearlib.linear.subject import check_axes, check_system, is_system
+from gearlib.linear.subject import check_system, is_system
 from gearlib.optional import optional
 
 if TYPE_CHECKING:
@@ -71,8 +71,8 @@ class FrequencyResponse:
             raise ArgumentError(f"response[{shown(key)}]: expected response[output] or response[output, input]")
         output, given = key if isinstance(key, tuple) else (key, None)
         for name, valid in ((output, self.outputs), *(((given, self.inputs),) if given is not None else ())):
-            if name not in valid:
-                raise NameLookupError(f"the response has no '{name}'; {nearest(str(name), valid)}")
+            if one_name("an output or input of the response", name, "load.w") not in valid:
+                raise NameLookupError(f"the response has no '{name}'; {nearest(name, valid)}")
         if given is None and len(self.inputs) > 1:
             raise ArgumentError(f"choose an input: response['{output}', input], one of {', '.join(self.inputs)}")
         row: Complexes = self.values[self.outputs.index(output), 0 if given is None else self.inputs.index(given)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import shown
+from gearlib.arguments import is_real, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.linear.held_states import remaining
@@ -84,8 +84,8 @@ def _moment(
     """A moment of a run, with the run's inputs and, unless others are given, its parameters."""
     if result._scene.structure is not system._structure:
         raise ArgumentError(f"at names a run of another system than {system.name}; simulate this one")
-    if isinstance(t, bool) or not isinstance(t, (int, float, np.number)) or not result.time[0] <= t <= result.time[-1]:
-        raise ArgumentError(f"at names the time {t!r}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
+    if not is_real(t) or not result.time[0] <= t <= result.time[-1]:
+        raise ArgumentError(f"at names the time {shown(t)}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
     t = float(t)
     numbers = result._parameters if parameters is None else system._parameters(parameters)
     scene = system._scenes.setdefault(states, Scene(system._structure, states))

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import increasing
+from gearlib.arguments import check_axes, increasing
 from gearlib.linear.feedback_loop import Loop, as_loop
 from gearlib.linear.margins import Margins, margins
 from gearlib.linear.poles import poles
-from gearlib.linear.subject import check_axes
 from gearlib.optional import optional
 
 Floats = NDArray[np.float64]

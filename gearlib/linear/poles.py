@@ -114,8 +114,8 @@ def poles(A: Any) -> Poles:
     matrix = np.array(A.toarray() if hasattr(A, "toarray") else A, float)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ArgumentError(f"a matrix of shape {matrix.shape} has no eigenvalues; expected a square one")
-    if not np.isfinite(matrix).all():
-        raise ArgumentError("the matrix holds numbers that are not finite")
+    if not (np.abs(matrix) < 1e150).all():
+        raise ArgumentError("the matrix holds numbers that are not finite, or whose squares are not")
     if not matrix.size:
         return Poles(np.empty(0, complex), np.empty(0), ())
     balanced = matrix_balance(matrix)[0]

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
-from gearlib.optional import optional
 
 if TYPE_CHECKING:
     from gearlib.run.result import Result
@@ -36,16 +32,6 @@ def check_result(result: Result) -> None:
 
     if not isinstance(result, Result):
         raise ArgumentError(f"expected the result of a run, got {described(result)}")
-
-
-def check_axes(axes: Any, count: int) -> None:
-    """Raise `ArgumentError` for anything but that many matplotlib Axes."""
-    Axes = optional("matplotlib.axes").Axes
-
-    given = list(axes) if isinstance(axes, (Sequence, np.ndarray)) and count > 1 else [axes]
-    if len(given) != count or not all(isinstance(one, Axes) for one in given):
-        expected = "matplotlib Axes" if count == 1 else f"{count} matplotlib Axes, such as those of plt.subplots({count})"
-        raise ArgumentError(f"axes is {shown(axes)}; expected {expected}")
 
 
 def described(value: Any) -> str:

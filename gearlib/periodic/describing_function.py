@@ -16,14 +16,14 @@ Floats = NDArray[np.float64]
 
 def _check_spring(c: float, b: float, preload: float) -> None:
     if not real("c", c, "a positive stiffness") > 0:
-        raise ArgumentError(f"c is {c!r}; expected a positive stiffness")
+        raise ArgumentError(f"c is {shown(c)}; expected a positive stiffness")
     real("preload", preload, "a finite force")
     _check_backlash(b)
 
 
 def _check_backlash(b: float) -> None:
     if not real("b", b, "a backlash that is not negative") >= 0:
-        raise ArgumentError(f"b is {b!r}; expected a backlash that is not negative")
+        raise ArgumentError(f"b is {shown(b)}; expected a backlash that is not negative")
 
 
 def _first(z: Floats) -> Floats:
@@ -90,12 +90,14 @@ def backlash_describing_function(
     if not (a > 0).all():
         raise ArgumentError(f"amplitude is {shown(amplitude)}; expected positive numbers")
     _check_backlash(b)
+    b = float(b)
     try:
         a, m = np.broadcast_arrays(a, m)
     except ValueError:
         raise ArgumentError(
             f"amplitude and mean have the shapes {a.shape} and {m.shape}; expected one that fits both"
         ) from None
+    a = np.maximum(a, 1e-150 * (b + np.abs(m)))  # a smaller one is none beside the edges
     above, below = (b / 2 - m) / a, (b / 2 + m) / a
     N1 = c_gap + (c - c_gap) * (_first(above) + _first(below))
     F0 = c_gap * m + (c - c_gap) * a * (_mean(above) - _mean(below))
@@ -128,10 +130,11 @@ class PreloadedBacklash(control.DescribingFunctionNonlinearity):  # type: ignore
     def __init__(self, c: float, b: float, preload: float) -> None:
         _check_spring(c, b, preload)
         super().__init__()
-        self.c, self.b, self.preload = c, b, preload
+        self.c, self.b, self.preload = float(c), float(b), float(preload)
 
     def __call__(self, x: float) -> float:
         """Force beyond the preload at a vibration, about the mean deflection at rest."""
+        x = real("x", x)
         rest = self.preload / self.c + np.sign(self.preload) * self.b / 2
         q = x + rest
         return float(self.c * (max(q - self.b / 2, 0.0) + min(q + self.b / 2, 0.0)) - self.preload)
@@ -160,8 +163,9 @@ def mean_deflection(amplitude: float, preload: float, *, c: float, b: float) -> 
     from scipy.optimize import brentq
 
     if not real("amplitude", amplitude, "a positive number") > 0:
-        raise ArgumentError(f"amplitude is {amplitude!r}; expected a positive number")
+        raise ArgumentError(f"amplitude is {shown(amplitude)}; expected a positive number")
     _check_spring(c, b, preload)
+    amplitude, c, b, preload = float(amplitude), float(c), float(b), float(preload)
     reach = abs(preload) / c + b / 2 + amplitude
 
     def excess(m: float) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import finite
+from gearlib.arguments import finite, is_real, name_list, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.periodic.fourier_balance import Balance, rigid_motions
 from gearlib.periodic.periods import Driven, fourier
@@ -54,8 +54,9 @@ class Forced:
         """
         system = self.system
         structure = system._structure
-        if isinstance(outputs, str) or not outputs:
-            raise ArgumentError(f"outputs is {outputs!r}; expected a list of names, such as ['mesh.q']")
+        outputs = name_list("outputs", outputs, "mesh.q")
+        if not outputs:
+            raise ArgumentError("outputs is []; expected a list of names, such as ['mesh.q']")
         states = needed_states(structure, [system._node(n, "output") for n in outputs])
         if not states:
             raise ArgumentError(f"{', '.join(outputs)} depend on no states, so there is nothing to balance")
@@ -120,9 +121,11 @@ class Forced:
         """How far each state gets over one radian of phase."""
         for name, turns in self.turning.items():
             if name not in scene.state_names:
-                raise NameLookupError(f"the system has no state '{name}'; {nearest(str(name), scene.state_names)}")
-            if isinstance(turns, bool) or not isinstance(turns, (int, float, np.number)) or not np.isfinite(turns) or not turns:
-                raise ArgumentError(f"turning[{name!r}] is {turns!r}; expected the periods of 2 pi in one period of the motion")
+                raise NameLookupError(f"the system has no state '{name}'; {nearest(name, scene.state_names)}")
+            if not is_real(turns) or not turns:
+                raise ArgumentError(
+                    f"turning[{shown(name)}] is {shown(turns)}; expected the periods of 2 pi in one period of the motion"
+                )
         return np.array([float(self.turning.get(name, 0.0)) for name in scene.state_names])
 
     def _check_inputs(self) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gearlib.arguments import by_name, name_list, one_name, real
+from gearlib.arguments import by_name, name_list, one_name, real, shown, whole
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.linear.frequency_response import _unit
 from gearlib.linear.subject import check_system
@@ -142,9 +142,8 @@ def harmonic_balance(
 
 def _samples(samples: int | None, harmonics: int, switching: bool) -> int:
     count = samples if samples is not None else max(256 if switching else 64, 8 * harmonics)
-    if isinstance(count, bool) or not isinstance(count, int) or count < 2 * harmonics + 2:
-        raise ArgumentError(f"samples is {samples!r}; {harmonics} harmonics need a whole number from {2 * harmonics + 2} on")
-    return count
+    least = 2 * harmonics + 2
+    return whole("samples", count, least, f"a whole number from {least} on ({harmonics} harmonics need as many)")
 
 
 class _Watch:
@@ -165,13 +164,16 @@ def _check_numbers(start: float, end: float, harmonics: int | None, step: float,
     for name, value in (("start", start), ("end", end), ("step", step), ("accuracy", accuracy)):
         real(name, value)
     if not 0 < accuracy < 1:
-        raise ArgumentError(f"accuracy is {accuracy!r}; expected an error over the vibration, above 0 and below 1")
+        raise ArgumentError(f"accuracy is {shown(accuracy)}; expected an error over the vibration, above 0 and below 1")
     if not (start > 0 and end > 0 and start != end):
-        raise ArgumentError(f"start and end are {start!r} and {end!r}; expected two different positive frequencies, rad/s")
-    if harmonics is not None and (isinstance(harmonics, bool) or not isinstance(harmonics, int) or harmonics < 1):
-        raise ArgumentError(f"harmonics is {harmonics!r}; expected a whole number, 1 or more")
-    if not 0 < step <= 1 or isinstance(points, bool) or not isinstance(points, int) or points < 2:
-        raise ArgumentError(f"step is {step!r} and points is {points!r}; expected 0 < step <= 1 and a whole number from 2 on")
+        raise ArgumentError(
+            f"start and end are {shown(start)} and {shown(end)}; expected two different positive frequencies, rad/s"
+        )
+    if harmonics is not None:
+        whole("harmonics", harmonics, 1)
+    if not 0 < step <= 1:
+        raise ArgumentError(f"step is {shown(step)}; expected a number above 0, up to 1")
+    whole("points", points, 2)
 
 
 def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: list[str]) -> HarmonicBalance:

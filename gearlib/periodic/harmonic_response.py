@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.arguments import check_axes, one_name, shown, whole
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.optional import optional
 from gearlib.periodic.periods import fourier
@@ -88,13 +89,14 @@ class HarmonicBalance:
         return result
 
     def _column(self, output: str) -> int:
-        if output not in self.outputs:
-            raise NameLookupError(f"the response has no output '{output}'; {nearest(str(output), self.outputs)}")
+        if one_name("output", output, "mesh.q") not in self.outputs:
+            raise NameLookupError(f"the response has no output '{output}'; {nearest(output, self.outputs)}")
         return self.outputs.index(output)
 
     def _complex(self, output: str, harmonic: int) -> NDArray[np.complex128]:
-        if isinstance(harmonic, bool) or not isinstance(harmonic, int) or not 1 <= harmonic <= self.harmonics:
-            raise ArgumentError(f"harmonic is {harmonic!r}; expected 1 to {self.harmonics}")
+        expected = f"a whole number from 1 to {self.harmonics}"
+        if whole("harmonic", harmonic, 1, expected) > self.harmonics:
+            raise ArgumentError(f"harmonic is {shown(harmonic)}; expected {expected}")
         pair = self.coefficients[:, 2 * harmonic - 1 : 2 * harmonic + 1, self._column(output)]
         result: NDArray[np.complex128] = pair[:, 0] - 1j * pair[:, 1]
         return result
@@ -119,7 +121,11 @@ class HarmonicBalance:
 
     def waveform(self, output: str, point: int, samples: int = 256) -> tuple[Floats, Floats]:
         """Time (s) and values of an output over one period at a point of the branch."""
-        phase = 2 * np.pi * np.arange(samples) / samples
+        expected = f"the number of a point, 0 to {len(self) - 1}"
+        if whole("point", point, -len(self), expected) >= len(self):
+            raise ArgumentError(f"point is {shown(point)}; expected {expected}")
+        count = whole("samples", samples, 1)
+        phase = 2 * np.pi * np.arange(count) / count
         series = self.coefficients[point, :, self._column(output)]
         return phase / self.omega[point], fourier(phase, self.harmonics) @ series
 
@@ -144,12 +150,13 @@ class HarmonicBalance:
         amplitude, stable, f = self.amplitude(name, harmonic), self.stable, self.frequencies
         if ax is None:
             _, ax = plt.subplots(figsize=(8, 4.5), layout="constrained")
+        check_axes(ax, 1, "ax")
         turns = [k for k in range(1, len(f)) if stable[k] != stable[k - 1]]
-        shown: set[bool] = set()
+        labelled: set[bool] = set()
         for first, end in zip([0, *turns], [*turns, len(f)]):
             kind, piece = bool(stable[first]), slice(first, end + 1)
-            label = None if kind in shown else ("stable" if kind else "unstable")
-            shown.add(kind)
+            label = None if kind in labelled else ("stable" if kind else "unstable")
+            labelled.add(kind)
             ax.plot(f[piece], amplitude[piece], "C0-" if kind else "C3--", label=label)
         for n, k in enumerate(self.folds):
             ax.plot(f[k], amplitude[k], "ko", ms=4, label=None if n else "fold")

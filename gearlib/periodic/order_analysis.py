@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import one_name, real
+from gearlib.arguments import check_axes, one_name, real, shown, whole
 from gearlib.errors import ArgumentError
 from gearlib.linear.subject import check_result
 from gearlib.optional import optional
@@ -60,6 +60,7 @@ class OrderSpectrum:
 
         if axes is None:
             _, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
+        check_axes(axes, 1)
         axes.semilogy(self.orders, np.maximum(self.amplitudes, 1e-12 * self.amplitudes.max(initial=1e-300)), lw=1)
         axes.set_xlabel(f"order of {self.reference}, events per revolution")
         axes.set_ylabel(f"amplitude of {self.name}{', ' if self.unit else ''}{self.unit}")
@@ -92,10 +93,13 @@ class OrderWaterfall:
         """Draw amplitudes as colours over order and speed (over time where the speed does not grow); returns the axes."""
         plt = optional("matplotlib.pyplot")
 
-        if not real("decibels", decibels, "a positive range, dB") > 0:
-            raise ArgumentError(f"decibels is {decibels!r}; expected a positive range, dB")
+        expected = "a positive range, dB, up to 1000"
+        if not 0 < real("decibels", decibels, expected) <= 1000:
+            raise ArgumentError(f"decibels is {shown(decibels)}; expected {expected}")
+        decibels = float(decibels)
         if axes is None:
             _, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
+        check_axes(axes, 1)
         monotonic = (np.diff(self.speeds) > 0).all() or (np.diff(self.speeds) < 0).all()
         height, label = (self.speeds * RPM, f"mean speed of {self.reference}, 1/min") if monotonic else (self.times, "time, s")
         top = max(float(self.amplitudes.max(initial=0.0)), 1e-300)
@@ -169,16 +173,15 @@ def order_waterfall(
     -------
     OrderWaterfall
     """
-    if isinstance(revolutions, bool) or not isinstance(revolutions, (int, np.integer)) or revolutions < 1:
-        raise ArgumentError(f"revolutions is {revolutions!r}; expected a whole number, 1 or more")
+    revolutions = whole("revolutions", revolutions, 1)
     if not 0 <= real("overlap", overlap, "a number from 0 to 0.95") <= 0.95:
-        raise ArgumentError(f"overlap is {overlap!r}; expected a number from 0 to 0.95")
+        raise ArgumentError(f"overlap is {shown(overlap)}; expected a number from 0 to 0.95")
     time, angle, signal = _prepared(result, name, reference, None, None)
     total = (angle[-1] - angle[0]) / (2 * np.pi)
     starts = np.arange(0.0, total - revolutions + 1e-9, revolutions * (1 - overlap))
     if not len(starts):
         raise ArgumentError(f"{reference} turns {total:.3g} times in the run; a piece needs {revolutions}")
-    orders, rows = _spectra(time, angle, signal, starts.tolist(), int(revolutions), max_order)
+    orders, rows = _spectra(time, angle, signal, starts.tolist(), revolutions, max_order)
     edges = np.interp(angle[0] + 2 * np.pi * np.array([starts, starts + revolutions]), angle, time)
     speeds = 2 * np.pi * revolutions / (edges[1] - edges[0])
     return OrderWaterfall(edges.mean(axis=0), speeds, orders, rows, name, reference, _unit(result, name))
@@ -231,8 +234,12 @@ def _spectra(
     n = per_revolution * revolutions
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
     orders = np.arange(n // 2 + 1) / revolutions
-    shown = np.pi / step  # two samples for each wave where it turns fastest
-    kept = orders <= (shown if max_order is None else min(max_order, shown))
+    highest = np.pi / step  # two samples for each wave where it turns fastest
+    if max_order is not None:
+        highest = min(real("max_order", max_order, "a positive order"), highest)
+        if not highest > 0:
+            raise ArgumentError(f"max_order is {shown(max_order)}; expected a positive order")
+    kept = orders <= highest
     rows = []
     for start in starts:
         wanted = angle[0] + 2 * np.pi * (start + np.arange(n) / per_revolution)

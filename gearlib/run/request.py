@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import real
+from gearlib.arguments import is_real, real, reals, shown, whole
 from gearlib.errors import ArgumentError, nearest
 from gearlib.run.integrate import METHODS
 
 Floats = NDArray[np.float64]
+INCREASING = "an increasing sequence of finite numbers, s"
+SHORTEST, LONGEST = 1e-200, 1e200  # s; squares of other steps are no numbers
 SMALL = 1e8  # bytes of results that fit anywhere
 
 
@@ -38,27 +40,31 @@ def output_times(t_start: float, t_end: float, samples: int | None, times: Array
     """The output times, or an `ArgumentError` that says what is wrong with what was asked for; ``states`` are kept at each."""
     if not t_end > t_start:
         raise ArgumentError(f"t_end ({t_end:g}) must be greater than t_start ({t_start:g})")
+    if not SHORTEST <= t_end - t_start <= LONGEST:
+        raise ArgumentError(
+            f"t_end is {t_end:g}, {t_end - t_start:.3g} s after the start; expected {SHORTEST:g} to {LONGEST:g} s"
+        )
     if times is not None:
         if samples is not None:
             raise ArgumentError("give samples or times, not both")
-        try:
-            grid = np.array(times, float)
-        except (TypeError, ValueError):
-            raise ArgumentError(f"times is {times!r}; expected an increasing sequence of numbers, s") from None
+        grid = reals("times", times, INCREASING).copy()
         if grid.ndim != 1 or len(grid) < 1:
-            raise ArgumentError("times must be an increasing sequence of finite numbers")
+            raise ArgumentError(f"times is {shown(times)}; expected {INCREASING}")
         _check_times(grid.tobytes(), float(t_start), float(t_end))
         return grid
-    count = 501 if samples is None else samples
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
-        raise ArgumentError(f"samples is {samples!r}; expected a whole number, 2 or more")
-    needed = 8.0 * int(count) * (1 + states)
+    count = whole("samples", 501 if samples is None else samples, 2)
+    needed = 8.0 * count * (1 + states)
     if needed > SMALL and needed > (there := _memory()):
         raise ArgumentError(
-            f"samples is {samples!r}: time and {states} states at so many times take {needed / 1e9:.3g} GB, and this machine has "
+            f"samples is {shown(samples)}: time and {states} states at so many times take {needed / 1e9:.3g} GB, and this machine has "
             f"{there / 1e9:.3g}; ask for fewer, or for the end of the run only: times=[{t_end:g}]"
         )
-    return np.linspace(t_start, t_end, int(count))
+    grid = np.linspace(t_start, t_end, count)
+    if not (np.diff(grid) > 0).all():
+        raise ArgumentError(
+            f"samples is {count}: so many times between {t_start!r} and {t_end!r} s are not told apart in double precision"
+        )
+    return grid
 
 
 def _memory() -> float:
@@ -74,29 +80,28 @@ def _check_times(grid: bytes, t_start: float, t_end: float) -> None:
     """Raise `ArgumentError` for times that cannot be; other parameters come with the same times."""
     times = np.frombuffer(grid)
     if not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-        raise ArgumentError("times must be an increasing sequence of finite numbers")
+        raise ArgumentError(f"times is {shown(times)}; expected {INCREASING}")
     if times[0] < t_start or times[-1] > t_end:
         raise ArgumentError(f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {times[0]:g} .. {times[-1]:g}")
 
 
 def check_options(method: str, rtol: float, max_step: float | None) -> None:
     """Raise `ArgumentError` for an unknown method, a tolerance or a step out of range."""
-    if max_step is not None and not real("max_step", max_step, "a positive number of seconds, or None") > 0.0:
-        raise ArgumentError(f"max_step is {max_step!r}; expected a positive number of seconds, or None")
-    if method not in METHODS:
-        raise ArgumentError(f"there is no method {method!r}; {nearest(str(method), METHODS)}")
-    if isinstance(rtol, bool) or not isinstance(rtol, (int, float, np.number)) or not 1e-13 <= rtol <= 0.1:
-        raise ArgumentError(f"rtol is {rtol!r}; expected a number from 1e-13 to 0.1")
+    if max_step is not None and not real("max_step", max_step, "a positive number of seconds, or None") >= SHORTEST:
+        raise ArgumentError(f"max_step is {shown(max_step)}; expected a positive number of seconds, or None")
+    if not isinstance(method, str) or method not in METHODS:
+        advice = nearest(method, METHODS) if isinstance(method, str) else f"Valid names: {', '.join(METHODS)}"
+        raise ArgumentError(f"there is no method {shown(method)}; {advice}")
+    if not (is_real(rtol) and 1e-13 <= rtol <= 0.1):
+        raise ArgumentError(f"rtol is {shown(rtol)}; expected a number from 1e-13 to 0.1")
 
 
 def absolute_tolerance(atol: ArrayLike | None, n: int) -> Floats | None:
     """One absolute tolerance for each state, or None where none was given."""
     if atol is None:
         return None
-    try:
-        result = np.broadcast_to(np.asarray(atol, float), (n,)).copy()
-    except (TypeError, ValueError):
-        raise ArgumentError(f"atol is {atol!r}; expected a number, or one for each of the {n} states") from None
-    if not (np.isfinite(result).all() and (result > 0).all()):
-        raise ArgumentError(f"atol is {atol!r}; expected positive numbers")
-    return result
+    expected = f"positive numbers: one, or one for each of the {n} states"
+    given = reals("atol", atol, expected)
+    if not (given > 0).all() or given.shape not in ((), (1,), (n,)):
+        raise ArgumentError(f"atol is {shown(atol)}; expected {expected}")
+    return np.broadcast_to(given, (n,)).copy()

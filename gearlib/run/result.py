@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.arguments import check_axes, name_list, shown
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
 from gearlib.run.scene import Scene
@@ -66,7 +67,7 @@ class Result:
     def __getitem__(self, name: str) -> Floats:
         if not isinstance(name, str):
             raise ArgumentError(
-                f"result[{name!r}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
+                f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
             )
         if name in self._scene.model.discretes.names:
             return self._joined(part.discrete(name) for part in self._parts)
@@ -186,9 +187,7 @@ class Result:
         """The outputs (or the variables named) as a pandas DataFrame over time."""
         pandas = optional("pandas")
 
-        if isinstance(names, str) or not (names is None or isinstance(names, Iterable)):
-            raise ArgumentError(f"names is {names!r}; expected a list of names, such as ['load.w']")
-        chosen = list(names) if names is not None else list(self._outputs)
+        chosen = list(self._outputs) if names is None else name_list("names", names, "load.w")
         return pandas.DataFrame({n: self[n] for n in chosen}, index=pandas.Index(self.time, name="time"))
 
     def plot(self, *names: str, axes: Any = None) -> Any:
@@ -206,11 +205,13 @@ class Result:
         chosen = names or self._outputs
         if not chosen:
             raise ArgumentError("plot() needs the names of variables")
+        histories = [self[name] for name in chosen]  # a wrong name leaves no empty figure
         if axes is None:
             _, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
+        check_axes(axes, 1)
         units = []
-        for name in chosen:
-            axes.plot(self.time, self[name], label=name)
+        for name, history in zip(chosen, histories, strict=True):
+            axes.plot(self.time, history, label=name)
             base, order = self._scene.model.column(name)
             declared = self._scene.model.declaration(self._scene.model.variable(base))
             units.append("" if declared is None else declared.unit + "/s" * order)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearlib.arguments import real, shown, whole
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
 from gearlib.vibration.draw_mode import MOTION, _largest, aligned
@@ -26,10 +27,9 @@ def animate_mode(modes: Modes, mode: int, frames: int = 48, degrees: float = 40.
     FuncAnimation = optional("matplotlib.animation").FuncAnimation
     patches = optional("matplotlib.patches")
 
-    if isinstance(frames, bool) or not isinstance(frames, int) or frames < 2:
-        raise ArgumentError(f"frames is {frames!r}; expected a whole number, 2 or more")
-    if isinstance(degrees, bool) or not isinstance(degrees, (int, float)) or not 0 < degrees <= 180:
-        raise ArgumentError(f"degrees is {degrees!r}; expected a number above 0, up to 180")
+    frames = whole("frames", frames, 2)
+    if not 0 < real("degrees", degrees, "a number above 0, up to 180") <= 180:
+        raise ArgumentError(f"degrees is {shown(degrees)}; expected a number above 0, up to 180")
     bodies, left_out = _largest(aligned(modes.motions(mode)), lambda m: abs(m[2]))
     columns = min(COLUMNS, max(1, len(bodies)))
     rows = max(1, -(-len(bodies) // columns))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import increasing, real, reals, shown
+from gearlib.arguments import by_name, check_axes, increasing, real, reals, shown
 from gearlib.errors import ArgumentError
 from gearlib.linear.subject import check_system
 from gearlib.optional import optional
@@ -101,6 +101,7 @@ class Campbell:
 
         if axes is None:
             _, axes = plt.subplots(figsize=(9, 5.5), layout="constrained")
+        check_axes(axes, 1)
         rpm = self.speeds * RPM
         top = 1.15 * float(self.frequencies.max(initial=0.0))
         for k in range(self.frequencies.shape[1]):
@@ -164,8 +165,7 @@ def campbell(
     named = _named(orders)
 
     def at_speed(speed: float) -> Modes:
-        point = at(speed) if callable(at) else at
-        values = parameters(speed) if callable(parameters) else parameters
+        point, values = _at(speed, "at", at), _at(speed, "parameters", parameters)
         return modes(system, count, at=point, parameters=values)
 
     varies = callable(at) or callable(parameters)
@@ -185,10 +185,23 @@ def campbell(
     return Campbell(grid, frequencies, damping, places, named, tuple(sorted(found.values(), key=lambda c: c.speed)), said)
 
 
+def _at(speed: float, name: str, given: Any) -> Any:
+    """What holds at a speed; a function of the user's may fail."""
+    if not callable(given):
+        return given
+    try:
+        return given(speed)
+    except Exception as problem:
+        raise ArgumentError(
+            f"{name}, a function, raised {type(problem).__name__} at {speed:g} rad/s: {problem}; expected a function of the speed"
+        ) from problem
+
+
 def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
     """The orders by name."""
     if isinstance(orders, Mapping):
-        return {str(name): real(f"order {name}", order) for name, order in orders.items()}
+        named = by_name("orders", orders, "orders by name, such as {'mesh': 21}", "mesh")
+        return {name: real(f"order {name}", order) for name, order in named.items()}
     expected = "events for each revolution: a sequence of numbers, or a mapping of names to numbers, such as {'mesh': 21}"
     found = reals("orders", orders, expected)
     if found.ndim != 1:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearlib.arguments import check_axes
 from gearlib.optional import optional
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def draw_mode(modes: Modes, mode: int, axes: Any = None) -> Any:
     if axes is None:
         height = 1.6 + 0.2 * max(len(motions), len(shares), 4)
         _, axes = plt.subplots(1, 2, figsize=(10, height), layout="constrained")
+    check_axes(axes, 2)
     _motion_bars(axes[0], motions, left_out)
     _energy_bars(axes[1], shares, energy_left_out)
     if why:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import shown
+from gearlib.arguments import shown, whole
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
@@ -119,6 +119,7 @@ class Modes:
 
     def amplitudes(self, mode: int) -> Complexes:
         """Complex amplitude of every representative variable; of free motions, the rates are real and finite."""
+        self._check(mode)
         s = self._s(mode)
         known = np.asarray(self._rows @ self.shapes[:, mode]).ravel()
         with np.errstate(all="ignore"):
@@ -340,8 +341,8 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
        1       0.31831    0.00000   a 75 %, b 25 %                      shaft 100 %
     """
     check_system(system)
-    if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1):
-        raise ArgumentError(f"count is {count!r}; expected a whole number, 1 or more")
+    if count is not None:
+        count = whole("count", count, 1)
     system = system.fitting(parameters, at)
     structure = system._structure
     states = _moving_states(structure)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from numbers import Integral
 
+from gearlib.arguments import is_real, shown, whole
 from gearlib.errors import ArgumentError
-from gearparts.tables import Rows, is_finite
+from gearparts.tables import Rows
 
 
 def palmgren_friction(
@@ -55,12 +55,12 @@ def palmgren_friction(
     [(0.0, 0.06691), (6.981, 0.06686), (103.491, 0.10138), (200.0, 0.1242)]
     """
     for name, value in {"d_m": d_m, "f_0": f_0, "viscosity": viscosity, "w_max": w_max}.items():
-        if not (is_finite(value) and value > 0):
-            raise ArgumentError(f"palmgren_friction({name}={value!r}): expected a positive number")
-    if not (is_finite(f_1) and is_finite(load) and f_1 >= 0 and load >= 0 and isinstance(rows, Integral) and rows >= 3):
-        raise ArgumentError(
-            f"palmgren_friction(f_1={f_1!r}, load={load!r}, rows={rows!r}): expected 0 or more, and a whole number of 3 rows or more"
-        )
+        if not (is_real(value) and value > 0):
+            raise ArgumentError(f"palmgren_friction({name}={shown(value)}): expected a positive number")
+    for name, value in {"f_1": f_1, "load": load}.items():
+        if not (is_real(value) and value >= 0):
+            raise ArgumentError(f"palmgren_friction({name}={shown(value)}): expected 0 or more")
+    rows = whole("palmgren_friction: rows", rows, 3)
     corner = 2000 / (1e6 * viscosity) * math.pi / 30  # rad/s, where nu n = 2000
     if corner >= w_max:
         speeds = [w_max * k / (rows - 1) for k in range(rows)]
@@ -72,4 +72,7 @@ def palmgren_friction(
         flow = 1e6 * viscosity * w * 30 / math.pi
         return 1e-3 * f_0 * (1e3 * d_m) ** 3 * (160e-7 if flow < 2000 else 1e-7 * flow ** (2 / 3))
 
-    return tuple((w, loaded + free(w)) for w in speeds)
+    table = tuple((w, loaded + free(w)) for w in speeds)
+    if not all(map(is_real, (number for row in table for number in row))):
+        raise ArgumentError(f"palmgren_friction({d_m=}, {f_0=}, {viscosity=}, {w_max=}): the torque is too large for a number")
+    return table

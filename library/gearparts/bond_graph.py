@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import sympy as sp
 
 import gearlib as gl
+from gearlib.arguments import by_name, is_real, shown
 from gearlib.bondgraph import GY, TF, BondGraph, C, I, R, Se, Sf, Zero
 from gearlib.bondgraph import time as graph_time
 from gearlib.bondgraph.elements import Element, Junction, Storage, checked, expression
@@ -147,16 +148,19 @@ def from_bond_graph(
     120.0
     """
     if not isinstance(graph, BondGraph):
-        raise ArgumentError(f"from_bond_graph({graph!r}): expected a BondGraph")
-    for what, given in (("ports", ports), ("translational_ports", translational_ports)):
-        if given is not None and not isinstance(given, Mapping):
-            raise ArgumentError(f"{graph.name}: {what} is {given!r}; expected bonds by name, such as {what}={{'shaft': 7}}")
-    turned, pushed = dict(ports or {}), dict(translational_ports or {})
+        raise ArgumentError(f"from_bond_graph({shown(graph)}): expected a BondGraph")
+    names = "bonds by name, such as {'shaft': 7}"
+    turned = by_name(f"{graph.name}: ports", ports, names, "shaft")
+    pushed = by_name(f"{graph.name}: translational_ports", translational_ports, names, "hub")
+    nominal = by_name(f"{graph.name}: nominal", nominal, "sizes by name, such as {'p_2': 10.0}", "p_2")
+    defaults = by_name(f"{graph.name}: defaults", defaults, "values by name, such as {'L': 0.01}", "L")
+    if not isinstance(name, str) or not name.isprintable():
+        raise ArgumentError(f"{graph.name}: name is {shown(name)}; expected the name of the class")
     if both := sorted(turned.keys() & pushed.keys()):
         raise ArgumentError(f"{graph.name}: '{both[0]}' is named as a port of both kinds")
     connectors = [(n, Flange, b) for n, b in turned.items()] + [(n, TranslationalFlange, b) for n, b in pushed.items()]
     _check_ports(graph, {**turned, **pushed})
-    variables = _variables(graph, dict(nominal or {}))
+    variables = _variables(graph, nominal)
     inputs = [n for n in _open_sources(graph) if n not in {b for _, _, b in connectors}]
     declared: list[tuple[str, Any]] = [(n, kind(f"bond {b}")) for n, kind, b in connectors]
     declared += [(_source_name(graph, n), gl.Input("any", f"source on bond {n}")) for n in inputs]
@@ -170,10 +174,10 @@ def from_bond_graph(
         if key in members or key in variables or key in RESERVED or not key.isidentifier() or key.startswith("_"):
             raise DeclarationError(f"{graph.name}: '{key}' cannot be a name here: it is in use, or no name of an attribute")
         members[key] = declaration
-    for key, value in (defaults or {}).items():
+    for key, value in defaults.items():
         if not isinstance(members.get(key), gl.Parameter):
             valid = [n for n, d in members.items() if isinstance(d, gl.Parameter)]
-            raise ArgumentError(f"{graph.name}: no parameter '{key}'; {nearest(key, valid)}")
+            raise ArgumentError(f"{graph.name}: defaults: no parameter '{key}'; {nearest(key, valid)}")
         members[key] = gl.Parameter("any", "parameter of the bond graph", default=value, min=lower.get(key, -math.inf))
     members |= variables
     words = "".join(c if c.isalnum() else " " for c in graph.name).split()
@@ -202,10 +206,10 @@ def _source_name(graph: BondGraph, number: int) -> str:
 def _check_ports(graph: BondGraph, ports: Mapping[str, int]) -> None:
     valid = _open_sources(graph)
     for name, number in ports.items():
-        if number not in valid:
+        if not is_real(number) or number not in valid:
             found = ", ".join(map(str, valid)) or "none"
             raise ArgumentError(
-                f"{graph.name}: port '{name}': bond {number} has no source without a value; such bonds: {found}"
+                f"{graph.name}: port '{name}': bond {shown(number)} has no source without a value; such bonds: {found}"
             )
     if len(set(ports.values())) < len(ports):
         raise ArgumentError(
@@ -222,7 +226,7 @@ def _variables(graph: BondGraph, nominal: dict[str, float]) -> dict[str, Any]:
     }
     plain |= {f"{word[0]}_{n}": (f"{word} of bond {n}", "avoid") for word in ("effort", "flow") for n in graph.bonds}
     if unknown := [key for key in nominal if key not in plain]:
-        raise ArgumentError(f"{graph.name}: no variable '{unknown[0]}'; {nearest(unknown[0], plain)}")
+        raise ArgumentError(f"{graph.name}: nominal: no variable '{unknown[0]}'; {nearest(unknown[0], plain)}")
     return {key: gl.Variable("any", text, state=wish, nominal=nominal.get(key, 1.0)) for key, (text, wish) in plain.items()}
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import gearlib as gl
+from gearlib.arguments import shown
 from gearlib.errors import BindingError
 from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, TwoFlanges
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
@@ -137,7 +138,7 @@ def _checked(owner: str, rows: Any) -> Rows:
     """Rows of speed and friction, which drives nothing."""
     table = check_rows(owner, rows, 2)
     if any(row[1] < 0 for row in table):
-        raise BindingError(f"{owner} is {rows!r}; expected friction of 0 or more in the second column")
+        raise BindingError(f"{owner} is {shown(rows)}; expected friction of 0 or more in the second column")
     return table
 
 

@@ -12,8 +12,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 
+import numpy as np
+
+from gearlib.arguments import is_real, shown
 from gearlib.errors import BoundError
 from gearlib.language.declarations import offered
 from gearparts.involute import involute, involute_angle
@@ -24,10 +26,6 @@ FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188
 CORRECTION = 0.8  # C_M, measured over theoretical stiffness of solid gears
 N_PER_MM_UM = 1e9  # N/(mm um) in N/m2
 LIGHT = 1e5  # N/m; below this load per face width the contact is softer
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
@@ -84,19 +82,21 @@ class GearPair:
     def __post_init__(self) -> None:
         for name in ("z_1", "z_2", "m_n", "width", "alpha_n", "h_aP", "h_fP", "blank", "line_load"):
             value = getattr(self, name)
-            largest = math.inf if name == "line_load" else 1e300
-            if not (_is_number(value) and 0 < value <= largest):
-                raise BoundError(f"GearPair.{name} is {value!r}; expected a positive number")
+            unbounded = name == "line_load" and isinstance(value, float) and value == math.inf
+            if not unbounded and not (is_real(value) and 0 < value <= 1e300):
+                raise BoundError(f"GearPair.{name} is {shown(value)}; expected a positive number")
         for name in ("z_1", "z_2"):
             if not float(getattr(self, name)).is_integer():
-                raise BoundError(f"GearPair.{name} is {getattr(self, name)!r}; expected a whole number of teeth")
+                raise BoundError(f"GearPair.{name} is {shown(getattr(self, name))}; expected a whole number of teeth")
         for name in ("x_1", "x_2", "beta"):
-            if not (_is_number(getattr(self, name)) and abs(getattr(self, name)) < 1e150):
-                raise BoundError(f"GearPair.{name} is {getattr(self, name)!r}; expected a finite number")
+            if not (is_real(getattr(self, name)) and abs(getattr(self, name)) < 1e150):
+                raise BoundError(f"GearPair.{name} is {shown(getattr(self, name))}; expected a finite number")
+        if not isinstance(self.internal, (bool, np.bool_)):
+            raise BoundError(f"GearPair.internal is {shown(self.internal)}; expected True or False")
         if self.internal and self.z_2 <= self.z_1:
             raise BoundError(f"GearPair: a ring of {self.z_2} teeth around a pinion of {self.z_1}; expected z_2 > z_1")
         if not abs(self.beta) < math.pi / 2:
-            raise BoundError(f"GearPair.beta is {self.beta!r} rad; expected an angle between -pi/2 and pi/2")
+            raise BoundError(f"GearPair.beta is {shown(self.beta)} rad; expected an angle between -pi/2 and pi/2")
         if not self.tips_reach:
             raise BoundError(
                 f"GearPair: {self.z_1} and {self.z_2} teeth with profile shifts {self.x_1:g} and {self.x_2:g} do not reach each "
@@ -213,9 +213,9 @@ class GearPair:
         BoundError
             A negative coefficient, or one so large that the mesh would lose more than all power.
         """
-        if not (_is_number(mu) and 0 <= mu * self.loss_factor < 1):
+        if not (is_real(mu) and 0 <= mu * self.loss_factor < 1):
             expected = f"expected a mean friction coefficient from 0 on, below {1 / self.loss_factor:.3g}"
-            raise BoundError(f"GearPair.efficiency: mu is {mu!r}; {expected}, at which all power is lost")
+            raise BoundError(f"GearPair.efficiency: mu is {shown(mu)}; {expected}, at which all power is lost")
         return 1 - mu * self.loss_factor
 
     @property

@@ -13,9 +13,9 @@ from typing import Any
 import sympy
 
 import gearlib as gl
+from gearlib.arguments import is_real, shown
 from gearlib.errors import BoundError
 from gearparts.interfaces import Dissipative
-from gearparts.tables import is_finite
 from gearparts.tooth_friction import ToothFriction
 from gearparts.transmission_error import TransmissionError
 
@@ -121,7 +121,13 @@ def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> A
         if isinstance(value, sympy.Expr):
             continue
         may_be_zero = name in ("zeta", "c")
-        if not (is_finite(value) and (value > 0 or (may_be_zero and value == 0))):
+        if not (is_real(value) and (value > 0 or (may_be_zero and value == 0))):
             expected = "a finite number from 0 on" if may_be_zero else "a positive finite number"
-            raise BoundError(f"mesh_damping: {name} is {value!r}; expected {expected}")
-    return 2 * zeta * gl.sqrt(c / (r_a**2 / J_a + r_b**2 / J_b))
+            raise BoundError(f"mesh_damping: {name} is {shown(value)}; expected {expected}")
+    try:
+        damping = 2 * zeta * gl.sqrt(c / (r_a**2 / J_a + r_b**2 / J_b))
+    except (OverflowError, ZeroDivisionError, gl.GearlibError):
+        damping = sympy.nan
+    if not damping.free_symbols and not is_real(damping):
+        raise BoundError(f"mesh_damping({zeta=}, {c=}, {J_a=}, {r_a=}, {J_b=}, {r_b=}) is no finite number")
+    return damping

@@ -10,6 +10,7 @@ from math import floor, pi
 from typing import Any
 
 import gearlib as gl
+from gearlib.arguments import shown
 from gearlib.errors import BindingError
 from gearparts.interfaces import TwoFlangesAndSupport
 from gearparts.tables import Rows, check_rows, piecewise_without_events
@@ -147,7 +148,7 @@ def stretches(owner: str, contact_ratio: float) -> list[Stretch]:
     [(0.0, 0.75, 2), (0.75, 1.0, 1)]
     """
     if not contact_ratio >= 1:
-        raise BindingError(f"{owner}.contact_ratio is {contact_ratio!r}; expected a number from 1 on")
+        raise BindingError(f"{owner}.contact_ratio is {shown(contact_ratio)}; expected a number from 1 on")
     fewer = floor(contact_ratio)
     share = contact_ratio - fewer
     if share == 0:

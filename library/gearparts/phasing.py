@@ -14,8 +14,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Real
 
+import numpy as np
+
+from gearlib.arguments import flag, is_real, reals, shown
 from gearlib.errors import BindingError
 
 ROUNDING = 1e-9  # of a tooth
@@ -100,20 +102,16 @@ def planet_phasing(
     ((0.0, 0.5, 0.0, 0.5), (0.0, 0.5, 0.0, 0.5), 0.5, 'planet')
     """
     check_assembly("planet_phasing", Z_s, Z_p, Z_r, planets, positions)
-    if not (ring_to_sun is None or _is_number(ring_to_sun)):
-        raise BindingError(f"planet_phasing: ring_to_sun is {ring_to_sun!r}; expected a number of mesh periods")
-    turns = [n / planets for n in range(planets)] if positions is None else [p / (2 * math.pi) for p in positions]
-    sense = 1 if clockwise else -1
+    if not (ring_to_sun is None or is_real(ring_to_sun)):
+        raise BindingError(f"planet_phasing: ring_to_sun is {shown(ring_to_sun)}; expected a number of mesh periods")
+    turns = [n / planets for n in range(planets)] if positions is None else [float(p) / (2 * math.pi) for p in positions]
+    sense = 1 if flag("clockwise", clockwise) else -1
     return PlanetPhasing(
         tuple(_fraction(sense * Z_s * turn) for turn in turns),
         tuple(_fraction(-sense * Z_r * turn) for turn in turns),
         _fraction((Z_p - 1) / 2 if ring_to_sun is None else ring_to_sun),
         (Z_s, Z_r),
     )
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and math.isfinite(value)
 
 
 def _fraction(periods: float) -> float:
@@ -143,23 +141,25 @@ def check_assembly(
     """
     teeth = {"Z_s": Z_s, "Z_p": Z_p, "Z_r": Z_r, "planets": planets}
     for name, number in teeth.items():
-        if not (isinstance(number, int) and number > 0):
-            raise BindingError(f"{owner}: {name} is {number!r}; expected a whole number above 0")
+        if not (isinstance(number, (int, np.integer)) and is_real(number) and number > 0):
+            raise BindingError(f"{owner}: {name} is {shown(number)}; expected a whole number above 0")
     if not Z_s + Z_p < Z_r:
         raise BindingError(
             f"{owner}: Z_s = {Z_s}, Z_p = {Z_p}, Z_r = {Z_r}; a planet between sun and ring needs Z_r near Z_s + 2 Z_p"
         )
     if positions is not None:
-        if len(positions) != planets:
-            raise BindingError(f"{owner}: {len(positions)} positions for {planets} planets")
-        if not all(_is_number(position) for position in positions):
-            raise BindingError(f"{owner}: positions are {positions!r}; expected angles, rad")
-        steps = [(p - positions[0]) / (2 * math.pi) * (Z_s + Z_r) for p in positions]
+        try:
+            angles = reals("positions", list(positions), "angles, rad").tolist()
+        except Exception:  # no sequence, or one of the user's that fails
+            raise BindingError(f"{owner}: positions are {shown(positions)}; expected angles, rad") from None
+        if len(angles) != planets:
+            raise BindingError(f"{owner}: {len(angles)} positions for {planets} planets")
+        steps = [(p - angles[0]) / (2 * math.pi) * (Z_s + Z_r) for p in angles]
         for n, step in enumerate(steps):
             if abs(step - round(step)) > 1e-6:
-                near = positions[0] + 2 * math.pi * round(step) / (Z_s + Z_r)
+                near = angles[0] + 2 * math.pi * round(step) / (Z_s + Z_r)
                 raise BindingError(
-                    f"{owner}: planet {n} at {positions[n]:.6g} rad does not fit between Z_s = {Z_s} and Z_r = {Z_r} teeth; the "
+                    f"{owner}: planet {n} at {angles[n]:.6g} rad does not fit between Z_s = {Z_s} and Z_r = {Z_r} teeth; the "
                     f"nearest position is {near:.6g} rad"
                 )
     elif (Z_s + Z_r) % planets:

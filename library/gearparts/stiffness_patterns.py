@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Integral
 
+from gearlib.arguments import is_real, real, shown, whole
 from gearlib.errors import ArgumentError
 from gearparts.gear_pair import GearPair
-from gearparts.tables import Rows, is_finite
+from gearparts.tables import Rows
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,9 @@ def cai_pair_stiffness(pair: GearPair, place: float) -> float:
     >>> [round(cai_pair_stiffness(pair, u * pair.contact_ratio) / largest, 6) for u in (0.0, 0.5, 1.0)]
     [0.55, 1.0, 0.55]
     """
+    _check_pair(pair)
     total = pair.contact_ratio + pair.overlap_ratio
-    u = place / total
+    u = real("place", place) / total
     if not 0 <= u <= 1:
         return 0.0
     largest = pair.single_stiffness * pair.width
@@ -68,6 +69,11 @@ def cai_pair_stiffness(pair: GearPair, place: float) -> float:
     height = (pair.h_aP + pair.h_fP) * pair.m_n
     shape = 0.322 * (math.degrees(abs(pair.beta)) - 5) + 0.23 * pair.width / height - 23.26
     return largest * math.exp(shape * abs(total * (u - 0.5) / (1.125 * pair.contact_ratio)) ** 3)
+
+
+def _check_pair(pair: object) -> None:
+    if not isinstance(pair, GearPair):
+        raise ArgumentError(f"pair is {shown(pair)}; expected a GearPair")
 
 
 def cai_stiffness(pair: GearPair, samples: int = 32, mean: float | None = None) -> StiffnessPattern:
@@ -95,10 +101,10 @@ def cai_stiffness(pair: GearPair, samples: int = 32, mean: float | None = None) 
     >>> len(pattern.table), round(pattern.mean / 1e6)
     (32, 375)
     """
-    if not (isinstance(samples, Integral) and samples >= 8):
-        raise ArgumentError(f"cai_stiffness(samples={samples!r}): expected a whole number, 8 or more")
-    if not (mean is None or (is_finite(mean) and mean > 0)):
-        raise ArgumentError(f"cai_stiffness(mean={mean!r}): expected a positive stiffness, N/m")
+    _check_pair(pair)
+    samples = whole("cai_stiffness: samples", samples, 8)
+    if not (mean is None or (is_real(mean) and mean > 0)):
+        raise ArgumentError(f"cai_stiffness(mean={shown(mean)}): expected a positive stiffness, N/m")
     pairs = math.ceil(pair.contact_ratio + pair.overlap_ratio)
     steps = [(k + 0.5) / samples for k in range(samples)]  # no sample on a jump at the beginning of the period
     sums = [sum(cai_pair_stiffness(pair, step + n) for n in range(pairs)) for step in steps]

@@ -4,26 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import isfinite
-from numbers import Real
 from typing import Any
 
 import sympy
 
 import gearlib as gl
+from gearlib.arguments import is_real, shown
 from gearlib.errors import BindingError
 
 Rows = tuple[tuple[float, ...], ...]
 SMOOTHNESS = ("linear", "constant", "akima")  # Modelica's LinearSegments, ConstantSegments and ContinuousDerivative
-
-
-def is_finite(value: object) -> bool:
-    """Whether something is a finite number.
-
-    >>> [is_finite(value) for value in (1, 2.5, float("inf"), "3", None)]
-    [True, True, False, False, False]
-    """
-    return isinstance(value, Real) and isfinite(value)
 
 
 def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear") -> Any:
@@ -130,13 +120,14 @@ def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:
     ((0.0, 0.5),)
     """
     try:
-        table = tuple(tuple(float(number) for number in row) for row in rows)
-    except (TypeError, ValueError):
-        raise BindingError(f"{owner} is {rows!r}; expected rows of {columns} numbers") from None
+        table = tuple(tuple(row) for row in rows)
+    except Exception:  # no rows, or a sequence of the user's that fails
+        table = ()
     if not table or any(len(row) != columns for row in table):
-        raise BindingError(f"{owner} is {rows!r}; expected one or more rows of {columns} numbers")
-    if not all(isfinite(number) for row in table for number in row):
-        raise BindingError(f"{owner} is {rows!r}; expected finite numbers")
+        raise BindingError(f"{owner} is {shown(rows)}; expected one or more rows of {columns} numbers")
+    if not all(is_real(number) for row in table for number in row):
+        raise BindingError(f"{owner} is {shown(rows)}; expected finite numbers in rows of {columns}")
+    table = tuple(tuple(float(number) for number in row) for row in table)
     if any(not row[0] < following[0] for row, following in pairwise(table)):
-        raise BindingError(f"{owner} is {rows!r}; the first column must increase")
+        raise BindingError(f"{owner} is {shown(rows)}; the first column must increase")
     return table

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.arguments import shown
 from gearlib.equations.switch_times import rounding
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solvers.exponential.action import Action, Triplets, band_order
@@ -163,7 +164,7 @@ def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12
 def _check(A: Any, B: Any, forcing: Forcing, times: Floats, algorithm: str) -> None:
     n, m = A.shape[0], len(forcing.pieces[0].H)
     if algorithm not in ALGORITHMS:
-        raise ArgumentError(f"algorithm={algorithm!r}: choose one of {', '.join(ALGORITHMS)}")
+        raise ArgumentError(f"algorithm={shown(algorithm)}: choose one of {', '.join(ALGORITHMS)}")
     if A.shape != (n, n) or tuple(B.shape) != (n, m):
         raise ArgumentError(f"A is {A.shape} and B is {tuple(B.shape)}: with {m} inputs they must be (n, n) and (n, {m})")
     entries = [M if isinstance(M, np.ndarray) else M.data for M in (A, B)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gearlib.arguments import shown
 from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
 from gearlib.solvers.ida.iteration_matrix import MatrixPlan, plan
 from gearlib.solvers.problem import Floats, Integers, Problem
@@ -117,7 +118,7 @@ def request(
     if max_steps < 1:
         raise ArgumentError(f"max_steps must be at least 1, not {max_steps}")
     if linear_solver not in (None, "dense", "band", "sparse"):
-        raise ArgumentError(f"linear_solver must be 'dense', 'band', 'sparse' or None, not {linear_solver!r}")
+        raise ArgumentError(f"linear_solver must be 'dense', 'band', 'sparse' or None, not {shown(linear_solver)}")
     n = len(problem.x0)
     absolute = np.asarray(rtol * problem.nominal if atol is None else atol, dtype=np.float64)
     if absolute.shape not in ((), (n,)) or not np.all(absolute >= 0) or not np.all(np.isfinite(absolute)):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import finite
+from gearlib.arguments import finite, reals, shown
 from gearlib.errors import ArgumentError
 
 Floats = NDArray[np.float64]
@@ -32,22 +32,18 @@ class Table:
     """
 
     def __init__(self, t: ArrayLike, y: ArrayLike) -> None:
-        try:
-            self.t, self.y = np.array(t, float), np.array(y, float)
-        except (TypeError, ValueError):
-            raise ArgumentError(f"Table(t, y): expected two sequences of numbers, got {t!r} and {y!r}") from None
+        self.t = reals("Table(t, y): t", t, "an increasing sequence of finite numbers, s").copy()
+        self.y = reals("Table(t, y): y", y, "a sequence of finite numbers").copy()
         if self.t.ndim != 1 or self.t.shape != self.y.shape or len(self.t) < 1:
             raise ArgumentError(
                 f"Table(t, y): expected two sequences of one length, got shapes {self.t.shape} and {self.y.shape}"
             )
-        if not (np.isfinite(self.t).all() and np.isfinite(self.y).all()):
-            raise ArgumentError("Table(t, y): all times and values must be finite")
         if (np.diff(self.t) < 0).any():
             raise ArgumentError("Table(t, y): the times must not decrease")
         self.t.flags.writeable = self.y.flags.writeable = False  # what was made from them is kept
 
     def __call__(self, time: Any) -> Floats:
-        t = np.asarray(time, float)
+        t = reals("time", time, "finite numbers, s")
         k = np.searchsorted(self.t, t, side="right")
         left, right = np.clip(k - 1, 0, None), np.clip(k, None, len(self.t) - 1)
         width = self.t[right] - self.t[left]
@@ -96,7 +92,7 @@ class Function:
         return finite(lambda: self._at(t, "returned"), value)
 
     def _at(self, t: float, did: str) -> str:
-        name = getattr(self.function, "__name__", repr(self.function))
+        name = getattr(self.function, "__name__", None) or shown(self.function)
         return f"the function {name} of the input {self.path}, called with t = {t:.9g} s, {did}"
 
 

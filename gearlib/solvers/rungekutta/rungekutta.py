@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gearlib.arguments import shown
 from gearlib.compiler.instructions import BLOCK
 from gearlib.compiler.native_module import native_functions
 from gearlib.errors import ArgumentError, SolverError
@@ -219,7 +220,7 @@ def _address(array: NDArray[Any]) -> int:
 def _checked(problem: Problem, times: Floats, rtol: float, atol: ArrayLike | None, order: int) -> tuple[Floats, Floats]:
     """Sample times and absolute tolerances, in the form that the loop needs."""
     if order not in _ROWS:
-        raise ArgumentError(f"order is 5 or 8, not {order!r}")
+        raise ArgumentError(f"order is 5 or 8, not {shown(order)}")
     if not problem.differential.all():
         raise ArgumentError("an explicit method cannot solve a problem with algebraic unknowns")
     times = np.asarray(times, dtype=np.float64)
@@ -227,7 +228,7 @@ def _checked(problem: Problem, times: Floats, rtol: float, atol: ArrayLike | Non
     if not sorted_ or not math.isfinite(times[0]) or not math.isfinite(times[-1]):
         raise ArgumentError("times must be finite and not decrease, and there must be one at least")
     if not 0.0 < rtol < 1.0:
-        raise ArgumentError(f"rtol must lie between 0 and 1, not {rtol!r}")
+        raise ArgumentError(f"rtol must lie between 0 and 1, not {shown(rtol)}")
     tolerance = rtol * problem.nominal if atol is None else np.asarray(atol, dtype=np.float64)
     if tolerance.shape not in ((), (1,), problem.x0.shape):
         raise ArgumentError(f"atol is one number or {problem.x0.size} of them")

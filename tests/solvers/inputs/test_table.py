@@ -92,9 +92,9 @@ def test_a_table_keeps_its_own_points() -> None:
         ([], [], "expected two sequences of one length"),
         ([[0, 1]], [[0, 1]], "expected two sequences of one length"),
         ([1, 0], [0, 1], "the times must not decrease"),
-        ([0, float("nan")], [0, 1], "must be finite"),
-        ([0, 1], [0, float("inf")], "must be finite"),
-        ("ab", [0, 1], "expected two sequences of numbers"),
+        ([0, float("nan")], [0, 1], r"t is \[0, nan\]; expected an increasing sequence of finite numbers"),
+        ([0, 1], [0, float("inf")], r"y is \[0, inf\]; expected a sequence of finite numbers"),
+        ("ab", [0, 1], r"t is 'ab'; expected an increasing sequence of finite numbers"),
     ],
 )
 def test_wrong_tables(t: Any, y: Any, message: str) -> None:
