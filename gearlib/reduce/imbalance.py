@@ -137,6 +137,12 @@ def _given_twice(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
     return list(text)[:MOST_NAMED]
 
 
+def _is_of_connector(model: FlatModel, variable: str) -> bool:
+    """Whether a variable is one of a connector; else it is one of a component itself."""
+    owner, _, local = variable.rpartition(".")[0].rpartition(".")
+    return any(instance.path == owner and local in instance.connectors for instance in model.instances)
+
+
 def _loose_ends(model: FlatModel, rows: Rows, balance: Balance, guess: bool) -> Iterator[str]:
     """Connectors that are connected to nothing, where that is the reason; those of free ends are not.
 
@@ -152,6 +158,9 @@ def _loose_ends(model: FlatModel, rows: Rows, balance: Balance, guess: bool) -> 
     for v in balance.undetermined:  # potentials that no equation holds
         if len(text) < MOST_NAMED and model.potential[v] and v not in used:
             alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
+            alike = [n for n in alike if _is_of_connector(model, n)]  # not a component's own variable of the same value
+            if not alike:
+                continue
             name = min(alike, key=lambda n: n.count("."))
             connector = name.rpartition(".")[0]
             owner, _, local = connector.rpartition(".")
