@@ -553,7 +553,7 @@ class System:
         begin = start_values(scene, parameters, inputs, t, overrides, discretes)
         if start == "steady":
             steady = steady_state(scene, numbers or self._prepared(scene, parameters), begin, inputs, t)
-            return Start(steady, begin.guess, ())
+            return Start(steady, begin.guess, (), steady=True)
         if discretes is None:
             return begin
         prepared = numbers or self._prepared(scene, parameters)

@@ -153,6 +153,9 @@ def _automatic(run: Run) -> Outcome:
             form = reason
         except SolverError as problem:
             form = str(problem)
+    if run.start.steady and not run.driven and not any(isinstance(s, Table) for s in run.signals):
+        # Stability limits explicit steps even where nothing moves, and what rounding excites then grows to the tolerance.
+        return _native(run, "ida", f"{form}; the run begins in a steady state, which nothing leaves with time")
     return _native(run, "rk", form, hand_over=True)
 
 

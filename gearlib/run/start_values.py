@@ -33,6 +33,7 @@ class Start:
     guess: Floats  # of every representative variable, for iterations
     free: tuple[str, ...]  # states that nothing fixes
     modes: Floats | None = None  # relations and discrete variables, where these do not follow from the model and the states
+    steady: bool = False  # whether the states are steady
 
 
 def start_variable(model: FlatModel, name: str) -> int:

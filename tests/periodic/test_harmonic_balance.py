@@ -406,7 +406,7 @@ def test_the_plot_names_what_it_shows(pair_response: gl.HarmonicBalance) -> None
         (1.3, 2.0, {}, "does not repeat after"),
         (0.5, 2.0, {}, "does not repeat after"),  # whose second harmonic the forcing at 1 rad/s is
         (1.0, 2.0, {"frequency": "w", "inputs": {"F": 1.0}}, "no unbound input 'F'"),
-        (1.0, 2.0, {"frequency": "w", "step": 0.0}, "0 < step"),
+        (1.0, 2.0, {"frequency": "w", "step": 0.0}, "step is 0.0; expected a number above 0"),
     ],
 )
 def test_errors(oscillator: gl.System, start: float, end: float, options: dict[str, Any], message: str) -> None:
