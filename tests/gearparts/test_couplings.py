@@ -143,7 +143,7 @@ def test_palmgren_s_friction_worked_by_hand() -> None:
     assert len({tau for _, tau in slow}) == 1
     with pytest.raises(ArgumentError, match="viscosity=0"):
         gp.palmgren_friction(0.06, f_0=2.0, viscosity=0.0)
-    with pytest.raises(ArgumentError, match="3 rows or more"):
+    with pytest.raises(ArgumentError, match="rows is 2; expected a whole number, 3 or more"):
         gp.palmgren_friction(0.06, f_0=2.0, viscosity=1e-5, rows=2)
     for load in (math.inf, math.nan, "2000"):
         with pytest.raises(ArgumentError, match="load="):
