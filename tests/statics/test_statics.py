@@ -522,6 +522,27 @@ def test_of_several_speeds_it_is_the_one_that_the_train_comes_to(direction: bool
     assert flow["wheel.flange_a"].speed == pytest.approx(run["wheel.w"][-1], rel=1e-5)
 
 
+class Fan(gl.Component):
+    """A body with the air's torque on it, and no variable for its speed: the state is der(flange.phi)."""
+
+    flange = gp.Flange("shaft")
+
+    def equations(self) -> list[gl.Eq]:
+        phi = self.flange.phi
+        w = gl.der(phi)
+        return [gl.Eq(80.0 * gl.der(w), self.flange.tau - 0.03 * w**2 - 0.5 * w)]
+
+
+def test_a_speed_that_has_no_variable_is_found_among_several() -> None:
+    class Driven(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor, self.fan = gp.Torque(), Fan()
+            return [gl.connect(self.motor.flange, self.fan.flange)]
+
+    flow = gl.power_flow(gl.compile(Driven()), torques={"motor.tau": 800.0})
+    assert flow["fan.flange"].speed == pytest.approx(FORWARD, rel=1e-9)
+
+
 def test_speeds_that_nothing_tells_apart_are_named() -> None:
     """A binding that is replaced: no run says which way it goes."""
     system = gl.compile(Car(bound=True))
