@@ -93,10 +93,13 @@ def fails_alike(worker: Worker, family: str, seed: int, first: Verdict, train: T
 def campaign(family: str, first: int, count: int, seconds: float, keep: bool, into: Path | None) -> Counter[str]:
     """Judge trains and print those that fall short."""
     counts: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
     worker, begin = Worker(seconds), time.perf_counter()
     for seed in range(first, first + count):
         verdict = worker(family, seed)
         counts[verdict.kind] += 1
+        if verdict.kind == REFUSED:
+            reasons[verdict.reason] += 1
         if verdict.short:
             print(f"\n{family} {seed}: {verdict.kind}: {verdict.detail}", flush=True)
             if not keep:
@@ -110,22 +113,31 @@ def campaign(family: str, first: int, count: int, seconds: float, keep: bool, in
     worker.process.kill()
     print(f"\n{family}: {dict(counts)} in {time.perf_counter() - begin:.0f} s")
     if into is not None:
-        whole: dict[str, Any] = json.loads(into.read_text()) if into.exists() else {}
-        whole[family] = dict(Counter(whole.get(family, {})) + counts)
+        whole: dict[str, Any] = json.loads(into.read_text()) if into.exists() else {"verdicts": {}, "refusals": {}}
+        for title, found in (("verdicts", counts), ("refusals", reasons)):
+            whole[title][family] = dict(Counter(whole[title].get(family, {})) + found)
         into.write_text(json.dumps(whole, indent=1))
     return counts
 
 
 def page(counted: Path) -> None:
-    """The table of docs/stability.md from a file of counts."""
+    """The tables of docs/stability.md from a file of counts."""
     from tests.stress.draw import fill, table
 
     columns = (RIGHT, REFUSED, UNCLEAR, *SHORT)
     whole = json.loads(counted.read_text())
+    families = whole["verdicts"]
     rows = [
-        [name, str(sum(counts.values())), *(str(counts.get(kind, 0)) for kind in columns)] for name, counts in whole.items()
+        [name, str(sum(counts.values())), *(str(counts.get(kind, 0)) for kind in columns)] for name, counts in families.items()
     ]
-    fill("campaign", table(["family", "trains", *(kind.lower() for kind in columns)], rows))
+    reasons = sorted({reason for counts in whole["refusals"].values() for reason in counts})
+    why = [[r, *(str(whole["refusals"][name].get(r, 0)) for name in families)] for r in reasons]
+    fill(
+        "campaign",
+        table(["family", "trains", *(kind.lower() for kind in columns)], rows)
+        + "\n\n"
+        + table(["rightly refused because of", *families], why),
+    )
 
 
 def main() -> int:

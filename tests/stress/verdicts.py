@@ -29,6 +29,11 @@ class Verdict:
     def short(self) -> bool:
         return self.kind in SHORT
 
+    @property
+    def reason(self) -> str:
+        """What the reference knows against a train that is refused."""
+        return self.detail.split(" | ")[0]
+
 
 def attempted(action: Callable[[], Verdict], refusal: str | None) -> Verdict:
     """The verdict of an action; a refusal is right where the reference knows a reason for one."""
