@@ -476,7 +476,7 @@ def quantities(solved: LinearTrain, stretch: Stretch) -> list[Quantity]:
 
 
 def start_values(solved: LinearTrain) -> dict[str, float]:
-    """Start values of all bodies, springs, dampers and prescribed motions; they agree with each other."""
+    """Start values of all bodies, springs, dampers, prescribed motions and sensors of angles between; they agree with each other."""
     stretch, x, z = solved.system(0.0), solved.start(), solved.z.at(0.0)
     q, v = stretch.q[0] @ x + stretch.q[1] @ z, stretch.v[0] @ x + stretch.v[1] @ z
     v[np.abs(v) < 1e-11 * np.abs(v).max(initial=0.0)] = 0.0  # of what stands still, rounding
@@ -486,10 +486,10 @@ def start_values(solved: LinearTrain) -> dict[str, float]:
             row = solved.spread(part, (1.0,))
             values[f"{part.name}.phi"] = float(row @ q)
             values[f"{part.name}.w"] = float(row @ v)
-        elif part.kind in (*COMPLIANT, "RelativeStates"):
+        elif part.kind in (*COMPLIANT, "RelativeStates", "RelAngleSensor", "RelSpeedSensor", "RelAccSensor"):
             row = solved.spread(part, (-1.0, 1.0))
             values[f"{part.name}.phi_rel"] = float(row @ q)
-        elif part.kind in ("Speed", "ConstantSpeed", "Accelerate", "Position", "Move"):
+        elif part.kind in ("Speed", "ConstantSpeed", "Accelerate", "Position", "Move", "AngleSensor"):
             row = solved.spread(part, (1.0, -1.0)[: len(part.at)])
             values[f"{part.name}.phi"] = float(row @ q)
             if part.kind == "Accelerate":
