@@ -22,6 +22,7 @@ from gearlib.bondgraph.causality import Causality, assign_causality, evaluation_
 from gearlib.bondgraph.elements import C, I, Se, Sf, symbol, time
 from gearlib.bondgraph.expressions import Walk, rate_of
 from gearlib.bondgraph.graph import BondGraph, check_graph
+from gearlib.bondgraph.symbolic_solution import solved_by_blocks
 from gearlib.errors import ArgumentError, SingularError
 
 __all__ = ["StateEquations", "state_equations"]
@@ -107,7 +108,8 @@ class StateEquations:
     def explicit(self) -> dict[Any, Any]:
         """Each state's rate as an expression of states, inputs and their rates: the solved form, in symbols.
 
-        Meant for small graphs: the inverse of a large symbolic mass matrix is long.
+        The mass matrix is solved block by block, and the sums in it are kept as they are: :meth:`latex` prints each
+        subexpression that several rates share once.
 
         Raises
         ------
@@ -122,10 +124,10 @@ class StateEquations:
         if not self.is_linear_in_unknowns:
             raise SingularError(f"{self.graph.name}: a loop with a nonlinear resistance has no solution in symbols")
         try:
-            solution = self.mass_matrix.LUsolve(self.right_side)
-        except (ValueError, ZeroDivisionError):  # sympy's NonInvertibleMatrixError is a ValueError
+            solution = solved_by_blocks(self.mass_matrix, self.right_side)
+        except ZeroDivisionError:
             raise SingularError(f"{self.graph.name}: the mass matrix has no inverse") from None
-        return {y: sp.simplify(solution[k]) for k, y in enumerate(self.unknowns[: len(self.states)])}
+        return dict(zip(map(rate_of, self.states), solution, strict=False))
 
     def latex(self, *, solved: bool = False, terms: int = 5) -> str:
         r"""The equations as LaTeX, in one ``aligned`` block, with dots for rates and the bonds' numbers.
@@ -133,7 +135,8 @@ class StateEquations:
         Parameters
         ----------
         solved : bool
-            The solved form instead of the printed one: see :meth:`explicit`.
+            The solved form instead of the printed one: see :meth:`explicit`. Sums that occur more than once are printed
+            once, first, as :math:`s_1, s_2, \ldots`
         terms : int
             Terms on a line of the printed form, where each variable stands once, with its coefficient.
 
@@ -151,7 +154,11 @@ class StateEquations:
         names |= {rate_of(v): rf"\dot{{{v.name[:2]}}}_{{{v.name[3:]}}}" for v in self.inputs}
         whole("terms", terms, 1)
         if flag("solved", solved):
-            sides = [(y, [sp.latex(value, symbol_names=names)]) for y, value in self.explicit().items()]
+            shared = _with_shared_sums(self.explicit())
+            sides = [
+                (y, _terms(value, variables, names) if value.is_Add else [sp.latex(value, symbol_names=names)])
+                for y, value in shared
+            ]
         else:
             rows = {rate_of(x): value for x, value in self.printed.items()} | dict(self.tear_values)
             sides = [(y, _terms(value, variables, names)) for y, value in rows.items()]
@@ -160,6 +167,20 @@ class StateEquations:
             pieces = [" ".join(parts[k : k + terms]) for k in range(0, len(parts), terms)]
             lines.append(f"{sp.latex(y, symbol_names=names)} &= " + " \\\\\n&\\quad ".join(pieces))
         return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+
+
+def _with_shared_sums(values: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
+    """The values as equations of which each sum that occurs twice is one, before what uses it."""
+    replaced, reduced = sp.cse([*values.values()], symbols=sp.numbered_symbols("s_", start=0, cls=sp.Dummy))
+    inlined: dict[Any, Any] = {}
+    sums: list[tuple[Any, Any]] = []
+    for name, value in replaced:
+        if value.is_Add:
+            sums.append((symbol(f"s_{len(sums) + 1}"), value.xreplace(inlined)))
+            inlined[name] = sums[-1][0]
+        else:
+            inlined[name] = value.xreplace(inlined)
+    return [*sums, *zip(values, (value.xreplace(inlined) for value in reduced), strict=True)]
 
 
 def _terms(value: Any, variables: list[Any], names: Mapping[Any, str]) -> list[str]:

@@ -1,0 +1,61 @@
+"""Solutions in symbols against numbers: what the blocks give at random points, and against sympy's elimination."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+import sympy as sp
+
+from gearlib.bondgraph import state_equations
+from gearlib.bondgraph.paper import PREFERENCE, planetary_unit, single_loop_train
+from gearlib.bondgraph.symbolic_solution import solved_by_blocks
+
+
+def at_random(symbols: set[sp.Symbol], seed: int) -> dict[sp.Symbol, sp.Rational]:
+    draw = random.Random(seed)
+    return {s: sp.Rational(draw.randint(50, 200), 97) for s in sorted(symbols, key=str)}
+
+
+@pytest.mark.parametrize(("figure", "preferred"), [(planetary_unit, (81,)), (single_loop_train, PREFERENCE)])
+def test_rates_of_the_papers_units_in_symbols(figure, preferred):
+    equations = state_equations(figure().graph, preferred)
+    rates = equations.explicit()
+    assert tuple(rates) == equations.unknowns
+    assert max(map(sp.count_ops, rates.values())) < 600  # multiplied out, the longest has some 10 000
+    values = at_random(set().union(*(v.free_symbols for v in rates.values()), equations.mass_matrix.free_symbols), 1)
+    expected = equations.mass_matrix.xreplace(values).LUsolve(equations.right_side.xreplace(values))
+    assert [v.xreplace(values) for v in rates.values()] == list(expected)  # rational numbers: equal, not close
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_sparse_systems(seed):
+    draw = random.Random(seed)
+    size = draw.randint(1, 6)
+    entries = iter(sp.symbols("a0:99"))
+    matrix = sp.zeros(size, size)
+    for i in range(size):
+        matrix[i, (i + seed) % size] = next(entries)
+        for j in range(size):
+            if draw.random() < 0.3:
+                matrix[i, j] += next(entries) - draw.randint(0, 1)
+    sides = sp.Matrix([next(entries) * draw.randint(0, 2) for _ in range(size)])
+    values = at_random(matrix.free_symbols | sides.free_symbols, seed)
+    found = [sp.sympify(y).xreplace(values) for y in solved_by_blocks(matrix, sides)]
+    assert found == list(matrix.xreplace(values).LUsolve(sides.xreplace(values)))
+
+
+def test_a_determinant_whose_terms_cancel_is_zero():
+    a, b, c = sp.symbols("a b c")
+    with pytest.raises(ZeroDivisionError):
+        solved_by_blocks(sp.Matrix([[a, a * b], [c, b * c]]), sp.Matrix([1, 2]))
+    with pytest.raises(ZeroDivisionError):
+        solved_by_blocks(sp.Matrix([[0.1, 0.3], [0.2, 0.6]]), sp.Matrix([1, 2]))
+    with pytest.raises(ZeroDivisionError):
+        solved_by_blocks(sp.Matrix([[0, a], [0, b]]), sp.Matrix([1, 2]))
+
+
+def test_shared_sums_are_printed_once():
+    text = state_equations(single_loop_train().graph, PREFERENCE).latex(solved=True)
+    assert text.count("s_{1} &=") == 1
+    assert r"\dot{p}_{11} &= \frac{- s_{2} s_{6} + s_{4} s_{5}}{- s_{1} s_{2} + s_{3} s_{4}}" in text
