@@ -22,7 +22,7 @@ import numpy as np
 
 import gearlib as gl
 import gearparts as gp
-from gearparts.mesh_models import DetailedExternalMesh, mesh_damping
+from gearparts.gears.mesh_models import DetailedExternalMesh, mesh_damping
 
 FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)

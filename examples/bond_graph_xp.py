@@ -19,9 +19,9 @@ import numpy as np
 import gearlib as gl
 import gearparts as gp
 from gearlib.bondgraph import RunTime, assign_causality, state_equations
-from gearlib.bondgraph.paper import PREFERENCE, single_loop_train
-from gearlib.bondgraph.structure_diagram import single_loop, unit_diagram
-from gearparts import zhou_cui_2022
+from gearparts.trains import zhou_cui_2022
+from gearparts.trains.paper_graphs import PREFERENCE, single_loop_train
+from gearparts.trains.structure_diagram import single_loop, unit_diagram
 
 FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)

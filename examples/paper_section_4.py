@@ -23,7 +23,7 @@ import numpy as np
 
 import gearlib as gl
 import gearparts as gp
-from gearparts.trains import XPSymbols
+from gearparts.trains.xp_train import XPSymbols
 
 FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)

@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 
 import gearlib as gl
 import gearparts as gp
-from gearparts import zhou_cui_2022
+from gearparts.trains import zhou_cui_2022
 
 FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)

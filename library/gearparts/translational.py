@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gearlib as gl
 from gearparts.interfaces import SLOW, Dissipative, TranslationalFlange
-from gearparts.sources import SMALLEST
+from gearparts.rotational.sources import SMALLEST
 
 
 class TwoTranslationalFlanges(gl.Component):

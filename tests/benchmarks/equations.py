@@ -17,7 +17,7 @@ from numba import njit
 import gearlib as gl
 import gearparts as gp
 from gearlib.solvers.problem import Floats
-from gearparts import zhou_cui_2022 as zc
+from gearparts.trains import zhou_cui_2022 as zc
 from tests.benchmarks import floor_rk
 
 c = gl.connect

@@ -22,9 +22,9 @@ import gearparts as gp
 from gearlib.bondgraph import GY, TF, BondGraph, C, I, One, R, RunTime, Se, Zero, state_equations
 from gearlib.bondgraph.completion import can_be_completed
 from gearlib.bondgraph.elements import Element
-from gearlib.bondgraph.paper import single_loop_train
 from gearlib.errors import BalanceError, LoopError, SingularError
-from gearparts import zhou_cui_2022 as zc
+from gearparts.trains import zhou_cui_2022 as zc
+from gearparts.trains.paper_graphs import single_loop_train
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.bondgraph import TF, RunTime, state_equations
 from gearlib.bondgraph.elements import Junction
-from gearlib.bondgraph.paper import PREFERENCE, single_loop_train
-from gearparts import zhou_cui_2022 as zc
+from gearparts.trains import zhou_cui_2022 as zc
+from gearparts.trains.paper_graphs import PREFERENCE, single_loop_train
 
 Array = Any
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import gearlib as gl
 import gearparts as gp
-from gearparts.backlash import ElastoBacklash, ElastoBacklash2
-from gearparts.friction import BearingFriction, Brake, Clutch
-from gearparts.friction import OneWayClutch as OneWayClutchPart
-from gearparts.lossy import LossyGear
+from gearparts.gears.lossy import LossyGear
+from gearparts.rotational.backlash import ElastoBacklash, ElastoBacklash2
+from gearparts.rotational.friction import BearingFriction, Brake, Clutch
+from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
 
 AT_REST = {"phi": 0.0, "w": 0.0}
 

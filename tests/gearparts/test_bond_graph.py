@@ -13,9 +13,9 @@ from scipy.optimize import linear_sum_assignment
 import gearlib as gl
 import gearparts as gp
 from gearlib.bondgraph import GY, TF, BondGraph, C, I, MSe, One, R, RunTime, Se, Sf, Zero, energy_symbol, state_equations, time
-from gearlib.bondgraph.paper import planetary_unit
 from gearlib.errors import ArgumentError, BoundError, DeclarationError
-from gearparts import zhou_cui_2022 as zc
+from gearparts.trains import zhou_cui_2022 as zc
+from gearparts.trains.paper_graphs import planetary_unit
 
 XUnit = gp.from_bond_graph(
     planetary_unit().graph, ports={"ring": 1, "sun": 60, "carrier": 80}, nominal={"q_6": 1e-6, "q_30": 1e-6}

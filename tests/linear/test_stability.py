@@ -327,7 +327,7 @@ def test_responses_and_shapes_survive_balancing() -> None:
 
 def test_stiff_train_keeps_its_margins(paper: gl.System) -> None:
     """The paper's train has poles from 32 to 7700 rad/s; the crossing solves Im L = 0 by the printed equations, too."""
-    from gearparts import zhou_cui_2022 as zc
+    from gearparts.trains import zhou_cui_2022 as zc
 
     report = gl.stability(paper, ("tau_in", "w_out"))
     assert report.verdict == "stable"

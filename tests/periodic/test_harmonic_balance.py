@@ -14,8 +14,8 @@ import gearparts as gp
 from gearlib.linear.linearize import Point, slots_at
 from gearlib.program.sensitivity import sensitivity
 from gearlib.program.state_derivatives import state_derivatives
-from gearparts.mesh_models import DetailedExternalMesh, mesh_damping
-from tests.gearparts.scenes_backlash import BacklashPair
+from gearparts.gears.mesh_models import DetailedExternalMesh, mesh_damping
+from tests.gearparts.rotational.scenes_backlash import BacklashPair
 
 C, GAP, ZETA, F_M, F_A = 1.0, 2.0, 0.05, 0.3, 0.1  # mass 1, so that the natural frequency in contact is 1
 

@@ -8,7 +8,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearparts.lossy import LossyGear
+from gearparts.gears.lossy import LossyGear
 
 
 class Rig(gl.Component):

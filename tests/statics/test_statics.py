@@ -11,7 +11,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearparts.lossy import LossyGear
+from gearparts.gears.lossy import LossyGear
 
 EXACT = 1e-12
 

@@ -13,8 +13,8 @@ from scipy.optimize import linear_sum_assignment
 import gearlib as gl
 import gearparts as gp
 from gearlib.bondgraph import RunTime, state_equations
-from gearlib.bondgraph.paper import PREFERENCE, single_loop_train
-from gearparts import zhou_cui_2022 as zc
+from gearparts.trains import zhou_cui_2022 as zc
+from gearparts.trains.paper_graphs import PREFERENCE, single_loop_train
 
 TABLE_4 = {name: q.value for name, q in zc.TABLE_4.items() if name[0] in "RIKC" and name != "K_s"}
 OPEN = {"R_1": 0.0285, "R_2": 0.0465, "I_1": 0.0015, "I_2": 0.0094, "I_62": 0.0036, "I_66": 0.0036}

@@ -6,7 +6,7 @@ from math import pi
 from typing import Any
 
 import gearlib as gl
-from gearparts.mesh_phase import MeshMotion, checked_period, checked_terms, periodic, wrapped
+from gearparts.gears.mesh_phase import MeshMotion, checked_period, checked_terms, periodic, wrapped
 from gearparts.tables import Rows
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import gearlib as gl
 from gearlib.errors import BindingError
+from gearparts.gears.lossy import LossyGear
 from gearparts.interfaces import Flange, MaybeHeated
-from gearparts.lossy import LossyGear
 from gearparts.tables import Rows, check_rows
 
 if TYPE_CHECKING:

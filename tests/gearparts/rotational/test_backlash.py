@@ -12,12 +12,12 @@ from scipy.integrate import solve_ivp
 import gearlib as gl
 import gearparts as gp
 from gearlib.solvers.rungekutta.rungekutta import integrate
-from gearparts.backlash import ElastoBacklash, ElastoBacklash2
-from gearparts.mesh_models import DetailedExternalMesh, DetailedInternalMesh, mesh_damping
+from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh, mesh_damping
+from gearparts.rotational.backlash import ElastoBacklash, ElastoBacklash2
 from tests.benchmarks import floor_rk
 from tests.gearparts import msl_hybrid_examples as msl
-from tests.gearparts.scenes_backlash import BacklashPair
-from tests.gearparts.test_friction import METHODS, check_against_reference, run
+from tests.gearparts.rotational.scenes_backlash import BacklashPair
+from tests.gearparts.rotational.test_friction import METHODS, check_against_reference, run
 from tests.gearparts.test_msl_examples import agree
 
 

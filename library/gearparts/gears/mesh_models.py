@@ -15,9 +15,9 @@ import sympy
 import gearlib as gl
 from gearlib.arguments import is_real, shown
 from gearlib.errors import BoundError
+from gearparts.gears.tooth_friction import ToothFriction
+from gearparts.gears.transmission_error import TransmissionError
 from gearparts.interfaces import Dissipative
-from gearparts.tooth_friction import ToothFriction
-from gearparts.transmission_error import TransmissionError
 
 
 class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
@@ -58,7 +58,7 @@ class DetailedExternalMesh(DetailedMesh):
     The stiffness ``c_now`` is the mean ``c`` times 1, ``1 + c_amplitude cos(phase)``, ``1 + sum(A_k cos(k phase + p_k))``, the
     value of a table, or, rectangular, proportional to the number of pairs in contact: the next number above the contact ratio in
     the fractional part of it of each period, from its beginning, and the number below otherwise. ``phase + c_phase`` stands for
-    the phase. Tables are interpolated by periodic cubic splines (`gearparts.mesh_phase.periodic`); `GearPair` makes some from
+    the phase. Tables are interpolated by periodic cubic splines (`gearparts.gears.mesh_phase.periodic`); `GearPair` makes some from
     the geometry.
 
     With friction, the pairs in contact share ``f`` equally. A pair that has come ``u`` base pitches ``p = 2 pi r_a / z_a`` along

@@ -18,8 +18,8 @@ import numpy as np
 from gearlib.arguments import is_real, shown
 from gearlib.errors import BoundError
 from gearlib.language.declarations import offered
-from gearparts.involute import involute, involute_angle
-from gearparts.mesh_phase import stretches
+from gearparts.gears.involute import involute, involute_angle
+from gearparts.gears.mesh_phase import stretches
 
 # ISO 6336-1, equation (86): the flexibility of a pair of teeth, in mm um / N
 FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188, 0.00529, 0.00182)

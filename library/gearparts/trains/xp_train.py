@@ -11,12 +11,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
-from gearparts.gears import IdealGear
+from gearparts.gears.meshes import ExternalMesh
+from gearparts.gears.rigid_gears import IdealGear
 from gearparts.interfaces import Flange, TwoFlanges
-from gearparts.meshes import ExternalMesh
-from gearparts.planetary import PlanetaryUnit
-from gearparts.shafts import Damper, Fixed, Inertia, Spring
-from gearparts.sources import Torque
+from gearparts.planetary.planetary_unit import PlanetaryUnit
+from gearparts.rotational.shafts import Damper, Fixed, Inertia, Spring
+from gearparts.rotational.sources import Torque
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import gearlib as gl
-from gearparts.gears import IdealPlanetary
+from gearparts.gears.rigid_gears import IdealPlanetary
 from gearparts.interfaces import Flange
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import gearlib as gl
-from gearparts.backlash import ElastoBacklash
 from gearparts.interfaces import Compliant, Dissipative, MaybeHeated, TwoFlanges
-from gearparts.shafts import Inertia, SpringDamper
+from gearparts.rotational.backlash import ElastoBacklash
+from gearparts.rotational.shafts import Inertia, SpringDamper
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection

@@ -6,7 +6,7 @@ from typing import Any
 
 import gearlib as gl
 import gearparts as gp
-from gearparts.mesh_models import DetailedExternalMesh
+from gearparts.gears.mesh_models import DetailedExternalMesh
 
 HALF_GAP = 50e-6  # m
 

@@ -13,12 +13,12 @@ from scipy.interpolate import Akima1DInterpolator
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
-from gearparts.friction import BearingFriction, Brake, Clutch
-from gearparts.friction import OneWayClutch as OneWayClutchPart
+from gearparts.rotational.friction import BearingFriction, Brake, Clutch
+from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
 from gearparts.tables import at_zero, check_rows, interpolated
 from tests.gearparts import heat_losses_by_hand
 from tests.gearparts import msl_hybrid_examples as msl
-from tests.gearparts.friction_by_hand import Bodies, Element
+from tests.gearparts.rotational.friction_by_hand import Bodies, Element
 from tests.gearparts.test_msl_examples import agree, reference
 
 METHODS = ["rk", "ida"]

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
-from tests.gearparts.test_mesh_models import R_A, R_B, Z_A, C, pair
+from tests.gearparts.gears.test_mesh_models import R_A, R_B, Z_A, C, pair
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
-from gearparts.lossy_planetary import combined_losses
+from gearparts.planetary.lossy_planetary import combined_losses
 
 SHAFTS = ("sun", "carrier", "ring")
 RATIO, ETA_S, ETA_R = 2.5, 0.97, 0.93

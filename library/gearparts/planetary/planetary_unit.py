@@ -8,14 +8,14 @@ import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
 from gearlib.language.declarations import Offered
-from gearparts.gears import IdealGear, IdealPlanetary
+from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh
+from gearparts.gears.meshes import ExternalMesh, InternalMesh
+from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
-from gearparts.lossy_planetary import IDEAL_MESH, NO_FRICTION, LossyPlanetary
-from gearparts.mesh_models import DetailedExternalMesh, DetailedInternalMesh
-from gearparts.meshes import ExternalMesh, InternalMesh
-from gearparts.phasing import check_assembly
-from gearparts.planar import PlanarPlanetaryUnit
-from gearparts.shafts import Damper, Inertia
+from gearparts.planetary.lossy_planetary import IDEAL_MESH, NO_FRICTION, LossyPlanetary
+from gearparts.planetary.phasing import check_assembly
+from gearparts.planetary.planar import PlanarPlanetaryUnit
+from gearparts.rotational.shafts import Damper, Inertia
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection

@@ -8,7 +8,7 @@ from typing import Any
 import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
-from gearparts.mesh_phase import MeshMotion, checked_period, checked_terms, periodic, stretches, wrapped
+from gearparts.gears.mesh_phase import MeshMotion, checked_period, checked_terms, periodic, stretches, wrapped
 from gearparts.tables import Rows
 
 EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
 from gearlib.errors import BindingError
-from gearparts.backlash import ElastoBacklash
-from gearparts.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, sign_while
 from gearparts.interfaces import Dissipative, Flange, MaybeHeated, TwoFlanges, TwoFlangesAndSupport
+from gearparts.rotational.backlash import ElastoBacklash
+from gearparts.rotational.friction import BACKWARD, FORWARD, FREE, ROUNDING, STUCK, YIELD, sign_while
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
 
 if TYPE_CHECKING:

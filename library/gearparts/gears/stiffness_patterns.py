@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from gearlib.arguments import is_real, real, shown, whole
 from gearlib.errors import ArgumentError
-from gearparts.gear_pair import GearPair
+from gearparts.gears.gear_pair import GearPair
 from gearparts.tables import Rows
 
 

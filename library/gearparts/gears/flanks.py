@@ -7,7 +7,7 @@ from typing import Any
 import sympy
 
 import gearlib as gl
-from gearparts.stiffness_laws import VaryingStiffness
+from gearparts.gears.stiffness_laws import VaryingStiffness
 
 CONTACT = {
     0.0: "open: mesh {}",

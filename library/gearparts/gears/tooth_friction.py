@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import gearlib as gl
-from gearparts.flanks import Flanks
-from gearparts.mesh_phase import stretches
+from gearparts.gears.flanks import Flanks
+from gearparts.gears.mesh_phase import stretches
 
 
 class ToothFriction(Flanks):

@@ -7,14 +7,17 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import sympy as sp
+from matplotlib.colors import to_hex
 
 from gearlib.bondgraph import GY, TF, C, I, RunTime, assign_causality, rate_of, state_equations
+from gearlib.bondgraph.draw import BOND_COLOUR, STROKE_COLOUR
 from gearlib.bondgraph.elements import Junction, Zero
-from gearlib.bondgraph.paper import PREFERENCE, fixed_axis_unit, planetary_unit, single_loop_train
-from gearparts import zhou_cui_2022 as zc
+from gearparts.trains import zhou_cui_2022 as zc
+from gearparts.trains.paper_graphs import PREFERENCE, Figure, fixed_axis_unit, planetary_unit, single_loop_train
 
 
 @cache
@@ -202,10 +205,28 @@ def test_units_alone() -> None:
 
 
 def test_the_documentation_shows_the_derived_equations() -> None:
-    page = (Path(__file__).resolve().parents[2] / "docs" / "bond_graph.md").read_text(encoding="utf-8")
+    page = (Path(__file__).resolve().parents[3] / "docs" / "bond_graph.md").read_text(encoding="utf-8")
     shown_red = (r"- m_{18} \dot{p}_{62}", r"- \frac{R_{31}}{m_{3}} Sf_{32}", r"- \frac{R_{75} m_{20} m_{21}}{I_{69}} p_{69}")
     for term in shown_red:
         assert rf"\textcolor{{red}}{{{term}}}" in page
         page = page.replace(rf"\textcolor{{red}}{{{term}}}", term)
     for line in train(*PREFERENCE).equations.latex(terms=4).splitlines()[1:-1]:
         assert line.removesuffix(" \\\\") in page
+
+
+@pytest.mark.parametrize("figure", [fixed_axis_unit(), planetary_unit(), single_loop_train()], ids=["P", "X", "XP"])
+def test_figures_of_the_paper(figure: Figure) -> None:
+    graph = figure.graph
+    storage = graph.of_kind(I, C)
+    causality = assign_causality(graph, [bond for bond in (*PREFERENCE, 81) if bond in storage])
+    ax = figure.draw(causality)
+    texts = {text.get_text() for text in ax.texts}
+    assert {str(number) for number in graph.bonds} <= texts
+    assert {f"${graph.element(n).kind}_{{{n}}}$" for n in storage} <= texts
+    lines = [to_hex(line.get_color()) for line in ax.lines]
+    assert lines.count(to_hex(BOND_COLOUR)) == lines.count(to_hex(STROKE_COLOUR)) == len(graph.bonds)
+    ax.figure.canvas.draw()
+    boxes = [text.get_window_extent().shrunk(0.9, 0.8) for text in ax.texts]
+    overlaps = [(a, b) for a in range(len(boxes)) for b in range(a) if boxes[a].overlaps(boxes[b])]
+    assert [(ax.texts[a].get_text(), ax.texts[b].get_text()) for a, b in overlaps] == []
+    plt.close(ax.figure)

@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import gearlib as gl
-from gearparts.gears import IdealGear
+from gearparts.gears.rigid_gears import IdealGear
 from gearparts.interfaces import Flange
-from gearparts.planetary import PlanetaryUnit
-from gearparts.shafts import Fixed, Inertia, Spring
-from gearparts.trains import FixedAxisUnit, XPSymbols
+from gearparts.planetary.planetary_unit import PlanetaryUnit
+from gearparts.rotational.shafts import Fixed, Inertia, Spring
+from gearparts.trains.xp_train import FixedAxisUnit, XPSymbols
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection

@@ -15,9 +15,9 @@ from scipy.optimize import brentq
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BindingError
-from gearparts.lossy import Gearbox, LossyGear
+from gearparts.gears.lossy import Gearbox, LossyGear
 from tests.gearparts import msl_hybrid_examples as msl
-from tests.gearparts.test_friction import METHODS, check_against_reference, run
+from tests.gearparts.rotational.test_friction import METHODS, check_against_reference, run
 from tests.gearparts.test_msl_examples import agree
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gearparts import zhou_cui_2022 as zc
+from gearparts.trains import zhou_cui_2022 as zc
 
 
 def random_parameters(rng: np.random.Generator, **fixed: float) -> zc.BondParameters:

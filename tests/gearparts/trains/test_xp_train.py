@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 import gearlib as gl
 import gearparts as gp
-from gearparts import zhou_cui_2022 as zc
+from gearparts.trains import zhou_cui_2022 as zc
 
 BY_NAME = [
     *(n for n in zc.TABLE_4 if n[0] in "RIKC" and n != "K_s"),

@@ -1,0 +1,1 @@
+"""Planetary sets: kinematics, levels of detail, losses, planes, phases of the planets' meshes."""
