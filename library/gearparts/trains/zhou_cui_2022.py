@@ -373,18 +373,37 @@ def explicit_rhs(t: float, x: Any, params: BondParameters, sources: Callable[[fl
 
 
 def energy_rhs(x: Any, u: Any, params: BondParameters) -> Array:
-    """dx/dt from the energies alone, with no use of the printed equations.
+    """dx/dt from energies and constraint forces, with no use of the printed equations nor of :func:`flow_rows`.
 
-    Kinetic energy sum(I f**2)/2, elastic energy sum(q**2/C)/2 and dissipation sum(R f**2)/2 of the flows in
-    :func:`flow_rows` give M dv/dt = Se1 dW - J' (q/C + R f) for the independent flows v.
+    All fifteen bodies keep a velocity v of their own, with the kinetic energy sum(I v**2)/2. The teeth, shafts and pins that
+    join them are constraints G v = 0, the elastic energy is sum(q**2/C)/2 and the dissipation sum(R f**2)/2 with f = S v + Sf.
+    Lagrange's equations of the first kind, I dv/dt = Se - S' (q/C + R f) - G' z with G dv/dt = 0, are solved as they stand.
 
     The arguments and the result are those of :func:`printed_rhs`.
     """
-    f, rows = flows(x, params, u), flow_rows(params)
-    q = dict(zip(COMPLIANCES, np.asarray(x, dtype=float)[[1, 4, 6]], strict=True))
-    M = sum(params.I[bond] * np.outer(rows[bond][:5], rows[bond][:5]) for bond in INERTIAS)
-    effort = sum(rows[bond][:5] * q[bond] / params.C[bond] for bond in COMPLIANCES)
-    effort = effort + sum(rows[bond][:5] * params.R[bond] * f[bond] for bond in RESISTANCES)
-    dv = np.linalg.solve(np.asarray(M), rows[1][:5] * u[0] - effort)
-    dp = dict(zip(INDEPENDENT, dv * [params.I[bond] for bond in INDEPENDENT], strict=True))
-    return np.array([dp[2], f[6], dp[11], dp[26], f[30], dp[35], f[74], dp[78]])
+    x, (Se1, *sources) = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+    v = dict(zip(INERTIAS, np.eye(15), strict=True))  # of each body, as a row over all of them
+    m = params.m
+    G = np.array([
+        v[62] - m[18] * v[26], v[66] - m[19] * v[62], v[69] - v[66],  # the shaft, from the sun to the P unit
+        m[22] * v[81] + v[78],  # the coupling of the P unit and the carrier
+        v[22] - v[81], v[46] - v[81], v[56] - v[81],  # the carrier's pins
+        v[17] / m[5] - m[9] * v[22] + v[11], v[41] / m[10] - m[13] * v[46] + v[11], v[51] / m[14] - m[17] * v[56] + v[11],
+    ])  # fmt: skip
+    meshes = np.array([v[2] / m[1] - m[2] * v[11], v[26] / m[3] - m[4] * v[35], -m[20] * v[69] - m[21] * v[78]])
+    slips = np.array([
+        v[81], m[15] * v[51] + m[16] * v[56] - v[35], m[11] * v[41] + m[12] * v[46] - v[35], m[6] * v[17] + m[8] * v[22] - v[35],
+    ])  # fmt: skip
+    I = np.array([params.I[bond] for bond in INERTIAS])
+    free = [INERTIAS.index(bond) for bond in INDEPENDENT]
+    speeds = np.zeros(15)
+    speeds[free] = x[[0, 2, 3, 5, 7]] / I[free]
+    bound = [k for k in range(15) if k not in free]
+    speeds[bound] = np.linalg.solve(G[:, bound], -G[:, free] @ speeds[free])
+    rates = meshes @ speeds + sources
+    efforts = x[[1, 4, 6]] / [params.C[bond] for bond in COMPLIANCES] + rates * [params.R[bond] for bond in (7, 31, 75)]
+    losses = slips @ speeds * [params.R[bond] for bond in (82, 83, 84, 85)]
+    forces = Se1 * v[2] - meshes.T @ efforts - slips.T @ losses
+    lagrange = np.block([[np.diag(I), G.T], [G, np.zeros((10, 10))]])
+    dp = dict(zip(INERTIAS, I * np.linalg.solve(lagrange, np.concatenate([forces, np.zeros(10)]))[:15], strict=True))
+    return np.array([dp[2], rates[0], dp[11], dp[26], rates[1], dp[35], rates[2], dp[78]])
