@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from gearparts.planetary.phasing import PlanetPhasing as PlanetPhasing
     from gearparts.planetary.phasing import check_assembly as check_assembly
     from gearparts.planetary.phasing import planet_phasing as planet_phasing
+    from gearparts.planetary.phasing import planet_positions as planet_positions
     from gearparts.planetary.planar import PlanarBody as PlanarBody
     from gearparts.planetary.planar import PlanarFlange as PlanarFlange
     from gearparts.planetary.planar import PlanarMesh as PlanarMesh
@@ -171,7 +172,7 @@ _HOME = {
         ],
         "gearparts.translational",
     ),
-    **dict.fromkeys(["PlanetPhasing", "check_assembly", "planet_phasing"], "gearparts.planetary.phasing"),
+    **dict.fromkeys(["PlanetPhasing", "check_assembly", "planet_phasing", "planet_positions"], "gearparts.planetary.phasing"),
     **dict.fromkeys(["LossyPlanetary"], "gearparts.planetary.lossy_planetary"),
     **dict.fromkeys(["PXTrain", "XXTrain"], "gearparts.trains.single_loop"),
     **dict.fromkeys(["DoublePinionPlanetary", "Ravigneaux", "Simpson"], "gearparts.planetary.gear_sets"),

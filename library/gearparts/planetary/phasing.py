@@ -12,8 +12,9 @@ Sound and Vibration 236 (2000), 561-573. https://doi.org/10.1006/jsvi.1999.2859
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -119,6 +120,57 @@ def _fraction(periods: float) -> float:
     return 0.0 if min(rest, 1.0 - rest) < ROUNDING else rest
 
 
+def planet_positions(Z_s: int, Z_r: int, planets: int, *, Z_p: int | None = None) -> tuple[float, ...]:
+    """Angles on the carrier at which planets can be put in, as near to equal spacing as the teeth allow.
+
+    Where sun and ring stand still, a planet meshes with both at multiples of ``2 pi / (Z_s + Z_r)`` from the first one. The
+    nearest of them to ``2 pi n / planets`` is taken; of two that are equally near, the smaller one.
+
+    Parameters
+    ----------
+    Z_s, Z_r : int
+        Teeth of sun and ring.
+    planets : int
+        Number of planets.
+    Z_p : int, optional
+        Teeth of a planet. With it, neighbours whose tip circles (one module outside the pitch circle) meet are refused.
+
+    Returns
+    -------
+    tuple of float
+        Angles from the first planet, rad; equally spaced where ``Z_s + Z_r`` is a multiple of ``planets``.
+
+    Raises
+    ------
+    BindingError
+        The numbers are no numbers of teeth, or there is no room for so many planets.
+
+    Examples
+    --------
+    The train of Zhou and Cui's Table 4, of which three equally spaced planets are no part: 19 + 81 is no multiple of 3.
+
+    >>> [round(math.degrees(psi), 3) for psi in planet_positions(19, 81, 3, Z_p=31)]
+    [0.0, 118.8, 241.2]
+    """
+    _check_numbers("planet_positions", {"Z_s": Z_s, "Z_r": Z_r, "planets": planets} | ({} if Z_p is None else {"Z_p": Z_p}))
+    steps = [-((planets - 2 * n * (Z_s + Z_r)) // (2 * planets)) for n in range(planets)]  # halves are rounded down
+    gaps = [after - before for before, after in pairwise([*steps, Z_s + Z_r])]
+    room = min(gaps) * 2 * math.pi / (Z_s + Z_r)
+    narrow = Z_p is not None and planets > 1 and (Z_s + Z_p) * math.sin(min(room, math.pi) / 2) <= Z_p + 2
+    if min(gaps) == 0 or narrow:
+        raise BindingError(
+            f"planet_positions: {planets} planets do not fit around a sun of Z_s = {Z_s} teeth: neighbours {math.degrees(room):.4g} "
+            "degrees apart would touch; take fewer or smaller planets"
+        )
+    return tuple(2 * math.pi * step / (Z_s + Z_r) for step in steps)
+
+
+def _check_numbers(owner: str, numbers: Mapping[str, int]) -> None:
+    for name, number in numbers.items():
+        if not (isinstance(number, (int, np.integer)) and is_real(number) and number > 0):
+            raise BindingError(f"{owner}: {name} is {shown(number)}; expected a whole number above 0")
+
+
 def check_assembly(
     owner: str, Z_s: int, Z_p: int, Z_r: int, planets: int, positions: Sequence[float] | None = None
 ) -> None:  # fmt: skip
@@ -139,10 +191,7 @@ def check_assembly(
         ...
     gearlib.errors.BindingError: unit: 3 equally spaced planets cannot be assembled with Z_s = 19 and Z_r = 81 ...
     """
-    teeth = {"Z_s": Z_s, "Z_p": Z_p, "Z_r": Z_r, "planets": planets}
-    for name, number in teeth.items():
-        if not (isinstance(number, (int, np.integer)) and is_real(number) and number > 0):
-            raise BindingError(f"{owner}: {name} is {shown(number)}; expected a whole number above 0")
+    _check_numbers(owner, {"Z_s": Z_s, "Z_p": Z_p, "Z_r": Z_r, "planets": planets})
     if not Z_s + Z_p < Z_r:
         raise BindingError(
             f"{owner}: Z_s = {Z_s}, Z_p = {Z_p}, Z_r = {Z_r}; a planet between sun and ring needs Z_r near Z_s + 2 Z_p"
@@ -166,5 +215,6 @@ def check_assembly(
         valid = [n for n in range(1, 13) if (Z_s + Z_r) % n == 0]
         raise BindingError(
             f"{owner}: {planets} equally spaced planets cannot be assembled with Z_s = {Z_s} and Z_r = {Z_r} "
-            f"(their sum {Z_s + Z_r} must be a multiple of the number of planets; valid numbers: {', '.join(map(str, valid))})"
+            f"(their sum {Z_s + Z_r} must be a multiple of the number of planets; valid numbers: {', '.join(map(str, valid))}); "
+            "gearparts.planet_positions gives the nearest positions that do"
         )

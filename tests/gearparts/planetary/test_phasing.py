@@ -82,3 +82,28 @@ def test_a_phase_that_is_no_number_is_named(ring_to_sun: object) -> None:
 def test_what_cannot_be_assembled_is_named(given: tuple[object, ...], message: str) -> None:
     with pytest.raises(BindingError, match=message):
         gp.check_assembly("unit", *given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("Z_s", "Z_r", "planets"), [(19, 81, 3), (19, 81, 4), (22, 82, 4), (20, 73, 5), (21, 72, 7), (30, 71, 2), (9, 30, 1)]
+)
+def test_positions_are_the_nearest_that_can_be_assembled(Z_s: int, Z_r: int, planets: int) -> None:
+    positions = gp.planet_positions(Z_s, Z_r, planets)
+    gp.check_assembly("set", Z_s, (Z_r - Z_s) // 2, Z_r, planets, positions)
+    admissible = [2 * math.pi * k / (Z_s + Z_r) for k in range(Z_s + Z_r)]
+    for n, psi in enumerate(positions):
+        wanted = 2 * math.pi * n / planets
+        assert abs(psi - wanted) == pytest.approx(min(abs(a - wanted) for a in admissible), abs=1e-12)
+    equal = [2 * math.pi * n / planets for n in range(planets)]
+    assert (list(positions) == pytest.approx(equal, abs=1e-12)) == ((Z_s + Z_r) % planets == 0)
+
+
+def test_neighbours_that_touch_are_refused() -> None:
+    # tip circles of 33 teeth's diameter, 50 teeth's radius: sin(pi / N) > 33 / 50 up to N = 4
+    assert len(gp.planet_positions(19, 81, 4, Z_p=31)) == 4
+    with pytest.raises(BindingError, match="5 planets do not fit around a sun of Z_s = 19 teeth"):
+        gp.planet_positions(19, 81, 5, Z_p=31)
+    with pytest.raises(BindingError, match="8 planets do not fit"):
+        gp.planet_positions(2, 4, 8)
+    with pytest.raises(BindingError, match=r"planet_positions: Z_p is 2\.5; expected a whole number above 0"):
+        gp.planet_positions(19, 81, 3, Z_p=2.5)
