@@ -1,4 +1,5 @@
-"""Settings of every test run: caches inside the checkout, figures without a screen, repeatable random models.
+"""Settings of every test run: caches inside the checkout, figures without a screen, repeatable random models; processes that a test
+starts import this checkout, whatever is installed.
 
 Where the checkout belongs to another user, the caches are in a temporary folder, which the workers of a run share.
 """
@@ -23,6 +24,8 @@ os.environ["GEARLIB_TESTS"] = str(_CACHE)
 os.environ["GEARLIB_CACHE"] = str(_CACHE / "gearlib")
 os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(_CACHE / "hypothesis")
 os.environ["MPLBACKEND"] = "Agg"
+_PATHS = [str(_ROOT), str(_ROOT / "library"), *filter(None, [os.environ.get("PYTHONPATH")])]
+os.environ["PYTHONPATH"] = os.pathsep.join(_PATHS)
 
 from hypothesis import HealthCheck, settings  # noqa: E402  (reads the variables above)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -223,10 +224,23 @@ def test_figures_of_the_paper(figure: Figure) -> None:
     texts = {text.get_text() for text in ax.texts}
     assert {str(number) for number in graph.bonds} <= texts
     assert {f"${graph.element(n).kind}_{{{n}}}$" for n in storage} <= texts
+    assert {element.name for element in graph.elements if isinstance(element, Junction)} <= texts
     lines = [to_hex(line.get_color()) for line in ax.lines]
     assert lines.count(to_hex(BOND_COLOUR)) == lines.count(to_hex(STROKE_COLOUR)) == len(graph.bonds)
     ax.figure.canvas.draw()
     boxes = [text.get_window_extent().shrunk(0.9, 0.8) for text in ax.texts]
     overlaps = [(a, b) for a in range(len(boxes)) for b in range(a) if boxes[a].overlaps(boxes[b])]
     assert [(ax.texts[a].get_text(), ax.texts[b].get_text()) for a, b in overlaps] == []
+    strokes = [np.transpose(line.get_data()) for line in ax.lines if to_hex(line.get_color()) == to_hex(STROKE_COLOUR)]
+    assert not any(crossing(one, other) for one, other in combinations(strokes, 2))
     plt.close(ax.figure)
+
+
+def crossing(one: Any, other: Any) -> bool:
+    """Whether two segments have a point in common."""
+
+    def side(a: Any, b: Any, c: Any) -> float:
+        return float(np.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])))
+
+    (a, b), (c, d) = one, other
+    return side(a, b, c) != side(a, b, d) and side(c, d, a) != side(c, d, b)
