@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 import tomllib
 import warnings
 from pathlib import Path
 
 _root = Path(__file__).resolve().parents[1]
 os.environ.setdefault("GEARLIB_CACHE", str(_root / ".cache" / "gearlib"))
+
+sys.path.insert(0, str(_root / "docs"))  # the directive of pictures.py
 
 warnings.filterwarnings("ignore", "Unknown section Explanation")  # of sympy's functions, which gearlib hands on
 
@@ -20,6 +23,7 @@ release = version = tomllib.loads((_root / "pyproject.toml").read_text(encoding=
 extensions = [
     "myst_parser",
     "numpydoc",
+    "pictures",
     "sphinx.ext.autodoc",
     "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, TypeGuard
+from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 
 import numpy as np
 import sympy
@@ -34,6 +34,9 @@ from gearlib.language.declarations import (
 )
 from gearlib.language.energy import Energy
 from gearlib.language.expressions import TOO_DEEP, Eq, When
+
+if TYPE_CHECKING:
+    from gearlib.drawing.diagram import Diagram
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
 RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
@@ -168,6 +171,10 @@ class Component:
     ['flange_b.tau', 'flange_a.tau', 'tau']
     """
 
+    icon: ClassVar[str] = (
+        ""  # name of the drawing that stands for the class in diagrams (gearlib.drawing.icons); empty: a labelled box
+    )
+
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
     _bounded: ClassVar[tuple[Structural, ...]] = ()
@@ -258,6 +265,29 @@ class Component:
         `Result.energy_balance` uses it, and nothing else does.
         """
         return None
+
+    def diagram(self, depth: int = 1, *, fold: bool = True, width: float = 1400.0) -> Diagram:
+        """Block diagram: the parts as icons, joined by their connections; an SVG picture that notebooks show.
+
+        Parameters
+        ----------
+        depth : int
+            How many levels of parts within parts are shown.
+        fold : bool
+            Whether a family of like parts is drawn once, with its number.
+        width : float
+            Width (pixels) from which a row of parts goes on below.
+
+        Examples
+        --------
+        >>> import gearparts as gp
+        >>> picture = gp.ZhouCui2022().diagram(depth=2)
+        >>> picture
+        <Diagram of ZhouCui2022: 4 boxes, 4 wires; save('train.svg') writes it>
+        """
+        from gearlib.language.outline import drawn
+
+        return drawn(self, depth, fold, width)
 
     def _structural_value(self, declared: Structural, value: Any) -> Any:
         where = f"{type(self).__name__}: structural choice '{declared.name}'"

@@ -1,0 +1,184 @@
+"""What a block diagram shows, as plain data: parts within parts, their ports, and the nets that join these."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import networkx as nx
+
+MEMBER = re.compile(r"(.*)\[(\d+)\]$")
+OWN = ""  # stands for the component itself in a pin: a port of its border
+
+
+@dataclass(frozen=True)
+class Port:
+    """A connector, or the end of a signal.
+
+    Parameters
+    ----------
+    name : str
+    domain : {"rotation", "translation", "heat", "signal", "other"}
+        What flows.
+    """
+
+    name: str
+    domain: str = "rotation"
+
+
+@dataclass(frozen=True, order=True)
+class Pin:
+    """A port of a part, by names; `OWN` is the component itself."""
+
+    part: str
+    port: str
+
+
+@dataclass(frozen=True)
+class Net:
+    """Ports that are joined; of a signal, the first is where it comes from. ``count`` of them look alike."""
+
+    pins: tuple[Pin, ...]
+    domain: str = "rotation"
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A component as it is drawn.
+
+    Parameters
+    ----------
+    name, kind : str
+        Name of the part, and of its class.
+    icon : str
+        Name of the drawing; empty: a labelled box.
+    ports : tuple of Port
+    parts : tuple of Outline
+        Its parts, down to the depth that is shown.
+    nets : tuple of Net
+        Connections between ports of its parts, and of its own.
+    composite : bool
+        Whether it has parts, shown or not.
+    note : str
+        Shown where the mouse rests.
+    count : int
+        Number of parts of a family that this stands for.
+    members : tuple of str
+        Names of the parts that this stands for, where it is more than one.
+    """
+
+    name: str
+    kind: str
+    icon: str = ""
+    ports: tuple[Port, ...] = ()
+    parts: tuple[Outline, ...] = ()
+    nets: tuple[Net, ...] = ()
+    composite: bool = False
+    note: str = ""
+    count: int = 1
+    members: tuple[str, ...] = ()
+
+
+def folded(outline: Outline) -> Outline:
+    """The outline with its families of like parts drawn once.
+
+    Parts ``planet[0]``, ``planet[1]``, ... of one class and with the same ports become one ``planet`` with their number, and nets that
+    differ in the members only become one. Where members are joined to each other, as in a chain, the first and the last of each
+    family stay, and one box stands for all between.
+
+    >>> wheels = tuple(Outline(f"wheel[{i}]", "Wheel", ports=(Port("a"),)) for i in range(3))
+    >>> nets = (Net((Pin("", "in"), *(Pin(w.name, "a") for w in wheels))),)
+    >>> found = folded(Outline("car", "Car", ports=(Port("in"),), parts=wheels, nets=nets))
+    >>> [(part.name, part.count) for part in found.parts], [pin.part for pin in found.nets[0].pins]
+    ([('wheel', 3)], ['', 'wheel'])
+    """
+    families: dict[str, list[Outline]] = {}
+    for part in outline.parts:
+        if found := MEMBER.match(part.name):
+            families.setdefault(found[1], []).append(part)
+    merged = {
+        name: members for name, members in families.items()
+        if len(members) > 1 and len({(m.kind, m.ports, m.composite) for m in members}) == 1
+    }  # fmt: skip
+    chains: list[list[Outline]] = []
+    while linked := _linked(merged, outline.nets):
+        chains += [merged[name] for name in linked if len(merged[name]) > 3]
+        merged = {name: members for name, members in merged.items() if name not in linked}
+    name_of = {m.name: name for name, members in merged.items() for m in members}
+    stands_for: dict[str, Outline] = {
+        name: replace(
+            folded(members[0]), name=name, count=len(members), members=tuple(m.name for m in members), note=_listed(members)
+        )
+        for name, members in merged.items()
+    }  # fmt: skip
+    parts, pins_of = _middles(chains, outline.nets)
+    for part in parts:
+        name_of |= dict.fromkeys(part.members, part.name)
+        stands_for[part.name] = part
+    nets = _merged(outline.nets, name_of, pins_of)
+    shown = dict.fromkeys(name_of.get(part.name, part.name) for part in outline.parts)
+    own = {part.name: part for part in outline.parts}
+    return replace(
+        outline, parts=tuple(stands_for[name] if name in stands_for else folded(own[name]) for name in shown), nets=nets
+    )
+
+
+def _listed(members: list[Outline]) -> str:
+    return f"{members[0].name} ... {members[-1].name}\n{members[0].note}"
+
+
+def _merged(nets: tuple[Net, ...], name_of: Mapping[str, str], pins_of: Mapping[Pin, Pin]) -> tuple[Net, ...]:
+    """Nets by the names of what is drawn; those inside of what stands for several parts are left out."""
+    found: Counter[tuple[tuple[Pin, ...], str]] = Counter()
+    for net in nets:
+        pins = tuple(dict.fromkeys(pins_of.get(pin, Pin(name_of.get(pin.part, pin.part), pin.port)) for pin in net.pins))
+        if pins != (INSIDE,):
+            found[tuple(pin for pin in pins if pin != INSIDE), net.domain] += net.count
+    return tuple(Net(pins, domain, count) for (pins, domain), count in found.items())
+
+
+def _linked(merged: Mapping[str, list[Outline]], nets: tuple[Net, ...]) -> list[str]:
+    """Families one of whose ports would be in several nets: their members are not all joined to the same things."""
+    name_of = {m.name: name for name, members in merged.items() for m in members}
+    uses: dict[Pin, set[frozenset[Pin]]] = {}
+    for net in nets:
+        pins = frozenset(Pin(name_of.get(pin.part, pin.part), pin.port) for pin in net.pins)
+        for pin in pins:
+            if pin.part in merged:
+                uses.setdefault(pin, set()).add(pins)
+    several = {pin.part for pin, found in uses.items() if len(found) > 1}
+    return [name for name in merged if name in several]
+
+
+INSIDE = Pin("...", "...")
+
+
+def _middles(chains: list[list[Outline]], nets: tuple[Net, ...]) -> tuple[list[Outline], dict[Pin, Pin]]:
+    """One part for all members of linked chains but their first and last, and the pins that its ports stand for."""
+    family_of = {m.name: i for i, chain in enumerate(chains) for m in chain}
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(chains)))
+    for net in nets:
+        graph.add_edges_from(pairwise([family_of[pin.part] for pin in net.pins if pin.part in family_of]))
+    parts, pins_of = [], {}
+    for number, group in enumerate(sorted(sorted(g) for g in nx.connected_components(graph))):
+        middle = {m.name for i in group for m in chains[i][1:-1]}
+        name = "..." if number == 0 else f"... ({number + 1})"
+        ports: list[Port] = []
+        for net in nets:
+            here = [pin for pin in net.pins if pin.part in middle]
+            if here and len(here) < len(net.pins):
+                ports.append(Port(f"{here[0].part}.{here[0].port}", net.domain))
+                pins_of |= dict.fromkeys(here, Pin(name, ports[-1].name))
+            else:
+                pins_of |= dict.fromkeys(here, INSIDE)
+        members = tuple(m.name for i in group for m in chains[i][1:-1])
+        kind = ", ".join(f"{len(chains[i]) - 2} × {MEMBER.match(chains[i][0].name)[1]}" for i in group)  # type: ignore[index]
+        parts.append(
+            Outline(name, kind, "chain", tuple(ports), note=f"{kind}\n{members[0]} ... {members[-1]}", members=members)
+        )
+    return parts, pins_of

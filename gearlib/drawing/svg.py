@@ -1,0 +1,115 @@
+"""SVG as text: elements, escaped, with numbers of two decimals."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from gearlib.arguments import shown
+from gearlib.errors import ArgumentError
+
+FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
+SPECIAL = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
+
+
+def escaped(text: str) -> str:
+    """Text as it may stand in an element or an attribute; what XML 1.0 does not allow is left out.
+
+    >>> escaped('a < "b"')
+    'a &lt; &quot;b&quot;'
+    """
+    return "".join(SPECIAL.get(c, c) for c in text if c in "\t\n" or 0x20 <= ord(c) < 0xD800 or 0xE000 <= ord(c) < 0xFFFE)
+
+
+def number(value: float) -> str:
+    """A coordinate with two decimals at most.
+
+    >>> number(12.5), number(-0.001), number(3)
+    ('12.5', '0', '3')
+    """
+    text = f"{value:.2f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+def element(tag: str, content: str | None = None, **attributes: float | str | None) -> str:
+    """One element; an underscore in an attribute's name stands for a hyphen, and a last one is dropped.
+
+    >>> element("line", x1=0, x2=2.5, stroke_width=1)
+    '<line x1="0" x2="2.5" stroke-width="1"/>'
+    >>> element("text", "a", class_="b")
+    '<text class="b">a</text>'
+    """
+    parts = [tag]
+    for name, value in attributes.items():
+        if value is not None:
+            text = value if isinstance(value, str) else number(value)
+            parts.append(f'{name.rstrip("_").replace("_", "-")}="{escaped(text)}"')
+    head = " ".join(parts)
+    return f"<{head}/>" if content is None else f"<{head}>{content}</{tag}>"
+
+
+def line(x1: float, y1: float, x2: float, y2: float, **attributes: float | str | None) -> str:
+    return element("line", x1=x1, y1=y1, x2=x2, y2=y2, **attributes)
+
+
+def rectangle(x: float, y: float, width: float, height: float, **attributes: float | str | None) -> str:
+    return element("rect", x=x, y=y, width=width, height=height, **attributes)
+
+
+def circle(x: float, y: float, radius: float, **attributes: float | str | None) -> str:
+    return element("circle", cx=x, cy=y, r=radius, **attributes)
+
+
+def path(points: Iterable[tuple[float, float]], close: bool = False, **attributes: float | str | None) -> str:
+    """A polyline, or a polygon if closed."""
+    d = "M" + " L".join(f"{number(x)} {number(y)}" for x, y in points) + (" Z" if close else "")
+    return element("path", d=d, **attributes)
+
+
+def text(x: float, y: float, content: str, **attributes: float | str | None) -> str:
+    return element("text", escaped(content), x=x, y=y, **attributes)
+
+
+def group(content: Iterable[str], title: str | None = None, **attributes: float | str | None) -> str:
+    """Elements together, with the text that a browser shows where the mouse rests."""
+    inside = [] if title is None else [element("title", escaped(title))]
+    return element("g", "\n".join([*inside, *content]), **attributes)
+
+
+def document(width: float, height: float, content: Iterable[str], description: str) -> str:
+    """A whole picture with a white background."""
+    body = "\n".join([element("title", escaped(description)), rectangle(0, 0, width, height, fill="white"), *content])
+    return element(
+        "svg", f"\n{body}\n", xmlns="http://www.w3.org/2000/svg", width=width, height=height,
+        viewBox=f"0 0 {number(width)} {number(height)}", font_family=FONT, font_size="11",
+    )  # fmt: skip
+
+
+def text_width(content: str, size: float = 11.0) -> float:
+    """About how wide a text is; letters of DejaVu Sans, the widest of the fonts named, have 0.62 of their size on average."""
+    return 0.62 * size * len(content)
+
+
+class Picture:
+    """An SVG picture: shown in notebooks, and saved as a file."""
+
+    def __init__(self, svg: str) -> None:
+        self.svg = svg
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the picture to a file, ``.svg`` by its name, and return its path.
+
+        Raises
+        ------
+        ArgumentError
+            The name ends differently: no other format is written.
+        """
+        target = Path(path)
+        if target.suffix.lower() != ".svg":
+            raise ArgumentError(f"save({shown(str(path))}): the picture is SVG; name it ....svg (a browser prints it to PDF)")
+        target.write_text(self.svg, encoding="utf-8")
+        return target

@@ -1,0 +1,139 @@
+"""The outline of a component, from which its block diagram is drawn: parts, ports, connections, and signals between inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import networkx as nx
+
+from gearlib.arguments import flag, real, whole
+from gearlib.drawing.diagram import Diagram
+from gearlib.drawing.outline import OWN, Net, Outline, Pin, Port
+from gearlib.errors import ArgumentError, ModelError
+from gearlib.language.component import Component, declared_by
+from gearlib.language.declarations import Connector, Discrete, Input, Potential, Variable
+from gearlib.language.declarations import Port as DeclaredPort
+
+DOMAINS = {"rad": "rotation", "m": "translation", "K": "heat"}  # by the unit of a connector's potential
+DEEPEST = 200  # levels of components within components
+
+
+def drawn(component: Component, depth: int, fold: bool, width: float) -> Diagram:
+    """The diagram of a component, as `Component.diagram` describes it.
+
+    Raises
+    ------
+    ArgumentError
+        A depth or a width that is none.
+    """
+    deep, wide = whole("depth", depth, 1), real("width", width)
+    if wide < 200:
+        raise ArgumentError(f"width is {wide:g}; expected 200 pixels or more")
+    return Diagram(outline(component, deep), fold=flag("fold", fold), width=wide)
+
+
+def outline(component: Component, depth: int) -> Outline:
+    """What a diagram of a component shows, with the parts of its parts down to a depth; everything is assembled anew.
+
+    Raises
+    ------
+    ModelError
+        Components within components without end.
+    """
+    component._forget()
+    return _outline(component, component._name or type(component).__name__, depth, 0, ())
+
+
+def _outline(component: Component, name: str, depth: int, level: int, more: tuple[Port, ...]) -> Outline:
+    """The outline of a component, with ports besides its own: signals, and ports of its parts that are joined from outside."""
+    if level > DEEPEST:
+        raise ModelError(
+            f"{component!r}: components within components, {DEEPEST} levels deep; a part of its own class without end?"
+        )
+    connections = component._assembled()
+    parts: list[Outline] = []
+    nets: list[Net] = []
+    if depth > 0 and component._parts:
+        for connection in connections:
+            pins = tuple(_pin(component, port) for port in connection.ports)
+            nets.append(Net(pins, domain(connection.ports[0].connector)))
+        for port in more:  # of a part's part
+            inner, _, rest = port.name.partition(".")
+            if rest and port.domain != "signal":
+                nets.append(Net((Pin(OWN, port.name), Pin(inner, rest)), port.domain))
+        nets = joined(nets) + _signals(component)
+        others: dict[str, dict[str, Port]] = {part: {} for part in (OWN, *component._parts)}
+        for net in nets:
+            for pin in net.pins:
+                others[pin.part].setdefault(pin.port, Port(pin.port, net.domain))
+        more = (*more, *others.pop(OWN).values())
+        parts = [
+            _outline(component._parts[part], part, depth - 1, level + 1, tuple(extra.values()))
+            for part, extra in others.items()
+        ]
+    ports = {own: Port(own, domain(connector)) for own, connector in declared_by(component).connectors.items()}
+    ports |= {port.name: port for port in more if port.name not in ports}
+    icon = component.icon if isinstance(component.icon, str) else ""
+    return Outline(
+        name, type(component).__name__, icon, tuple(ports.values()), tuple(parts), tuple(nets), bool(component._parts),
+        _note(component),
+    )  # fmt: skip
+
+
+def domain(connector: Connector) -> str:
+    """What a connector joins, told from the unit of its potential."""
+    units = [v.unit for v in connector.variables.values() if isinstance(v, Potential)]
+    return DOMAINS.get(units[0], "other") if len(units) == 1 else "other"
+
+
+def _pin(scope: Component, port: DeclaredPort) -> Pin:
+    """A connected port as a pin; that of a part's part belongs to the part, with its path from there."""
+    if port.component is scope:
+        return Pin(OWN, port.connector.name)
+    part, _, inner = port.component._path(scope).partition(".")
+    return Pin(part, f"{inner}.{port.connector.name}" if inner else port.connector.name)
+
+
+def joined(nets: list[Net]) -> list[Net]:
+    """Nets that share a pin are one, as connections are.
+
+    >>> a, b, c = (Pin("x", name) for name in "abc")
+    >>> [len(net.pins) for net in joined([Net((a, b)), Net((b, c))])]
+    [3]
+    """
+    graph = nx.Graph()
+    for net in nets:
+        graph.add_nodes_from(net.pins, domain=net.domain)
+        graph.add_edges_from(pairwise(net.pins))
+    place = {pin: i for i, pin in enumerate(graph)}
+    sets = [sorted(pins, key=place.__getitem__) for pins in nx.connected_components(graph)]
+    return [Net(tuple(pins), graph.nodes[pins[0]]["domain"]) for pins in sorted(sets, key=lambda pins: place[pins[0]])]
+
+
+def _signals(component: Component) -> list[Net]:
+    """Inputs of parts that are bound to a variable of another part, or to an input of the component's own."""
+    targets: dict[Pin, list[Pin]] = {}
+    for name, part in component._parts.items():
+        for own, declared in part._declarations.items():
+            if isinstance(declared, Input) and own in part._bindings:
+                for source in _sources(component, part._bindings[own]):
+                    if source.part != name:
+                        targets.setdefault(source, []).append(Pin(name, own))
+    return [Net((source, *ends), "signal") for source, ends in targets.items()]
+
+
+def _sources(component: Component, value: object) -> Iterator[Pin]:
+    symbols = getattr(value, "free_symbols", ())
+    for symbol in sorted(str(s) for s in symbols):
+        part, _, variable = symbol.partition(".")
+        if variable and part in component._parts:
+            yield Pin(part, variable)
+        elif not variable and isinstance(component._declarations.get(part), (Input, Variable, Discrete)):
+            yield Pin(OWN, part)
+
+
+def _note(component: Component) -> str:
+    """What the mouse shows: the class, and the values that the part was given."""
+    values = [f"{name} = {value}" for name, value in {**component._given, **component._bindings}.items()]
+    return "\n".join([type(component).__name__, *(v if len(v) <= 80 else v[:77] + "..." for v in values)])
