@@ -57,8 +57,8 @@ def channel(left: Mapping[int, Sequence[float]], right: Mapping[int, Sequence[fl
     before.add_nodes_from(spans)
     at = {y: net for net, ends in left.items() for y in ends if net in spans}
     nudged: set[tuple[int, float]] = set()
-    for net, ends in right.items():
-        for y in ends:
+    for net, heights in right.items():
+        for y in heights:
             other = at.get(y, net)
             if net in spans and other != net:
                 if nx.has_path(before, net, other):

@@ -20,7 +20,7 @@ from gearlib.drawing.arrangement import (
 )
 from gearlib.drawing.icons import INK, LIGHT
 from gearlib.drawing.outline import Outline, Port, folded
-from gearlib.drawing.svg import Picture, circle, document, group, line, number, path, rectangle, text, text_width
+from gearlib.drawing.svg import Picture, circle, document, group, line, number, path, polygon, rectangle, text, text_width
 
 COLOURS = {"rotation": INK, "translation": "#1b7837", "heat": "#c0392b", "signal": "#1f6fd1", "other": "#6a3d9a"}
 EDGE = 16.0
@@ -91,7 +91,7 @@ def _border(port: Border, x: float, y: float, width: float, free: float) -> Iter
 def _square(port: Port, x: float, y: float) -> str:
     colour = COLOURS[port.domain]
     if port.domain == "signal":
-        return path([(x - 4, y - 4), (x + 4, y), (x - 4, y + 4)], close=True, fill=colour)
+        return polygon([(x - 4, y - 4), (x + 4, y), (x - 4, y + 4)], fill=colour)
     return rectangle(x - 3.5, y - 3.5, 7, 7, fill="white" if port.name.endswith("_b") else colour, stroke=colour)
 
 

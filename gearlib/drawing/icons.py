@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gearlib.drawing.svg import circle, line, path, rectangle, text
+from gearlib.drawing.svg import circle, line, path, polygon, rectangle, text
 
 INK, BODY, LIGHT, TEETH = "#1b2a41", "#cfdbe8", "#eef3f8", "#b9c9da"
 THICK = {"stroke": INK, "stroke_width": "1.6", "fill": "none"}
@@ -82,14 +82,14 @@ def _arc(letter: str, *, both: bool = False) -> Icon:
     shafts = (_shaft(14, 24), *((_shaft(-24, -14),) if both else ()))
     return Icon(
         (*shafts, circle(0, 0, 14, stroke=INK, stroke_width="1.4", fill=LIGHT),
-         path([(8, -15), (13, -11), (14, -17.5)], close=True, fill=INK)),
+         polygon([(8, -15), (13, -11), (14, -17.5)], fill=INK)),
         letters=(text(0, 5, letter, text_anchor="middle", font_size="15", font_style="italic", fill=INK),),
     )  # fmt: skip
 
 
 def _arrow(letter: str) -> Icon:
     return Icon(
-        (_shaft(-18, 16), path([(16, -5), (24, 0), (16, 5)], close=True, fill=INK)),
+        (_shaft(-18, 16), polygon([(16, -5), (24, 0), (16, 5)], fill=INK)),
         letters=(text(-2, -7, letter, text_anchor="middle", font_size="14", font_style="italic", fill=INK),),
     )
 
@@ -157,16 +157,16 @@ ICONS = {
     ),
     "rack": Icon(
         (_shaft(-24, 0, -8), circle(0, -6, 10, **FILLED), circle(0, -6, 1.8, fill=INK),
-         path([(-22, 12), *((x, 5.0 if i % 2 == 0 else 9.0) for i, x in enumerate(_steps(-20, 20, 3.3))), (24, 12)], close=True, **FILLED)),
+         polygon([(-22, 12), *((x, 5.0 if i % 2 == 0 else 9.0) for i, x in enumerate(_steps(-20, 20, 3.3))), (24, 12)], **FILLED)),
         left=-8, right=8,
     ),
     "planetary": Icon(PLANETARY, framed=True),
     "clutch": Icon((_shaft(-24, -4), *_plates(-4, (-16, 16)), *_plates(4, (-16, 16)), _shaft(4, 24),
-                    path([(-15, -15), (-7, -12), (-15, -9)], close=True, fill=INK),
-                    path([(15, -15), (7, -12), (15, -9)], close=True, fill=INK))),
+                    polygon([(-15, -15), (-7, -12), (-15, -9)], fill=INK),
+                    polygon([(15, -15), (7, -12), (15, -9)], fill=INK))),
     "brake": Icon((_shaft(-24, 24), *_plates(0, (-12, 12)), path([(-5, 10), (-5, 15), (5, 15), (5, 10)], **THICK),
                    *_hatch(-12, 12, 15, 5))),
-    "one_way_clutch": Icon((_shaft(-24, -10), path([(-10, -12), (8, 0), (-10, 12)], close=True, **FILLED),
+    "one_way_clutch": Icon((_shaft(-24, -10), polygon([(-10, -12), (8, 0), (-10, 12)], **FILLED),
                             *_plates(9, (-13, 13)), _shaft(9, 24))),
     "bearing": Icon((_shaft(-24, 24), rectangle(-9, -9, 18, 5, **FILLED), rectangle(-9, 4, 18, 5, **FILLED),
                      *_hatch(-12, 12, 12, 5))),

@@ -164,7 +164,8 @@ def _middles(chains: list[list[Outline]], nets: tuple[Net, ...]) -> tuple[list[O
     graph.add_nodes_from(range(len(chains)))
     for net in nets:
         graph.add_edges_from(pairwise([family_of[pin.part] for pin in net.pins if pin.part in family_of]))
-    parts, pins_of = [], {}
+    parts: list[Outline] = []
+    pins_of: dict[Pin, Pin] = {}
     for number, group in enumerate(sorted(sorted(g) for g in nx.connected_components(graph))):
         middle = {m.name for i in group for m in chains[i][1:-1]}
         name = "..." if number == 0 else f"... ({number + 1})"

@@ -32,7 +32,7 @@ def number(value: float) -> str:
     return "0" if text in ("-0", "") else text
 
 
-def element(tag: str, content: str | None = None, **attributes: float | str | None) -> str:
+def element(tag: str, content: str | None = None, /, **attributes: float | str | None) -> str:
     """One element; an underscore in an attribute's name stands for a hyphen, and a last one is dropped.
 
     >>> element("line", x1=0, x2=2.5, stroke_width=1)
@@ -61,10 +61,13 @@ def circle(x: float, y: float, radius: float, **attributes: float | str | None) 
     return element("circle", cx=x, cy=y, r=radius, **attributes)
 
 
-def path(points: Iterable[tuple[float, float]], close: bool = False, **attributes: float | str | None) -> str:
-    """A polyline, or a polygon if closed."""
-    d = "M" + " L".join(f"{number(x)} {number(y)}" for x, y in points) + (" Z" if close else "")
-    return element("path", d=d, **attributes)
+def path(points: Iterable[tuple[float, float]], **attributes: float | str | None) -> str:
+    """A polyline."""
+    return element("path", d="M" + " L".join(f"{number(x)} {number(y)}" for x, y in points), **attributes)
+
+
+def polygon(points: Iterable[tuple[float, float]], **attributes: float | str | None) -> str:
+    return element("polygon", points=" ".join(f"{number(x)},{number(y)}" for x, y in points), **attributes)
 
 
 def text(x: float, y: float, content: str, **attributes: float | str | None) -> str:

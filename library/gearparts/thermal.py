@@ -9,6 +9,8 @@ from gearparts.interfaces import HeatPort
 class HeatCapacitor(gl.Component):
     """Body of one temperature that stores heat: ``C der(T) = port.Q_flow``."""
 
+    icon = "heat_capacity"
+
     port = HeatPort("the body")
     C = gl.Parameter("J/K", "heat capacity", min=0)
     T = gl.Variable("K", "temperature", state="prefer", nominal=300.0, guess=293.15)
@@ -23,6 +25,8 @@ class HeatCapacitor(gl.Component):
 
 class ThermalConductor(gl.Component):
     """Path that conducts heat and stores none: ``Q_flow = G (port_a.T - port_b.T)``."""
+
+    icon = "heat_resistance"
 
     port_a = HeatPort("one end")
     port_b = HeatPort("the other end")
@@ -45,6 +49,8 @@ class ThermalConductor(gl.Component):
 class Convection(gl.Component):
     """Heat that a solid gives to a fluid: ``Q_flow = Gc (solid.T - fluid.T)`` with a conductance that may vary."""
 
+    icon = "convection"
+
     solid = HeatPort("surface of the solid")
     fluid = HeatPort("fluid")
     Gc = gl.Input("W/K", "thermal conductance of the convection")
@@ -65,6 +71,8 @@ class Convection(gl.Component):
 
 class FixedTemperature(gl.Component):
     """Surroundings of constant temperature: ``port.T = T``."""
+
+    icon = "temperature"
 
     port = HeatPort("the surroundings")
     T = gl.Parameter("K", "temperature", min=0)

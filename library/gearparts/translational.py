@@ -17,6 +17,8 @@ class TwoTranslationalFlanges(gl.Component):
 class TranslationalFixed(gl.Component):
     """A flange held at a place: ``s = s0``."""
 
+    icon = "fixed"
+
     flange = TranslationalFlange("held")
     s0 = gl.Parameter("m", "fixed position", default=0.0)
 
@@ -29,6 +31,8 @@ class TranslationalFixed(gl.Component):
 
 class Mass(TwoTranslationalFlanges):
     """Rigid body that slides: ``m der(v) = flange_a.f + flange_b.f``, ``v = der(s)``; its flanges are at ``s -/+ L / 2``."""
+
+    icon = "mass"
 
     m = gl.Parameter("kg", "mass", min=0)
     L = gl.Parameter("m", "length from flange_a to flange_b", default=0.0)
@@ -70,6 +74,8 @@ class TranslationalCompliant(TwoTranslationalFlanges):
 class TranslationalSpring(TranslationalCompliant):
     """Linear spring: ``f = c (s_rel - s_rel0)``."""
 
+    icon = "spring"
+
     c = gl.Parameter("N/m", "stiffness", min=0)
     s_rel0 = gl.Parameter("m", "unstretched length", default=0.0)
 
@@ -82,6 +88,8 @@ class TranslationalSpring(TranslationalCompliant):
 
 class TranslationalDamper(TranslationalCompliant, Dissipative):
     """Linear damper: ``f = d v_rel``; it loses ``f v_rel``."""
+
+    icon = "damper"
 
     d = gl.Parameter("N.s/m", "damping", min=0)
 
@@ -97,6 +105,8 @@ class TranslationalDamper(TranslationalCompliant, Dissipative):
 
 class TranslationalSpringDamper(TranslationalCompliant, Dissipative):
     """Spring and damper side by side: ``f = c (s_rel - s_rel0) + d v_rel``; it loses ``d v_rel**2``."""
+
+    icon = "spring_damper"
 
     c = gl.Parameter("N/m", "stiffness", min=0)
     d = gl.Parameter("N.s/m", "damping", min=0)
@@ -129,6 +139,8 @@ class OneTranslationalFlange(gl.Component):
 class Force(OneTranslationalFlange):
     """A given force: ``flange.f = -f``; a positive ``f`` accelerates the connected rod."""
 
+    icon = "force"
+
     f = gl.Input("N", "driving force")
 
     def equations(self) -> list[gl.Eq]:
@@ -141,6 +153,8 @@ class QuadraticSpeedDependentForce(OneTranslationalFlange):
     With ``force_direction`` (the default) it acts in the same direction whichever way the rod moves; without, it changes
     sign with the velocity: ``f = -f_nominal v abs(v) / v_nominal**2``.
     """
+
+    icon = "load"
 
     f_nominal = gl.Parameter("N", "force at nominal velocity that accelerates the rod; negative: a load")
     v_nominal = gl.Parameter("m/s", "nominal velocity", min=SMALLEST)

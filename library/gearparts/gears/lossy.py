@@ -36,6 +36,8 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
     2nd International Modelica Conference, 2002, pp. 257-266.
     """
 
+    icon = "lossy_gear"
+
     loss_table = gl.Structural(IDEAL, "rows of speed (rad/s), eta1, eta2, B1 (N.m), B2 (N.m)")
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
     ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
@@ -173,6 +175,8 @@ class Gearbox(TwoFlanges, MaybeHeated):
 
     It loses what both parts lose.
     """
+
+    icon = "lossy_gear"
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     loss_table = gl.Structural(IDEAL, "rows of speed (rad/s), eta1, eta2, B1 (N.m), B2 (N.m)")

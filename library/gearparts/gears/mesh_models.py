@@ -27,6 +27,8 @@ class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
     (`TransmissionError`), the flanks with or without backlash (`Flanks`) and the friction of the teeth (`ToothFriction`).
     """
 
+    icon = "mesh"
+
     def equations(self) -> list[gl.Eq]:
         r_b = self.turns_against * self.r_b
         rubbing_a, rubbing_b = self.friction_torques()
@@ -89,6 +91,8 @@ class DetailedInternalMesh(DetailedMesh):
     With friction, both tangent points lie on one side of the pitch point: ``x_a = r_a tan(alpha) - p (u - approach)``,
     ``x_b = r_b tan(alpha) - p (u - approach)``, ``v_s = x_a w_a - x_b w_b``.
     """
+
+    icon = "internal_mesh"
 
     turns_against = -1
 

@@ -20,6 +20,8 @@ from gearparts.interfaces import MaybeHeated, TwoFlanges
 class GearMesh(TwoFlanges, MaybeHeated):
     """Declares what meshes share: radii, compliance, deflection, force and the transmission error's rate."""
 
+    icon = "mesh"
+
     turns_against: ClassVar[int]  # 1 where the gears turn against each other, -1 otherwise
     r_a = gl.Parameter("m", "base radius of the gear on flange_a (pitch radius where forces act along the pitch line)", min=0)
     r_b = gl.Parameter("m", "base radius of the gear on flange_b", min=0)
@@ -60,5 +62,7 @@ class InternalMesh(GearMesh):
 
     Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
     """
+
+    icon = "internal_mesh"
 
     turns_against = -1

@@ -11,6 +11,8 @@ from gearparts.interfaces import Flange, TranslationalFlange, TwoFlangesAndSuppo
 class IdealGear(TwoFlangesAndSupport):
     """Gear pair without inertia, losses or elasticity: ``phi_a = ratio phi_b`` relative to the support."""
 
+    icon = "gear"
+
     ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
 
     def equations(self) -> list[gl.Eq]:
@@ -26,6 +28,8 @@ class IdealGear(TwoFlangesAndSupport):
 
 class IdealPlanetary(gl.Component):
     """Planetary set without inertia or losses: Willis' equation ``(1 + ratio) carrier = sun + ratio ring``."""
+
+    icon = "planetary"
 
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
@@ -45,6 +49,8 @@ class IdealPlanetary(gl.Component):
 
 class RotationToTranslation(gl.Component):
     """Declares what rack and wheel share: a flange that turns, a flange that slides, and a housing for each."""
+
+    icon = "rack"
 
     use_support_r = gl.Structural(False, "whether the housing of the shaft is a flange; otherwise it stands still")
     use_support_t = gl.Structural(False, "whether the housing of the rod is a flange; otherwise it stands still")

@@ -109,6 +109,8 @@ LAWS: dict[str, StiffnessLaw] = {
 class VaryingStiffness(MeshMotion):
     """Declares the stiffness of a mesh, by a law over the mesh phase."""
 
+    icon = "mesh"
+
     stiffness = gl.Structural("constant", "how the stiffness varies over the mesh phase", choices=tuple(LAWS))
     stiffness_law = gl.Structural(None, "a StiffnessLaw of one's own, in the place of stiffness")
     stiffness_terms = gl.Structural((), "fourier: rows of order, relative amplitude, phase (rad) of cosines")

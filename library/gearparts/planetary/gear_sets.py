@@ -24,6 +24,8 @@ class DoublePinionPlanetary(gl.Component):
     ``ratio != 1``. Torques: ``ring = -ratio sun``, ``carrier = (ratio - 1) sun``.
     """
 
+    icon = "planetary"
+
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")
@@ -43,6 +45,8 @@ class Simpson(gl.Component):
     gear the sun held and ratio ``(1 + ratio_front) / ratio_front``; reverse has the sun driving and the rear carrier held, with
     ratio ``-ratio_rear``.
     """
+
+    icon = "planetary"
 
     sun = Flange("common sun shaft")
     ring = Flange("front ring")
@@ -72,6 +76,8 @@ class Ravigneaux(gl.Component):
     large sun held, ratio ``ratio_large / (1 + ratio_large)``; reverse the large sun driving and the carrier held, ratio
     ``-ratio_large``.
     """
+
+    icon = "planetary"
 
     small_sun = Flange("sun of the short planets")
     large_sun = Flange("sun of the long planets")

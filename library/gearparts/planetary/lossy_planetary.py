@@ -41,6 +41,8 @@ class LossyPlanetary(MaybeHeated):
     2nd International Modelica Conference, 2002, pp. 257-266.
     """
 
+    icon = "planetary"
+
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")

@@ -34,6 +34,8 @@ class PlanarFlange(gl.Connector):
 class PlanarBody(gl.Component):
     """A rigid body in the plane: ``m der(v) = f``, ``J der(w) = tau``."""
 
+    icon = "body"
+
     centre = PlanarFlange("centre of mass")
     m = gl.Parameter("kg", "mass", min=0)
     J = gl.Parameter("kg.m2", "moment of inertia about the centre", min=0)
@@ -187,6 +189,8 @@ class PlanarPlanetaryUnit(gl.Component):
     Moments of inertia are those of the bodies (``I/r^2`` of the literature times the square of the base radius; the carrier's
     radius is that of the planets' centres). The support ``k_u`` of the literature, in N/m, is a torsional stiffness ``k_u r^2`` here.
     """
+
+    icon = "planetary"
 
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")

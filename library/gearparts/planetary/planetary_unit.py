@@ -110,6 +110,8 @@ class PlanetaryUnit(gl.Component):
     J. Lin, R. G. Parker, Journal of Vibration and Acoustics 121 (1999) 316-321. https://doi.org/10.1115/1.2893982
     """
 
+    icon = "planetary"
+
     level: ClassVar[str]
     planet_meshes: ClassVar[str] = "lumped"
 

@@ -17,6 +17,8 @@ class BacklashCoupling(Compliant, Dissipative):
     A derived class says by ``contact_torque`` which torque acts where the gap is closed.
     """
 
+    icon = "backlash"
+
     c = gl.Parameter("N.m/rad", "stiffness in contact", min=0)
     d = gl.Parameter("N.m.s/rad", "damping in contact", min=0)
     b = gl.Parameter("rad", "total backlash", default=0.0, min=0)

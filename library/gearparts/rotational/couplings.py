@@ -20,6 +20,8 @@ class CubicSpringDamper(Compliant, Dissipative):
     "Erzwungene Schwingungen bei veränderlicher Eigenfrequenz", Vieweg, 1918).
     """
 
+    icon = "spring_damper"
+
     c = gl.Parameter("N.m/rad", "stiffness where it is not twisted", min=0)
     c_3 = gl.Parameter("N.m/rad3", "growth of the stiffness; negative: it softens", default=0.0)
     d = gl.Parameter("N.m.s/rad", "damping", min=0)
@@ -43,6 +45,8 @@ class ElasticCoupling(TwoFlanges, MaybeHeated):
     The element is, by ``element``, a `SpringDamper` (``"linear"``), a `CubicSpringDamper` (``"cubic"``) or an `ElastoBacklash`
     (``"backlash"``), with ``phi_rel = flange_b.phi - flange_a.phi``.
     """
+
+    icon = "spring_damper"
 
     element = gl.Structural("linear", "law of the elastic element", choices=("linear", "cubic", "backlash"))
     J_a = gl.Parameter("kg.m2", "moment of inertia of the hub on flange_a", min=0)
@@ -84,6 +88,8 @@ class UniversalJoint(TwoFlanges):
     ----------
     F. Schmelz, H. C. Seherr-Thoss, E. Aucktor, "Universal Joints and Driveshafts", Springer, 2006.
     """
+
+    icon = "joint"
 
     beta = gl.Parameter("rad", "angle between the shafts", min=-1.5, max=1.5)
 

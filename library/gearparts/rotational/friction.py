@@ -169,6 +169,8 @@ class BearingFriction(FrictionOnHousing):
     interpolated, and extrapolated along the last two.
     """
 
+    icon = "bearing"
+
     tau_pos = gl.Structural(((0.0, 1.0),), "rows of speed (rad/s) and sliding torque (N.m)")
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
     contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding", words=words("bearing"))
@@ -213,6 +215,8 @@ class Brake(FrictionOnHousing, Pressed):
     times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
     """
 
+    icon = "brake"
+
     contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding", words=words("brake"))
 
 
@@ -222,6 +226,8 @@ class Clutch(Compliant, Friction, Pressed):
     It slides with the opposite torque where ``w_rel < 0``. At rest ``der(w_rel) = 0`` as long as ``abs(tau)`` does not exceed
     ``peak`` times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
     """
+
+    icon = "clutch"
 
     contact = gl.Variable("1", "0 open, 1 stuck, 2 sliding", words=words("clutch"))
 
@@ -236,6 +242,8 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     the sliding torque at zero speed. Where ``f_normalized > 0`` does not hold, flange_b overruns without a torque.
     A start with ``w_rel < 0`` is refused.
     """
+
+    icon = "one_way_clutch"
 
     w_rel = gl.Variable("rad/s", "relative speed; flange_a cannot overtake flange_b", nominal=SLOW, min=0)
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)

@@ -16,6 +16,8 @@ class Position(OneFlange):
     ``der(w) = ((phi_ref - phi) w_crit - 1.3617 w) w_crit / 0.6180`` with ``w = der(phi)``, ``w_crit = 2 pi f_crit``.
     """
 
+    icon = "angle"
+
     exact = gl.Structural(False, "follow exactly, without a filter")
     f_crit = gl.Parameter("Hz", "critical frequency of the filter", default=50.0, min=0)
     phi_ref = gl.Input("rad", "reference angle relative to the support")
@@ -41,6 +43,8 @@ class Speed(OneFlange):
     The filter ``der(w) = (w_ref - w) 2 pi f_crit`` starts at ``w_ref``. The angle starts at 0.
     """
 
+    icon = "speed"
+
     exact = gl.Structural(False, "follow exactly, without a filter")
     f_crit = gl.Parameter("Hz", "critical frequency of the filter", default=50.0, min=0)
     w_ref = gl.Input("rad/s", "reference speed relative to the support")
@@ -62,6 +66,8 @@ class Speed(OneFlange):
 class Accelerate(OneFlange):
     """Follows an acceleration: ``der(phi) = w``, ``der(w) = a_ref``. Both start at 0 unless ``start`` says otherwise."""
 
+    icon = "acceleration"
+
     a_ref = gl.Input("rad/s2", "reference acceleration relative to the support")
     phi = gl.Variable("rad", "angle relative to the support", state="prefer", start=0.0)
     w = gl.Variable("rad/s", "speed relative to the support", state="prefer", start=0.0)
@@ -82,6 +88,8 @@ class Move(OneFlange):
     ``der(w) = a_ref + 2 k (w_ref - w) + k**2 (phi_ref - phi)``, ``w = der(phi)``. Where the signals are each other's
     derivatives, the corrections are zero but for what rounding and the integration add, which they keep from growing.
     """
+
+    icon = "angle"
 
     phi_ref = gl.Input("rad", "reference angle relative to the support")
     w_ref = gl.Input("rad/s", "reference speed, the derivative of phi_ref")
@@ -105,6 +113,8 @@ class Move(OneFlange):
 
 class ConstantSpeed(OneFlange):
     """Turns at a constant speed: ``der(phi) = w_fixed``."""
+
+    icon = "speed"
 
     w_fixed = gl.Parameter("rad/s", "speed relative to the support")
     phi = gl.Variable("rad", "angle relative to the support")

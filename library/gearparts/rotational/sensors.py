@@ -9,6 +9,8 @@ from gearparts.interfaces import Flange, TwoFlanges
 class AbsoluteSensor(gl.Component):
     """Declares the flange of a sensor of absolute motion, which takes no torque."""
 
+    icon = "sensor"
+
     flange = Flange("shaft that is measured")
 
     def equations(self) -> list[gl.Eq]:
@@ -48,6 +50,8 @@ class AccSensor(AbsoluteSensor):
 
 class RelativeSensor(TwoFlanges):
     """Declares what sensors of relative motion share: the relative angle, and no torque at either flange."""
+
+    icon = "sensor_between"
 
     phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="avoid")
 
@@ -90,6 +94,8 @@ class RelAccSensor(RelativeSensor):
 
 class SeriesSensor(TwoFlanges):
     """Declares what sensors within a shaft share: both ends turn alike, and the torque goes through."""
+
+    icon = "sensor_between"
 
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.flange_a.phi, self.flange_b.phi), gl.Eq(self.flange_a.tau + self.flange_b.tau, 0)]

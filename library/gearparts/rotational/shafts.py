@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 class Fixed(gl.Component):
     """A flange held at an angle: ``phi = phi0``."""
 
+    icon = "fixed"
+
     flange = Flange("held")
     phi0 = gl.Parameter("rad", "fixed angle", default=0.0)
 
@@ -26,6 +28,8 @@ class Fixed(gl.Component):
 
 class Inertia(TwoFlanges):
     """Rigid body turning about a fixed axis: ``J der(w) = flange_a.tau + flange_b.tau``."""
+
+    icon = "inertia"
 
     J = gl.Parameter("kg.m2", "moment of inertia", min=0)
     phi = gl.Variable("rad", "angle")
@@ -47,6 +51,8 @@ class Inertia(TwoFlanges):
 class Disc(TwoFlanges):
     """Turns flange_b against flange_a by a constant angle: ``phi_b = phi_a + delta_phi``, ``tau_a + tau_b = 0``."""
 
+    icon = "disc"
+
     delta_phi = gl.Parameter("rad", "angle of flange_b relative to flange_a", default=0.0)
     phi = gl.Variable("rad", "angle midway between the flanges", state="avoid")
 
@@ -64,6 +70,8 @@ class Disc(TwoFlanges):
 class Spring(Compliant):
     """Linear torsional spring: ``tau = c (phi_rel - phi_rel0)``."""
 
+    icon = "spring"
+
     c = gl.Parameter("N.m/rad", "stiffness", min=0)
     phi_rel0 = gl.Parameter("rad", "unstretched angle", default=0.0)
 
@@ -76,6 +84,8 @@ class Spring(Compliant):
 
 class Damper(Compliant, Dissipative):
     """Linear torsional damper: ``tau = d w_rel``; it loses ``tau w_rel``."""
+
+    icon = "damper"
 
     d = gl.Parameter("N.m.s/rad", "damping", min=0)
 
@@ -91,6 +101,8 @@ class Damper(Compliant, Dissipative):
 
 class SpringDamper(Compliant, Dissipative):
     """Spring and damper side by side: ``tau = c (phi_rel - phi_rel0) + d w_rel``; it loses ``d w_rel**2``."""
+
+    icon = "spring_damper"
 
     c = gl.Parameter("N.m/rad", "stiffness", min=0)
     d = gl.Parameter("N.m.s/rad", "damping", min=0)
@@ -108,6 +120,8 @@ class SpringDamper(Compliant, Dissipative):
 
 class RelativeStates(TwoFlanges):
     """Offers the relative motion of two shafts as states: ``phi_rel = phi_b - phi_a``, ``w_rel = der(phi_rel)``; no torque."""
+
+    icon = "link"
 
     phi_rel = gl.Variable("rad", "flange_b.phi - flange_a.phi", state="prefer")
     w_rel = gl.Variable("rad/s", "relative speed", state="prefer")
@@ -166,6 +180,8 @@ class TorsionalShaft(TwoFlanges, MaybeHeated):
     Without damping and with free ends its natural frequencies are ``w_k = 2 n sqrt(c / J) sin(k pi / (2 n))``, which tends to
     the continuous shaft's ``k pi sqrt(c / J)`` as n grows. With ``use_heat_port`` all segments lose to one heat port.
     """
+
+    icon = "shaft"
 
     segments = gl.Structural(10, "number n of segments", min=1)
     J = gl.Parameter("kg.m2", "moment of inertia of the whole shaft", min=0)

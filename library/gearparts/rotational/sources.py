@@ -14,6 +14,8 @@ SMALLEST = 1e-15  # as Modelica.Constants.eps: a speed that something is divided
 class Torque(OneFlange):
     """A given torque: ``flange.tau = -tau``; a positive ``tau`` accelerates the connected shaft."""
 
+    icon = "torque"
+
     tau = gl.Input("N.m", "driving torque")
 
     def equations(self) -> list[gl.Eq]:
@@ -22,6 +24,8 @@ class Torque(OneFlange):
 
 class Torque2(TwoFlanges):
     """A given torque between two shafts: ``flange_a.tau = tau``, ``flange_b.tau = -tau``; positive: it accelerates flange_b."""
+
+    icon = "torque_between"
 
     tau = gl.Input("N.m", "torque that drives flange_b and takes its reaction from flange_a")
 
@@ -35,6 +39,8 @@ class Torque2(TwoFlanges):
 class ConstantTorque(OneFlange):
     """A constant torque: ``flange.tau = -tau_constant``."""
 
+    icon = "torque"
+
     tau_constant = gl.Parameter("N.m", "torque; negative: a load in positive direction of rotation")
 
     def equations(self) -> list[gl.Eq]:
@@ -43,6 +49,8 @@ class ConstantTorque(OneFlange):
 
 class TorqueStep(OneFlange):
     """A torque that jumps: ``tau = offset_torque`` before ``start_time``, ``offset_torque + step_torque`` from then on."""
+
+    icon = "torque"
 
     step_torque = gl.Parameter("N.m", "height of the step; negative: a load")
     offset_torque = gl.Parameter("N.m", "torque before the step", default=0.0)
@@ -59,6 +67,8 @@ class TorqueStep(OneFlange):
 
 class SpeedDependentTorque(OneFlange):
     """Declares what torques that depend on speed share: the speed, and the torque that accelerates the shaft."""
+
+    icon = "load"
 
     w = gl.Variable("rad/s", "speed of the flange relative to the support", state="avoid")
     tau = gl.Variable("N.m", "torque at the flange that accelerates it")
@@ -134,6 +144,8 @@ class SignTorque(SpeedDependentTorque):
     ``tau_nominal sign(w) (1 - cos(pi w / (2 w0)))``.
     """
 
+    icon = "load"
+
     tau_nominal = gl.Parameter("N.m", "torque; negative: it brakes in both directions of rotation")
     w0 = gl.Parameter("rad/s", "speed below which the torque is smaller", min=SMALLEST)
     reg = gl.Structural("exp", "law near standstill", choices=("exp", "sine", "linear", "cosine"))
@@ -155,6 +167,8 @@ class EddyCurrentTorque(OneFlange, Dissipative):
     ``w_n = w / (w_nominal (1 + alpha (T - T_ref)))`` with ``alpha = alpha20 / (1 + alpha20 (T_ref - 293.15))``: a warm disc
     brakes best at a higher speed. The temperature is that of the heat port, or ``T`` without one. It loses ``tau w``.
     """
+
+    icon = "eddy_brake"
 
     tau_nominal = gl.Parameter("N.m", "largest torque; it always brakes", min=0)
     w_nominal = gl.Parameter("rad/s", "speed of the largest torque at T_ref", min=SMALLEST)

@@ -28,6 +28,8 @@ class FixedAxisUnit(TwoFlanges):
     Rigid, ``R_1 w_1 = -R_2 w_2``; the deflection ``q`` of the mesh has the rate ``R_1 w_1 + R_2 w_2 + e_rate``.
     """
 
+    icon = "mesh"
+
     R_1 = gl.Parameter("m", "pitch radius of gear 1, on flange_a", min=0)
     R_2 = gl.Parameter("m", "pitch radius of gear 2, on flange_b", min=0)
     I_1 = gl.Parameter("kg.m2", "moment of inertia of gear 1", min=0)
