@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import check_axes, name_list, shown
+from gearlib.arguments import by_name, flag, name_list, shown
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
 from gearlib.run.scene import Scene
@@ -23,6 +23,7 @@ from gearlib.structure.incidence import Node
 if TYPE_CHECKING:
     import pandas
 
+    from gearlib.drawing.histories import History
     from gearlib.run.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
@@ -190,36 +191,108 @@ class Result:
         chosen = list(self._outputs) if names is None else name_list("names", names, "load.w")
         return pandas.DataFrame({n: self[n] for n in chosen}, index=pandas.Index(self.time, name="time"))
 
-    def plot(self, *names: str, axes: Any = None) -> Any:
-        """Plot variables over time with matplotlib; returns the axes.
+    def plot(
+        self, *names: str, units: Mapping[str, str] | None = None, other: Result | Mapping[str, Result] | None = None,
+        events: bool = True, axes: Any = None,
+    ) -> Any:  # fmt: skip
+        """Plot variables over time with matplotlib, those of one unit into one diagram; returns the axes.
 
         Parameters
         ----------
         *names : str
             Variables; by default the outputs.
+        units : mapping of str to str, optional
+            Units to show, by variable or by SI unit, such as ``{"m": "µm", "N": "kN", "s": "ms"}``.
+        other : Result or mapping of str to Result, optional
+            Runs to compare, by the names they have in the legend; dashed.
+        events : bool
+            Whether the times of events are marked.
         axes : matplotlib Axes, optional
-            To draw into.
+            To draw into: one, or one for each unit.
+
+        Returns
+        -------
+        matplotlib Axes, or an array of them where there are several units.
         """
-        plt = optional("matplotlib.pyplot")
+        from gearlib.drawing.histories import plot_histories
 
         chosen = names or self._outputs
         if not chosen:
             raise ArgumentError("plot() needs the names of variables")
-        histories = [self[name] for name in chosen]  # a wrong name leaves no empty figure
-        if axes is None:
-            _, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
-        check_axes(axes, 1)
-        units = []
-        for name, history in zip(chosen, histories, strict=True):
-            axes.plot(self.time, history, label=name)
-            base, order = self._scene.model.column(name)
-            declared = self._scene.model.declaration(self._scene.model.variable(base))
-            units.append("" if declared is None else declared.unit + "/s" * order)
-        axes.set_xlabel("time, s")
-        axes.set_ylabel(", ".join(dict.fromkeys(u for u in units if u)))
-        axes.legend()
-        axes.grid(alpha=0.3)
-        return axes
+        runs: dict[str, Result] = {"": self}
+        if other is not None:
+            runs |= {"other": other} if isinstance(other, Result) else by_name("other", other, "runs by name", "before")
+        for name, run in runs.items():
+            if not isinstance(run, Result):
+                raise ArgumentError(f"other is {shown(run)} for {shown(name)}; expected a result, or results by name")
+        histories = [run.history(name, label) for label, run in runs.items() for name in chosen]
+        marks = self.events if flag("events", events) else []
+        return plot_histories(histories, marks, units=units, axes=axes)
+
+    def plot_against(
+        self, x: str, y: str, *, period: float | None = None, units: Mapping[str, str] | None = None, axes: Any = None
+    ) -> Any:
+        """Plot one variable over another: a phase portrait, a hysteresis loop, an orbit; returns the axes.
+
+        Parameters
+        ----------
+        x, y : str
+            Variables, such as a deflection and its force, or ``"mesh.q"`` and ``"der(mesh.q)"``.
+        period : float, optional
+            Of the excitation, s: the last period is drawn strongly, the state at whole periods before the end is marked (the
+            Poincaré section), and the work of the last period of a path and its force is named.
+        units : mapping of str to str, optional
+            As for `plot`.
+        axes : matplotlib Axes, optional
+        """
+        from gearlib.drawing.curves import plot_against
+        from gearlib.drawing.histories import shown_units
+
+        pair = self.history(x), self.history(y)
+        shown = shown_units(pair, units)
+        return plot_against(*pair, (shown[0], shown[1]), period=period, axes=axes)
+
+    def plot_spectrum(
+        self, name: str, *, window: str = "hann", t_start: float | None = None, f_max: float | None = None,
+        units: Mapping[str, str] | None = None, axes: Any = None,
+    ) -> Any:  # fmt: skip
+        """Plot the amplitudes of a variable over frequency; returns the axes.
+
+        Parameters
+        ----------
+        name : str
+        window : {"hann", "flattop", "blackman", "rectangular"}
+            Flattop shows amplitudes right wherever their frequencies lie, hann tells close frequencies apart.
+        t_start : float, optional
+            What is before, such as the transient, is left out, s.
+        f_max : float, optional
+            Highest frequency shown, Hz.
+        units : mapping of str to str, optional
+            As for `plot`.
+        axes : matplotlib Axes, optional
+        """
+        from gearlib.drawing.curves import plot_spectrum
+        from gearlib.drawing.histories import shown_units
+
+        history = self.history(name)
+        shown = shown_units([history], units)[0]
+        return plot_spectrum(history, shown, window=window, t_start=t_start, f_max=f_max, axes=axes)
+
+    def history(self, name: str, run: str = "") -> History:
+        """A variable over time with its unit, as plots take it; ``run`` is a name for this run."""
+        from gearlib.drawing.histories import History
+
+        return History(name, self.unit(name), self.time, self[name], run)
+
+    def unit(self, name: str) -> str:
+        """SI unit of a variable or a derivative; empty where the model declares none."""
+        model = self._scene.model
+        if name in model.discretes.names:
+            return ""
+        self._scene.named(name)  # a wrong name is refused, with those that are near
+        base, order = model.column(name)
+        declared = model.declaration(model.variable(base))
+        return "" if declared is None else declared.unit + "/s" * order
 
     def __repr__(self) -> str:
         method = self.stats.get("method", "?")
