@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gearlib.arguments import one_name
+from gearlib.drawing.sankey import Flow, sankey
 from gearlib.errors import NameLookupError, nearest
 from gearlib.optional import optional
 from gearlib.statics.circulation import Branch, Circulation, circulations
 
 if TYPE_CHECKING:
     import pandas
+
+    from gearlib.drawing.svg import Picture
 
 RPM = 30 / 3.141592653589793
 NOTHING = 1e-12  # of the largest torque or speed: rounding
@@ -161,6 +165,11 @@ class PowerFlow:
         turning = abs(relative) > 1e-12 * max(abs(s.speed), abs(r.speed), abs(c.speed))
         return (s.speed - c.speed) / relative if turning else float("nan"), -r.torque / s.torque if s.torque else float("nan")
 
+    def sankey(self) -> Picture:
+        """Sankey diagram: bands as wide as the power, from drives to loads; what circulates flows back below."""
+        flows, joints = _flows(self._branches)
+        return sankey([Flow(*flow) for flow in flows], self.losses, self._title, joints)
+
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per flange."""
         pandas = optional("pandas")
@@ -234,6 +243,28 @@ class PowerFlow:
         else:
             lines.append("circulating power  none")
         return lines
+
+
+def _flows(branches: Sequence[Branch]) -> tuple[list[tuple[str, str, float]], list[str]]:
+    """Power from component to component; where more than two share a shaft, over a joint.
+
+    >>> _flows([Branch("motor", 0, -5.0), Branch("gear", 0, 5.0), Branch("gear", 1, -5.0), Branch("a", 1, 2.0), Branch("b", 1, 3.0)])
+    ([('motor', 'gear', 5.0), ('gear', 'shaft 1', 5.0), ('shaft 1', 'a', 2.0), ('shaft 1', 'b', 3.0)], ['shaft 1'])
+    """
+    by_shaft: dict[int, list[Branch]] = {}
+    for branch in branches:
+        by_shaft.setdefault(branch.shaft, []).append(branch)
+    flows: list[tuple[str, str, float]] = []
+    joints = []
+    for shaft, found in by_shaft.items():
+        givers, takers = [b for b in found if b.power < 0], [b for b in found if b.power > 0]
+        if len(givers) == len(takers) == 1:
+            flows.append((givers[0].component, takers[0].component, takers[0].power))
+            continue
+        joints.append(f"shaft {shaft}")
+        flows += [(b.component, joints[-1], -b.power) for b in givers]
+        flows += [(joints[-1], b.component, b.power) for b in takers]
+    return flows, joints
 
 
 def _table(flanges: list[FlangePower], scales: tuple[float, float]) -> list[str]:

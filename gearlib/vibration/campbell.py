@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import by_name, check_axes, increasing, real, reals, shown
+from gearlib.drawing.style import COLOURS, MARK
 from gearlib.errors import ArgumentError
 from gearlib.linear.subject import check_system
 from gearlib.optional import optional
@@ -103,7 +104,10 @@ class Campbell:
             _, axes = plt.subplots(figsize=(9, 5.5), layout="constrained")
         check_axes(axes, 1)
         rpm = self.speeds * RPM
-        top = 1.15 * float(self.frequencies.max(initial=0.0))
+        # As high as the excitations reach, and one natural frequency at least: what lies above is excited by none of them.
+        excited = max((order * float(self.speeds[-1]) / (2 * np.pi) for order in self.orders.values()), default=np.inf)
+        lowest = float(self.frequencies.min(axis=0).min(initial=np.inf))
+        top = 1.1 * min(max(excited, lowest), float(self.frequencies.max(initial=0.0)))
         for k in range(self.frequencies.shape[1]):
             axes.plot(rpm, self.frequencies[:, k], color="black", lw=1.2, label="natural frequencies" if not k else None)
             start = (rpm[0], self.frequencies[0, k])
@@ -111,17 +115,27 @@ class Campbell:
                 f"{self.modes[0, k]}", start, xytext=(-3, 0), textcoords="offset points", fontsize=8, ha="right", va="center"
             )
         for k, (name, order) in enumerate(self.orders.items()):
-            axes.plot(rpm, order * self.speeds / (2 * np.pi), color=f"C{k}", lw=1, ls="--", label=f"{name} (order {order:g})")
+            colour = COLOURS[k % len(COLOURS)]
+            axes.plot(rpm, order * self.speeds / (2 * np.pi), color=colour, lw=1.2, ls="--", label=f"{name} (order {order:g})")
         if self.crossings:
             x, y = [c.speed * RPM for c in self.crossings], [c.frequency for c in self.crossings]
-            axes.plot(x, y, "o", color="#b22222", ms=5, label="crossings")
+            axes.plot(x, y, "o", color=MARK, ms=5, label="crossings")
+            for c in self.crossings:
+                axes.annotate(
+                    f"{c.mode}",
+                    (c.speed * RPM, c.frequency),
+                    xytext=(5, -9),
+                    textcoords="offset points",
+                    fontsize=8,
+                    color=MARK,
+                )
         axes.set_xlim(rpm[0] - 0.02 * np.ptp(rpm), rpm[-1])
         axes.set_ylim(0, top or 1.0)
         axes.set_xlabel("speed of the reference shaft, 1/min")
         axes.set_ylabel("frequency, Hz")
         axes.set_title("Campbell diagram")
-        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
         axes.grid(alpha=0.3)
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
         return axes
 
 
