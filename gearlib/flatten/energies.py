@@ -106,6 +106,7 @@ def _components(root: Component) -> Iterator[tuple[Component, str]]:
     stack = [(root, "")]
     while stack:
         component, path = stack.pop()
+        component._assembled()
         yield component, path
         prefix = f"{path}." if path else ""
         stack += [(part, prefix + name) for name, part in reversed(component._parts.items())]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Variable
-from gearlib.linear.linearize import Point, slots_at
+from gearlib.linear.operating_point import Point, slots_at
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
 from gearlib.reduce.reduction import Structure

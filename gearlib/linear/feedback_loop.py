@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import real, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
-from gearlib.linear.linearize import LinearModel, label
+from gearlib.linear.linearize import LinearModel, label, linear_model
 from gearlib.linear.poles import Poles, poles
-from gearlib.linear.subject import described, is_system
+from gearlib.run.subject import described, is_compiled, translation_of
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -178,15 +178,15 @@ def as_loop(
     if loop is not None and (isinstance(loop, str) or not isinstance(loop, Sequence) or len(loop) != 2):
         raise ArgumentError(f"loop is {shown(loop)}; expected (input, output)")
     gain = real("gain", gain)
-    if is_system(model):
-        chosen = (None, None) if loop is None else ([loop[0]], [loop[1]])
-        model = model.linearize(inputs=chosen[0], outputs=chosen[1], at=at, parameters=parameters, sparse=True)
+    if is_compiled(model):
+        inputs, outputs = (None, None) if loop is None else ([loop[0]], [loop[1]])
+        model = linear_model(translation_of(model), inputs, outputs, at, parameters)
     elif parameters or at is not None:
         raise ArgumentError("at and parameters belong to a System; a linear model has its numbers already")
-    A, B, C, D, inputs, outputs = matrices(model)
-    j = _signal("input", loop and loop[0], inputs)
-    i = _signal("output", loop and loop[1], outputs)
-    return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, inputs[j], outputs[i])
+    A, B, C, D, ins, outs = matrices(model)
+    j = _signal("input", loop and loop[0], ins)
+    i = _signal("output", loop and loop[1], outs)
+    return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, ins[j], outs[i])
 
 
 def check_linear(model: Any) -> None:

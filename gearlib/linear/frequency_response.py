@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import check_axes, name_list, one_name, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.feedback_loop import check_linear, matrices
-from gearlib.linear.linearize import LinearModel, input_names
-from gearlib.linear.subject import check_system, is_system
+from gearlib.linear.linearize import LinearModel, input_names, linear_model
 from gearlib.optional import optional
+from gearlib.run.subject import is_compiled, translation_of
+from gearlib.run.translation import Compiled, Translation
 
 if TYPE_CHECKING:
     import pandas
-
-    from gearlib.system import System
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -160,11 +159,11 @@ def frequency_response(
         raise ArgumentError(f"omega is {shown(omega)}; expected {expected}")
     units: tuple[str, ...] = ()
     per = ""
-    if is_system(model):
-        system = model
-        model = system.linearize(inputs=inputs, outputs=outputs, at=at, parameters=parameters, sparse=True)
-        units = tuple(_unit(system, name) for name in model.outputs)
-        sources = {_unit(system, name) for name in model.inputs}
+    if is_compiled(model):
+        translation = translation_of(model)
+        model = linear_model(translation, inputs, outputs, at, parameters)
+        units = tuple(translation.unit(name) for name in model.outputs)
+        sources = {translation.unit(name) for name in model.inputs}
         per = sources.pop() if len(sources) == 1 else ""
     elif inputs is not None or outputs is not None or at is not None or parameters:
         raise ArgumentError("inputs, outputs, at and parameters belong to a System; a linear model has them already")
@@ -179,12 +178,6 @@ def frequency_response(
         w = grid[~np.isfinite(values).all(axis=(0, 1))][0]
         raise ArgumentError(f"the model has a pole at {w:g} rad/s: the response there is infinite")
     return FrequencyResponse(grid, values, *signals, units or ("",) * len(signals[1]), per, said)
-
-
-def _unit(system: System, name: str) -> str:
-    base, order = system._model.column(name)
-    declared = system._model.declaration(system._model.variable(base))
-    return "" if declared is None else declared.unit + "/s" * order
 
 
 def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complexes:
@@ -221,8 +214,8 @@ def _sparse(model: Any, omega: Floats) -> Complexes:
 
 
 def transmission_error_response(
-    system: System, omega: ArrayLike, outputs: Sequence[str] | None = None, *, meshes: Mapping[str, complex] | Sequence[str] | None = None,
-    at: Any = None, parameters: Mapping[str, float] | None = None,
+    system: Compiled, omega: ArrayLike, outputs: Sequence[str] | None = None, *,
+    meshes: Mapping[str, complex] | Sequence[str] | None = None, at: Any = None, parameters: Mapping[str, float] | None = None,
 ) -> FrequencyResponse:  # fmt: skip
     """Response to a transmission error of 1 m amplitude in some meshes at once.
 
@@ -248,11 +241,11 @@ def transmission_error_response(
     ArgumentError
         The system has no such inputs, or one has another unit.
     """
-    check_system(system)
-    weights = _weights(_error_inputs(system) if meshes is None else meshes)
+    translation = translation_of(system)
+    weights = _weights(_error_inputs(translation) if meshes is None else meshes)
     if not weights:
         raise ArgumentError("the system has no input for a transmission error (e_rate or e of a mesh)")
-    units = {name: _unit(system, name) for name in weights}
+    units = {name: translation.unit(name) for name in weights}
     for name, unit in units.items():
         if unit not in ("m", "m/s"):
             raise ArgumentError(f"{name} is in {unit}; a transmission error is in m, its rate in m/s")
@@ -272,9 +265,9 @@ def _weights(meshes: Any) -> dict[str, complex]:
     return dict(meshes)
 
 
-def _error_inputs(system: System) -> list[str]:
+def _error_inputs(translation: Translation) -> list[str]:
     """Paths of inputs that are transmission errors, the outermost of those that are one."""
-    model = system._model
+    model = translation.model
     found: dict[int, str] = {}
     for name in input_names(model):
         if name.rsplit(".", 1)[-1] in ("e_rate", "e"):

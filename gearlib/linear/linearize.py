@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import is_real, shown
+from gearlib.arguments import name_list
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.flatten.model import FlatModel
+from gearlib.linear.condition import conditions
 from gearlib.linear.held_states import remaining
+from gearlib.linear.operating_point import Point, fitting, operating_point, slots_at
 from gearlib.program.build import build
-from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.program.interpret import prepare
 from gearlib.program.program import Program
 from gearlib.program.sensitivity import sensitivity, undetermined
 from gearlib.run.scene import Scene, needed_states, node_name
-from gearlib.solvers.inputs.table import values
-from gearlib.structure.incidence import Node
-
-if TYPE_CHECKING:
-    from gearlib.run.result import Result
-    from gearlib.system import System
+from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
 NEGLIGIBLE = 1e-12  # what rounding leaves where an open value has no effect
@@ -46,60 +43,6 @@ class LinearModel:
     conditions: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Point:
-    """An operating point: time, and a value of every state of the structure that is known there.
-
-    ``modes`` gives the relations and discrete variables of a program where a run knows them; otherwise they are as at a start.
-    """
-
-    t: float
-    states: dict[tuple[int, int], float]
-    inputs: Floats
-    guess: Floats
-    modes: Callable[[Program], Floats] | None = None
-
-
-def operating_point(
-    system: System, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None
-) -> tuple[Scene, Floats, Point]:
-    """A scene with some states, the parameters' numbers, and the point that ``at`` stands for (see `System.linearize`)."""
-    from gearlib.run.result import Result
-
-    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
-        return _moment(system, states, at[0], at[1], parameters)
-    numbers = system._parameters(parameters)
-    scene = system._scenes.setdefault(states, Scene(system._structure, states))
-    signals = [0.0] * len(system.inputs)
-    if not (at is None or (isinstance(at, str) and at == "steady") or isinstance(at, Mapping)):
-        raise ArgumentError(f"at is {shown(at)}; expected start values by path, 'steady', or (result, time)")
-    begin = system._start(scene, numbers, 0.0, at, signals)
-    known = dict(zip(states, begin.states.tolist(), strict=True))
-    return scene, numbers, Point(0.0, known, np.array(signals, float), begin.guess)
-
-
-def _moment(
-    system: System, states: tuple[Node, ...], result: Result, t: Any, parameters: Mapping[str, float] | None
-) -> tuple[Scene, Floats, Point]:
-    """A moment of a run, with the run's inputs and, unless others are given, its parameters."""
-    if result._scene.structure is not system._structure:
-        raise ArgumentError(f"at names a run of another system than {system.name}; simulate this one")
-    if not is_real(t) or not result.time[0] <= t <= result.time[-1]:
-        raise ArgumentError(f"at names the time {shown(t)}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
-    t = float(t)
-    numbers = result._parameters if parameters is None else system._parameters(parameters)
-    scene = system._scenes.setdefault(states, Scene(system._structure, states))
-    result = result._with_sample(t)
-    sample = int(np.searchsorted(result.time, t))
-    known = {s: float(result._history(s)[sample]) for s in states}
-    part = result._part_at(t)
-    inputs = values(result._signals, np.array([t]))[:, 0]
-    guess = part.guess.copy()
-    for v in result._scene.iterated:  # on the branch that the run is on
-        guess[v] = result._history((v, 0))[sample]
-    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.modes_at(program, t))
-
-
 def input_names(model: FlatModel) -> list[str]:
     """Everything that can be an input of a linear model: unbound inputs, and bound ones."""
     unbound = [model.name(int(v)) for v in model.inputs]
@@ -109,6 +52,21 @@ def input_names(model: FlatModel) -> list[str]:
             j = group.template.locals.index("bound")
             bound += [model.name(int(v)) for v in group.variables[:, j]]
     return unbound + bound
+
+
+def linear_model(
+    translation: Translation, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, at: Any = None,
+    parameters: Mapping[str, float] | None = None, worded: bool = True,
+) -> LinearModel:  # fmt: skip
+    """Linear model of a translation; `System.linearize` says what is given. With ``worded`` its conditions are found, too."""
+    translation = fitting(translation, at, parameters)
+    default = translation.states if translation.outputs is None else translation.outputs
+    chosen_inputs = name_list("inputs", translation.inputs if inputs is None else inputs, "torque.tau")
+    chosen = name_list("outputs", default if outputs is None else outputs, "load.w")
+    states = needed_states(translation.structure, translation.nodes(chosen))
+    scene, numbers, point = operating_point(translation, states, at, parameters)
+    model = linearize(scene, numbers, chosen_inputs, chosen, point)
+    return replace(model, conditions=conditions(scene, numbers, point).said) if worded else model
 
 
 def linearize(
@@ -192,22 +150,6 @@ def _refuse_undetermined(scene: Scene, program: Program, open_: Floats) -> None:
             f"there is no linear model at this point: {node_name(scene.model, wanted[int(bad[0])])} is not determined there, nothing "
             "says how fast it moves; give inertia to what nothing moves, or another point (at=...)"
         )
-
-
-def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:
-    """Values of a program's slots, and of the discrete variables, at an operating point."""
-    program = prepared.program
-    x = np.array([point.states.get(s, 0.0) for s in scene.states])
-    u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
-    now = np.array([point.t])
-    if point.modes is not None:
-        flags = point.modes(program)[:, None]
-    elif not scene.n_modes:  # saves the scene's own program, which a linear train does not need here
-        flags = np.zeros((0, 1))
-    else:
-        flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
-    guess = scene.guess(program, point.guess)
-    return evaluate(prepared, now, x[:, None], u[:, None], flags, guess)[:, 0], flags[:, 0]
 
 
 def _input(model: FlatModel, name: str) -> int:

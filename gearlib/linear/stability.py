@@ -12,10 +12,11 @@ import numpy as np
 from gearlib.arguments import real
 from gearlib.linear.feedback_loop import Loop, as_loop, check_linear
 from gearlib.linear.gain_range import gains_in_words, stable_gains
+from gearlib.linear.linearize import linear_model
 from gearlib.linear.margins import Margins, margins
 from gearlib.linear.nyquist import NyquistCount, nyquist_count
 from gearlib.linear.poles import MEANING, Poles, Verdict, poles
-from gearlib.linear.subject import is_system
+from gearlib.run.subject import is_compiled, translation_of
 from gearlib.vibration.modes import MOST_DENSE, Modes, modes
 
 
@@ -206,20 +207,20 @@ def stability(
     >>> report.verdict, report.loop.verdict, round(report.loop.margins.gain_margin, 9)
     ('marginal', 'stable', 2.0)
     """
-    if not is_system(model):
+    if not is_compiled(model):
         check_linear(model)
     real("gain", gain)
     name = getattr(model, "name", None) or type(model).__name__
     said: tuple[str, ...] = ()
     at_zero = ""
-    if is_system(model) and len(model.states) <= MOST_DENSE:
+    if is_compiled(model) and len(model.states) <= MOST_DENSE:
         found = modes(model, at=at, parameters=parameters)
         said, at_zero = found.conditions, _at_zero(found)
     if loop is not None:
         chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
         return StabilityReport(name, chosen.open_poles, LoopReport(chosen), said, at_zero)
-    if is_system(model):
-        model = model.linearize(inputs=[], at=at, parameters=parameters, sparse=True)
+    if is_compiled(model):
+        model = linear_model(translation_of(model), [], None, at, parameters)
     if not hasattr(model, "A"):
         model = as_loop(model)
     return StabilityReport(name, poles(model.A), None, said, at_zero)

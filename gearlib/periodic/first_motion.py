@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,10 @@ from gearlib.arguments import finite, is_real, name_list, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.periodic.fourier_balance import Balance, rigid_motions
 from gearlib.periodic.periods import Driven, fourier
+from gearlib.run.request import Request
 from gearlib.run.scene import Scene, needed_states, node_name
-
-if TYPE_CHECKING:
-    from gearlib.system import System
+from gearlib.run.simulate import run
+from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
 SINGULAR = 1e-14  # of the largest singular value: a smaller one is rounding
@@ -37,7 +37,7 @@ class First:
 class Forced:
     """What a branch is asked for, with its forcing."""
 
-    system: System
+    translation: Translation
     frequency: str | None
     parameters: dict[str, float]
     inputs: dict[str, Any]
@@ -52,17 +52,17 @@ class Forced:
         ArgumentError
             There are none, or some of them have a memory.
         """
-        system = self.system
-        structure = system._structure
+        translation = self.translation
+        structure = translation.structure
         outputs = name_list("outputs", outputs, "mesh.q")
         if not outputs:
             raise ArgumentError("outputs is []; expected a list of names, such as ['mesh.q']")
-        states = needed_states(structure, [system._node(n, "output") for n in outputs])
+        states = needed_states(structure, [translation.node(n, "output") for n in outputs])
         if not states:
             raise ArgumentError(f"{', '.join(outputs)} depend on no states, so there is nothing to balance")
-        scene = system._scenes.setdefault(states, Scene(structure, states))
+        scene = translation.scene_of(states)
         _refuse_memory(scene)
-        if len(scene.program.inputs) > len(system.inputs):
+        if len(scene.program.inputs) > len(translation.inputs):
             raise ArgumentError("the model differentiates an input; give its derivative to a component that takes it instead")
         return scene
 
@@ -74,7 +74,7 @@ class Forced:
     @cached_property
     def _in_hertz(self) -> bool:
         """Whether the frequency's parameter is declared in Hz."""
-        for instance in self.system._model.instances:
+        for instance in self.translation.model.instances:
             for name, declared in instance.parameters.items():
                 if (f"{instance.path}.{name}" if instance.path else name) == self.frequency:
                     return declared.unit == "Hz"
@@ -82,27 +82,27 @@ class Forced:
 
     def repeating(self) -> tuple[str, ...]:
         """The states but those that only add up what others do: absolute angles and phases of meshes, which may grow."""
-        structure = self.system._structure
+        structure = self.translation.structure
         names = {node_name(structure.model, s): s for s in structure.states}
         left = []
-        for name in self.system.states:
+        for name in self.translation.states:
             v, k = names[name]
             follows = needed_states(structure, [(v, k + 1)])
             others = [(u, j + 1) for u, j in structure.states if (u, j) != (v, k)]
             if name not in self.turning and not (follows and (v, k) not in {*follows, *needed_states(structure, others)}):
                 left.append(name)
-        return tuple(left or [n for n in self.system.states if n not in self.turning])
+        return tuple(left or [n for n in self.translation.states if n not in self.turning])
 
     def driven(self, scene: Scene) -> Callable[[float], Driven]:
         """The scene at a frequency; the last ones are kept."""
-        system = self.system
+        translation = self.translation
         self._check_inputs()
-        given = [self.inputs.get(name, 0.0) for name in system.inputs]
+        given = [self.inputs.get(name, 0.0) for name in translation.inputs]
 
         def signals(phase: Floats, omega: float) -> Floats:
             rows = [
                 [_finite(name, g(float(p), omega)) for p in phase % (2 * np.pi)] if callable(g) else np.full(len(phase), g)
-                for name, g in zip(system.inputs, given, strict=True)
+                for name, g in zip(translation.inputs, given, strict=True)
             ]
             return np.array(rows, float).reshape(len(given), len(phase))
 
@@ -110,11 +110,11 @@ class Forced:
 
         @lru_cache(maxsize=8)
         def at(omega: float) -> Driven:
-            return Driven(scene, scene.numbers(system._parameters(self.values(omega))), signals, omega, growth)
+            return Driven(scene, scene.numbers(translation.parameter_values(self.values(omega))), signals, omega, growth)
 
         if self.frequency is not None:
             return at
-        fixed = scene.numbers(system._parameters(self.parameters))
+        fixed = scene.numbers(translation.parameter_values(self.parameters))
         return lambda omega: Driven(scene, fixed, signals, omega, growth)
 
     def growth(self, scene: Scene) -> Floats:
@@ -129,7 +129,7 @@ class Forced:
         return np.array([float(self.turning.get(name, 0.0)) for name in scene.state_names])
 
     def _check_inputs(self) -> None:
-        self.system._signals({name: 0.0 if callable(g) else g for name, g in self.inputs.items()})
+        self.translation.input_signals({name: 0.0 if callable(g) else g for name, g in self.inputs.items()})
 
     def first(
         self, scene: Scene, omega: float, samples: int, guess: Mapping[str, float] | None, known: Floats | None = None
@@ -138,13 +138,14 @@ class Forced:
 
         ``known`` are the coefficients of an approximation with fewer harmonics.
         """
-        system = self.system
+        translation = self.translation
         driven = self.driven(scene)
-        numbers = system._parameters(self.values(omega))
+        numbers = translation.parameter_values(self.values(omega))
         now = [
-            _finite(n, g(0.0, omega)) if callable(g) else g for n, g in ((n, self.inputs.get(n, 0.0)) for n in system.inputs)
+            _finite(n, g(0.0, omega)) if callable(g) else g
+            for n, g in ((n, self.inputs.get(n, 0.0)) for n in translation.inputs)
         ]
-        means = system._start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
+        means = translation.start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
         size = (2 * self.harmonics + 1, len(scene.states))
         for tried in (omega, 1.2345678 * omega):  # forcing whose frequency is fixed may repeat at one by chance
             _check_forcing(driven(tried), means, self.frequency)
@@ -176,9 +177,22 @@ class Forced:
         timed = {
             name: (lambda t, g=g: g((omega * t) % (2 * np.pi), omega)) if callable(g) else g for name, g in self.inputs.items()
         }
-        run = self.system.simulate(float(times[-1]), times=times, parameters=self.values(omega), inputs=timed, rtol=1e-8,
-                                   start=dict(guess) if guess else None)  # fmt: skip
-        x = np.array([run._history(s)[1:] for s in scene.states])
+        translation, numbers = self.translation.fitted(self.values(omega))
+        start = dict(guess) if guess else None
+        asked = Request(
+            0.0,
+            times,
+            "auto",
+            1e-8,
+            None,
+            numbers,
+            start,
+            tuple(translation.input_signals(timed)),
+            progress=False,
+            max_step=None,
+        )
+        found = run(translation, asked)
+        x = np.array([found.history_of(s)[1:] for s in scene.states])
         basis = fourier(omega * times[1:], self.harmonics)
         result: Floats = np.linalg.lstsq(basis, x.T, rcond=None)[0]
         return result

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gearlib.arguments import by_name, name_list, one_name, real, shown, whole
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.linear.frequency_response import _unit
-from gearlib.linear.subject import check_system
 from gearlib.periodic.continuation import Path, follow
 from gearlib.periodic.first_motion import Forced
 from gearlib.periodic.fourier_balance import Balance
@@ -19,9 +16,8 @@ from gearlib.periodic.periods import Driven, Floats, fourier
 from gearlib.program.build import build
 from gearlib.program.interpret import Prepared, evaluate, prepare
 from gearlib.run.scene import Scene
-
-if TYPE_CHECKING:
-    from gearlib.system import System
+from gearlib.run.subject import translation_of
+from gearlib.run.translation import Compiled
 
 HARMONICS = (4, 8, 16, 32, 64)  # numbers that are tried
 OFF = 1e-2  # of the vibration: an error at the motion's own harmonics that is none of the harmonics left out
@@ -29,7 +25,7 @@ Input = float | Callable[[float, float], float]
 
 
 def harmonic_balance(
-    system: System, start: float, end: float, *, frequency: str | None = None, harmonics: int | None = None, samples: int | None = None,
+    system: Compiled, start: float, end: float, *, frequency: str | None = None, harmonics: int | None = None, samples: int | None = None,
     outputs: Sequence[str] | None = None, inputs: Mapping[str, Input] | None = None, turning: Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None, guess: Mapping[str, float] | None = None, step: float = 0.02,
     points: int = 2000, accuracy: float = 5e-3,
@@ -109,7 +105,7 @@ def harmonic_balance(
     >>> bool(np.allclose(response.amplitude("body.phi"), 1 / np.abs(1 - w**2 + 0.2j * w), rtol=1e-9))
     True
     """
-    check_system(system)
+    translation = translation_of(system)
     _check_numbers(start, end, harmonics, step, points, accuracy)
     if frequency is not None:
         one_name("frequency", frequency, "mesh.w")
@@ -117,12 +113,12 @@ def harmonic_balance(
     inputs = by_name("inputs", inputs, "a mapping of paths to numbers, or functions of phase and frequency")
     turning = by_name("turning", turning, "a mapping of states to periods of 2 pi, such as {'mesh.turned': 1.0}")
     guess = by_name("guess", guess, "a mapping of start values by path")
-    system = system.fitting({**parameters, frequency: start} if frequency is not None else parameters)
+    translation, _ = translation.fitted({**parameters, frequency: start} if frequency is not None else parameters)
     cases = HARMONICS if harmonics is None else (harmonics,)
     known = None
     for count_ in cases:
-        task = Forced(system, frequency, parameters, inputs, count_, turning)
-        default = system.outputs if system.outputs is not None else task.repeating()
+        task = Forced(translation, frequency, parameters, inputs, count_, turning)
+        default = translation.outputs if translation.outputs is not None else task.repeating()
         names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
         scene = task.scene(names)
         count = _samples(samples, count_, scene.relations is not None)
@@ -178,7 +174,6 @@ def _check_numbers(start: float, end: float, harmonics: int | None, step: float,
 
 def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: list[str]) -> HarmonicBalance:
     """Outputs and stability along a path."""
-    system = task.system
     model, structure = scene.model, scene.structure
     variables = [(model.variable(base), order) for base, order in map(model.column, names)]
     targets = [(int(model.representative[v]), order) for v, order in variables]
@@ -211,7 +206,7 @@ def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: lis
                 f"(off by {low:.2g} of its vibration); take more samples"
             )
         errors.append(error)
-    units = tuple(_unit(system, name) for name in names)
+    units = tuple(task.translation.unit(name) for name in names)
     return HarmonicBalance(
         path.w, np.array(coefficients), np.array(multipliers), path.folds, tuple(names), units, path.complete, np.array(errors)
     )

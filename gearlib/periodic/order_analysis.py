@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import check_axes, one_name, real, shown, whole
 from gearlib.errors import ArgumentError
-from gearlib.linear.subject import check_result
 from gearlib.optional import optional
+from gearlib.run.result import Result
+from gearlib.run.subject import check_result
 
 if TYPE_CHECKING:
     import pandas
-
-    from gearlib.run.result import Result
 
 Floats = NDArray[np.float64]
 RPM = 30 / np.pi
@@ -152,7 +151,7 @@ def order_spectrum(
             f"{reference} turns {(angle[-1] - angle[0]) / (2 * np.pi):.3g} times in the interval; a spectrum needs one"
         )
     orders, rows = _spectra(time, angle, signal, [0.0], revolutions, max_order)
-    return OrderSpectrum(orders, rows[0], name, reference, _unit(result, name))
+    return OrderSpectrum(orders, rows[0], name, reference, result.translation.unit(name))
 
 
 def order_waterfall(
@@ -184,7 +183,7 @@ def order_waterfall(
     orders, rows = _spectra(time, angle, signal, starts.tolist(), revolutions, max_order)
     edges = np.interp(angle[0] + 2 * np.pi * np.array([starts, starts + revolutions]), angle, time)
     speeds = 2 * np.pi * revolutions / (edges[1] - edges[0])
-    return OrderWaterfall(edges.mean(axis=0), speeds, orders, rows, name, reference, _unit(result, name))
+    return OrderWaterfall(edges.mean(axis=0), speeds, orders, rows, name, reference, result.translation.unit(name))
 
 
 def _prepared(
@@ -203,7 +202,7 @@ def _prepared(
     time, signal, motion = time[inside], signal[inside], motion[inside]
     if len(time) < 12:
         raise ArgumentError(f"the interval holds {len(time)} samples; a spectrum needs more")
-    unit = _unit(result, reference)
+    unit = result.translation.unit(reference)
     if unit == "rad/s":
         motion = make_interp_spline(time, motion, k=5).antiderivative()(time)
     elif unit != "rad":
@@ -212,13 +211,6 @@ def _prepared(
     if (np.diff(angle) <= 0).any():
         raise ArgumentError(f"{reference} does not turn in one direction all the time; choose an interval in which it does")
     return time, angle, signal
-
-
-def _unit(result: Result, name: str) -> str:
-    model = result._scene.model
-    base, order = model.column(name)
-    declared = model.declaration(model.variable(base))
-    return "" if declared is None else declared.unit + "/s" * order
 
 
 def _spectra(

@@ -8,17 +8,21 @@ nodes by interpolation, from the left and from the right, so that jumps at event
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import GearlibError, NameLookupError
-from gearlib.flatten.energies import Audited, Term
+from gearlib.flatten.energies import Audited, Term, audited
+from gearlib.reduce.reduction import discrete_nodes
 from gearlib.run.energy_balance import EnergyBalance
-
-if TYPE_CHECKING:
-    from gearlib.run.result import Result
+from gearlib.run.request import Request
+from gearlib.run.scene import Scene, needed_states
+from gearlib.run.translation import Translation
+from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 MOST_SAMPLES, MOST_PANELS, PASSES = 1000, 20_000, 8
@@ -58,11 +62,60 @@ def _to_the_ends() -> Floats:
 ENDS = _to_the_ends()
 
 
+class Histories(Protocol):
+    """What is read of a run: its samples, and the histories of its variables."""
+
+    time: Floats
+
+    def __getitem__(self, name: str) -> Floats: ...
+
+
+def energy_balance(
+    translation: Translation, asked: Request, samples: Floats, events: Sequence[float],
+    run: Callable[[Translation, Request, Scene], Histories],
+) -> EnergyBalance:  # fmt: skip
+    """The energies of a run; `Result.energy_balance` is what a user calls.
+
+    Parameters
+    ----------
+    translation : Translation
+    asked : Request
+        The run that was asked for.
+    samples : array
+        Times of the result.
+    events : sequence of float
+        Times at which powers may jump.
+    run : callable
+        Does the run again, with other samples and in a scene that has what the powers need.
+    """
+    structure, model, own = translation.structure, translation.model, translation.scene
+    parts = audited(translation.component)
+    names = {n for p in parts for term in p.terms for n in term.names} - {"time", *model.parameters.index}
+    discretes = sorted({model.discretes.names.index(n) for n in names if n in model.discretes.names})
+    nodes: list[Node] = []
+    for name in sorted(names):
+        if name not in model.discretes.names:
+            with suppress(NameLookupError):  # then the component is named as one of which nothing is known
+                node, sign = structure.named(name, "variable", ("is not computed", "is"))
+                nodes += [node] if sign else []
+    targets = [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))]
+    states = tuple(sorted({*own.states, *needed_states(structure, targets)}))
+    computed = tuple(n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states)
+    scene = translation.scene_of(states, tuple(sorted({*own.wanted, *discretes})), computed)
+    atol = None if np.ndim(asked.atol or 0.0) else asked.atol
+
+    def again(times: Floats) -> Histories:
+        return run(translation, replace(asked, times=times, atol=atol, progress=False), scene)
+
+    values_of = dict(zip(model.parameters.names, asked.parameters.tolist(), strict=True))
+    return balance(parts, samples, events, asked.rtol, again, values_of)
+
+
 def balance(
-    parts: Sequence[Audited], samples: Floats, events: Sequence[float], rtol: float, run: Callable[[Floats], Result],
+    parts: Sequence[Audited], samples: Floats, events: Sequence[float], rtol: float, run: Callable[[Floats], Histories],
     parameters: dict[str, float],
 ) -> EnergyBalance:  # fmt: skip
-    """The energies of a run.
+    """The energies of parts of a run.
 
     Parameters
     ----------
@@ -105,7 +158,7 @@ def balance(
 class _Powers:
     """The integrals of all powers over each panel, and the stored energies at the panels' ends."""
 
-    def __init__(self, parts: Sequence[Audited], found: Result, parameters: dict[str, float], half: Floats) -> None:
+    def __init__(self, parts: Sequence[Audited], found: Histories, parameters: dict[str, float], half: Floats) -> None:
         self.parts, self.unknown = parts, [p.path for p in parts if p.unknown]
         self.through: dict[str, Floats] = {}
         self.heat_in: dict[str, Floats] = {}

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from gearlib.arguments import by_name, flag, name_list, shown
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
+from gearlib.run.request import Request
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Part
 from gearlib.run.start_values import Start
+from gearlib.run.translation import Translation
 from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
@@ -35,12 +37,13 @@ class Result:
 
     ``result["load.w"]`` is the history of a variable, ``result["der(load.w)"]`` that of its derivative, ``result.time`` the
     instants, ``result.stats`` what the solver did. Everything that the model holds can be asked for; what the run did not need is
-    computed then, and an absolute angle that was not integrated is integrated then.
+    computed then, and an absolute angle that was not integrated is integrated then. ``result.translation`` and ``result.request`` say
+    which model was asked what.
     """
 
     def __init__(
-        self, parts: Sequence[tuple[Part, Mapping[str, Any], Sequence[Any]]], outputs: Sequence[str],
-        again: Callable[..., Result],
+        self, parts: Sequence[tuple[Part, Mapping[str, Any], Sequence[Any]]], translation: Translation, request: Request,
+        run: Callable[[Translation, Request, Scene], Result],
     ) -> None:  # fmt: skip
         (first, stats, _), *later = parts
         self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
@@ -52,30 +55,29 @@ class Result:
         self.events = list(chain.from_iterable(events for *_, events in parts))
         times = np.array([event[0] for event in self.events], float)
         self._parts = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]
-        self._scene, self._parameters, self._signals = first.scene, first.parameters, first.signals
-        self._outputs, self._again = tuple(outputs), again
+        self.scene, self.translation, self.request = first.scene, translation, request
+        self._outputs = translation.states if translation.outputs is None else translation.outputs
+        self._run = run
         self._known: dict[Node, Floats] = {}
         self._extended: Result | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        again: Any = self._again
-        system = again.func.__self__
         parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin) for p in self._parts]
-        if any(system._scenes.get(p.scene.states) is not p.scene for p in self._parts):
+        if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._parts):
             raise TypeError("a run whose states changed on the way cannot be pickled; take its histories: {name: result[name]}")
-        return _restored, (self._again, parts, self._outputs, self.stats, self.events)
+        return _restored, (self.translation, self.request, self._run, parts, self.stats, self.events)
 
     def __getitem__(self, name: str) -> Floats:
         if not isinstance(name, str):
             raise ArgumentError(
                 f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
             )
-        if name in self._scene.model.discretes.names:
+        if name in self.scene.model.discretes.names:
             return self._joined(part.discrete(name) for part in self._parts)
-        node, sign = self._scene.named(name)
+        node, sign = self.scene.named(name)
         if sign == 0:
             return np.zeros_like(self.time)
-        return sign * self._history(node)
+        return sign * self.history_of(node)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._outputs)
@@ -84,39 +86,47 @@ class Result:
         return len(self._outputs)
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and self._scene.model.find(self._scene.model.column(name)[0]) is not None
+        return isinstance(name, str) and self.scene.model.find(self.scene.model.column(name)[0]) is not None
 
     @property
     def states(self) -> Floats:
         """Histories of the integrated states, shape (samples, states)."""
         if len(self._parts) == 1:
             return self._parts[0].states
-        return np.column_stack([self._history(node) for node in self._scene.states])
+        return np.column_stack([self.history_of(node) for node in self.scene.states])
 
-    def _with_sample(self, t: float) -> Result:
+    def _again(self, states: tuple[Node, ...], times: Floats | None = None) -> Result:
+        """The same run with other states, or other times."""
+        asked = self.request
+        atol = asked.atol if states == self.translation.scene.states or np.ndim(asked.atol) == 0 else None  # type: ignore[arg-type]
+        asked = replace(asked, times=asked.times if times is None else times, atol=atol)
+        return self._run(self.translation, asked, self.translation.with_states(states))
+
+    def with_sample(self, t: float) -> Result:
         """The run itself if a moment is one of its samples, else the run up to that moment, done again."""
         if t in self.time:
             return self
-        return self._again(self._scene.states, np.append(self.time[self.time < t], t))
+        return self._again(self.scene.states, np.append(self.time[self.time < t], t))
 
-    def _moment(self, scene: Scene, t: float) -> Start:
+    def moment(self, scene: Scene, t: float) -> Start:
         """What a run of a scene starts from that goes on from here at a time."""
         if t not in self.time:
-            return self._with_sample(t)._moment(scene, t)
-        sample, part = int(np.searchsorted(self.time, t)), self._part_at(t)
-        states = np.array([self._history(node)[sample] for node in scene.states], float)
+            return self.with_sample(t).moment(scene, t)
+        sample, part = int(np.searchsorted(self.time, t)), self.segment_at(t)
+        states = np.array([self.history_of(node)[sample] for node in scene.states], float)
         guess = part.guess.copy()
         if scene.program.iterated:  # on the branch on which the run was
             for v in scene.program.undifferentiated[0].tolist():
-                guess[v] = self._history((v, 0))[sample]
+                guess[v] = self.history_of((v, 0))[sample]
         return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
 
     def _finer(self, times: Floats) -> Part:
         """The run at other times: it is done again to its end, with the same steps."""
-        part: Part = self._again(self._scene.states, np.union1d(times, self.time[-1:]))._parts[0]
+        part: Part = self._again(self.scene.states, np.union1d(times, self.time[-1:]))._parts[0]
         return part
 
-    def _part_at(self, t: float) -> Part:
+    def segment_at(self, t: float) -> Part:
+        """The part of the run that a time lies in."""
         return next(part for part in reversed(self._parts) if part.time[0] <= t)
 
     def _joined(self, histories: Iterable[Floats]) -> Floats:
@@ -124,24 +134,29 @@ class Result:
         first, *later = histories
         return np.concatenate([first, *(history[1:] for history in later)]) if later else first
 
-    def _history(self, node: Node) -> Floats:
+    def history_of(self, node: Node) -> Floats:
+        """Of a variable of the flat equations, or of a derivative of one."""
         if node not in self._known:
-            missing = self._scene.missing(node)
+            missing = self.scene.missing(node)
             if not missing and len(self._parts) == 1:
                 return self._parts[0].history(node)
             if not missing:
                 self._known[node] = self._joined(part.history(node) for part in self._parts)
             else:
-                if self._extended is None or any(s not in self._extended._scene.place_of for s in missing):
-                    more = () if self._extended is None else self._extended._scene.states
-                    self._extended = self._again(tuple(sorted({*self._scene.states, *more, *missing})))
-                self._known[node] = self._extended._history(node)
+                if self._extended is None or any(s not in self._extended.scene.place_of for s in missing):
+                    more = () if self._extended is None else self._extended.scene.states
+                    self._extended = self._again(tuple(sorted({*self.scene.states, *more, *missing})))
+                self._known[node] = self._extended.history_of(node)
         return self._known[node]
 
     @cached_property
     def _energy_balance(self) -> EnergyBalance:
-        again: Any = self._again
-        return again.func.__self__.energy_balance(again.args[0], self.time, [t for t, _ in self.events])  # type: ignore[no-any-return]
+        return self._balance(self.request)
+
+    def _balance(self, asked: Request) -> EnergyBalance:
+        from gearlib.run.audit import energy_balance
+
+        return energy_balance(self.translation, asked, self.time, [t for t, _ in self.events], self._run)
 
     def energy_balance(self) -> EnergyBalance:
         """Work put in, energy stored and heat of every component, over time, and the residual; printed, it is a table.
@@ -168,12 +183,10 @@ class Result:
         """Put the residual into ``stats``, and warn where it exceeds what the tolerance of the run explains."""
         from gearlib.run.audit import explained
 
-        again: Any = self._again
-        found, asked = self.energy_balance(), again.args[0]
+        found = self.energy_balance()
 
         def tighter(rtol: float) -> EnergyBalance:
-            events = [t for t, _ in self.events]
-            return again.func.__self__.energy_balance(replace(asked, rtol=rtol), self.time, events)  # type: ignore[no-any-return]
+            return self._balance(replace(self.request, rtol=rtol))
 
         self.stats["energy_residual"] = found.relative_residual
         if not explained(found, tighter):
@@ -286,25 +299,22 @@ class Result:
 
     def unit(self, name: str) -> str:
         """SI unit of a variable or a derivative; empty where the model declares none."""
-        model = self._scene.model
-        if name in model.discretes.names:
+        if name in self.scene.model.discretes.names:
             return ""
-        self._scene.named(name)  # a wrong name is refused, with those that are near
-        base, order = model.column(name)
-        declared = model.declaration(model.variable(base))
-        return "" if declared is None else declared.unit + "/s" * order
+        self.scene.named(name)  # a wrong name is refused, with those that are near
+        return self.translation.unit(name)
 
     def __repr__(self) -> str:
         method = self.stats.get("method", "?")
-        return f"<Result: {len(self.time)} samples, {self.time[0]:g} .. {self.time[-1]:g} s, {len(self._scene.states)} states, {method}>"
+        return f"<Result: {len(self.time)} samples, {self.time[0]:g} .. {self.time[-1]:g} s, {len(self.scene.states)} states, {method}>"
 
 
 def _restored(
-    again: Any, parts: Sequence[tuple[Any, ...]], outputs: Sequence[str], stats: dict[str, Any], events: list[Any]
-) -> Result:
+    translation: Translation, request: Request, run: Callable[..., Result], parts: Sequence[tuple[Any, ...]],
+    stats: dict[str, Any], events: list[Any],
+) -> Result:  # fmt: skip
     """A result that comes from another process."""
-    system = again.func.__self__
-    made = [(Part(system._with(states), *rest), stats, ()) for states, *rest in parts]
-    result = Result(made, outputs, again)
+    made = [(Part(translation.with_states(states), *rest), stats, ()) for states, *rest in parts]
+    result = Result(made, translation, request, run)
     result.stats, result.events = stats, events
     return result

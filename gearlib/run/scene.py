@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gearlib.flatten.model import FlatModel
 from gearlib.native.events import relation_of
-from gearlib.native.layout import fill
-from gearlib.native.scene_functions import NativeScene, compile_scene
+from gearlib.native.layout import Shared, fill, lay_out
+from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_source
 from gearlib.program.build import build
 from gearlib.program.interpret import Prepared, batch_values, evaluate, owner_of, prepare
 from gearlib.program.program import Batch, Newton, Program
@@ -62,6 +62,7 @@ class Scene:
     _named: dict[str, tuple[Node, int]] = field(default_factory=dict)
     _computing: dict[Node, Program] = field(default_factory=dict)
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
+    _prepared: dict[bytes, Numbers] = field(default_factory=dict)
 
     @property
     def model(self) -> FlatModel:
@@ -134,6 +135,13 @@ class Scene:
         return [name or f"known_{i}" for i, name in enumerate(names)]
 
     @cached_property
+    def source(self) -> str:
+        """The generated source of the derivatives."""
+        names, program = self.model.parameters.names, self.program
+        shared = Shared(len(names), self.n_modes, len(program.inputs))
+        return rhs_source(program, lay_out(program, shared, shared.size), lambda: self.slot_names, names)[0]
+
+    @cached_property
     def native(self) -> NativeScene:
         """Compiled functions without a Jacobian."""
         return self._compiled(False)
@@ -196,6 +204,16 @@ class Scene:
         main = prepare(self.program, self.structure, parameters)
         relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
         return Numbers(parameters, main, relations)
+
+    def prepared(self, parameters: Floats) -> Numbers:
+        """The same, kept for the parameters that were last used."""
+        key = parameters.tobytes()
+        found = self._prepared.get(key)
+        if found is None:
+            found = self.numbers(parameters)
+            self._prepared.clear()
+            self._prepared[key] = found
+        return found
 
     def modes(
         self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,

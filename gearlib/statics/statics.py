@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,8 @@ from gearlib.arguments import by_name, name_list, one_name, real
 from gearlib.errors import ArgumentError, ModelError, SolverError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
-from gearlib.linear.subject import check_system
+from gearlib.run.subject import translation_of
+from gearlib.run.translation import Compiled, Translation
 from gearlib.statics.load_sharing import shared
 from gearlib.statics.power_flow import FlangePower, PowerFlow
 from gearlib.statics.steady_motion import (
@@ -28,16 +28,13 @@ from gearlib.statics.steady_motion import (
     solve,
 )
 
-if TYPE_CHECKING:
-    from gearlib.system import System
-
 Floats = NDArray[np.float64]
 SAME = 1e-6  # of the fastest speed: motions that differ by less are one
 UNDETERMINED = 1e-8  # of a free motion of about 1, scaled; such motions are exact to about 1e-13
 
 
 def power_flow(
-    system: System, speeds: Mapping[str, float] | None = None, torques: Mapping[str, float] | None = None, *,
+    system: Compiled, speeds: Mapping[str, float] | None = None, torques: Mapping[str, float] | None = None, *,
     parameters: Mapping[str, float] | None = None,
 ) -> PowerFlow:  # fmt: skip
     """Speeds, torques and powers of a train that turns steadily.
@@ -90,12 +87,11 @@ def power_flow(
     >>> flow["gear.flange_b"].speed, flow["gear.flange_a"].torque, flow.input_power
     (20.0, 10.0, 1000.0)
     """
-    check_system(system)
-    system = _fitting(system, parameters)
-    model = system._structure.model
-    numbers = system._parameters(parameters)
+    translation = _fitting(translation_of(system), parameters)
+    model = translation.model
+    numbers = translation.parameter_values(parameters)
     given = _given(model, speeds, torques)
-    motion = _reached(system, numbers, given)
+    motion = _reached(translation, numbers, given)
     refuse_contradiction(motion, given)
     ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
     places = np.unique(np.array(ports, np.int64))
@@ -104,24 +100,24 @@ def power_flow(
         refuse_contradiction(motion, given)
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
-    return PowerFlow(tuple(_flanges(model, motion)), mobility(system, parameters=parameters), system.name, paths)
+    return PowerFlow(tuple(_flanges(model, motion)), _mobility(model, numbers), translation.name, paths)
 
 
-def _fitting(system: System, parameters: Mapping[str, float] | None) -> System:
+def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:
     """The translation that fits the parameters, for the steady state; where nothing accelerates a train may do without one."""
     try:
-        return system.fitting(parameters)
+        return translation.fitted(parameters)[0]
     except ModelError:
-        return system
+        return translation
 
 
-def _reached(system: System, numbers: Floats, given: Sequence[Given]) -> Motion:
+def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) -> Motion:
     """The motion that the train comes to, where loads that depend on the speed allow several.
 
     Where all that drives the train is given, that is the one which it comes to from its start values. Where a speed is given, or
     the start values say which motion is meant, it is the one near these; several that nothing tells apart are refused.
     """
-    model = system._structure.model
+    model = translation.model
     motion = solve(model, numbers, given)
     if all(group.template.linear for group in model.groups):
         return motion
@@ -129,7 +125,7 @@ def _reached(system: System, numbers: Floats, given: Sequence[Given]) -> Motion:
     values = {g.variable: g.value for g in given if g.order == VALUE}
     if not any(g.order for g in given) and set(values) == set(inputs):
         try:
-            reached = _steady_speeds(system, numbers, [values[v] * sign for v, sign in inputs.items()])
+            reached = _steady_speeds(translation, numbers, [values[v] * sign for v, sign in inputs.items()])
         except (StartError, SolverError, ModelError):
             reached = []
         if reached:
@@ -150,11 +146,11 @@ def _reached(system: System, numbers: Floats, given: Sequence[Given]) -> Motion:
     )
 
 
-def _steady_speeds(system: System, numbers: Floats, inputs: Sequence[float]) -> list[Given]:
+def _steady_speeds(translation: Translation, numbers: Floats, inputs: Sequence[float]) -> list[Given]:
     """The speeds in the steady state that the train comes to."""
-    scene = system._scene
-    begin = system._start(scene, numbers, 0.0, "steady", list(inputs))
-    model, found = system._structure.model, []
+    scene = translation.scene
+    begin = translation.start(scene, numbers, 0.0, "steady", list(inputs))
+    model, found = translation.model, []
     for (v, k), value in zip(scene.states, begin.states.tolist(), strict=True):
         declared = model.declaration(v)
         if (k == 0 and declared is not None and declared.unit in ("rad/s", "m/s")) or (k == 1 and model.potential[v]):
@@ -167,7 +163,7 @@ def _agree(motion: Motion, speeds: Sequence[Given]) -> bool:
     return all(abs((motion.rates if s.order else motion.constants)[s.variable] - s.value) <= SAME * size for s in speeds)
 
 
-def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -> int:
+def mobility(system: Compiled, *, parameters: Mapping[str, float] | None = None) -> int:
     """Independent speeds of a train: its degrees of freedom with springs and meshes taken as rigid.
 
     Prescribed motions (`gp.Speed`, `gp.Fixed`) count as constraints; dampers, brakes and clutches do not.
@@ -184,13 +180,16 @@ def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -
     >>> gl.mobility(gl.compile(Differential()))
     2
     """
-    check_system(system)
-    model = system._structure.model
+    translation = translation_of(system)
+    return _mobility(translation.model, translation.parameter_values(parameters))
+
+
+def _mobility(model: FlatModel, parameters: Floats) -> int:
     moving = sorted({int(model.representative[v]) for _, v, _, _ in _mechanical(model) if model.sign[v]})
     speeds = model.n_variables + np.array(moving, np.int64)
     if not moving:
         return 0
-    _, factors, _ = kinematics(model, system._parameters(parameters), speeds)
+    _, factors, _ = kinematics(model, parameters, speeds)
     looks = 8
     while True:  # random free motions: more than are independent show how many are
         rank = int(np.linalg.matrix_rank(factors.directions(looks)[speeds], tol=1e-8))
@@ -200,7 +199,7 @@ def mobility(system: System, *, parameters: Mapping[str, float] | None = None) -
 
 
 def speed_ratio(
-    system: System, driving: str, driven: str, *, held: Sequence[str] = (), parameters: Mapping[str, float] | None = None
+    system: Compiled, driving: str, driven: str, *, held: Sequence[str] = (), parameters: Mapping[str, float] | None = None
 ) -> float:
     """Speed of ``driving`` over speed of ``driven``, from the kinematics alone.
 
@@ -235,14 +234,14 @@ def speed_ratio(
     >>> gl.speed_ratio(system, "unit.sun", "unit.ring", held=["unit.carrier"])
     -2.0
     """
-    check_system(system)
+    translation = translation_of(system)
     held = name_list("held", held, "unit.carrier")
-    model = system._structure.model
+    model = translation.model
     given = _given(model, {one_name("driving", driving, "unit.sun"): 1.0, **dict.fromkeys(held, 0.0)}, None)
     variable, order, sign = _speed(model, driven)
     place = variable + order * model.n_variables
     wanted = np.array([place, *(g.variable + g.order * model.n_variables for g in given)])
-    rows, factors, chosen = kinematics(model, system._parameters(parameters), wanted, given)
+    rows, factors, chosen = kinematics(model, translation.parameter_values(parameters), wanted, given)
     residual = rows.residual[chosen]
     x = -factors.solve(residual)
     x -= factors.solve(residual + factors.matrix @ x)

@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import by_name, check_axes, increasing, real, reals, shown
 from gearlib.drawing.style import COLOURS, MARK
 from gearlib.errors import ArgumentError
-from gearlib.linear.subject import check_system
 from gearlib.optional import optional
+from gearlib.run.subject import translation_of
+from gearlib.run.translation import Compiled
 from gearlib.vibration.modes import Modes, modes
 
 if TYPE_CHECKING:
     import pandas
-
-    from gearlib.system import System
 
 Floats = NDArray[np.float64]
 RPM = 30 / np.pi
@@ -140,7 +139,7 @@ class Campbell:
 
 
 def campbell(
-    system: System, speeds: ArrayLike, orders: Mapping[str, float] | Sequence[float], *, count: int | None = None,
+    system: Compiled, speeds: ArrayLike, orders: Mapping[str, float] | Sequence[float], *, count: int | None = None,
     at: Callable[[float], Any] | Any = None, parameters: Callable[[float], Mapping[str, float]] | Mapping[str, float] | None = None,
 ) -> Campbell:  # fmt: skip
     """Campbell diagram of a system, with all crossings of orders and natural frequencies.
@@ -174,7 +173,7 @@ def campbell(
     >>> [(round(c.speed, 9), c.order) for c in diagram.crossings]
     [(10.0, 'mesh, 2 teeth')]
     """
-    check_system(system)
+    translation_of(system)
     grid = increasing("speeds", speeds, 2, ", rad/s")
     named = _named(orders)
 

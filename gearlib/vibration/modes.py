@@ -16,22 +16,21 @@ from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
 from gearlib.linear.condition import conditions, described, matters_elsewhere
 from gearlib.linear.held_states import remaining
-from gearlib.linear.linearize import operating_point, slots_at
-from gearlib.linear.subject import check_system
+from gearlib.linear.operating_point import fitting, operating_point, slots_at
 from gearlib.optional import optional
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
 from gearlib.program.sensitivity import sensitivity
 from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import needed_states, node_name
+from gearlib.run.subject import translation_of
+from gearlib.run.translation import Compiled
 from gearlib.structure.incidence import Node
 from gearlib.vibration.mode_energies import Family, energies, families
 from gearlib.vibration.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
 
 if TYPE_CHECKING:
     import pandas
-
-    from gearlib.system import System
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -306,7 +305,9 @@ class Modes:
         return animate_mode(self, int(mode) % len(self), frames, degrees)
 
 
-def modes(system: System, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None) -> Modes:
+def modes(
+    system: Compiled, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None
+) -> Modes:
     """Natural frequencies, damping ratios and mode shapes, with the energy of each component.
 
     Parameters
@@ -340,13 +341,13 @@ def modes(system: System, count: int | None = None, *, at: Any = None, parameter
        0              0    0.00000   b 75 %, a 25 %
        1       0.31831    0.00000   a 75 %, b 25 %                      shaft 100 %
     """
-    check_system(system)
+    translation = translation_of(system)
     if count is not None:
         count = whole("count", count, 1)
-    system = system.fitting(parameters, at)
-    structure = system._structure
+    translation = fitting(translation, at, parameters)
+    structure = translation.structure
     states = _moving_states(structure)
-    scene, numbers, point = operating_point(system, states, at, parameters)
+    scene, numbers, point = operating_point(translation, states, at, parameters)
     nodes = _amplitude_nodes(structure)
     targets = [(v, k) for v, k in nodes.items()]
     program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)

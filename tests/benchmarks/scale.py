@@ -44,7 +44,7 @@ compile = gl.compile
 marks = [clock()]
 system = compile(model)
 marks.append(clock())
-system._scene.program
+system.translation.scene.program
 marks.append(clock())
 source = system.source
 try:  # the peak of this program; elsewhere the system's number may include the parent's
@@ -52,10 +52,11 @@ try:  # the peak of this program; elsewhere the system's number may include the 
 except OSError:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 marks.append(clock())
-system._scene.native
+system.translation.scene.native
 marks.append(clock())
 again = [clock(), compile(type(model)(N=SIZE)), clock()]
-print(json.dumps({"kind": "KIND", "n": SIZE, "components": system._model.counts.components, "equations": system._model.counts.equations,
+counts = system.translation.model.counts
+print(json.dumps({"kind": "KIND", "n": SIZE, "components": counts.components, "equations": counts.equations,
     "states": len(system.states), "compile": marks[1] - marks[0], "again": again[2] - again[0], "program": marks[2] - marks[1],
     "native": marks[4] - marks[3], "source": len(source.splitlines()), "memory": memory}))
 """

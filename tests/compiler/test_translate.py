@@ -294,7 +294,7 @@ def test_parallel_loops_of_all_ranges(bounds: str) -> None:
 
 def test_neighbours_are_computed_together() -> None:
     """The linear equations that the bodies and shafts of a long chain share."""
-    text = intermediate(gl.compile(Chain(n=120))._scene.native.rhs.source)
+    text = intermediate(gl.compile(Chain(n=120)).translation.scene.native.rhs.source)
     assert text.count(f"fadd {LANED}") == 4
     assert text.count(f"store {LANED}") == 5
 
@@ -397,9 +397,9 @@ class Chain(gl.Component):
 @pytest.mark.parametrize(("n", "friction"), [(3, False), (40, False), (120, False), (3, True), (120, True)])
 def test_functions_of_models_do_what_their_source_says(n: int, friction: bool) -> None:
     system = gl.compile(Chain(n=n, friction=friction))
-    native = system._scene.native_with_jacobian
+    native = system.translation.scene.native_with_jacobian
     rng = np.random.default_rng(n)
-    data, x = rng.uniform(0.5, 1.5, native.size), rng.normal(size=len(system._scene.states))
+    data, x = rng.uniform(0.5, 1.5, native.size), rng.normal(size=len(system.translation.scene.states))
     data[native.shared.relations :][: native.shared.n_relations] = 0.0
     for name in ("rhs", "jac", "roots", "update"):
         function = getattr(native, name)

@@ -61,10 +61,16 @@ def test_parameter_expressions_through_four_levels() -> None:
 
 def test_a_given_parameter_moves_all_that_follow_and_no_other() -> None:
     system = gl.compile(Outer())
-    table = system._model.parameters
+    table = system.translation.model.parameters
 
     def after(**given: float) -> dict[str, float]:
-        return dict(zip(table.names, system._parameters({k.replace("__", "."): v for k, v in given.items()}), strict=True))
+        return dict(
+            zip(
+                table.names,
+                system.translation.parameter_values({k.replace("__", "."): v for k, v in given.items()}),
+                strict=True,
+            )
+        )
 
     assert after(size=1.0)["middle.inner[0].body.J"] == pytest.approx(2 * np.pi, rel=1e-15)
     assert after(middle__D=6.0)["middle.inner[0].R"] == 3.0

@@ -72,7 +72,7 @@ def test_a_small_model_is_written_out_in_its_own_names() -> None:
 
 def test_the_source_of_a_large_model_does_not_grow() -> None:
     small, large = gl.compile(Chain(n=300)), gl.compile(Chain(n=600))
-    assert not is_small(small._scene.program)
+    assert not is_small(small.translation.scene.program)
     assert small.source == large.source
 
 

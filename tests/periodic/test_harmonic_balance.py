@@ -355,8 +355,8 @@ def test_excitation_by_the_mesh_phase() -> None:
 
 def test_derivatives_at_many_times_are_those_at_one() -> None:
     system = gl.compile(GearPair())
-    scene = system._scene
-    numbers = scene.numbers(system._parameters(None))
+    scene = system.translation.scene
+    numbers = scene.numbers(system.translation.parameter_values(None))
     random = np.random.default_rng(4)
     x = random.standard_normal((len(scene.states), 5)) * np.array([[1e-4 if "q" in s else 1.0] for s in system.states])
     t = np.linspace(0, 1e-3, 5)

@@ -32,8 +32,10 @@ class Lifted(gl.Component):
 @pytest.mark.parametrize("component", [Lifted(), gp.XPTrain()], ids=["Lifted", "XPTrain"])
 def test_both_roads_agree(component: gl.Component) -> None:
     system = gl.compile(component)
-    scene, program = system._scene, system._scene.program
-    numbers = scene.numbers(system._model.parameters.evaluate({0: 1.25 * system._model.parameters.defaults[0]}))
+    scene, program = system.translation.scene, system.translation.scene.program
+    numbers = scene.numbers(
+        system.translation.model.parameters.evaluate({0: 1.25 * system.translation.model.parameters.defaults[0]})
+    )
     added = [int(batch.targets[i]) for batch, i in affine_seeds(program)]
     plan = linear_plan(program, added)
     assert plan is not None
@@ -48,4 +50,4 @@ def test_both_roads_agree(component: gl.Component) -> None:
 
 def test_what_is_added_twice_has_no_plan() -> None:
     system = gl.compile(Lifted())
-    assert linear_plan(system._scene.program, [9, 9]) is None
+    assert linear_plan(system.translation.scene.program, [9, 9]) is None

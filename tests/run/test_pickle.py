@@ -54,12 +54,12 @@ def test_a_result_comes_back_whole(system: gl.System, name: str) -> None:
     assert (back.time == result.time).all()
     assert (back.states == result.states).all()
     assert (back.stats, back.events, list(back)) == (result.stats, result.events, list(result))
-    assert np.array_equal(back._with_sample(0.05)["load.w"][:1], result["load.w"][:1])  # integrated again
+    assert np.array_equal(back.with_sample(0.05)["load.w"][:1], result["load.w"][:1])  # integrated again
 
 
 def test_a_system_that_was_assembled_goes_without_its_parts(system: gl.System) -> None:
     assert len(pickle.dumps(system)) < 600
-    assert system._component.load is system._component.load  # and keeps them here
+    assert system.translation.component.load is system.translation.component.load  # and keeps them here
 
 
 @pytest.mark.slow

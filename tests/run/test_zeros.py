@@ -74,12 +74,14 @@ def test_a_node_without_mass_damping_or_stiffness(case: dict[str, float]) -> Non
 
 def test_every_set_of_zeros_is_translated_once_and_said_in_the_summary() -> None:
     system = gl.compile(Train())
-    assert system.fitting({}) is system
-    assert system.fitting({"d1": 0.0}) is system  # nothing is divided by it
-    massless = system.fitting({"J": 0.0})
-    assert massless is not system
-    assert massless is system.fitting({"J": 0.0}) is massless.fitting({"J": 0.0})
-    assert massless.fitting({}) is system
+    whole = system.translation
+    assert whole.fitted({})[0] is whole
+    assert whole.fitted({"d1": 0.0})[0] is whole  # nothing is divided by it
+    without = whole.fitted({"J": 0.0})[0]
+    assert without is not whole
+    assert without is whole.fitted({"J": 0.0})[0] is without.fitted({"J": 0.0})[0]
+    assert without.fitted({})[0] is whole
+    massless = gl.System(without)
     assert "zeros       translated without what they multiply: n.J = 0" in massless.summary()
     assert "zeros" not in system.summary()
     poles = [

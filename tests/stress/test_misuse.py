@@ -131,7 +131,7 @@ def test_hostile_objects_are_refused() -> None:
     with pytest.raises(gl.GearlibError, match="t_end is a Hostile that cannot be printed; expected a finite number of seconds"):
         system().simulate(Hostile())  # type: ignore[arg-type]
     with pytest.raises(gl.GearlibError, match=r"outputs is a Hostile that cannot be printed; expected a list of names"):
-        gl.compile(system()._component, Hostile())  # type: ignore[arg-type]
+        gl.compile(system().translation.component, Hostile())  # type: ignore[arg-type]
 
 
 def test_what_is_a_number_is_taken_as_one() -> None:

@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
-
-if TYPE_CHECKING:
-    from gearlib.run.result import Result
-    from gearlib.system import System
+from gearlib.run.result import Result
+from gearlib.run.translation import Compiled, Translation
 
 
-def is_system(model: Any) -> bool:
+def is_compiled(model: Any) -> bool:
     """Whether a model is a compiled one, and not yet linear."""
-    from gearlib.system import System
-
-    return isinstance(model, System)
+    return isinstance(model, Compiled)
 
 
-def check_system(system: System) -> None:
-    """Raise `ArgumentError` for anything but a compiled system."""
-    if not is_system(system):
+def translation_of(system: Compiled) -> Translation:
+    """The translation in a compiled system; `ArgumentError` for anything else."""
+    if not isinstance(system, Compiled):
         raise ArgumentError(f"expected a compiled system, got {described(system)}")
+    return system.translation
 
 
 def check_result(result: Result) -> None:
     """Raise `ArgumentError` for anything but the result of a run."""
-    from gearlib.run.result import Result
-
     if not isinstance(result, Result):
         raise ArgumentError(f"expected the result of a run, got {described(result)}")
 
@@ -42,8 +37,6 @@ def described(value: Any) -> str:
     >>> described(Component)
     'the component class Component; make one and compile it: gl.compile(Component(...))'
     """
-    from gearlib.run.result import Result
-
     kind = type(value).__name__
     if isinstance(value, Component):
         return f"the component {kind}; compile it: gl.compile({kind}(...))"
@@ -51,6 +44,6 @@ def described(value: Any) -> str:
         return f"the component class {value.__name__}; make one and compile it: gl.compile({value.__name__}(...))"
     if isinstance(value, Result):
         return "the result of a run; give the system that was simulated"
-    if is_system(value):
+    if is_compiled(value):
         return "a compiled system; simulate it first: system.simulate(t_end)"
     return shown(value) if type(value).__module__ == "builtins" else f"a {kind}"

@@ -1,0 +1,97 @@
+"""`operating_point`: a scene, numbers of its parameters and a point of its motion, which a linear model is made at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import is_real, shown
+from gearlib.errors import ArgumentError
+from gearlib.program.interpret import Prepared, evaluate
+from gearlib.program.program import Program
+from gearlib.run.result import Result
+from gearlib.run.scene import Scene
+from gearlib.run.translation import Translation
+from gearlib.solvers.inputs.table import values
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Point:
+    """An operating point: time, and a value of every state of the structure that is known there.
+
+    ``modes`` gives the relations and discrete variables of a program where a run knows them; otherwise they are as at a start.
+    """
+
+    t: float
+    states: dict[tuple[int, int], float]
+    inputs: Floats
+    guess: Floats
+    modes: Callable[[Program], Floats] | None = None
+
+
+def operating_point(
+    translation: Translation, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None
+) -> tuple[Scene, Floats, Point]:
+    """A scene with some states, the parameters' numbers, and the point that ``at`` stands for (see `System.linearize`)."""
+    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+        return _moment(translation, states, at[0], at[1], parameters)
+    numbers = translation.parameter_values(parameters)
+    scene = translation.scene_of(states)
+    signals = [0.0] * len(translation.inputs)
+    if not (at is None or (isinstance(at, str) and at == "steady") or isinstance(at, Mapping)):
+        raise ArgumentError(f"at is {shown(at)}; expected start values by path, 'steady', or (result, time)")
+    begin = translation.start(scene, numbers, 0.0, at, signals)
+    known = dict(zip(states, begin.states.tolist(), strict=True))
+    return scene, numbers, Point(0.0, known, np.array(signals, float), begin.guess)
+
+
+def _moment(
+    translation: Translation, states: tuple[Node, ...], result: Result, t: Any, parameters: Mapping[str, float] | None
+) -> tuple[Scene, Floats, Point]:
+    """A moment of a run, with the run's inputs and, unless others are given, its parameters."""
+    if result.scene.structure is not translation.structure:
+        raise ArgumentError(f"at names a run of another system than {translation.name}; simulate this one")
+    if not is_real(t) or not result.time[0] <= t <= result.time[-1]:
+        raise ArgumentError(f"at names the time {shown(t)}; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
+    t = float(t)
+    numbers = result.request.parameters if parameters is None else translation.parameter_values(parameters)
+    scene = translation.scene_of(states)
+    result = result.with_sample(t)
+    sample = int(np.searchsorted(result.time, t))
+    known = {s: float(result.history_of(s)[sample]) for s in states}
+    part = result.segment_at(t)
+    inputs = values(result.request.signals, np.array([t]))[:, 0]
+    guess = part.guess.copy()
+    for v in result.scene.iterated:  # on the branch that the run is on
+        guess[v] = result.history_of((v, 0))[sample]
+    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.modes_at(program, t))
+
+
+def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:
+    """Values of a program's slots, and of the discrete variables, at an operating point."""
+    program = prepared.program
+    x = np.array([point.states.get(s, 0.0) for s in scene.states])
+    u = np.concatenate([point.inputs, np.zeros(len(program.inputs) - len(point.inputs))])
+    now = np.array([point.t])
+    if point.modes is not None:
+        flags = point.modes(program)[:, None]
+    elif not scene.n_modes:  # saves the scene's own program, which a linear train does not need here
+        flags = np.zeros((0, 1))
+    else:
+        flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
+    guess = scene.guess(program, point.guess)
+    return evaluate(prepared, now, x[:, None], u[:, None], flags, guess)[:, 0], flags[:, 0]
+
+
+def fitting(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Translation:
+    """The translation that fits the parameters, or those of the run that ``at`` is a moment of."""
+    if parameters is None and isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+        return translation.fitting(at[0].request.parameters)
+    return translation.fitted(parameters)[0]

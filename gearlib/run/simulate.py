@@ -1,0 +1,80 @@
+"""`run`: carry out what was asked of a translation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gearlib.arguments import real
+from gearlib.errors import ArgumentError
+from gearlib.run.integrate import Run
+from gearlib.run.jumps import refuse_jumps
+from gearlib.run.limits import refuse_too_small
+from gearlib.run.request import Request, absolute_tolerance
+from gearlib.run.result import Result
+from gearlib.run.scene import Scene
+from gearlib.run.segment import Part
+from gearlib.run.state_switching import integrate_through
+from gearlib.run.translation import Translation
+
+
+def run(translation: Translation, asked: Request, scene: Scene | None = None) -> Result:
+    """Integrate a scene of a translation: its own, unless another is given.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError, StartError, SolverError
+        Each names what was found and what was expected.
+    """
+    scene = scene or translation.scene
+    parameters, signals = asked.parameters, asked.signals
+    numbers = scene.prepared(parameters)
+    times = asked.times
+    grid = times if times[0] == asked.t_start else np.concatenate([[asked.t_start], times])
+    if translation.structure.switching:
+        refuse_jumps(translation.structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
+    earlier = earlier_run(translation, asked.start)
+    if earlier:
+        begin = earlier[0].moment(scene, earlier[1])
+    else:
+        begin = translation.start(scene, parameters, float(grid[0]), asked.start, signals, discrete=True)
+    absolute = absolute_tolerance(asked.atol, len(scene.states))
+    first = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step)
+    if asked.progress:
+        print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
+    parts = integrate_through(first, asked.method, translation.charts)
+    if asked.progress:
+        print(
+            f"{translation.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s"
+        )
+    hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, where it was not asked for
+    found = [(Part.of(part, o, skipped), o.stats, o.events) for (part, o), skipped in zip(parts, hidden, strict=True)]
+    asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
+    refuse_too_small([part for part, _, _ in found], asked.rtol)
+    return Result(found, translation, asked, run)
+
+
+def earlier_run(translation: Translation, start: Any) -> tuple[Result, float] | None:
+    """The run that ``start`` says goes on, and from when; None where none does.
+
+    Raises
+    ------
+    ArgumentError
+        A run of another model, or a time that it does not reach.
+    """
+    if isinstance(start, Result):
+        start = (start, float(start.time[-1]))
+    if not (isinstance(start, tuple) and len(start) == 2 and isinstance(start[0], Result)):
+        return None
+    result, t = start[0], real("the time of start=(result, time)", start[1], "a finite number of seconds")
+    theirs, ours = result.scene.structure, translation.structure
+    variant = any(theirs is other.structure for other in translation.variants.known.values())
+    if not (theirs is ours or variant or (theirs.states == ours.states and theirs.model.same_names(ours.model))):
+        raise ArgumentError(
+            f"start is a run of another system than {translation.name}; a run goes on with the system that made it"
+        )
+    if not result.time[0] <= t <= result.time[-1]:
+        raise ArgumentError(f"start names the time {t:g} s; the run goes from {result.time[0]:g} to {result.time[-1]:g} s")
+    return result, float(t)

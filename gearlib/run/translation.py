@@ -1,0 +1,359 @@
+"""`Translation`: a compiled model; `translate` makes one of a component, and runs and analyses work on it."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import by_name, real, shown
+from gearlib.errors import ArgumentError, ModelError, NameLookupError, SingularError, nearest
+from gearlib.flatten.flatten import check_bounds, flatten
+from gearlib.flatten.model import FlatModel
+from gearlib.language.component import Component
+from gearlib.reduce.coefficients import numbers_of
+from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
+from gearlib.reduce.rows import some
+from gearlib.run.scene import Scene, needed_states
+from gearlib.run.start_values import Start, start_values, start_variable
+from gearlib.run.steady import steady_state
+from gearlib.run.zeros import can_be_solved, factors
+from gearlib.solvers.inputs.table import Function, Table, values
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+States = tuple[Node, ...]
+
+
+def translate(component: Component, outputs: tuple[str, ...] | None) -> Translation:
+    """Flatten a component, reduce its index and choose its states, as fits the defaults of its parameters.
+
+    Parameters
+    ----------
+    component : Component
+    outputs : tuple of str or None
+        Variables that are wanted; None for everything that can be asked for.
+
+    Raises
+    ------
+    ModelError, NameLookupError
+        What is wrong with the model, and an output that it does not have.
+    """
+    model = flatten(component)
+    variants = Variants(component, outputs, factors(model), model.parameters.names)
+    defaults = model.parameters.defaults
+    if variants.zeros(defaults):
+        try:
+            return variants.fitting(defaults)
+        except SingularError:
+            pass  # other parameters may be given for a run
+    return variants.translated(frozenset(), defaults, model)
+
+
+@dataclass(frozen=True, eq=False)
+class Variants:
+    """The translations of one component, which differ by the parameters that are zero and left out of the equations."""
+
+    component: Component
+    outputs: tuple[str, ...] | None
+    factors: Integers  # parameters that a variable is multiplied by
+    names: tuple[str, ...]
+    known: dict[frozenset[int], Translation] = field(default_factory=dict)  # by the parameters that are left out
+    chosen: dict[frozenset[int], Translation] = field(default_factory=dict)  # by the factors that are zero
+
+    def zeros(self, parameters: Floats) -> frozenset[int]:
+        """The factors that are zero."""
+        values = parameters[self.factors]
+        return frozenset() if values.all() else frozenset(self.factors[values == 0.0].tolist())
+
+    def translated(self, absent: frozenset[int], parameters: Floats, model: FlatModel | None = None) -> Translation:
+        """The translation without some parameters."""
+        if absent not in self.known:
+            model = model or flatten(self.component, absent)
+            structure = analyse(model, numbers_of(model, parameters, 0.0))
+            scene = asked_scene(structure, self.outputs)
+            self.known[absent] = Translation(structure, scene, self.outputs, self.component, self, absent)
+        return self.known[absent]
+
+    def fitting(self, parameters: Floats) -> Translation:
+        """The translation that can be solved with these parameters: with all of them, or without those that are zero.
+
+        Raises
+        ------
+        ModelError
+            Neither can.
+        """
+        zero = self.zeros(parameters)
+        if zero not in self.chosen:
+            self.chosen[zero] = self._tried(zero, parameters)
+        return self.chosen[zero]
+
+    def _tried(self, zero: frozenset[int], parameters: Floats) -> Translation:
+        if not zero:
+            return self.translated(zero, parameters)
+        try:
+            found = self.translated(frozenset(), parameters)
+            if can_be_solved(found.scene, parameters):
+                return found
+        except ModelError:
+            pass  # not solved with the zeros in it: tried without
+        try:
+            found = self.translated(zero, parameters)
+            found.scene.numbers(parameters)
+        except ModelError as problem:
+            raise SingularError(f"with {some(self.zero_names(zero))}: {problem}") from None
+        return found
+
+    def zero_names(self, absent: frozenset[int]) -> list[str]:
+        """Parameters as ``body.J = 0``."""
+        return [f"{self.names[p]} = 0" for p in sorted(absent)]
+
+
+@dataclass(frozen=True, eq=False)
+class Translation:
+    """A compiled model.
+
+    Attributes
+    ----------
+    structure : Structure
+        Its equations, and which of them determines what.
+    scene : Scene
+        What a run integrates and computes for the outputs.
+    outputs : tuple of str or None
+        What was asked for; None for everything that can be.
+    component : Component
+        What was translated.
+    variants : Variants
+        The other translations of the same component.
+    absent : frozenset of int
+        Parameters that are zero and left out of the equations.
+    scenes : dict
+        Scenes with other states, as runs and analyses needed them; grows.
+    charts : dict
+        Scenes to which runs were handed over whose own states became singular; grows.
+    """
+
+    structure: Structure
+    scene: Scene
+    outputs: tuple[str, ...] | None
+    component: Component
+    variants: Variants
+    absent: frozenset[int]
+    scenes: dict[tuple[States, tuple[int, ...], States], Scene] = field(default_factory=dict)
+    charts: dict[States, Scene] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Class of the component."""
+        return type(self.component).__name__
+
+    @property
+    def model(self) -> FlatModel:
+        """The flat equations."""
+        return self.structure.model
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Paths of what is integrated."""
+        return self.scene.state_names
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Paths of the inputs that nothing is bound to."""
+        return tuple(self.model.name(int(v)) for v in self.model.inputs)
+
+    @property
+    def left_out(self) -> list[str]:
+        """The parameters that are left out of the equations, as ``body.J = 0``."""
+        return self.variants.zero_names(self.absent)
+
+    def unit(self, name: str) -> str:
+        """Unit of a variable or a derivative, where it is known."""
+        base, order = self.model.column(name)
+        declared = self.model.declaration(self.model.variable(base))
+        return "" if declared is None else declared.unit + "/s" * order
+
+    def node(self, name: str, what: str = "variable") -> Node:
+        """The variable, or derivative, that a path stands for; ``what`` it is to be is part of the message where there is none."""
+        return self.structure.named(name, what, (f"cannot be an {what}", "can"))[0]
+
+    def nodes(self, outputs: Iterable[str]) -> list[Node]:
+        """What has to be computed for some outputs."""
+        return output_nodes(self.structure, outputs)
+
+    def with_states(self, states: States) -> Scene:
+        """The scene that integrates some states, with the outputs and discrete variables that were asked for."""
+        return self.scene_of(states, self.scene.wanted, self.scene.outputs)
+
+    def scene_of(self, states: States, wanted: tuple[int, ...] = (), outputs: States = ()) -> Scene:
+        """The scene with some states, discrete variables and outputs; the translation's own where it has these states only."""
+        own = self.scene
+        if states == own.states and set(wanted) <= set(own.wanted) and set(outputs) <= set(own.outputs):
+            return own
+        key = states, wanted, outputs
+        if key not in self.scenes:
+            self.scenes[key] = Scene(self.structure, states, wanted, outputs)
+        return self.scenes[key]
+
+    def fitting(self, parameters: Floats) -> Translation:
+        """The translation of the same component that fits some numbers of the parameters.
+
+        What is zero may decide which equation determines what (a body without inertia has no speed of its own), so that where a
+        zero would be divided by the model is translated again, once for each set of zeros.
+        """
+        if not self.absent and not self.variants.zeros(parameters):
+            return self
+        return self.variants.fitting(parameters)
+
+    def fitted(self, given: Mapping[str, float] | None) -> tuple[Translation, Floats]:
+        """The translation that fits parameters given by path, and their numbers."""
+        found = self.fitting(numbers := self.parameter_values(given))
+        return found, numbers if found is self else found.parameter_values(given)
+
+    def parameter_values(self, given: Mapping[str, float] | None) -> Floats:
+        """Numbers of all parameters, with some given by path.
+
+        Raises
+        ------
+        ArgumentError, NameLookupError, BoundError
+            No number, no such parameter, or one out of its bounds.
+        ModelError
+            A redundant loop does not close with these numbers.
+        """
+        table = self.model.parameters
+        given = by_name("parameters", given, "a mapping of paths to numbers", "load.J")
+        if not given:
+            return table.defaults
+        chosen: dict[int, float] = {}
+        for name, value in given.items():
+            k = table.index.get(name)
+            if k is None:
+                valid = [n for n in table.names if "#" not in n and not n.startswith("start(")]
+                raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
+            if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (Real, np.integer, np.floating)):
+                raise ArgumentError(f"parameter {name} is {shown(value)} ({type(value).__name__}); expected a number")
+            chosen[k] = float(value) if isinstance(value, float) else real(f"parameter {name}", value)  # bounds: below
+        result = table.evaluate(chosen)
+        check_bounds(table, result)
+        if self.structure.redundant:
+            confirm(self.structure, numbers_of(self.structure.complete, result, 0.0))
+        return result
+
+    def input_signals(self, given: Mapping[str, Any] | None) -> list[Any]:
+        """A number, function of time or `Table` for every unbound input; 0 for those that are not given.
+
+        Raises
+        ------
+        ArgumentError, NameLookupError
+            Something else, or no such input.
+        """
+        names = self.inputs
+        given = by_name("inputs", given, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
+        for name, value in given.items():
+            if name not in names:
+                bound = self.model.find(name) is not None
+                hint = "it is bound in the model, or no input" if bound else nearest(name, names)
+                raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
+            if not (isinstance(value, Table) or callable(value)):
+                given[name] = real(f"input {name}", value, "a finite number, a function of time or a gl.Table")
+        signals = [given.get(name, 0.0) for name in names]
+        plain = [callable(signal) and not isinstance(signal, Table) for signal in signals]
+        return [Function(name, s) if function else s for name, s, function in zip(names, signals, plain, strict=True)]
+
+    def start(
+        self, scene: Scene, parameters: Floats, t: float, start: Any, signals: Sequence[Any], discrete: bool = False
+    ) -> Start:
+        """Start values of a scene.
+
+        Parameters
+        ----------
+        scene : Scene
+        parameters : array
+        t : float
+            s.
+        start : None, mapping or "steady"
+            Start values given by path; or the steady state.
+        signals : sequence
+            As `input_signals` gives them.
+        discrete : bool
+            Whether start values of discrete variables may be given, too.
+
+        Raises
+        ------
+        ArgumentError, NameLookupError, StartError
+            No such start value, values that contradict each other, or no steady state.
+        """
+        overrides: dict[int, float] = {}
+        discretes, known = None, self.model.discretes
+        if not (start is None or isinstance(start, Mapping) or (isinstance(start, str) and start == "steady")):
+            raise ArgumentError(
+                f"start is {shown(start)}; expected a mapping of start values, 'steady', a result, or (result, time)"
+            )
+        if isinstance(start, Mapping):
+            for name, value in by_name("start", start, "a mapping of paths to start values").items():
+                if discrete and name in known.names:
+                    discretes = known.starts.copy() if discretes is None else discretes
+                    discretes[known.names.index(name)] = real(f"start of {name}", value)
+                else:
+                    overrides[start_variable(self.model, name)] = real(f"start of {name}", value)
+        inputs = values(signals, np.array([t]))[:, 0]
+        inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
+        begin = start_values(scene, parameters, inputs, t, overrides, discretes)
+        if start == "steady":
+            steady = steady_state(scene, scene.prepared(parameters), begin, inputs, t)
+            return Start(steady, begin.guess, (), steady=True)
+        if discretes is None:
+            return begin
+        numbers = scene.prepared(parameters)
+        modes = scene.modes(numbers, np.array([t]), begin.states[:, None], inputs[:, None], discretes, begin.guess)
+        return replace(begin, modes=modes[:, 0])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _translated_again, (pickle.dumps((self.component, self.outputs)), self.absent)
+
+
+@lru_cache(maxsize=16)
+def _translated_again(recipe: bytes, absent: frozenset[int]) -> Translation:
+    """A translation in another process, or of a copy: made once for all results that come from there."""
+    component, outputs = pickle.loads(recipe)
+    found = translate(component, outputs)
+    if found.absent == absent:
+        return found
+    numbers = found.model.parameters.defaults.copy()
+    numbers[list(absent)] = 0.0
+    return found.variants.translated(absent, numbers)
+
+
+def output_nodes(structure: Structure, outputs: Iterable[str]) -> list[Node]:
+    """What has to be computed for some outputs: all but those that are always zero, as the torque of a free flange is."""
+    model = structure.model
+    named = [(n, structure.named(n, "output", ("cannot be an output", "can"))[0]) for n in outputs]
+    return [node for n, node in named if model.sign[model.variable(model.column(n)[0])] != 0]
+
+
+def asked_scene(structure: Structure, outputs: tuple[str, ...] | None) -> Scene:
+    """The states and discrete variables that some outputs need, or, with None, all but absolute angles that nothing depends on."""
+    model = structure.model
+    if outputs is None:
+        discretes = list(range(len(model.discretes)))
+        wanted = [s for s in structure.states if s not in structure.angles]
+        targets = [(v, k + 1) for v, k in wanted] + [n for d in discretes for n in discrete_nodes(model, d)]
+        return Scene(structure, tuple(sorted({*wanted, *needed_states(structure, targets)})), tuple(discretes))
+    discretes = [model.discretes.names.index(n) for n in outputs if n in model.discretes.names]
+    nodes = output_nodes(structure, [n for n in outputs if n not in model.discretes.names])
+    states = needed_states(structure, [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))])
+    computed = [n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states]
+    return Scene(structure, states, tuple(discretes), tuple(computed))
+
+
+class Compiled:
+    """What holds a translation for its user: a `System`."""
+
+    translation: Translation
