@@ -7,19 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import is_real, shown
 from gearlib.errors import BindingError, nearest
+from gearlib.flatten.model import Instance
+from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
-
-if TYPE_CHECKING:
-    from gearlib.flatten.instances import Tree
-    from gearlib.flatten.model import Instance
 
 PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
 

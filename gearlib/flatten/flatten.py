@@ -14,7 +14,7 @@ from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.attributes import attributes_of, merge
 from gearlib.flatten.connections import Sum, connection_sets, split_sum, sum_template
-from gearlib.flatten.instances import Tree, walk
+from gearlib.flatten.instances import walk
 from gearlib.flatten.model import (
     Counts,
     Dependent,
@@ -30,6 +30,7 @@ from gearlib.flatten.model import (
     UpdateGroup,
 )
 from gearlib.flatten.specialise import Raw, simplified, without_parameters
+from gearlib.flatten.tree import Tree
 from gearlib.flatten.unused import refuse_unused
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential

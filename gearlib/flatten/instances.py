@@ -7,53 +7,19 @@ numbers.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from typing import Any
 
 from gearlib.arguments import shown
 from gearlib.equations.bindings import BoundInput, bind_input, canonical, is_expression, number
 from gearlib.equations.class_record import ClassRecord, Met, check_values, class_record, descend
-from gearlib.equations.template import Template
 from gearlib.errors import BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.model import Instance
+from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component, _inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input
 from gearlib.language.expressions import check_depth
-
-
-@dataclass
-class Tree:
-    """Everything found on the walk, still with aliases and unconnected."""
-
-    instances: list[Instance] = field(default_factory=list)
-    rows: dict[Template, list[tuple[int, list[int], list[int]]]] = field(default_factory=lambda: defaultdict(list))
-    local_rows: dict[Template, list[int]] = field(default_factory=lambda: defaultdict(list))  # instances
-    parameter_names: list[str] = field(default_factory=list)
-    parameter_values: list[float] = field(default_factory=list)
-    lower: list[float] = field(default_factory=list)
-    upper: list[float] = field(default_factory=list)
-    dependents: dict[tuple[int, Any], tuple[list[tuple[int, ...]], list[int]]] = field(default_factory=dict)
-    starts: list[tuple[int, int, bool]] = field(default_factory=list)
-    started: set[int] = field(default_factory=set)  # variables whose start value an enclosing component gives
-    choices: list[tuple[int, str, Any]] = field(default_factory=list)  # see gearlib.flatten.attributes
-    inputs: list[int] = field(default_factory=list)
-    links: list[list[int]] = field(default_factory=list)
-    ports: list[tuple[int, str]] = field(default_factory=list)  # (instance, connector)
-    port_numbers: dict[tuple[int, str], int] = field(default_factory=dict)
-    numbers: dict[int, int] = field(default_factory=dict)  # id(component) -> instance
-    records: list[ClassRecord] = field(default_factory=list)
-    n_variables: int = 0
-    discrete_names: list[str] = field(default_factory=list)
-    discrete_starts: list[float] = field(default_factory=list)
-    first_discrete: dict[int, int] = field(default_factory=dict)  # of each instance that has any
-    bound: dict[tuple[Template, tuple[int, ...]], int] = field(default_factory=dict)  # rows that are bindings -> input
-    updates: dict[tuple[Template, bool], list[tuple[int, list[int], list[int], int]]] = field(
-        default_factory=lambda: defaultdict(list)
-    )
-
 
 DEEPEST = 200  # levels of components within components
 

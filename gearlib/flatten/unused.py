@@ -16,7 +16,8 @@ import numpy as np
 
 from gearlib.equations.bindings import is_expression
 from gearlib.errors import BindingError, GearlibError
-from gearlib.flatten.instances import Tree, walk
+from gearlib.flatten.instances import walk
+from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component, _inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input, Offered, Parameter, Structural
 

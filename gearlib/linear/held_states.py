@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gearlib.program.build import build
 from gearlib.program.interpret import Prepared, assemble, evaluate, prepare
 from gearlib.program.program import Newton
-from gearlib.program.sensitivity import _entries, sensitivity
+from gearlib.program.sensitivity import entries, sensitivity
 from gearlib.reduce.reduction import Structure, integrals
 from gearlib.structure.incidence import Node
 
@@ -109,7 +109,7 @@ def _held_in(
     answers: Floats | None = None
     for batch in changing:
         terms: dict[int, dict[int, float]] = {}
-        for rows, columns, values in _entries(batch, now, here, prepared.parameters, modes):
+        for rows, columns, values in entries(batch, now, here, prepared.parameters, modes):
             for r, c, value in zip(rows.tolist(), columns.tolist(), np.abs(values).tolist(), strict=True):
                 terms.setdefault(r, {})[c] = value
         for r, sizes in terms.items():

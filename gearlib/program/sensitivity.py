@@ -58,7 +58,7 @@ def sensitivity(
     solutions = iter(prepared.solutions)
     for step in program.steps:
         if isinstance(step, Batch):
-            store.assign(step.targets, _entries(step, now, here, prepared.parameters, flags))
+            store.assign(step.targets, entries(step, now, here, prepared.parameters, flags))
         elif isinstance(step, Linear):
             store.combine(step.unknowns, next(solutions), step.known)
         else:
@@ -66,7 +66,7 @@ def sensitivity(
             matrix = _matrix(step, prepared, now, here, flags)
             inside = {int(u) for u in step.unknowns}
             parts = [
-                (b.targets[r], c, v) for b in step.residuals for r, c, v in _entries(b, now, here, prepared.parameters, flags)
+                (b.targets[r], c, v) for b in step.residuals for r, c, v in entries(b, now, here, prepared.parameters, flags)
             ]
             rows, columns, values = (np.concatenate(x) for x in zip(*parts, strict=True))
             outside = np.array([c not in inside for c in columns.tolist()], bool)
@@ -145,7 +145,7 @@ def solve_shared(matrix: Floats, right: Floats) -> Floats:
     return np.asarray(column[:, None] * found, float)
 
 
-def _entries(
+def entries(
     batch: Batch, t: Floats, slots: Floats, parameters: Floats, relations: Floats
 ) -> list[tuple[Integers, Integers, Floats]]:
     """For each argument: rows of the batch, the argument's slots, derivatives; zeros left out."""

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gearlib.arguments import real, shown, whole
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
-from gearlib.vibration.draw_mode import MOTION, _largest, aligned
-
-if TYPE_CHECKING:
-    from gearlib.vibration.modes import Modes
+from gearlib.vibration.draw_mode import MOTION, ModePicture, aligned, largest
 
 COLUMNS = 6
 BODY, SLIDER = "#cfd8e3", "#66a61e"
 
 
-def animate_mode(modes: Modes, mode: int, frames: int = 48, degrees: float = 40.0) -> Any:
+def animate_mode(mode: ModePicture, frames: int = 48, degrees: float = 40.0) -> Any:
     """A matplotlib animation over one period; the body that swings most does so by ``degrees`` (a slider, by half its cell).
 
     Discs turn, squares slide. The amplitude is kept over the period, also where the mode is damped.
@@ -30,15 +27,17 @@ def animate_mode(modes: Modes, mode: int, frames: int = 48, degrees: float = 40.
     frames = whole("frames", frames, 2)
     if not 0 < real("degrees", degrees, "a number above 0, up to 180") <= 180:
         raise ArgumentError(f"degrees is {shown(degrees)}; expected a number above 0, up to 180")
-    bodies, left_out = _largest(aligned(modes.motions(mode)), lambda m: abs(m[2]))
+    bodies, left_out = largest(aligned(mode.motions), lambda m: abs(m[2]))
     columns = min(COLUMNS, max(1, len(bodies)))
     rows = max(1, -(-len(bodies) // columns))
     figure, ax = plt.subplots(figsize=(1.9 * columns + 0.4, 1.9 * rows + 0.9), layout="constrained")
     ax.set(xlim=(-0.1, 3 * columns + 0.1), ylim=(-3 * rows, 0.6), aspect="equal")
     ax.axis("off")
-    f, ratio = modes.frequencies[mode], modes.damping[mode]
+    f, ratio = mode.frequency, mode.damping
     note = f"; {left_out} bodies at rest not shown" if left_out else ""
-    ax.set_title(f"Mode {mode}: {f:.5g} Hz, damping ratio {ratio:.3g}{note}" if f else f"Mode {mode}: free motion{note}")
+    ax.set_title(
+        f"Mode {mode.number}: {f:.5g} Hz, damping ratio {ratio:.3g}{note}" if f else f"Mode {mode.number}: free motion{note}"
+    )
     moving: list[tuple[Any, str, float, float, complex]] = []
     for k, (name, unit, amplitude) in enumerate(bodies):
         x, y = 3 * (k % columns) + 1.5, -3 * (k // columns) - 1.1

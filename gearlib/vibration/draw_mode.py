@@ -2,49 +2,73 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from gearlib.arguments import check_axes
 from gearlib.optional import optional
 
-if TYPE_CHECKING:
-    from gearlib.vibration.modes import Modes
-
 MOST_BARS = 30
 KINETIC, POTENTIAL, MOTION = "#1f6fb4", "#d95f02", "0.35"
 NAMES = {"rad": "turning", "m": "displacement"}
 
 
-def draw_mode(modes: Modes, mode: int, axes: Any = None) -> Any:
+@dataclass(frozen=True)
+class ModePicture:
+    """What is drawn of a mode.
+
+    Attributes
+    ----------
+    number : int
+    frequency, damping : float
+        Hz (0 for a free motion), and the damping ratio.
+    motions : list of (str, str, complex)
+        Body, "rad" or "m", and amplitude.
+    shares : list of (str, float, float)
+        Component, and its shares of the kinetic and of the potential energy, percent.
+    not_given : str or None
+        Why there are no shares.
+    """
+
+    number: int
+    frequency: float
+    damping: float
+    motions: list[tuple[str, str, complex]]
+    shares: list[tuple[str, float, float]]
+    not_given: str | None = None
+
+
+def draw_mode(mode: ModePicture, axes: Any = None) -> Any:
     """Bars of amplitudes (relative to the largest of their kind) and of shares of energy; returns two axes."""
     plt = optional("matplotlib.pyplot")
 
-    motions = modes.motions(mode)
-    why = modes.not_given.get(mode)
-    shares = [
-        (name, modes.kinetic[mode, k], modes.potential[mode, k]) for k, name in enumerate([] if why else modes.components)
-    ]
-    motions, left_out = _largest(motions, lambda m: abs(m[2]))
-    shares, energy_left_out = _largest(shares, lambda s: max(s[1], s[2]))
+    motions, left_out = largest(mode.motions, lambda m: abs(m[2]))
+    shares, energy_left_out = largest(mode.shares, lambda s: max(s[1], s[2]))
     if axes is None:
         height = 1.6 + 0.2 * max(len(motions), len(shares), 4)
         _, axes = plt.subplots(1, 2, figsize=(10, height), layout="constrained")
     check_axes(axes, 2)
     _motion_bars(axes[0], motions, left_out)
     _energy_bars(axes[1], shares, energy_left_out)
-    if why:
+    if mode.not_given:
         axes[1].text(
-            0.5, 0.5, f"not given:\n{why}", transform=axes[1].transAxes, ha="center", va="center", fontsize=8, wrap=True
+            0.5,
+            0.5,
+            f"not given:\n{mode.not_given}",
+            transform=axes[1].transAxes,
+            ha="center",
+            va="center",
+            fontsize=8,
+            wrap=True,
         )
-    f, ratio = modes.frequencies[mode], modes.damping[mode]
-    what = f"{f:.5g} Hz, damping ratio {ratio:.3g}" if f else "free motion"
-    axes[0].figure.suptitle(f"Mode {mode}: {what}")
+    what = f"{mode.frequency:.5g} Hz, damping ratio {mode.damping:.3g}" if mode.frequency else "free motion"
+    axes[0].figure.suptitle(f"Mode {mode.number}: {what}")
     return axes
 
 
-def _largest(items: list[Any], size: Any) -> tuple[list[Any], int]:
+def largest(items: list[Any], size: Any) -> tuple[list[Any], int]:
     """The items worth a bar, in their order, and how many are left out."""
     ranked = sorted(range(len(items)), key=lambda i: -size(items[i]))[:MOST_BARS]
     top = max((size(items[i]) for i in ranked), default=0.0)

@@ -26,6 +26,8 @@ from gearlib.run.scene import needed_states, node_name
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
 from gearlib.structure.incidence import Node
+from gearlib.vibration.animate_mode import animate_mode
+from gearlib.vibration.draw_mode import ModePicture, draw_mode
 from gearlib.vibration.mode_energies import Family, energies, families
 from gearlib.vibration.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
 
@@ -281,10 +283,15 @@ class Modes:
 
     def draw(self, mode: int, *, axes: Any = None) -> Any:
         """Draw a mode: amplitudes of the bodies, and the shares of energy. Returns the matplotlib axes."""
-        from gearlib.vibration.draw_mode import draw_mode
+        return draw_mode(self._picture(mode), axes)
 
+    def _picture(self, mode: int) -> ModePicture:
+        """What is drawn of a mode."""
         self._check(mode)
-        return draw_mode(self, int(mode) % len(self), axes)
+        k, why = int(mode) % len(self), self.not_given.get(int(mode) % len(self))
+        named = enumerate([] if why else self.components)
+        shares = [(name, float(self.kinetic[k, i]), float(self.potential[k, i])) for i, name in named]
+        return ModePicture(k, float(self.frequencies[k]), float(self.damping[k]), self.motions(k), shares, why)
 
     def animate(self, mode: int, *, frames: int = 48, degrees: float = 40.0) -> Any:
         """Animate a mode over one period: every body swings about its place. Returns a matplotlib ``FuncAnimation``.
@@ -299,10 +306,7 @@ class Modes:
         degrees : float
             Swing of the body that turns most.
         """
-        from gearlib.vibration.animate_mode import animate_mode
-
-        self._check(mode)
-        return animate_mode(self, int(mode) % len(self), frames, degrees)
+        return animate_mode(self._picture(mode), frames, degrees)
 
 
 def modes(
