@@ -10,6 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gearlib.errors import GearlibError as GearlibError
+    from gearlib.feedback.loop_plots import bode_plot as bode_plot
+    from gearlib.feedback.loop_plots import nichols_plot as nichols_plot
+    from gearlib.feedback.loop_plots import nyquist_plot as nyquist_plot
+    from gearlib.feedback.loop_plots import root_locus_plot as root_locus_plot
+    from gearlib.feedback.stability import StabilityReport as StabilityReport
+    from gearlib.feedback.stability import stability as stability
     from gearlib.language.component import Component as Component
     from gearlib.language.component import Connection as Connection
     from gearlib.language.component import connect as connect
@@ -59,12 +65,6 @@ if TYPE_CHECKING:
     from gearlib.linear.frequency_response import FrequencyResponse as FrequencyResponse
     from gearlib.linear.frequency_response import frequency_response as frequency_response
     from gearlib.linear.frequency_response import transmission_error_response as transmission_error_response
-    from gearlib.linear.loop_plots import bode_plot as bode_plot
-    from gearlib.linear.loop_plots import nichols_plot as nichols_plot
-    from gearlib.linear.loop_plots import nyquist_plot as nyquist_plot
-    from gearlib.linear.loop_plots import root_locus_plot as root_locus_plot
-    from gearlib.linear.stability import StabilityReport as StabilityReport
-    from gearlib.linear.stability import stability as stability
     from gearlib.periodic.describing_function import PreloadedBacklash as PreloadedBacklash
     from gearlib.periodic.describing_function import backlash_describing_function as backlash_describing_function
     from gearlib.periodic.describing_function import equivalent_stiffness as equivalent_stiffness
@@ -100,9 +100,9 @@ _HOME = {
     "HarmonicBalance": "gearlib.periodic.harmonic_response",
     **dict.fromkeys(["Modes", "modes"], "gearlib.vibration.modes"),
     **dict.fromkeys(["OrderSpectrum", "OrderWaterfall", "order_spectrum", "order_waterfall"], "gearlib.periodic.order_analysis"),
-    **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.linear.loop_plots"),
+    **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.feedback.loop_plots"),
     **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.linear.frequency_response"),
-    **dict.fromkeys(["StabilityReport", "stability"], "gearlib.linear.stability"),
+    **dict.fromkeys(["StabilityReport", "stability"], "gearlib.feedback.stability"),
     "PowerFlow": "gearlib.statics.power_flow",
     **dict.fromkeys(["mobility", "power_flow", "speed_ratio"], "gearlib.statics.statics"),
     "GearlibError": "gearlib.errors",

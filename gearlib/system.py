@@ -227,9 +227,10 @@ class System(Compiled):
         NameLookupError, ArgumentError, StartError
             No such input or output, two with one name, or no steady state.
         """
-        from gearlib.linear.linearize import linear_model, state_space
+        from gearlib.linear.linear_model import state_space
+        from gearlib.linear.linearize import linearized
 
-        model = linear_model(self.translation, inputs, outputs, at, parameters, worded=(sparse := flag("sparse", sparse)))
+        model = linearized(self.translation, inputs, outputs, at, parameters, worded=(sparse := flag("sparse", sparse)))
         return model if sparse else state_space(model, self.name)
 
     def power_flow(

@@ -1,1 +1,1 @@
-"""Linear models: linearisation, frequency responses, stability margins."""
+"""Linear models: linearisation, frequency responses, poles."""

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import check_axes, name_list, one_name, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
-from gearlib.linear.feedback_loop import check_linear, matrices
-from gearlib.linear.linearize import LinearModel, input_names, linear_model
+from gearlib.linear.linear_model import LinearModel, check_linear, matrices
+from gearlib.linear.linearize import input_names, linearized
 from gearlib.optional import optional
 from gearlib.run.subject import is_compiled, translation_of
 from gearlib.run.translation import Compiled, Translation
@@ -161,7 +161,7 @@ def frequency_response(
     per = ""
     if is_compiled(model):
         translation = translation_of(model)
-        model = linear_model(translation, inputs, outputs, at, parameters)
+        model = linearized(translation, inputs, outputs, at, parameters)
         units = tuple(translation.unit(name) for name in model.outputs)
         sources = {translation.unit(name) for name in model.inputs}
         per = sources.pop() if len(sources) == 1 else ""

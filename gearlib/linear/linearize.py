@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.linear.condition import conditions
 from gearlib.linear.held_states import remaining
+from gearlib.linear.linear_model import LinearModel
 from gearlib.linear.operating_point import Point, fitting, operating_point, slots_at
 from gearlib.program.build import build
 from gearlib.program.interpret import prepare
@@ -24,23 +25,6 @@ from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
 NEGLIGIBLE = 1e-12  # what rounding leaves where an open value has no effect
-
-
-@dataclass(frozen=True)
-class LinearModel:
-    """dx/dt = A x + B u, y = C x + D u about an operating point; arrays, or sparse matrices where these would be large.
-
-    ``conditions`` says in words what the operating point is, such as "open: mesh m" or "sliding: clutch c".
-    """
-
-    A: Any
-    B: Any
-    C: Any
-    D: Any
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    conditions: tuple[str, ...] = ()
 
 
 def input_names(model: FlatModel) -> list[str]:
@@ -54,7 +38,7 @@ def input_names(model: FlatModel) -> list[str]:
     return unbound + bound
 
 
-def linear_model(
+def linearized(
     translation: Translation, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, at: Any = None,
     parameters: Mapping[str, float] | None = None, worded: bool = True,
 ) -> LinearModel:  # fmt: skip
@@ -181,47 +165,3 @@ def _columns(matrix: Any, columns: Sequence[int], scale: Floats, full: bool) -> 
 
     parts = [scale[i] * matrix[:, [c]] if c >= 0 else sparse.csr_matrix((matrix.shape[0], 1)) for i, c in enumerate(columns)]
     return sparse.hstack(parts).tocsr() if parts else sparse.csr_matrix((matrix.shape[0], 0))
-
-
-def label(name: str) -> str:
-    """The name that python-control accepts for a signal: ``torque.tau`` becomes ``torque_tau``.
-
-    >>> label("shaft[2].tau")
-    'shaft[2]_tau'
-    """
-    return name.replace(".", "_")
-
-
-def state_space(model: LinearModel, name: str | None = None) -> Any:
-    """The same as a ``control.StateSpace``; inputs and outputs have their paths with "_" for ".", states their paths.
-
-    Raises
-    ------
-    ArgumentError
-        Two signals that would have one name.
-    """
-    import control
-
-    def array(m: Any) -> Floats:
-        return m.toarray() if hasattr(m, "toarray") else np.asarray(m)
-
-    for what, names in (("input", model.inputs), ("output", model.outputs)):
-        first: dict[str, str] = {}
-        for path in names:
-            if label(path) in first:
-                other = first[label(path)]
-                alike = f"the {what}s {other} and {path} both become '{label(path)}' in python-control; sparse=True keeps paths"
-                raise ArgumentError(f"the {what} {path} is named twice" if other == path else alike)
-            first[label(path)] = path
-    B, D = array(model.B), array(model.D)
-    if not model.inputs:  # python-control takes such a model in some shapes only; an input is put in, and taken out again
-        B, D = np.zeros((len(model.states), 1)), np.zeros((len(model.outputs), 1))
-    result = control.ss(
-        array(model.A), B, array(model.C), D, states=list(model.states), name=name,
-        inputs=[label(n) for n in model.inputs] or ["none"], outputs=[label(n) for n in model.outputs],
-        remove_useless_states=False,
-    )  # fmt: skip
-    if not model.inputs:
-        result.B, result.D = B[:, :0], D[:, :0]
-        result.set_inputs([])
-    return result

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.linear.linearize import Point, slots_at
+from gearlib.linear.operating_point import Point, slots_at
 from gearlib.program.sensitivity import sensitivity
 from gearlib.program.state_derivatives import state_derivatives
 from gearparts.gears.mesh_models import DetailedExternalMesh, mesh_damping

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import real, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
-from gearlib.linear.linearize import LinearModel, label, linear_model
+from gearlib.linear.linear_model import label, matrices
+from gearlib.linear.linearize import linearized
 from gearlib.linear.poles import Poles, poles
-from gearlib.run.subject import described, is_compiled, translation_of
+from gearlib.run.subject import is_compiled, translation_of
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -180,38 +181,13 @@ def as_loop(
     gain = real("gain", gain)
     if is_compiled(model):
         inputs, outputs = (None, None) if loop is None else ([loop[0]], [loop[1]])
-        model = linear_model(translation_of(model), inputs, outputs, at, parameters)
+        model = linearized(translation_of(model), inputs, outputs, at, parameters)
     elif parameters or at is not None:
         raise ArgumentError("at and parameters belong to a System; a linear model has its numbers already")
     A, B, C, D, ins, outs = matrices(model)
     j = _signal("input", loop and loop[0], ins)
     i = _signal("output", loop and loop[1], outs)
     return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, ins[j], outs[i])
-
-
-def check_linear(model: Any) -> None:
-    """Raise `ArgumentError` for anything but a linear model."""
-    if isinstance(model, LinearModel):
-        return
-    import control
-
-    if not isinstance(model, (control.StateSpace, control.TransferFunction)):
-        raise ArgumentError(f"expected a System, StateSpace, TransferFunction or LinearModel, got {described(model)}")
-
-
-def matrices(model: Any) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
-    """A, B, C, D as full arrays, and the names of inputs and outputs."""
-    check_linear(model)
-    if not hasattr(model, "A"):
-        import control
-
-        model = control.ss(model)
-    parts = [np.asarray(m.toarray() if hasattr(m, "toarray") else m, float) for m in (model.A, model.B, model.C, model.D)]
-    if getattr(model, "dt", None):
-        raise ArgumentError("the model is a sampled one; its stability is read from the unit circle, which is not done here")
-    inputs = list(getattr(model, "input_labels", None) or model.inputs)
-    outputs = list(getattr(model, "output_labels", None) or model.outputs)
-    return parts[0], parts[1], parts[2], parts[3], inputs, outputs
 
 
 def _signal(what: str, chosen: Any, names: Sequence[str]) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.linear.feedback_loop import Loop
+from gearlib.feedback.feedback_loop import Loop
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -105,7 +105,7 @@ def margins(loop: Loop) -> Margins:
     Examples
     --------
     >>> import control
-    >>> from gearlib.linear.feedback_loop import as_loop
+    >>> from gearlib.feedback.feedback_loop import as_loop
     >>> found = margins(as_loop(control.tf([4], [1, 2, 1, 0])))     # k / (s (s + 1)^2) meets -1 at k = 2, 1 rad/s
     >>> round(found.gain_margin, 12), round(found.phase_crossings[0].omega, 12)
     (0.5, 1.0)

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from gearlib.arguments import real
-from gearlib.linear.feedback_loop import Loop, as_loop, check_linear
-from gearlib.linear.gain_range import gains_in_words, stable_gains
-from gearlib.linear.linearize import linear_model
-from gearlib.linear.margins import Margins, margins
-from gearlib.linear.nyquist import NyquistCount, nyquist_count
+from gearlib.feedback.feedback_loop import Loop, as_loop
+from gearlib.feedback.gain_range import gains_in_words, stable_gains
+from gearlib.feedback.margins import Margins, margins
+from gearlib.feedback.nyquist import NyquistCount, nyquist_count
+from gearlib.linear.linear_model import check_linear
+from gearlib.linear.linearize import linearized
 from gearlib.linear.poles import MEANING, Poles, Verdict, poles
 from gearlib.run.subject import is_compiled, translation_of
 from gearlib.vibration.modes import MOST_DENSE, Modes, modes
@@ -220,7 +221,7 @@ def stability(
         chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
         return StabilityReport(name, chosen.open_poles, LoopReport(chosen), said, at_zero)
     if is_compiled(model):
-        model = linear_model(translation_of(model), [], None, at, parameters)
+        model = linearized(translation_of(model), [], None, at, parameters)
     if not hasattr(model, "A"):
         model = as_loop(model)
     return StabilityReport(name, poles(model.A), None, said, at_zero)

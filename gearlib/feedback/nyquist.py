@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
-from gearlib.linear.feedback_loop import Loop, refine
+from gearlib.feedback.feedback_loop import Loop, refine
 from gearlib.linear.poles import Poles, Verdict
 
 Floats = NDArray[np.float64]
@@ -105,7 +105,7 @@ def nyquist_count(loop: Loop) -> NyquistCount:
     Examples
     --------
     >>> import control
-    >>> from gearlib.linear.feedback_loop import as_loop
+    >>> from gearlib.feedback.feedback_loop import as_loop
     >>> print(nyquist_count(as_loop(control.tf([10], [1, 2, 1, 0]))))
     Over all frequencies the curve encircles -1 twice clockwise (N = 2). The open loop has no pole in the right half-plane (P = 0),
     so the closed loop has 2 poles there (Z = N + P = 2): the closed loop is unstable.

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import gearlib as gl
-from gearlib.linear.feedback_loop import as_loop
-from gearlib.linear.margins import margins
-from gearlib.linear.nyquist import nyquist_count
+from gearlib.feedback.feedback_loop import as_loop
+from gearlib.feedback.margins import margins
+from gearlib.feedback.nyquist import nyquist_count
 from gearlib.linear.poles import _rows_and_null, poles
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearlib.linear.feedback_loop import Loop
-from gearlib.linear.margins import PhaseCrossing
+from gearlib.feedback.feedback_loop import Loop
+from gearlib.feedback.margins import PhaseCrossing
 
 
 def stable_gains(loop: Loop, crossings: Sequence[PhaseCrossing]) -> tuple[tuple[float, float], ...]:
@@ -29,8 +29,8 @@ def stable_gains(loop: Loop, crossings: Sequence[PhaseCrossing]) -> tuple[tuple[
     Examples
     --------
     >>> import control
-    >>> from gearlib.linear.feedback_loop import as_loop
-    >>> from gearlib.linear.margins import margins
+    >>> from gearlib.feedback.feedback_loop import as_loop
+    >>> from gearlib.feedback.margins import margins
     >>> loop = as_loop(control.tf([1], [1, 2, 1, 0]))       # k / (s (s + 1)^2) is stable up to k = 2
     >>> [(low, round(high, 9)) for low, high in stable_gains(loop, margins(loop).phase_crossings)]
     [(0.0, 2.0)]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import check_axes, increasing
-from gearlib.linear.feedback_loop import Loop, as_loop
-from gearlib.linear.margins import Margins, margins
+from gearlib.feedback.feedback_loop import Loop, as_loop
+from gearlib.feedback.margins import Margins, margins
 from gearlib.linear.poles import poles
 from gearlib.optional import optional
 

@@ -1,0 +1,1 @@
+"""Feedback loops closed around a train: Nyquist's criterion, margins, stable gains, and stability in words."""

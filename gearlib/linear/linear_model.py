@@ -1,0 +1,100 @@
+"""`LinearModel`: matrices with names, to and from python-control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import ArgumentError
+from gearlib.run.subject import described
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """dx/dt = A x + B u, y = C x + D u about an operating point; arrays, or sparse matrices where these would be large.
+
+    ``conditions`` says in words what the operating point is, such as "open: mesh m" or "sliding: clutch c".
+    """
+
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    conditions: tuple[str, ...] = ()
+
+
+def label(name: str) -> str:
+    """The name that python-control accepts for a signal: ``torque.tau`` becomes ``torque_tau``.
+
+    >>> label("shaft[2].tau")
+    'shaft[2]_tau'
+    """
+    return name.replace(".", "_")
+
+
+def state_space(model: LinearModel, name: str | None = None) -> Any:
+    """The same as a ``control.StateSpace``; inputs and outputs have their paths with "_" for ".", states their paths.
+
+    Raises
+    ------
+    ArgumentError
+        Two signals that would have one name.
+    """
+    import control
+
+    def array(m: Any) -> Floats:
+        return m.toarray() if hasattr(m, "toarray") else np.asarray(m)
+
+    for what, names in (("input", model.inputs), ("output", model.outputs)):
+        first: dict[str, str] = {}
+        for path in names:
+            if label(path) in first:
+                other = first[label(path)]
+                alike = f"the {what}s {other} and {path} both become '{label(path)}' in python-control; sparse=True keeps paths"
+                raise ArgumentError(f"the {what} {path} is named twice" if other == path else alike)
+            first[label(path)] = path
+    B, D = array(model.B), array(model.D)
+    if not model.inputs:  # python-control takes such a model in some shapes only; an input is put in, and taken out again
+        B, D = np.zeros((len(model.states), 1)), np.zeros((len(model.outputs), 1))
+    result = control.ss(
+        array(model.A), B, array(model.C), D, states=list(model.states), name=name,
+        inputs=[label(n) for n in model.inputs] or ["none"], outputs=[label(n) for n in model.outputs],
+        remove_useless_states=False,
+    )  # fmt: skip
+    if not model.inputs:
+        result.B, result.D = B[:, :0], D[:, :0]
+        result.set_inputs([])
+    return result
+
+
+def check_linear(model: Any) -> None:
+    """Raise `ArgumentError` for anything but a linear model."""
+    if isinstance(model, LinearModel):
+        return
+    import control
+
+    if not isinstance(model, (control.StateSpace, control.TransferFunction)):
+        raise ArgumentError(f"expected a System, StateSpace, TransferFunction or LinearModel, got {described(model)}")
+
+
+def matrices(model: Any) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
+    """A, B, C, D as full arrays, and the names of inputs and outputs."""
+    check_linear(model)
+    if not hasattr(model, "A"):
+        import control
+
+        model = control.ss(model)
+    parts = [np.asarray(m.toarray() if hasattr(m, "toarray") else m, float) for m in (model.A, model.B, model.C, model.D)]
+    if getattr(model, "dt", None):
+        raise ArgumentError("the model is a sampled one; its stability is read from the unit circle, which is not done here")
+    inputs = list(getattr(model, "input_labels", None) or model.inputs)
+    outputs = list(getattr(model, "output_labels", None) or model.outputs)
+    return parts[0], parts[1], parts[2], parts[3], inputs, outputs
