@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from gearlib.periodic.order_analysis import OrderWaterfall as OrderWaterfall
     from gearlib.periodic.order_analysis import order_spectrum as order_spectrum
     from gearlib.periodic.order_analysis import order_waterfall as order_waterfall
-    from gearlib.run.energy_balance import EnergyBalance as EnergyBalance
+    from gearlib.run.energy.energy_balance import EnergyBalance as EnergyBalance
     from gearlib.run.result import Result as Result
     from gearlib.solvers.inputs.table import Table as Table
     from gearlib.statics.power_flow import PowerFlow as PowerFlow
@@ -120,7 +120,7 @@ _HOME = {
         "gearlib.language.expressions",
     ),
     "Energy": "gearlib.language.energy",
-    "EnergyBalance": "gearlib.run.energy_balance",
+    "EnergyBalance": "gearlib.run.energy.energy_balance",
     "check_units": "gearlib.language.dimensions",
     "Result": "gearlib.run.result",
     "Table": "gearlib.solvers.inputs.table",

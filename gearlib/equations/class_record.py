@@ -105,17 +105,20 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
     """The analysis of equations that were not met before."""
     declared = declared_by(component)
     name = type(component).__name__
-    lookup = _Lookup(component, declared)
-    split = split_equations(name, equations, declared.discretes, lookup.is_parameter, declared.variables)
+
+    def is_parameter(symbol: str) -> bool:
+        return _kind_of(symbol, component, declared) == "parameter"
+
+    split = split_equations(name, equations, declared.discretes, is_parameter, declared.variables)
 
     def is_held(symbol: str) -> bool:
         return symbol == "initial()" or symbol.removeprefix("pre(").removesuffix(")") in split.discretes
 
-    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", lookup.is_parameter, is_held) for e in split.continuous)
+    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", is_parameter, is_held) for e in split.continuous)
     everything = (*templates, *(u.template for u in split.updates))
     for t in everything:
         for local in t.locals:
-            if lookup.find(local) is None:
+            if _kind_of(local, component, declared) is None:
                 raise DeclarationError(f"{t.label}: '{local}' is not declared; {nearest(local, declared.variables)}")
     _refuse_void(templates)
     refuse_misfits(unit_errors(component, values_compared(component, equations)))
@@ -207,26 +210,14 @@ def _plain_attributes(component: Component) -> tuple[Any, ...] | None:
     return plain
 
 
-@dataclass(frozen=True)
-class _Lookup:
-    """Resolves names as seen from a component: its own, or those of its parts."""
-
-    component: Component
-    declared: Declared
-
-    def find(self, name: str) -> str | None:
-        """What the name is: "variable", "parameter" or None."""
-        if name in self.declared.variables:
-            return "variable"
-        if name in self.declared.parameters:
-            return "parameter"
-        part, local = descend(self.component, name)
-        if part is None or part is self.component:
-            return None
-        return _Lookup(part, declared_by(part)).find(local)
-
-    def is_parameter(self, name: str) -> bool:
-        return self.find(name) == "parameter"
+def _kind_of(name: str, component: Component, declared: Declared) -> str | None:
+    """What a name is as seen from a component, its own or one of its parts': "variable", "parameter" or None."""
+    if name in declared.variables:
+        return "variable"
+    if name in declared.parameters:
+        return "parameter"
+    part, local = descend(component, name)
+    return None if part is None or part is component else _kind_of(local, part, declared_by(part))
 
 
 def descend(component: Component, name: str) -> tuple[Component | None, str]:

@@ -431,7 +431,7 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
 
 def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
     """What cannot be evaluated where a run ended."""
-    from gearlib.run.blame import culprit
+    from gearlib.run.refusals.blame import culprit
 
     modes = data[shared.relations :][: shared.n_relations].copy()
     inputs = values(run.signals, np.array([t]), shared.n_inputs)[:, 0]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas
 
     from gearlib.drawing.histories import History
-    from gearlib.run.energy_balance import EnergyBalance
+    from gearlib.run.energy.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
 ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "seconds")  # over the parts of a run
@@ -154,7 +154,7 @@ class Result:
         return self._balance(self.request)
 
     def _balance(self, asked: Request) -> EnergyBalance:
-        from gearlib.run.audit import energy_balance
+        from gearlib.run.energy.audit import energy_balance
 
         return energy_balance(self.translation, asked, self.time, [t for t, _ in self.events], self._run)
 
@@ -181,7 +181,7 @@ class Result:
 
     def check_energy(self) -> None:
         """Put the residual into ``stats``, and warn where it exceeds what the tolerance of the run explains."""
-        from gearlib.run.audit import explained
+        from gearlib.run.energy.audit import explained
 
         found = self.energy_balance()
 

@@ -17,7 +17,7 @@ from gearlib.program.program import Program
 from gearlib.program.relations import relations_of
 from gearlib.run.branch import Branch, follow
 from gearlib.run.integrate import Outcome, Run
-from gearlib.run.jumps import refuse_jumps
+from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.scene import Scene, node_name, settle_once
 from gearlib.solvers.inputs.table import values
 from gearlib.structure.incidence import Node

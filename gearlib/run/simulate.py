@@ -10,8 +10,8 @@ import numpy as np
 from gearlib.arguments import real
 from gearlib.errors import ArgumentError
 from gearlib.run.integrate import Run
-from gearlib.run.jumps import refuse_jumps
-from gearlib.run.limits import refuse_too_small
+from gearlib.run.refusals.jumps import refuse_jumps
+from gearlib.run.refusals.limits import refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance
 from gearlib.run.result import Result
 from gearlib.run.scene import Scene

@@ -32,7 +32,7 @@ from gearlib.program.program import Newton
 from gearlib.program.relations import relations_of
 from gearlib.program.sensitivity import sensitivity
 from gearlib.run.integrate import Run, integrate
-from gearlib.run.limits import too_small
+from gearlib.run.refusals.limits import too_small
 from gearlib.run.scene import Numbers, Scene, node_name
 from gearlib.run.start_values import Start
 from gearlib.structure.incidence import Node

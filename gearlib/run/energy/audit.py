@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gearlib.errors import GearlibError, NameLookupError
 from gearlib.flatten.energies import Audited, Term, audited
 from gearlib.reduce.reduction import discrete_nodes
-from gearlib.run.energy_balance import EnergyBalance
+from gearlib.run.energy.energy_balance import EnergyBalance
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene, needed_states
 from gearlib.run.translation import Translation
