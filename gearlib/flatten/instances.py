@@ -151,7 +151,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
             component._read.intersection_update(read)
     for name, variable in instance.variables.items():
         if isinstance(variable, Input):
-            bound = bindings.get(name, variable.default)
+            bound = bindings[name] if name in bindings else _evaluated(variable.default, component, prefix + name)
             own = instance.first_variable + record.variable_index[name]
             if bound is NO_VALUE or bound is None:
                 tree.inputs.append(own)
@@ -240,12 +240,8 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
     if value is NO_VALUE or value is None:
         hint = "" if path.startswith("start(") else f": {path.rsplit('.', 1)[-1]}=..."
         raise BindingError(f"{path} has no value; give one in {unit} ({description or 'no default'}){hint}")
-    if callable(value) and scope is not None:
-        try:
-            with _inside(scope), reads_of(scope):
-                value = value(scope)
-        except Exception as problem:
-            raise BindingError(f"{path}: its function raised {type(problem).__name__}: {problem}") from None
+    if scope is not None:
+        value = _evaluated(value, scope, path)
     if not is_expression(value):
         tree.parameter_values[slot] = number(value, path, unit, description)
         return
@@ -258,6 +254,17 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
     rows, targets = tree.dependents.setdefault((depth, expression), ([], []))
     rows.append(arguments)
     targets.append(slot)
+
+
+def _evaluated(value: Any, scope: Component, path: str) -> Any:
+    """A value, or what its function makes of the component."""
+    if not callable(value):
+        return value
+    try:
+        with _inside(scope), reads_of(scope):
+            return value(scope)
+    except Exception as problem:
+        raise BindingError(f"{path}: its function raised {type(problem).__name__}: {problem}") from None
 
 
 def _bind_input(tree: Tree, component: Component, scope: Component | None, own: int, path: str, value: Any, unit: str) -> None:

@@ -106,10 +106,10 @@ class Used:
 
 
 def _read_by_defaults(component: Component, number: int, used: Used) -> set[str]:
-    """The structural choices that the defaults of a component's parameters ask for, where these parameters are used."""
+    """The structural choices that the defaults of a component's parameters and inputs ask for, where these are used."""
     with _inside(component), reads_of(component) as found:
         for name, declared in component._declarations.items():
-            if isinstance(declared, Parameter) and callable(declared.default) and name not in component._bindings:
+            if isinstance(declared, (Parameter, Input)) and callable(declared.default) and name not in component._bindings:
                 if used.has(number, name):
                     declared.default(component)
     return found

@@ -185,7 +185,11 @@ class Variable(Declaration):
 class Input(Variable):
     """A variable that is given: bound when the part is made, or else an input of the whole system.
 
-    ``default`` binds it where nothing else does.
+    ``default`` binds it where nothing else does: a number, an expression, or a function of the component that returns one.
+
+    Examples
+    --------
+    >>> e_rate_sun = Input("m/s", "rate of the transmission error at the sun", default=lambda unit: unit.e_rate)
     """
 
     default: Any = NO_VALUE

@@ -18,7 +18,7 @@ SET = {"R_s": 0.0285, "R_p": 0.0465, "I_s": 0.0015, "I_r": 0.151, "I_h": 0.0491,
 MESH = {"r_a": 0.03, "r_b": 0.06, "c": 1e8, "d": 10.0}
 ROWS = ((0.0, 0.9, 0.9),)
 CASES: list[tuple[Callable[..., gl.Component], dict[str, Any], str, str]] = [
-    (gp.PlanetaryUnit, {**SET, "sun_details": (("b", 1e-4),)}, "sun_details", "planet_meshes='separate'"),
+    (gp.PlanetaryUnit, {**SET, "level": "planar", "sun_details": (("b", 1e-4),)}, "sun_details", "level='elastic'"),
     (gp.PlanetaryUnit, {**SET, "level": "ideal", "K_ring": 1e8}, "K_ring", "level='elastic' or level='planar'"),
     (gp.PlanetaryUnit, {**SET, "sun_efficiency": ROWS}, "sun_efficiency", "level='lossy'"),
     (gp.PlanetaryUnit, {**SET, "planet_meshes": "separate", "C_v": 3.0}, "C_v", "planet_meshes='lumped'"),

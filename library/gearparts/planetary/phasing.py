@@ -197,12 +197,7 @@ def check_assembly(
             f"{owner}: Z_s = {Z_s}, Z_p = {Z_p}, Z_r = {Z_r}; a planet between sun and ring needs Z_r near Z_s + 2 Z_p"
         )
     if positions is not None:
-        try:
-            angles = reals("positions", list(positions), "angles, rad").tolist()
-        except Exception:  # no sequence, or one of the user's that fails
-            raise BindingError(f"{owner}: positions are {shown(positions)}; expected angles, rad") from None
-        if len(angles) != planets:
-            raise BindingError(f"{owner}: {len(angles)} positions for {planets} planets")
+        angles = check_angles(owner, planets, positions)
         steps = [(p - angles[0]) / (2 * math.pi) * (Z_s + Z_r) for p in angles]
         for n, step in enumerate(steps):
             if abs(step - round(step)) > 1e-6:
@@ -218,3 +213,20 @@ def check_assembly(
             f"(their sum {Z_s + Z_r} must be a multiple of the number of planets; valid numbers: {', '.join(map(str, valid))}); "
             "gearparts.planet_positions gives the nearest positions that do"
         )
+
+
+def check_angles(owner: str, planets: int, positions: Sequence[float]) -> list[float]:
+    """The angles of planets, rad, one for each; none where none are given.
+
+    Raises
+    ------
+    BindingError
+        They are no angles, or not as many as there are planets; ``owner`` says whose they are.
+    """
+    try:
+        angles: list[float] = reals("positions", list(positions), "angles, rad").tolist()
+    except Exception:  # no sequence, or one of the user's that fails
+        raise BindingError(f"{owner}: positions are {shown(positions)}; expected angles, rad") from None
+    if angles and len(angles) != planets:
+        raise BindingError(f"{owner}: {len(angles)} positions for {planets} planets")
+    return angles

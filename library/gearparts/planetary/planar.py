@@ -14,7 +14,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
+from gearlib.errors import BindingError
 from gearparts.interfaces import Flange
+from gearparts.planetary.phasing import check_angles
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -146,7 +148,10 @@ class PlanarMesh(gl.Component):
 
 
 class PlanetBearing(gl.Component):
-    """A planet's bearing on the carrier, at the radius ``r`` and the angle ``psi``: a spring and a damper in both directions."""
+    """A planet's bearing on the carrier, at the radius ``r`` and the angle ``psi``: a spring and a damper in both directions.
+
+    A pin that is ahead of its place by ``e`` adds to the tangential deflection.
+    """
 
     carrier = PlanarFlange("centre of the carrier")
     planet = PlanarFlange("centre of the planet")
@@ -154,6 +159,7 @@ class PlanetBearing(gl.Component):
     psi = gl.Parameter("rad", "angle of the planet on the carrier")
     k = gl.Parameter("N/m", "radial stiffness", min=0)
     d = gl.Parameter("N.s/m", "radial damping", default=0.0, min=0)
+    e = gl.Parameter("m", "tangential error of the pin's position", default=0.0)
     q_radial = gl.Variable("m", "radial deflection", state="prefer", nominal=1e-6)
     q_tangential = gl.Variable("m", "tangential deflection", state="prefer", nominal=1e-6)
     f_radial = gl.Variable("N", "radial force on the carrier")
@@ -166,7 +172,7 @@ class PlanetBearing(gl.Component):
         f_y = self.f_radial * sin + self.f_tangential * cos
         return [
             gl.Eq(self.q_radial, (c.x - p.x) * cos + (c.y - p.y) * sin),
-            gl.Eq(self.q_tangential, (c.y - p.y) * cos - (c.x - p.x) * sin + self.r * c.phi),
+            gl.Eq(self.q_tangential, (c.y - p.y) * cos - (c.x - p.x) * sin + self.r * c.phi + self.e),
             gl.Eq(self.f_radial, self.k * self.q_radial + self.d * gl.der(self.q_radial)),
             gl.Eq(self.f_tangential, self.k * self.q_tangential + self.d * gl.der(self.q_tangential)),
             gl.Eq(c.f_x, f_x),
@@ -184,7 +190,9 @@ class PlanetBearing(gl.Component):
 
 
 class PlanarPlanetaryUnit(gl.Component):
-    """Planetary gear with bodies that move in the plane, on elastic bearings; planets equally spaced.
+    """Planetary gear with bodies that move in the plane, on elastic bearings.
+
+    A sun that floats has no bearing: ``k_s = 0``. Three planets then share the load equally whatever the errors of their pins.
 
     Moments of inertia are those of the bodies (``I/r^2`` of the literature times the square of the base radius; the carrier's
     radius is that of the planets' centres). The support ``k_u`` of the literature, in N/m, is a torsional stiffness ``k_u r^2`` here.
@@ -196,6 +204,8 @@ class PlanarPlanetaryUnit(gl.Component):
     carrier = Flange("carrier shaft")
     ring = Flange("ring shaft")
     planets = gl.Structural(4, "number of planets", min=1)
+    positions = gl.Structural((), "angles of the planets on the carrier, rad; equally spaced without")
+    pin_errors = gl.Structural((), "by how much each planet's pin is ahead of its place on the carrier, m; none without")
     ring_held = gl.Structural(False, "whether the ring has a torsional support")
 
     r_s = gl.Parameter("m", "base radius of the sun", min=0)
@@ -231,10 +241,14 @@ class PlanarPlanetaryUnit(gl.Component):
         self.sun_bearing, self.carrier_bearing = PlanarSupport(k=self.k_s), PlanarSupport(k=self.k_c)
         self.ring_bearing = PlanarSupport(k=self.k_r, k_phi=self.k_ring_phi, turning=self.ring_held)
         self.sun_shaft, self.ring_shaft, self.carrier_shaft = PlanarShaft(), PlanarShaft(), PlanarShaft()
-        psi = [2 * gl.pi * n / self.planets for n in range(self.planets)]
+        psi = list(check_angles("PlanarPlanetaryUnit", self.planets, self.positions))
+        psi = psi or [2 * gl.pi * n / self.planets for n in range(self.planets)]
+        errors = self.pin_errors or [0.0] * self.planets
+        if len(errors) != self.planets:
+            raise BindingError(f"PlanarPlanetaryUnit: {len(errors)} pin_errors for {self.planets} planets")
         self.sun_mesh = [self._mesh(self.r_s, self.r_p, p - self.alpha, self.k_sp, self.d_sp, self.e_sun) for p in psi]
         self.ring_mesh = [self._mesh(self.r_r, -self.r_p, p + self.alpha, self.k_rp, self.d_rp, self.e_ring) for p in psi]
-        self.planet_bearing = [PlanetBearing(r=self.r_c, psi=p, k=self.k_p) for p in psi]
+        self.planet_bearing = [PlanetBearing(r=self.r_c, psi=p, k=self.k_p, e=e) for p, e in zip(psi, errors, strict=True)]
         bearings, sun, ring = self.planet_bearing, self.sun_mesh, self.ring_mesh
         links = [
             gl.connect(self.sun, self.sun_shaft.flange),

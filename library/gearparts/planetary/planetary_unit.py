@@ -13,7 +13,7 @@ from gearparts.gears.meshes import ExternalMesh, InternalMesh
 from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
 from gearparts.interfaces import Flange
 from gearparts.planetary.lossy_planetary import IDEAL_MESH, NO_FRICTION, LossyPlanetary
-from gearparts.planetary.phasing import check_assembly
+from gearparts.planetary.phasing import check_angles, check_assembly
 from gearparts.planetary.planar import PlanarPlanetaryUnit
 from gearparts.rotational.shafts import Damper, Inertia
 
@@ -100,8 +100,8 @@ class PlanetaryUnit(gl.Component):
     =============  =================  ==========================
 
     With no deflection, and no slip in the support dampers of ``"lumped"`` (a third degree of freedom), all obey Willis' equation
-    ``R_r w_ring + R_s w_sun = 2 R_h w_carrier`` with ``R_r = R_s + 2 R_p``. Numbers of teeth, where given, must allow equally spaced
-    planets to be assembled.
+    ``R_r w_ring + R_s w_sun = 2 R_h w_carrier`` with ``R_r = R_s + 2 R_p``. Numbers of teeth, where given, must allow the planets to
+    be assembled at their ``positions``.
 
     References
     ----------
@@ -122,6 +122,7 @@ class PlanetaryUnit(gl.Component):
     Z_s = gl.Structural(0, "teeth of the sun; 0: not known", min=0)
     Z_p = gl.Structural(0, "teeth of a planet; 0: not known", min=0)
     Z_r = gl.Structural(0, "teeth of the ring; 0: not known", min=0)
+    positions = gl.Structural((), "angles of the planets on the carrier, rad (see `planet_positions`); equally spaced without")
 
     R_s = gl.Parameter("m", "pitch radius of the sun", min=0)
     R_p = gl.Parameter("m", "pitch radius of a planet", min=0)
@@ -176,7 +177,12 @@ class PlanetaryUnit(gl.Component):
         """Refuse values without effect, and planets that cannot be put between sun and ring."""
         self.refuse_what_has_no_effect()
         if self.Z_s or self.Z_p or self.Z_r:
-            check_assembly("PlanetaryUnit", self.Z_s, self.Z_p, self.Z_r, self.planets)
+            check_assembly("PlanetaryUnit", self.Z_s, self.Z_p, self.Z_r, self.planets, self.positions or None)
+
+    def angles(self) -> list[Any]:
+        """Of the planets on the carrier, rad."""
+        check_angles("PlanetaryUnit", self.planets, self.positions)
+        return list(self.positions) or [2 * gl.pi * n / self.planets for n in range(self.planets)]
 
 
 def _is_own(value: Any) -> bool:
@@ -258,15 +264,40 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
 
     level = "elastic"
 
+    sun_details = gl.Structural((), "elastic: choices and values of detailed meshes at the sun, as pairs")
+    ring_details = gl.Structural((), "elastic: choices and values of detailed meshes at the ring, as pairs")
+    ring_phase = gl.Parameter(
+        "rad", "elastic: mesh phase of the ring against the sun", default=lambda unit: gl.pi * ((unit.Z_p - 1) % 2)
+    )
     e_rate = gl.Input("m/s", "elastic: rate of the transmission error, the same in all meshes", default=0.0)
+    e_rate_ring = gl.Input("m/s", "elastic: the same at the ring alone", default=lambda unit: unit.e_rate)
+    e_rate_sun = gl.Input("m/s", "elastic: the same at the sun alone", default=lambda unit: unit.e_rate)
 
     def internal_mesh(self) -> InternalMesh:
         """A mesh of the ring and a planet."""
-        return InternalMesh(r_a=self.R_r, r_b=self.R_p, c=self.K_ring, d=self.C_ring, e_rate=self.e_rate)
+        return InternalMesh(r_a=self.R_r, r_b=self.R_p, c=self.K_ring, d=self.C_ring, e_rate=self.e_rate_ring)
 
     def external_mesh(self) -> ExternalMesh:
         """A mesh of the sun and a planet."""
-        return ExternalMesh(r_a=self.R_s, r_b=self.R_p, c=self.K_sun, d=self.C_sun, e_rate=self.e_rate)
+        return ExternalMesh(r_a=self.R_s, r_b=self.R_p, c=self.K_sun, d=self.C_sun, e_rate=self.e_rate_sun)
+
+    def detailed_meshes(self, angles: list[Any]) -> tuple[list[DetailedExternalMesh], list[DetailedInternalMesh]]:
+        """Meshes at sun and ring that ride on the carrier, each with the phase of a planet at one of the ``angles``."""
+        if not (self.Z_s and self.Z_p and self.Z_r):
+            teeth = ", ".join(f"{name}={getattr(self, name)}" for name in ("Z_s", "Z_p", "Z_r"))
+            raise BindingError(
+                f"{self._path() or type(self).__name__}: sun_details and ring_details need numbers of teeth, from which the phases "
+                f"of the meshes follow; found {teeth}"
+            )
+        common = {"r_b": self.R_p, "use_support": True}
+        sun = {"e_rate": self.e_rate_sun, "r_a": self.R_s, "z_a": self.Z_s, "c": self.K_sun, "d": self.C_sun}
+        ring = {"e_rate": self.e_rate_ring, "r_a": self.R_r, "z_a": self.Z_r, "c": self.K_ring, "d": self.C_ring}
+        sun, ring = {**common, **sun, **dict(self.sun_details)}, {**common, **ring, **dict(self.ring_details)}
+        at_sun, at_ring = sun.pop("phase0", 0), ring.pop("phase0", 0) + self.ring_phase
+        return (
+            [DetailedExternalMesh(phase0=at_sun - self.Z_s * psi, **sun) for psi in angles],
+            [DetailedInternalMesh(phase0=at_ring - self.Z_r * psi, **ring) for psi in angles],
+        )
 
 
 class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
@@ -274,7 +305,7 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
 
     The meshes have the stiffness of all planets together, and one body each for the planets as that mesh sees them. The planets'
     spin and orbit follow the body at the ring rigidly; a support damper for each planet leads to the body at the sun, which is a
-    motion of its own.
+    motion of its own. With ``sun_details`` or ``ring_details`` both meshes are detailed ones, in the phase of the first planet.
     """
 
     I_at_ring = gl.Parameter("kg.m2", "lumped: planets as the ring's mesh sees them", default=lambda unit: unit.I_spin, min=0)
@@ -283,19 +314,42 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
 
     def assemble(self) -> list[Connection]:
         shafts = self.bodies()
-        self.ring_mesh, self.sun_mesh = self.internal_mesh(), self.external_mesh()
         self.planets_at_ring, self.planets_at_sun = Inertia(J=self.I_at_ring), Inertia(J=self.I_at_sun)
         self.support = [Damper(d=self.C_v * self.R_p**2) for _ in self.planet]
         return [
             *shafts,
+            *self.meshes(),
             gl.connect(self.ring_gear.flange_b, self.ring_mesh.flange_a),
-            gl.connect(self.ring_mesh.flange_b, self.planets_at_ring.flange_a),
             gl.connect(self.sun_gear.flange_b, self.sun_mesh.flange_a),
-            gl.connect(self.sun_mesh.flange_b, self.planets_at_sun.flange_a),
             gl.connect(self.planets_at_ring.flange_b, *(planet.ring_side for planet in self.planet)),
             gl.connect(self.planets_at_sun.flange_b, *(support.flange_a for support in self.support)),
             *(gl.connect(p.sun_side, s.flange_b) for p, s in zip(self.planet, self.support, strict=True)),
         ]
+
+    def meshes(self) -> list[Connection]:
+        """Both meshes, and what joins them to the planets as the mesh sees them.
+
+        A detailed mesh rides on the carrier, against which its teeth count; `PlanetOnCarrier` brings the planets there.
+        """
+        self.ring_mesh: Any
+        self.sun_mesh: Any
+        if not (self.sun_details or self.ring_details):
+            self.ring_mesh, self.sun_mesh = self.internal_mesh(), self.external_mesh()
+            at_ring, at_sun, riding = self.ring_mesh.flange_b, self.sun_mesh.flange_b, []
+        else:
+            (self.sun_mesh,), (self.ring_mesh,) = self.detailed_meshes(self.angles()[:1])
+            self.seen_by_ring = PlanetOnCarrier(r_p=self.R_p, r_h=self.R_r - self.R_p)
+            self.seen_by_sun = PlanetOnCarrier(r_p=self.R_p, r_h=self.R_s + self.R_p)
+            at_ring, at_sun = self.seen_by_ring.ring_side, self.seen_by_sun.sun_side
+            riding = [
+                gl.connect(self.ring_mesh.flange_b, self.seen_by_ring.planet),
+                gl.connect(self.sun_mesh.flange_b, self.seen_by_sun.planet),
+                gl.connect(
+                    self.carrier_body.flange_b, self.ring_mesh.support, self.sun_mesh.support, self.seen_by_ring.carrier,
+                    self.seen_by_sun.carrier,
+                ),
+            ]  # fmt: skip
+        return [*riding, gl.connect(at_ring, self.planets_at_ring.flange_a), gl.connect(at_sun, self.planets_at_sun.flange_a)]
 
 
 class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
@@ -309,19 +363,13 @@ class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
 
     planet_meshes = "separate"
 
-    sun_details = gl.Structural((), "separate: choices and values of the sun's detailed meshes, as pairs")
-    ring_details = gl.Structural((), "separate: choices and values of the ring's detailed meshes, as pairs")
-    ring_phase = gl.Parameter(
-        "rad", "separate: mesh phase of the ring against the sun", default=lambda unit: gl.pi * ((unit.Z_p - 1) % 2)
-    )
-
     def assemble(self) -> list[Connection]:
         shafts = self.bodies()
         detailed = bool(self.sun_details or self.ring_details)
         self.ring_meshes: list[Any]
         self.sun_meshes: list[Any]
         if detailed:
-            self.sun_meshes, self.ring_meshes = self._detailed()
+            self.sun_meshes, self.ring_meshes = self.detailed_meshes(self.angles())
         else:
             self.ring_meshes = [self.internal_mesh() for _ in self.planet]
             self.sun_meshes = [self.external_mesh() for _ in self.planet]
@@ -339,19 +387,6 @@ class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
         for planet, at_ring, at_sun in meshing:
             links += [gl.connect(at_ring.flange_b, planet.ring_side), gl.connect(at_sun.flange_b, planet.sun_side)]
         return links
-
-    def _detailed(self) -> tuple[list[DetailedExternalMesh], list[DetailedInternalMesh]]:
-        """Meshes that ride on the carrier, each with its phase."""
-        check_assembly("PlanetaryUnit", self.Z_s, self.Z_p, self.Z_r, self.planets)
-        psi = [2 * gl.pi * n / self.planets for n in range(self.planets)]
-        common = {"r_b": self.R_p, "use_support": True, "e_rate": self.e_rate}
-        sun = {**common, "r_a": self.R_s, "z_a": self.Z_s, "c": self.K_sun, "d": self.C_sun, **dict(self.sun_details)}
-        ring = {**common, "r_a": self.R_r, "z_a": self.Z_r, "c": self.K_ring, "d": self.C_ring, **dict(self.ring_details)}
-        at_sun, at_ring = sun.pop("phase0", 0), ring.pop("phase0", 0) + self.ring_phase
-        return (
-            [DetailedExternalMesh(phase0=at_sun - self.Z_s * p, **sun) for p in psi],
-            [DetailedInternalMesh(phase0=at_ring - self.Z_r * p, **ring) for p in psi],
-        )
 
 
 class TranslationalPlanetaryUnit(MeshValues):
@@ -371,6 +406,7 @@ class TranslationalPlanetaryUnit(MeshValues):
     k_r = gl.Parameter("N/m", "planar: bearing stiffness of the ring", default=1e9, min=0)
     k_h = gl.Parameter("N/m", "planar: bearing stiffness of the carrier", default=1e9, min=0)
     k_p = gl.Parameter("N/m", "planar: bearing stiffness of a planet", default=1e9, min=0)
+    pin_errors = gl.Structural((), "planar: by how much each planet's pin is ahead of its place on the carrier, m")
 
     def assemble(self) -> list[Connection]:
         self.check()
@@ -379,7 +415,7 @@ class TranslationalPlanetaryUnit(MeshValues):
             planets=self.planets, r_s=self.R_s, r_r=self.R_r, r_p=self.R_p, r_c=r_c, m_s=self.m_s, m_r=self.m_r,
             m_c=self.m_h, m_p=self.I_orbit / r_c**2, I_s=self.I_s, I_r=self.I_r, I_c=self.I_h, I_p=self.I_spin,
             k_sp=self.K_sun, k_rp=self.K_ring, d_sp=self.C_sun, d_rp=self.C_ring, k_s=self.k_s, k_r=self.k_r, k_c=self.k_h,
-            k_p=self.k_p, alpha=self.alpha,
+            k_p=self.k_p, alpha=self.alpha, positions=self.positions, pin_errors=self.pin_errors,
         )  # fmt: skip
         return [gl.connect(getattr(self, shaft), getattr(self.planar, shaft)) for shaft in ("sun", "carrier", "ring")]
 

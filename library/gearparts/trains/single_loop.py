@@ -13,7 +13,7 @@ from gearparts.gears.rigid_gears import IdealGear
 from gearparts.interfaces import Flange
 from gearparts.planetary.planetary_unit import PlanetaryUnit
 from gearparts.rotational.shafts import Fixed, Inertia, Spring
-from gearparts.trains.xp_train import FixedAxisUnit, XPSymbols
+from gearparts.trains.xp_train import XPSymbols
 
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
@@ -37,10 +37,8 @@ class PXTrain(XPSymbols):
     e_rate = gl.Input("m/s", "rate of the transmission error, the same in all meshes", default=0.0)
 
     def assemble(self) -> list[Connection]:
-        self.x_unit = self.planetary(self.e_rate, self.planet_meshes)
-        self.p_unit = FixedAxisUnit(
-            R_1=self.R_1, R_2=self.R_2, I_1=self.I_1, I_2=self.I_2, K_g=self.K_g, C_g=self.C_g, e_rate=self.e_rate
-        )
+        self.x_unit = self.planetary(self.e_rate, self.e_rate, self.planet_meshes)
+        self.p_unit = self.pair(self.e_rate)
         self.shaft_at_sun, self.shaft_at_pair = Inertia(J=self.I_62), Inertia(J=self.I_66)
         self.step_18, self.step_19 = IdealGear(ratio=self.m_18), IdealGear(ratio=1 / self.m_19)
         self.coupling = IdealGear(ratio=-self.m_22)

@@ -11,9 +11,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
+from gearparts.gears.mesh_models import DetailedExternalMesh
 from gearparts.gears.meshes import ExternalMesh
 from gearparts.gears.rigid_gears import IdealGear
 from gearparts.interfaces import Flange, TwoFlanges
+from gearparts.planetary.phasing import planet_positions
 from gearparts.planetary.planetary_unit import PlanetaryUnit
 from gearparts.rotational.shafts import Damper, Fixed, Inertia, Spring
 from gearparts.rotational.sources import Torque
@@ -25,10 +27,14 @@ if TYPE_CHECKING:
 class FixedAxisUnit(TwoFlanges):
     """Two outer gears on fixed axes with an elastic mesh, one degree of freedom (the P unit).
 
-    Rigid, ``R_1 w_1 = -R_2 w_2``; the deflection ``q`` of the mesh has the rate ``R_1 w_1 + R_2 w_2 + e_rate``.
+    Rigid, ``R_1 w_1 = -R_2 w_2``; the deflection ``q`` of the mesh has the rate ``R_1 w_1 + R_2 w_2 + e_rate``. With ``details`` the
+    mesh is a `DetailedExternalMesh` with these choices and values, whose phase counts the teeth of gear 1.
     """
 
     icon = "mesh"
+
+    Z_1 = gl.Structural(0, "teeth of gear 1; 0: not known", min=0)
+    details = gl.Structural((), "choices and values of a detailed mesh, as pairs")
 
     R_1 = gl.Parameter("m", "pitch radius of gear 1, on flange_a", min=0)
     R_2 = gl.Parameter("m", "pitch radius of gear 2, on flange_b", min=0)
@@ -40,7 +46,10 @@ class FixedAxisUnit(TwoFlanges):
 
     def assemble(self) -> list[Connection]:
         self.gear_1, self.gear_2 = Inertia(J=self.I_1), Inertia(J=self.I_2)
-        self.mesh = ExternalMesh(r_a=self.R_1, r_b=self.R_2, c=self.K_g, d=self.C_g, e_rate=self.e_rate)
+        values = {"r_a": self.R_1, "r_b": self.R_2, "c": self.K_g, "d": self.C_g, "e_rate": self.e_rate}
+        teeth = {"z_a": self.Z_1} if self.Z_1 else {}
+        detailed = bool(self.details)
+        self.mesh = DetailedExternalMesh(**values | teeth | dict(self.details)) if detailed else ExternalMesh(**values)
         return [
             gl.connect(self.flange_a, self.gear_1.flange_a),
             gl.connect(self.gear_1.flange_b, self.mesh.flange_a),
@@ -61,6 +70,17 @@ class XPSymbols(gl.Component):
     elastic_shafts = gl.Structural(
         False, "whether the shaft between sun and P unit is a spring K_s; equations (2)-(9) have none"
     )
+
+    Z_s = gl.Structural(0, "teeth of the sun; 0: not known", min=0)
+    Z_p = gl.Structural(0, "teeth of a planet; 0: not known", min=0)
+    Z_r = gl.Structural(0, "teeth of the ring; 0: not known", min=0)
+    Z_1 = gl.Structural(0, "teeth of the P unit's gear 1; 0: those of the sun", min=0)
+    positions = gl.Structural(
+        (), "angles of the planets, rad; without: where teeth are known, the nearest to equal spacing that fit"
+    )
+    ring_details = gl.Structural((), "choices and values of detailed meshes at the ring, as pairs")
+    sun_details = gl.Structural((), "choices and values of detailed meshes at the sun, as pairs")
+    pair_details = gl.Structural((), "choices and values of a detailed mesh in the P unit, as pairs")
 
     R_s = gl.Parameter("m", "pitch radius of the sun", default=0.0285, min=0)
     R_p = gl.Parameter("m", "pitch radius of a planet", default=0.0465, min=0)
@@ -96,12 +116,23 @@ class XPSymbols(gl.Component):
         """All of them by name, to be handed to a part that has the same."""
         return {n: getattr(self, n) for n, d in vars(XPSymbols).items() if isinstance(d, (gl.Parameter, gl.Structural))}
 
-    def planetary(self, e_rate: Any, planet_meshes: str = "lumped") -> PlanetaryUnit:
+    def planetary(self, e_rate_ring: Any, e_rate_sun: Any, planet_meshes: str) -> PlanetaryUnit:
         """The X unit."""
+        teeth = bool(self.Z_s and self.Z_r)
+        positions = self.positions or (planet_positions(self.Z_s, self.Z_r, self.planets) if teeth else ())
         return PlanetaryUnit(
             planets=self.planets, planet_meshes=planet_meshes, R_s=self.R_s, R_p=self.R_p, R_r=self.R_r, R_h=self.R_h,
             I_s=self.I_s, I_r=self.I_r, I_h=self.I_h, I_spin=self.I_17, I_orbit=self.I_22, I_at_ring=self.I_11,
-            I_at_sun=self.I_35, K_ring=self.K_g, C_ring=self.C_g, K_sun=self.K_g, C_sun=self.C_g, C_v=self.C_v, e_rate=e_rate,
+            I_at_sun=self.I_35, K_ring=self.K_g, C_ring=self.C_g, K_sun=self.K_g, C_sun=self.C_g, C_v=self.C_v,
+            e_rate_ring=e_rate_ring, e_rate_sun=e_rate_sun, Z_s=self.Z_s, Z_p=self.Z_p, Z_r=self.Z_r, positions=positions,
+            ring_details=self.ring_details, sun_details=self.sun_details,
+        )  # fmt: skip
+
+    def pair(self, e_rate: Any) -> FixedAxisUnit:
+        """The P unit."""
+        return FixedAxisUnit(
+            R_1=self.R_1, R_2=self.R_2, I_1=self.I_1, I_2=self.I_2, K_g=self.K_g, C_g=self.C_g, e_rate=e_rate,
+            Z_1=self.Z_1 or self.Z_s, details=self.pair_details,
         )  # fmt: skip
 
 
@@ -121,17 +152,18 @@ class XPTrain(XPSymbols):
     flange_in = Flange("ring")
     flange_out = Flange("carrier")
     e_rate = gl.Input("m/s", "rate of the transmission error, with the paper's signs (Sf8 = Sf32 = Sf72)", default=0.0)
+    e_rate_ring = gl.Input("m/s", "the same at the ring alone (Sf8)", default=lambda train: train.e_rate)
+    e_rate_sun = gl.Input("m/s", "the same at the sun alone (Sf32)", default=lambda train: train.e_rate)
+    e_rate_pair = gl.Input("m/s", "the same in the P unit alone (Sf72)", default=lambda train: train.e_rate)
 
     def assemble(self) -> list[Connection]:
-        self.x_unit = self.planetary(self.e_rate, self.planet_meshes)
+        self.x_unit = self.planetary(self.e_rate_ring, self.e_rate_sun, self.planet_meshes)
         self.step_18 = IdealGear(ratio=1 / self.m_18)
         self.shaft_at_sun = Inertia(J=self.I_62)
         self.step_19 = IdealGear(ratio=1 / self.m_19)
         self.shaft_at_pair = Inertia(J=self.I_66)
         # The paper counts the pair's deflection on the other flank: f74 = Sf72 - R_1 f69 - R_2 f78.
-        self.p_unit = FixedAxisUnit(
-            R_1=self.R_1, R_2=self.R_2, I_1=self.I_1, I_2=self.I_2, K_g=self.K_g, C_g=self.C_g, e_rate=-self.e_rate
-        )
+        self.p_unit = self.pair(-self.e_rate_pair)
         self.coupling = IdealGear(ratio=-self.m_22)
         if self.elastic_shafts:
             self.shaft = Spring(c=self.K_s)
@@ -156,23 +188,43 @@ class XPTrain(XPSymbols):
 class ZhouCui2022(XPSymbols):
     """The paper's complete system: a driving torque on the ring, the XP train, and a damper ``C_v R_h**2`` as load.
 
-    All three meshes are excited by the transmission error's rate ``e_amplitude cos(e_omega t + e_phase)``.
+    All three meshes are excited by the transmission error's rate ``e_amplitude cos(e_omega t + e_phase)``, or each by one of its own.
+    The symbols of Table 4 are its parameters, numbers of teeth included; its planets stand where these let them be assembled, since
+    19 and 81 teeth leave no room for three that are equally spaced.
     """
 
+    planet_meshes = gl.Structural(
+        "lumped", "one mesh for all planets, or one for each (then K_g and C_g hold for one)", choices=("lumped", "separate")
+    )
     tau_in = gl.Input("N.m", "driving torque on the ring (Se1)")
+    e_rate_ring = gl.Input("m/s", "rate of the ring's transmission error (Sf8)", default=lambda train: train.excitation())
+    e_rate_sun = gl.Input("m/s", "rate of the sun's transmission error (Sf32)", default=lambda train: train.excitation())
+    e_rate_pair = gl.Input("m/s", "rate of the P unit's transmission error (Sf72)", default=lambda train: train.excitation())
     e_amplitude = gl.Parameter("m/s", "amplitude of the transmission error's rate", default=0.0027)
     e_omega = gl.Parameter("rad/s", "angular frequency of the transmission error", default=28.0)
     e_phase = gl.Parameter("rad", "phase of the transmission error's rate", default=21 * gl.pi)
     w_in = gl.Variable("rad/s", "speed of the ring (f2)")
     w_sun = gl.Variable("rad/s", "speed of the sun (f26)")
     w_out = gl.Variable("rad/s", "speed of the carrier (f81)")
-    q_ring = gl.Variable("m", "deflection of the mesh at the ring (q6)", nominal=1e-6)
-    q_sun = gl.Variable("m", "deflection of the mesh at the sun (q30)", nominal=1e-6)
+    q_ring = gl.Variable("m", "deflection of the mesh at the ring (q6); the mean over the planets' meshes", nominal=1e-6)
+    q_sun = gl.Variable("m", "deflection of the mesh at the sun (q30); the mean over the planets' meshes", nominal=1e-6)
     q_pair = gl.Variable("m", "deflection of the P unit's mesh (q74)", nominal=1e-6)
+
+    def __init__(self, *positional: Any, **values: Any) -> None:
+        # Table 4 has K_s, and equations (2)-(9) have not: the table may be given as a whole, another K_s with elastic_shafts only
+        table = {n: v for n, v in values.items() if n == "K_s" and v == XPSymbols.K_s.default}
+        super().__init__(*positional, **values | gl.offered(table))
+
+    def excitation(self) -> Any:
+        """The rate of the transmission error in Table 4."""
+        return self.e_amplitude * gl.cos(self.e_omega * gl.time + self.e_phase)
 
     def assemble(self) -> list[Connection]:
         self.drive = Torque(tau=self.tau_in)
-        self.train = XPTrain(**self.symbols(), e_rate=self.e_amplitude * gl.cos(self.e_omega * gl.time + self.e_phase))
+        self.train = XPTrain(
+            **self.symbols(), planet_meshes=self.planet_meshes, e_rate_ring=self.e_rate_ring, e_rate_sun=self.e_rate_sun,
+            e_rate_pair=self.e_rate_pair,
+        )  # fmt: skip
         self.load = Damper(d=self.C_v * self.R_h**2)
         self.ground = Fixed()
         return [
@@ -182,11 +234,14 @@ class ZhouCui2022(XPSymbols):
         ]
 
     def equations(self) -> list[gl.Eq]:
+        unit = self.train.x_unit
+        lumped = self.planet_meshes == "lumped"
+        at_ring, at_sun = ([unit.ring_mesh], [unit.sun_mesh]) if lumped else (unit.ring_meshes, unit.sun_meshes)
         return [
             gl.Eq(self.w_in, self.train.x_unit.ring_gear.w),
             gl.Eq(self.w_sun, self.train.x_unit.sun_gear.w),
             gl.Eq(self.w_out, self.train.x_unit.carrier_body.w),
-            gl.Eq(self.q_ring, self.train.x_unit.ring_mesh.q),
-            gl.Eq(self.q_sun, self.train.x_unit.sun_mesh.q),
+            gl.Eq(self.q_ring, sum(mesh.q for mesh in at_ring) / len(at_ring)),
+            gl.Eq(self.q_sun, sum(mesh.q for mesh in at_sun) / len(at_sun)),
             gl.Eq(self.q_pair, -self.train.p_unit.mesh.q),
         ]
