@@ -20,6 +20,7 @@ from gearlib.optional import optional
 __all__ = ["draw"]
 
 BOND_COLOUR, STROKE_COLOUR, NUMBER_COLOUR = "0.25", "#b22222", "#1f4e9c"
+NAME_COLOUR = "#2e6b2e"
 
 
 def draw(
@@ -71,8 +72,9 @@ def draw(
         spread = np.ptp(np.array(list(place.values())), axis=0)
         _, ax = plt.subplots(figsize=tuple(scale * (spread + 2)), layout="constrained")
     check_axes(ax, 1, "ax")
+    lines = {n: [place[bond.tail], *way.get(n, ()), place[bond.head]] for n, bond in graph.bonds.items()}
     for bond in graph.bonds.values():
-        _draw_bond(ax, bond, [place[bond.tail], *way.get(bond.number, ()), place[bond.head]], causality)
+        _draw_bond(ax, bond, lines[bond.number], (_room(bond.tail, graph), _room(bond.head, graph)), causality)
     late = set(causality.derivative) if causality else set()
     for element, xy in place.items():
         numbers = {bond.number for bond in graph.at(element)}
@@ -82,6 +84,8 @@ def draw(
             weight="bold" if isinstance(element, Junction) else "normal",
             color=STROKE_COLOUR if one_port and numbers & late else "black",
         )  # fmt: skip
+        if isinstance(element, Junction) and element.name:
+            _draw_name(ax, element, xy, [_leaving(lines[b.number], b.tail is element) for b in graph.at(element)])
     ax.set_aspect("equal")
     ax.set_axis_off()
     # text does not count for the limits of the axes: half a unit round the elements holds it
@@ -112,17 +116,43 @@ def _label(element: Element, graph: BondGraph) -> str:
     return f"${element.kind}_{{{graph.at(element)[0].number}}}$"
 
 
-def _gap(element: Element, direction: Any) -> float:
-    """Room that an element's letters take at a bond's end, in units of length."""
-    width, height = (0.2, 0.24) if isinstance(element, Junction) else (0.32, 0.26)
-    if isinstance(element, TF | GY):
-        width, height = 0.28 + 0.035 * len(str(element.modulus)), 0.36
-    return float(1 / np.hypot(direction[0] / width, direction[1] / height))
+def _room(element: Element, graph: BondGraph) -> tuple[float, float]:
+    """Half width and height that an element takes at a bond's end, in units of length.
+
+    Round a junction it grows with the number of bonds, so that the causal strokes of neighbours do not meet.
+    """
+    if isinstance(element, Junction):
+        crowd = max(1.0, len(graph.at(element)) / 4)
+        return 0.2 * crowd, 0.24 * crowd
+    return (0.28 + 0.035 * len(str(element.modulus)), 0.36) if isinstance(element, TF | GY) else (0.32, 0.26)
 
 
-def _draw_bond(ax: Any, bond: Bond, points: list[Any], causality: Causality | None) -> None:
+def _gap(room: tuple[float, float], direction: Any) -> float:
+    """Distance of a bond's end from the middle of its element."""
+    return float(1 / np.hypot(direction[0] / room[0], direction[1] / room[1]))
+
+
+def _leaving(points: list[Any], from_tail: bool) -> float:
+    """Angle at which a bond leaves its tail or its head."""
+    x, y = _direction(points[0], points[1]) if from_tail else _direction(points[-1], points[-2])
+    return float(np.arctan2(y, x))
+
+
+def _draw_name(ax: Any, junction: Junction, xy: Any, angles: list[float]) -> None:
+    """A junction's name where its bonds leave most room; beside it rather than above or below."""
+    choices = np.radians([45, 135, 225, 315, 90, 270, 0, 180])
+    free = [min(abs((choice - angle + np.pi) % (2 * np.pi) - np.pi) for angle in angles) for choice in choices]
+    best = choices[int(np.argmax(np.round(free, 1)))]
+    side = {0: "center", 1: "left", -1: "right"}[int(np.sign(np.round(np.cos(best), 6)))]
+    offset = np.array([0.2, 0.34]) * np.sign(np.round([np.cos(best), np.sin(best)], 6))
+    ax.text(*(xy + offset), junction.name, ha=side, va="center", fontsize=7, style="italic", color=NAME_COLOUR, zorder=4)
+
+
+def _draw_bond(
+    ax: Any, bond: Bond, points: list[Any], rooms: tuple[tuple[float, float], tuple[float, float]], causality: Causality | None
+) -> None:
     first, last = _direction(points[0], points[1]), _direction(points[-2], points[-1])
-    points = [points[0] + _gap(bond.tail, first) * first, *points[1:-1], points[-1] - _gap(bond.head, last) * last]
+    points = [points[0] + _gap(rooms[0], first) * first, *points[1:-1], points[-1] - _gap(rooms[1], last) * last]
     across = _turned(last)
     barb = points[-1] - 0.2 * last - 0.11 * across
     ax.plot(*np.transpose([*points, barb]), color=BOND_COLOUR, lw=1, zorder=1, solid_capstyle="butt")

@@ -88,7 +88,7 @@ def _mesh(sketch: _Sketch, sum_of: Zero, source: int, bond: int, spring: int, da
     """Mesh compliance and damping on the 0-junction that adds the deflection rates, and the transmission error's rate."""
     x, y = sketch.positions[sum_of]
     dx, dy = side
-    deflection = sketch.one(f"mesh {spring}", x + dx, y + dy)
+    deflection = sketch.one(f"deflection {spring}", x + dx, y + dy)
     sketch.bonds.append((bond, sum_of, deflection))
     sketch.port(spring, deflection, C(), dx - dy, dy - dx)
     sketch.port(damper, deflection, R(), dx + dy, dy + dx)
@@ -104,8 +104,9 @@ def _planet(sketch: _Sketch, y: float, bonds: tuple[int, ...], moduli: tuple[int
     to_ring, to_sun, link, damper, first = bonds
     spins, seen, carried, turns = (_m(index) for index in moduli)
     ring_side, sun_side, carrier = ends
-    at_ring, at_sun = sketch.zero(f"slip {to_ring}", 6, y), sketch.zero(f"support {damper}", 14, y)
-    turning, moving = sketch.one(f"spin {first + 2}", 10, y + 1.3), sketch.one(f"orbit {first + 7}", 10, y - 1.3)
+    number = 86 - damper  # the paper's dampers of planets 1 to 3 are R85, R84 and R83
+    at_ring, at_sun = sketch.zero(f"slip {number}", 6, y), sketch.zero(f"support {number}", 14, y)
+    turning, moving = sketch.one(f"planet {number} spin", 10, y + 1.3), sketch.one(f"planet {number} orbit", 10, y - 1.3)
     sketch.bonds += [(to_ring, at_ring, ring_side), (to_sun, at_sun, sun_side), (link, carrier, moving)]
     sketch.transformer(first, first + 1, at_ring, turning, spins)
     sketch.transformer(first + 3, first + 4, turning, at_sun, seen)
@@ -132,7 +133,7 @@ def _planetary(sketch: _Sketch) -> tuple[One, One]:
     _planet(sketch, 6, (12, 36, 25, 85, 15), (5, 6, 8, 9), ends)
     _planet(sketch, 0, (13, 37, 65, 84, 39), (10, 11, 12, 13), ends)
     _planet(sketch, -6, (14, 38, 59, 83, 49), (14, 15, 16, 17), ends)
-    sketch.routes |= {25: ((11.1, -10.1), (10.5, -9.0), (10.5, 3.8)), 65: ((8.9, -10.1), (9.5, -9.0), (9.5, -2.2))}
+    sketch.routes |= {25: ((11.1, -10.2), (10.7, -9.5), (10.7, 4.2)), 65: ((8.9, -10.2), (9.3, -9.5), (9.3, -1.8))}
     sketch.port(26, sun, I(), 0, 1.2)
     sketch.transformer(27, 28, sun, sun_mesh, 1 / _m(3))
     _mesh(sketch, sun_mesh, 32, 29, 30, 31, (0, 1.3))

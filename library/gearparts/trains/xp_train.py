@@ -197,9 +197,10 @@ class ZhouCui2022(XPSymbols):
         "lumped", "one mesh for all planets, or one for each (then K_g and C_g hold for one)", choices=("lumped", "separate")
     )
     tau_in = gl.Input("N.m", "driving torque on the ring (Se1)")
-    e_rate_ring = gl.Input("m/s", "rate of the ring's transmission error (Sf8)", default=lambda train: train.excitation())
-    e_rate_sun = gl.Input("m/s", "rate of the sun's transmission error (Sf32)", default=lambda train: train.excitation())
-    e_rate_pair = gl.Input("m/s", "rate of the P unit's transmission error (Sf72)", default=lambda train: train.excitation())
+    e_rate = gl.Input("m/s", "rate of the transmission error in Table 4", default=lambda train: train.excitation())
+    e_rate_ring = gl.Input("m/s", "rate of the ring's transmission error (Sf8)", default=lambda train: train.e_rate)
+    e_rate_sun = gl.Input("m/s", "rate of the sun's transmission error (Sf32)", default=lambda train: train.e_rate)
+    e_rate_pair = gl.Input("m/s", "rate of the P unit's transmission error (Sf72)", default=lambda train: train.e_rate)
     e_amplitude = gl.Parameter("m/s", "amplitude of the transmission error's rate", default=0.0027)
     e_omega = gl.Parameter("rad/s", "angular frequency of the transmission error", default=28.0)
     e_phase = gl.Parameter("rad", "phase of the transmission error's rate", default=21 * gl.pi)
@@ -216,7 +217,7 @@ class ZhouCui2022(XPSymbols):
         super().__init__(*positional, **values | gl.offered(table))
 
     def excitation(self) -> Any:
-        """The rate of the transmission error in Table 4."""
+        """``e_amplitude cos(e_omega t + e_phase)``."""
         return self.e_amplitude * gl.cos(self.e_omega * gl.time + self.e_phase)
 
     def assemble(self) -> list[Connection]:
