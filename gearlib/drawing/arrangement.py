@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 
+from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin, Terminal
 from gearlib.drawing.channels import Segment, channel, wires
 from gearlib.drawing.icons import ICONS, Icon
 from gearlib.drawing.layers import layers, ordered, positions
-from gearlib.drawing.outline import OWN, Net, Outline, Pin, Port
 from gearlib.drawing.placement import GRID, Node, heights
 from gearlib.drawing.svg import text_width
 
@@ -43,7 +43,7 @@ class Placed:
     y: float
     width: float
     height: float
-    ends: tuple[tuple[Port, int, float], ...]
+    ends: tuple[tuple[Terminal, int, float], ...]
     mirrored: bool = False
     inner: Arrangement | None = None
 
@@ -61,7 +61,7 @@ class Wire:
 class Border:
     """A port of the component itself, at the edge of its diagram: its wire starts at (x, y)."""
 
-    port: Port
+    port: Terminal
     side: int
     x: float
     y: float
@@ -90,7 +90,7 @@ def arranged(outline: Outline, width: float) -> Arrangement:
     """Arrange the parts of an outline; rows of layers that would be wider than ``width`` are folded into several."""
     inner = {part.name: arranged(part, width) for part in outline.parts if part.parts}
     own = tuple(outline.ports) if outline.parts else ()
-    things: list[Outline | Port] = [*outline.parts, *own]
+    things: list[Outline | Terminal] = [*outline.parts, *own]
     index = {part.name: i for i, part in enumerate(outline.parts)}
     border = {port.name: len(outline.parts) + i for i, port in enumerate(own)}
     ends = [[(border[p.port] if p.part == OWN else index[p.part], p) for p in net.pins] for net in outline.nets]
@@ -104,9 +104,9 @@ def arranged(outline: Outline, width: float) -> Arrangement:
     return _routed(outline, design, width)
 
 
-def _liking(thing: Outline | Port, pin: Pin, net: Net, inner: dict[str, Arrangement]) -> int:
+def _liking(thing: Outline | Terminal, pin: Pin, net: Net, inner: dict[str, Arrangement]) -> int:
     """The side of a part that a port has by convention: -1, 1, or 0 for any."""
-    if isinstance(thing, Port):
+    if isinstance(thing, Terminal):
         if net.domain == "signal":
             return RIGHT if net.pins[0] == pin else LEFT
         return RIGHT if thing.name.endswith(LEFT_ENDS) else LEFT if thing.name.endswith(RIGHT_ENDS) else 0
@@ -121,9 +121,9 @@ def _liking(thing: Outline | Port, pin: Pin, net: Net, inner: dict[str, Arrangem
     return LEFT if pin.port.endswith(LEFT_ENDS) else RIGHT if pin.port.endswith(RIGHT_ENDS) else 0
 
 
-def _border_sides(things: Sequence[Outline | Port], liking: Sequence[Sequence[tuple[int, int]]]) -> dict[int, int]:
+def _border_sides(things: Sequence[Outline | Terminal], liking: Sequence[Sequence[tuple[int, int]]]) -> dict[int, int]:
     """The edge at which each port of the component stands."""
-    own = [i for i, thing in enumerate(things) if isinstance(thing, Port)]
+    own = [i for i, thing in enumerate(things) if isinstance(thing, Terminal)]
     if not own:
         return {}
     x = positions(len(things), liking)
@@ -133,7 +133,7 @@ def _border_sides(things: Sequence[Outline | Port], liking: Sequence[Sequence[tu
     for i in own:
         like = likes.get(i, 0)
         thing = things[i]
-        if not like and isinstance(thing, Port):
+        if not like and isinstance(thing, Terminal):
             like = RIGHT if thing.name.endswith(LEFT_ENDS) else LEFT if thing.name.endswith(RIGHT_ENDS) else 0
         found[i] = -like if like else (LEFT if x[i] <= middle + 1e-6 else RIGHT)
     if len(own) > 1 and len(set(found.values())) == 1 and not any(likes.get(i, 0) for i in own):
@@ -145,7 +145,7 @@ Sides = dict[tuple[int, str], int]
 
 
 def _sides(
-    things: Sequence[Outline | Port], ends: Sequence[Sequence[tuple[int, Pin]]], layer: Sequence[int], border: dict[int, int],
+    things: Sequence[Outline | Terminal], ends: Sequence[Sequence[tuple[int, Pin]]], layer: Sequence[int], border: dict[int, int],
     inner: dict[str, Arrangement], nets: Sequence[Net],
 ) -> Sides:  # fmt: skip
     """The side at which each pin leaves its box: that of the parts it is joined to."""
@@ -159,7 +159,7 @@ def _sides(
             towards[n, pin.port] = sum(others) / len(others) - layer[n] if others else 0.0
     sides: Sides = {}
     for n, thing in enumerate(things):
-        if isinstance(thing, Port):
+        if isinstance(thing, Terminal):
             sides[n, thing.name] = -border[n]
             continue
         if thing.name in inner:
@@ -181,7 +181,7 @@ def _sides(
     return sides
 
 
-def _shafts(part: Outline) -> list[Port]:
+def _shafts(part: Outline) -> list[Terminal]:
     """The ports at which an icon's own shafts end: two, one, or none for what is framed."""
     icon = icon_of(part)
     if icon.framed:
@@ -193,7 +193,7 @@ def _shafts(part: Outline) -> list[Port]:
 class _Design:
     """What is placed: parts and ports of the border, the pins of every net, their sides, the layers."""
 
-    things: Sequence[Outline | Port]
+    things: Sequence[Outline | Terminal]
     ends: Sequence[Sequence[tuple[int, Pin]]]
     side: Sides
     layer: Sequence[int]
@@ -202,7 +202,7 @@ class _Design:
     def places(self, n: int, rows: dict[tuple[int, int], list[str]]) -> dict[str, float]:
         """Height of every port of a thing below its upper edge."""
         thing = self.things[n]
-        if isinstance(thing, Port):
+        if isinstance(thing, Terminal):
             return {thing.name: LABEL}
         if thing.name in self.inner:
             return {b.port.name: TITLE + b.y for b in self.inner[thing.name].border}
@@ -230,7 +230,7 @@ class _Design:
 
     def _size(self, n: int, found: dict[str, float]) -> tuple[float, float]:
         thing = self.things[n]
-        if isinstance(thing, Port):
+        if isinstance(thing, Terminal):
             return text_width(thing.name, 10) + 16, ROW + GRID
         label = text_width(label_of(thing)) + 8
         if thing.name in self.inner:
@@ -359,7 +359,7 @@ def _drawn(
 
 def _to_edges(design: _Design, n: int, x: float, y: float, width: float, node: Node, pieces: dict[int, list[Segment]]) -> None:
     """From a box, which stands in the middle of its layer, to the layer's edges."""
-    free = 0.0 if isinstance(design.things[n], Port) else (width - node.width) / 2
+    free = 0.0 if isinstance(design.things[n], Terminal) else (width - node.width) / 2
     for net, side, offset in node.pins:
         if free > 0:
             ends = (x, x + free) if side == LEFT else (x + width - free, x + width)
@@ -371,7 +371,7 @@ def _place(
     border: list[Border],
 ) -> None:  # fmt: skip
     thing = design.things[n]
-    if isinstance(thing, Port):
+    if isinstance(thing, Terminal):
         side = -design.side[n, thing.name]
         border.append(Border(thing, side, x + width if side == LEFT else x, y + found[thing.name]))
         return

@@ -18,8 +18,8 @@ from gearlib.drawing.arrangement import (
     icon_of,
     label_of,
 )
+from gearlib.drawing.block_diagram import Outline, Terminal, folded
 from gearlib.drawing.icons import INK, LIGHT
-from gearlib.drawing.outline import Outline, Port, folded
 from gearlib.drawing.svg import Picture, circle, document, group, line, number, path, polygon, rectangle, text, text_width
 
 COLOURS = {"rotation": INK, "translation": "#1b7837", "heat": "#c0392b", "signal": "#1f6fd1", "other": "#6a3d9a"}
@@ -88,7 +88,7 @@ def _border(port: Border, x: float, y: float, width: float, free: float) -> Iter
     yield text(at, y + port.y - 4, port.port.name, text_anchor=anchor, font_size="10", fill=COLOURS[port.port.domain])
 
 
-def _square(port: Port, x: float, y: float) -> str:
+def _square(port: Terminal, x: float, y: float) -> str:
     colour = COLOURS[port.domain]
     if port.domain == "signal":
         return polygon([(x - 4, y - 4), (x + 4, y), (x - 4, y + 4)], fill=colour)

@@ -16,7 +16,7 @@ WIDEST, BAR, BETWEEN, EDGE = 56.0, 10.0, 96.0, 24.0
 
 
 @dataclass(frozen=True)
-class Flow:
+class Band:
     """Power (W) from one component to another."""
 
     source: str
@@ -36,12 +36,12 @@ def watts(power: float) -> str:
     return f"{power:.3g} W"
 
 
-def sankey(flows: Sequence[Flow], losses: Mapping[str, float], title: str, joints: Sequence[str] = ()) -> Picture:
+def sankey(flows: Sequence[Band], losses: Mapping[str, float], title: str, joints: Sequence[str] = ()) -> Picture:
     """Draw a power flow.
 
     Parameters
     ----------
-    flows : sequence of Flow
+    flows : sequence of Band
         Positive powers, W.
     losses : mapping of str to float
         Power that components turn into heat, W.
@@ -115,10 +115,10 @@ def sankey(flows: Sequence[Flow], losses: Mapping[str, float], title: str, joint
     return Picture(document(max(width, text_width(title, 13) * 1.1 + 2 * EDGE), depth + EDGE, drawn, title))
 
 
-def returning(flows: Sequence[Flow]) -> set[int]:
+def returning(flows: Sequence[Band]) -> set[int]:
     """Flows without which no power goes in a circle: of each circle the one that leads back nearest to a drive.
 
-    >>> returning([Flow("drive", "a", 1.0), Flow("a", "b", 3.0), Flow("b", "load", 1.0), Flow("b", "c", 2.0), Flow("c", "a", 2.0)])
+    >>> returning([Band("drive", "a", 1.0), Band("a", "b", 3.0), Band("b", "load", 1.0), Band("b", "c", 2.0), Band("c", "a", 2.0)])
     {4}
     """
     graph = nx.DiGraph()

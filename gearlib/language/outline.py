@@ -8,8 +8,8 @@ from itertools import pairwise
 import networkx as nx
 
 from gearlib.arguments import flag, real, whole
+from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin, Terminal
 from gearlib.drawing.diagram import Diagram
-from gearlib.drawing.outline import OWN, Net, Outline, Pin, Port
 from gearlib.errors import ArgumentError, ModelError
 from gearlib.language.component import Component, declared_by
 from gearlib.language.declarations import Connector, Discrete, Input, Potential, Variable
@@ -45,7 +45,7 @@ def outline(component: Component, depth: int) -> Outline:
     return _outline(component, component._name or type(component).__name__, depth, 0, ())
 
 
-def _outline(component: Component, name: str, depth: int, level: int, more: tuple[Port, ...]) -> Outline:
+def _outline(component: Component, name: str, depth: int, level: int, more: tuple[Terminal, ...]) -> Outline:
     """The outline of a component, with ports besides its own: signals, and ports of its parts that are joined from outside."""
     if level > DEEPEST:
         raise ModelError(
@@ -63,16 +63,16 @@ def _outline(component: Component, name: str, depth: int, level: int, more: tupl
             if rest and port.domain != "signal":
                 nets.append(Net((Pin(OWN, port.name), Pin(inner, rest)), port.domain))
         nets = joined(nets) + _signals(component)
-        others: dict[str, dict[str, Port]] = {part: {} for part in (OWN, *component._parts)}
+        others: dict[str, dict[str, Terminal]] = {part: {} for part in (OWN, *component._parts)}
         for net in nets:
             for pin in net.pins:
-                others[pin.part].setdefault(pin.port, Port(pin.port, net.domain))
+                others[pin.part].setdefault(pin.port, Terminal(pin.port, net.domain))
         more = (*more, *others.pop(OWN).values())
         parts = [
             _outline(component._parts[part], part, depth - 1, level + 1, tuple(extra.values()))
             for part, extra in others.items()
         ]
-    ports = {own: Port(own, domain(connector)) for own, connector in declared_by(component).connectors.items()}
+    ports = {own: Terminal(own, domain(connector)) for own, connector in declared_by(component).connectors.items()}
     ports |= {port.name: port for port in more if port.name not in ports}
     icon = component.icon if isinstance(component.icon, str) else ""
     return Outline(

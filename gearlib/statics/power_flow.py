@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gearlib.arguments import one_name
-from gearlib.drawing.sankey import Flow, sankey
+from gearlib.drawing.sankey import Band, sankey
 from gearlib.errors import NameLookupError, nearest
 from gearlib.optional import optional
 from gearlib.statics.circulation import Branch, Circulation, circulations
@@ -168,7 +168,7 @@ class PowerFlow:
     def sankey(self) -> Picture:
         """Sankey diagram: bands as wide as the power, from drives to loads; what circulates flows back below."""
         flows, joints = _flows(self._branches)
-        return sankey([Flow(*flow) for flow in flows], self.losses, self._title, joints)
+        return sankey([Band(*flow) for flow in flows], self.losses, self._title, joints)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per flange."""

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 import gearlib as gl
 import gearparts as gp
 from gearlib.drawing.arrangement import TITLE, Arrangement
+from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin, Terminal
 from gearlib.drawing.diagram import Diagram
 from gearlib.drawing.icons import ICONS
-from gearlib.drawing.outline import OWN, Net, Outline, Pin, Port
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
 
@@ -290,7 +290,7 @@ def test_a_picture_is_saved_as_svg_only(tmp_path):
 
 
 def test_names_are_escaped():
-    odd = Outline("<&>", 'a"b', ports=(Port("p<"),), parts=(Outline("x&y", "K<", ports=(Port("p<"),)),), nets=(
+    odd = Outline("<&>", 'a"b', ports=(Terminal("p<"),), parts=(Outline("x&y", "K<", ports=(Terminal("p<"),)),), nets=(
         Net((Pin(OWN, "p<"), Pin("x&y", "p<"))),))  # fmt: skip
     ET.fromstring(Diagram(odd).svg)
 
@@ -309,8 +309,8 @@ def random_outlines(draw, level=0):
         icon = draw(st.sampled_from(["", *ICON_NAMES]))
         names = draw(st.sampled_from([("flange",), ("flange_a", "flange_b"), ("sun", "carrier", "ring"), ("a", "b", "c", "d"),
                                       ("flange_a", "flange_b", "support", "heat_port")]))  # fmt: skip
-        parts.append(Outline(f"part{i}" * draw(st.integers(1, 4)), "Kind", icon, tuple(Port(n) for n in names)))
-    own = tuple(Port(f"own{i}") for i in range(draw(st.integers(0, 3))))
+        parts.append(Outline(f"part{i}" * draw(st.integers(1, 4)), "Kind", icon, tuple(Terminal(n) for n in names)))
+    own = tuple(Terminal(f"own{i}") for i in range(draw(st.integers(0, 3))))
     pins = [Pin(part.name, port.name) for part in parts for port in part.ports] + [Pin(OWN, port.name) for port in own]
     pins = draw(st.permutations(pins))
     nets = []

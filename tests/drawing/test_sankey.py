@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.drawing.sankey import WIDEST, Flow, returning, sankey
+from gearlib.drawing.sankey import WIDEST, Band, returning, sankey
 
 NODES = "abcdef"
 
@@ -57,7 +57,7 @@ def test_a_closed_loop():
 @settings(max_examples=80, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(NODES), st.sampled_from(NODES), st.floats(1.0, 1e6)), min_size=1, max_size=14))
 def test_random_flows(triples):
-    flows = [Flow(a, b, p) for a, b, p in {(a, b): (a, b, p) for a, b, p in triples if a != b}.values()]
+    flows = [Band(a, b, p) for a, b, p in {(a, b): (a, b, p) for a, b, p in triples if a != b}.values()]
     back = returning(flows)
     graph = nx.DiGraph((f.source, f.target) for k, f in enumerate(flows) if k not in back)
     assert nx.is_directed_acyclic_graph(graph)

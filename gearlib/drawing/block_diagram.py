@@ -15,7 +15,7 @@ OWN = ""  # stands for the component itself in a pin: a port of its border
 
 
 @dataclass(frozen=True)
-class Port:
+class Terminal:
     """A connector, or the end of a signal.
 
     Parameters
@@ -56,7 +56,7 @@ class Outline:
         Name of the part, and of its class.
     icon : str
         Name of the drawing; empty: a labelled box.
-    ports : tuple of Port
+    ports : tuple of Terminal
     parts : tuple of Outline
         Its parts, down to the depth that is shown.
     nets : tuple of Net
@@ -74,7 +74,7 @@ class Outline:
     name: str
     kind: str
     icon: str = ""
-    ports: tuple[Port, ...] = ()
+    ports: tuple[Terminal, ...] = ()
     parts: tuple[Outline, ...] = ()
     nets: tuple[Net, ...] = ()
     composite: bool = False
@@ -90,9 +90,9 @@ def folded(outline: Outline) -> Outline:
     differ in the members only become one. Where members are joined to each other, as in a chain, the first and the last of each
     family stay, and one box stands for all between.
 
-    >>> wheels = tuple(Outline(f"wheel[{i}]", "Wheel", ports=(Port("a"),)) for i in range(3))
+    >>> wheels = tuple(Outline(f"wheel[{i}]", "Wheel", ports=(Terminal("a"),)) for i in range(3))
     >>> nets = (Net((Pin("", "in"), *(Pin(w.name, "a") for w in wheels))),)
-    >>> found = folded(Outline("car", "Car", ports=(Port("in"),), parts=wheels, nets=nets))
+    >>> found = folded(Outline("car", "Car", ports=(Terminal("in"),), parts=wheels, nets=nets))
     >>> [(part.name, part.count) for part in found.parts], [pin.part for pin in found.nets[0].pins]
     ([('wheel', 3)], ['', 'wheel'])
     """
@@ -169,11 +169,11 @@ def _middles(chains: list[list[Outline]], nets: tuple[Net, ...]) -> tuple[list[O
     for number, group in enumerate(sorted(sorted(g) for g in nx.connected_components(graph))):
         middle = {m.name for i in group for m in chains[i][1:-1]}
         name = "..." if number == 0 else f"... ({number + 1})"
-        ports: list[Port] = []
+        ports: list[Terminal] = []
         for net in nets:
             here = [pin for pin in net.pins if pin.part in middle]
             if here and len(here) < len(net.pins):
-                ports.append(Port(f"{here[0].part}.{here[0].port}", net.domain))
+                ports.append(Terminal(f"{here[0].part}.{here[0].port}", net.domain))
                 pins_of |= dict.fromkeys(here, Pin(name, ports[-1].name))
             else:
                 pins_of |= dict.fromkeys(here, INSIDE)
