@@ -126,13 +126,19 @@ def returning(flows: Sequence[Band]) -> set[int]:
         graph.add_edge(f.source, f.target, number=k)
     drives = [n for n in graph if not graph.in_degree(n)] or list(graph)[:1]
     distance = nx.multi_source_dijkstra_path_length(graph, drives, weight=None) if drives else {}
-    found: set[int] = set()
+    found: list[tuple[str, str, int]] = []
     while not nx.is_directed_acyclic_graph(graph):
         circle = nx.find_cycle(graph)
         a, b = min(circle, key=lambda e: (distance.get(e[1], len(graph)), graph.edges[e]["number"]))
-        found.add(graph.edges[a, b]["number"])
+        found.append((a, b, graph.edges[a, b]["number"]))
         graph.remove_edge(a, b)
-    return found
+    back: set[int] = set()
+    for a, b, k in found:  # what was taken out for one circle may have become needless with what was taken out for the next
+        if nx.has_path(graph, b, a):
+            back.add(k)
+        else:
+            graph.add_edge(a, b)
+    return back
 
 
 def _band(stops: Sequence[tuple[float, float]], width: float, label: str) -> Iterator[str]:
