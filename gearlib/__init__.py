@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from gearlib.feedback.loop_plots import nichols_plot as nichols_plot
     from gearlib.feedback.loop_plots import nyquist_plot as nyquist_plot
     from gearlib.feedback.loop_plots import root_locus_plot as root_locus_plot
+    from gearlib.feedback.passivity import Passivity as Passivity
+    from gearlib.feedback.passivity import passivity as passivity
     from gearlib.feedback.stability import StabilityReport as StabilityReport
     from gearlib.feedback.stability import stability as stability
     from gearlib.language.component import Component as Component
@@ -102,6 +104,7 @@ _HOME = {
     **dict.fromkeys(["OrderSpectrum", "OrderWaterfall", "order_spectrum", "order_waterfall"], "gearlib.periodic.order_analysis"),
     **dict.fromkeys(["bode_plot", "nichols_plot", "nyquist_plot", "root_locus_plot"], "gearlib.feedback.loop_plots"),
     **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.linear.frequency_response"),
+    **dict.fromkeys(["Passivity", "passivity"], "gearlib.feedback.passivity"),
     **dict.fromkeys(["StabilityReport", "stability"], "gearlib.feedback.stability"),
     "PowerFlow": "gearlib.statics.power_flow",
     **dict.fromkeys(["mobility", "power_flow", "speed_ratio"], "gearlib.statics.statics"),

@@ -14,6 +14,7 @@ from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
 from gearlib.feedback.margins import Margins, margins
 from gearlib.feedback.nyquist import NyquistCount, nyquist_count
+from gearlib.feedback.passivity import Passivity, passivity
 from gearlib.linear.linear_model import check_linear
 from gearlib.linear.linearize import linearized
 from gearlib.linear.poles import MEANING, Poles, Verdict, poles
@@ -91,6 +92,8 @@ class StabilityReport:
         The operating point of a System in words, such as "open: mesh m".
     at_zero : str
         What the poles at 0 of a System are, where that was found out.
+    passivity : Passivity or None
+        Of a System that is linear: whether its energies prove that no motion of it can grow.
     """
 
     name: str
@@ -98,6 +101,7 @@ class StabilityReport:
     loop: LoopReport | None = None
     conditions: tuple[str, ...] = ()
     at_zero: str = ""
+    passivity: Passivity | None = None
 
     @property
     def eigenvalues(self) -> Any:
@@ -118,6 +122,7 @@ class StabilityReport:
         lines = [
             f"{self.name}: {MEANING[self.verdict]}",
             *(f"  {text}" for text in [*motions(self.poles, self.at_zero), *self.conditions]),
+            *([f"  {self.passivity}"] if self.passivity and self.passivity.holds else []),
             "",
             *pole_table(self.poles),
         ]
@@ -214,17 +219,19 @@ def stability(
     name = getattr(model, "name", None) or type(model).__name__
     said: tuple[str, ...] = ()
     at_zero = ""
+    proof = None
     if is_compiled(model) and len(model.states) <= MOST_DENSE:
         found = modes(model, at=at, parameters=parameters)
         said, at_zero = found.conditions, _at_zero(found)
+        proof = passivity(model, at=at, parameters=parameters)
     if loop is not None:
         chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
-        return StabilityReport(name, chosen.open_poles, LoopReport(chosen), said, at_zero)
+        return StabilityReport(name, chosen.open_poles, LoopReport(chosen), said, at_zero, proof)
     if is_compiled(model):
         model = linearized(translation_of(model), [], None, at, parameters)
     if not hasattr(model, "A"):
         model = as_loop(model)
-    return StabilityReport(name, poles(model.A), None, said, at_zero)
+    return StabilityReport(name, poles(model.A), None, said, at_zero, proof)
 
 
 def _at_zero(found: Modes) -> str:

@@ -170,6 +170,7 @@ def test_report_is_readable(paper: gl.System, chain: Callable[..., gl.System]) -
         "ZhouCui2022: asymptotically stable: every motion dies away",
         "  the slowest motion falls to 1/e in 0.03112 s",
         "  the least damped vibration has 929.687 Hz and the damping ratio 0.0357",
+        "  passive: the stored energy x'Qx/2 >= 0 falls by the losses x'Wx >= 0 alone (8 states, rank of Q 8, of W 5)",
         "",
         "       real, 1/s     imag, rad/s   frequency, Hz    damping   e-fold time, s",
         "        -32.1307               0               -          -          0.03112",

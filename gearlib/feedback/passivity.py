@@ -1,0 +1,179 @@
+"""A certificate of passivity: the stored energy of a linear train, and that it falls by the losses alone.
+
+Of x' = A x + B u the components declare the stored energy H = x' Q x / 2. Where Q has no negative direction and
+W = -(Q A + A' Q) / 2 neither, dH/dt = -x' W x + y' u with the outputs y = B' Q x: the train takes from outside all that it stores
+and loses, at every amplitude, and no motion of it can grow. The eigenvalues of A are not used for that.
+
+References
+----------
+J. C. Willems, "Dissipative dynamical systems, part II: linear systems with quadratic supply rates", Archive for Rational Mechanics
+and Analysis 45 (1972) 352-393. https://doi.org/10.1007/BF00276494 (Q is a solution of the Kalman-Yakubovich-Popov inequality.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+from gearlib.flatten.energies import Term, audited
+from gearlib.linear.linearize import linearized
+from gearlib.run.subject import translation_of
+from gearlib.run.translation import Compiled, Translation
+
+Floats = NDArray[np.float64]
+ROUNDING = 1e-9  # of the largest coefficient, both scaled by the energy of each state
+
+
+@dataclass(frozen=True, eq=False)
+class Passivity:
+    """What the energies of a linear model prove. ``print`` it to read it.
+
+    Attributes
+    ----------
+    states : tuple of str
+        Paths, in the order of the matrices.
+    Q, W : array
+        Stored energy ``x' Q x / 2`` (J) and the power ``x' W x`` (W) that the equations take from it; shape (n, n).
+    reason : str
+        Why there is no certificate; empty where there is one.
+    """
+
+    states: tuple[str, ...]
+    Q: Floats
+    W: Floats
+    reason: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the model is proved to be passive."""
+        return not self.reason
+
+    def __str__(self) -> str:
+        if self.reason:
+            return f"no certificate of passivity: {self.reason}"
+        ranks = [np.linalg.matrix_rank(_scaled(m, self.Q), ROUNDING, hermitian=True) for m in (self.Q, self.W)]
+        return (
+            "passive: the stored energy x'Qx/2 >= 0 falls by the losses x'Wx >= 0 alone "
+            f"({len(self.states)} states, rank of Q {ranks[0]}, of W {ranks[1]})"
+        )
+
+
+def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, float] | None = None) -> Passivity:
+    """The certificate of passivity of a linear model, from the energies that its components declare.
+
+    Parameters
+    ----------
+    system : System
+        Its equations must be linear with constant coefficients.
+    at : None, "steady" or mapping, optional
+        Operating point, where parameters of the linear model follow from one; see `System.linearize`.
+    parameters : mapping, optional
+        Values by path.
+
+    Returns
+    -------
+    Passivity
+        ``.holds``, ``.reason``; ``.Q`` and ``.W`` are the proof.
+
+    Raises
+    ------
+    ArgumentError
+        No compiled system.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> gl.passivity(gl.compile(gp.ZhouCui2022())).holds
+    True
+    """
+    translation, _ = translation_of(system).fitted(parameters)
+    nothing = np.zeros((0, 0))
+    if not translation.scene.program.is_linear:
+        return Passivity((), nothing, nothing, "the equations are not linear with constant coefficients")
+    parts = audited(translation.component)
+    if reason := _undeclared(translation, parts):
+        return Passivity((), nothing, nothing, reason)
+    numbers = dict(zip(translation.model.parameters.names, translation.parameter_values(parameters).tolist(), strict=True))
+    names = sorted({n for p in parts if p.stored for n in p.stored.names} - numbers.keys())
+    try:
+        model = linearized(translation, [], [*translation.states, *names], at, parameters, worded=False)
+    except SolverError as problem:
+        return Passivity((), nothing, nothing, str(problem))
+    A, rows = _dense(model.A), dict(zip(model.outputs, _dense(model.C), strict=True))
+    n = len(model.states)
+    Q = np.zeros((n, n))
+    for part in parts:
+        if part.stored is None:
+            continue
+        form = _quadratic(part.stored, numbers)
+        if form is None:
+            return Passivity(model.states, nothing, nothing, f"the energy of {part.path} ({part.kind}) is not quadratic")
+        own = np.array([rows[name] for name in part.stored.names if name in rows]).reshape(-1, n)
+        Q += 2 * own.T @ form @ own
+    W = -(Q @ A + A.T @ Q) / 2
+    return Passivity(model.states, Q, W, _doubt(Q, W))
+
+
+def _undeclared(translation: Translation, parts: Sequence[Any]) -> str:
+    """Why the declared energies are not all of the model's."""
+    for part in parts:
+        if part.unknown or not part.declares:
+            return f"{part.path} ({part.kind}) does not declare what it stores and loses"
+        given = () if part.stored is None else part.stored.names
+        if "time" in given or any(name in translation.model.discretes.names for name in given):
+            return f"the energy of {part.path} ({part.kind}) changes with time"
+    return ""
+
+
+def _quadratic(term: Term, numbers: Mapping[str, float]) -> Floats | None:
+    """The matrix F of a term that is ``v' F v`` in its variables v; None where it is no quadratic form."""
+    places = [k for k, name in enumerate(term.names) if name not in numbers]
+    count = len(places)
+    constants = [numbers.get(name, 0.0) for name in term.names]
+
+    def value(v: Floats) -> float:
+        given = list(constants)
+        for k, x in zip(places, v, strict=True):
+            given[k] = float(x)
+        return float(term.function(*given))
+
+    unit = np.eye(count)
+    alone = [value(unit[i]) for i in range(count)]
+    F = np.diag(alone) if count else np.zeros((0, 0))
+    for i in range(count):
+        for j in range(i):
+            F[i, j] = F[j, i] = (value(unit[i] + unit[j]) - alone[i] - alone[j]) / 2
+    scale = float(np.abs(F).sum())
+    for v in np.random.default_rng(0).normal(size=(3, count)) * 3:
+        if not abs(value(v) - v @ F @ v) <= ROUNDING * scale * float(v @ v):
+            return None
+    return F if value(np.zeros(count)) == 0.0 else None
+
+
+def _doubt(Q: Floats, W: Floats) -> str:
+    """Why the matrices prove nothing; empty where they do."""
+    if not len(Q):
+        return ""
+    energy, lost = _scaled(Q, Q), _scaled(W, Q)
+    if np.linalg.eigvalsh(energy).min() < -ROUNDING:
+        return "a component declares a stored energy that is negative"
+    if np.linalg.eigvalsh(lost).min() < -ROUNDING * np.abs(lost).max():
+        return "there is a motion that gains energy without an input"
+    return ""
+
+
+def _scaled(matrix: Floats, Q: Floats) -> Floats:
+    """A quadratic form in states that each store half a joule at one."""
+    diagonal = np.diag(Q)
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    scaled: Floats = matrix * scale * scale[:, None]
+    return scaled
+
+
+def _dense(matrix: Any) -> Floats:
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, float)

@@ -1,0 +1,114 @@
+"""The certificate of passivity: against the paper's explicit matrices, at the ports, and where there is none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError
+from gearparts.trains import zhou_cui_2022 as zc
+
+
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+def test_xp_train_for_any_positive_parameters(seed: int | None) -> None:
+    system = gl.compile(gp.ZhouCui2022())
+    rng = np.random.default_rng(seed)
+    names = ("I_s", "I_p", "I_r", "I_h", "I_f", "K_g", "C_g", "C_v")
+    given = {} if seed is None else {n: zc.TABLE_4[n].value * float(rng.uniform(0.1, 10)) for n in names}
+    proof = gl.passivity(system, parameters=given)
+    assert proof.holds
+    assert str(gl.stability(system, parameters=given)).count("passive: the stored energy") == 1
+    # the same energy from the printed equations: momenta p and deflections q, with the dependent inertias
+    params = zc.bond_parameters(**given)
+    x = rng.normal(size=8) * [1, 1e-5, 1, 1, 1e-5, 1, 1e-5, 1]
+    flows = zc.flows(x, params)
+    energy = sum(params.I[b] * flows[b] ** 2 for b in zc.INERTIAS) / 2
+    energy += sum(x[k] ** 2 / params.C[b] for k, b in ((1, 6), (4, 30), (6, 74))) / 2
+    lost = sum(params.R[b] * flows[b] ** 2 for b in zc.RESISTANCES)
+    values = {
+        "w_in": flows[2], "q_ring": x[1], "q_sun": x[4], "q_pair": x[6], "train.x_unit.planets_at_ring.w": flows[11],
+        "train.x_unit.planets_at_sun.w": -flows[35], "train.p_unit.gear_1.w": flows[69], "train.p_unit.gear_2.w": flows[78],
+    }  # fmt: skip
+    state = np.array([values[name] for name in proof.states])
+    assert state @ proof.Q @ state / 2 == pytest.approx(energy, rel=1e-9)
+    assert state @ proof.W @ state == pytest.approx(lost, rel=1e-6)
+
+
+def test_output_of_a_torque_is_the_speed_of_its_shaft() -> None:
+    system = gl.compile(gp.ZhouCui2022())
+    proof, linear = gl.passivity(system), system.linearize(inputs=["tau_in"], outputs=["w_in"])
+    assert proof.states == tuple(linear.state_labels)
+    assert pytest.approx(np.asarray(linear.C), abs=1e-12) == np.asarray(linear.B).T @ proof.Q
+
+
+class Motor(gl.Component):
+    """A motor whose torque grows with its speed."""
+
+    flange = gp.Flange("shaft")
+    d = gl.Parameter("N.m.s/rad", default=0.5)
+    w = gl.Variable("rad/s")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.w, gl.der(self.flange.phi)), gl.Eq(self.flange.tau, -self.d * self.w)]
+
+    def energies(self) -> gl.Energy:
+        return gl.Energy(heat=-self.d * self.w**2)
+
+
+class Silent(Motor):
+    """A motor of which nothing is declared."""
+
+    energies = gl.Component.energies
+
+
+class Shaft(gl.Component):
+    """A body on a spring, with something on its shaft."""
+
+    other = gl.Structural("inertia")
+
+    def assemble(self) -> list[Any]:
+        self.body, self.spring, self.ground = gp.Inertia(J=2.0), gp.Spring(c=5.0), gp.Fixed()
+        links = [
+            gl.connect(self.body.flange_b, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.ground.flange),
+        ]
+        if self.other == "backlash":
+            self.end = gp.ElastoBacklash(c=10.0, d=1.0, b=0.1)
+            return [
+                *links,
+                gl.connect(self.body.flange_a, self.end.flange_a),
+                gl.connect(self.end.flange_b, self.ground.flange),
+            ]
+        if self.other == "inertia":
+            self.end = gp.Inertia(J=1.0)
+            return [*links, gl.connect(self.body.flange_a, self.end.flange_a)]
+        self.end = {"motor": Motor, "silent": Silent}[self.other]()
+        return [*links, gl.connect(self.body.flange_a, self.end.flange)]
+
+
+@pytest.mark.parametrize(
+    ("other", "reason"),
+    [
+        ("motor", "there is a motion that gains energy without an input"),
+        ("silent", "end (Silent) does not declare what it stores and loses"),
+        ("backlash", "the equations are not linear with constant coefficients"),
+    ],
+)
+def test_no_certificate_without_a_proof(other: str, reason: str) -> None:
+    system = gl.compile(Shaft(other=other))
+    assert not gl.passivity(system).holds
+    assert str(gl.passivity(system)) == f"no certificate of passivity: {reason}"
+    assert "passive" not in str(gl.stability(system))
+
+
+def test_an_undamped_train_is_passive_and_loses_nothing() -> None:
+    system = gl.compile(Shaft())
+    proof = gl.passivity(system)
+    assert proof.holds
+    assert np.abs(proof.W).max() < 1e-12
+    with pytest.raises(ArgumentError, match="expected a compiled system"):
+        gl.passivity(gp.ZhouCui2022())  # type: ignore[arg-type]
