@@ -19,6 +19,8 @@ from sympy.printing.pycode import PythonCodePrinter
 from gearlib.equations.template import Relation, Template, column_symbol
 from gearlib.language.expressions import time
 
+CALL, DIVISION = 20, 4  # additions that a function such as the sine, and a division or a square root, take as long as
+
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
@@ -55,6 +57,11 @@ class Kernel:
         return sympy.Symbol("t", real=True) in self.expression.free_symbols
 
     @cached_property
+    def operations(self) -> int:
+        """Roughly how many additions it costs to evaluate; a call of a function counts for `CALL` of them."""
+        return _operations(self.expression)
+
+    @cached_property
     def is_copy(self) -> bool:
         """Whether it is one of the columns as it is."""
         return len(self.columns) == 1 and bool(self.expression == sympy.Symbol(f"x{self.columns[0]}", real=True))
@@ -67,6 +74,24 @@ class Kernel:
     def number(self) -> float | None:
         """Its value where it is a plain number."""
         return float(self.expression) if self.expression.is_number else None
+
+
+def _operations(expression: Any) -> int:
+    """Roughly how many additions an expression costs.
+
+    >>> x = sympy.Symbol("x")
+    >>> _operations(2 * x + 1), _operations(x**2 - sympy.cos(x))
+    (2, 23)
+    """
+    below = sum(map(_operations, expression.args))
+    if isinstance(expression, (sympy.Add, sympy.Mul)):
+        return below + len(expression.args) - 1
+    if isinstance(expression, sympy.Pow):
+        exponent = expression.exp
+        if exponent.is_Integer:
+            return below + max(1, int(abs(exponent)).bit_length() - 1) + DIVISION * int(exponent.is_negative)
+        return below + (DIVISION if exponent.is_Rational and exponent.q == 2 else CALL)
+    return below + CALL if isinstance(expression, sympy.Function) and not expression.is_Piecewise else below
 
 
 def _kernel(template: Template, expression: Any) -> Kernel:

@@ -13,6 +13,7 @@ from gearlib.program.program import Batch, Linear, Newton, Program
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+SEARCH = 6.0  # times an addition: an operation of an elimination in short loops that looks for pivots
 
 
 @dataclass(frozen=True)
@@ -94,3 +95,18 @@ def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: 
         data[at : at + len(part)] = part
     if guess is not None:
         data[layout.slots : layout.slots + len(guess)] = guess
+
+
+def operations(program: Program, layout: Layout) -> float:
+    """Roughly how many additions one evaluation of a program costs; nonlinear blocks are taken to need two iterations."""
+    total, needed = 0.0, iter(layout.needed)
+    for step in program.steps:
+        if isinstance(step, Batch):
+            total += len(step) * step.kernel.operations
+        elif isinstance(step, Linear):
+            total += 2.0 * len(next(needed)) * len(step.known)
+        else:
+            n = len(step.unknowns)
+            inside = sum(len(b) * (1 + b.kernel.operations) for b in (*step.residuals, *step.jacobian))
+            total += (1 if step.linear else 2) * (inside + SEARCH * (2.0 * n**3 / 3.0 + 2.0 * n**2))
+    return total

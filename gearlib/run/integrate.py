@@ -6,6 +6,7 @@ import ctypes
 import math
 import time as clock
 import warnings
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -16,15 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.native.layout import Shared
+from gearlib.native.layout import Shared, operations
 from gearlib.native.scene_functions import NativeScene
 from gearlib.program.interpret import owner_of
 from gearlib.run.linear_form import linear_form
 from gearlib.run.scene import Numbers, Scene, settle_once
 from gearlib.run.start_values import Start
+from gearlib.solvers.alternation import Leg, alternate
 from gearlib.solvers.inputs.callback import Keep, feed
 from gearlib.solvers.inputs.table import Table, breakpoints, values
-from gearlib.solvers.problem import Native, Problem, Solution
+from gearlib.solvers.problem import Effort, Native, Problem, Solution
 
 Floats = NDArray[np.float64]
 METHODS = ("auto", "exact", "ida", "rk", "rk5", "rk8")
@@ -33,11 +35,20 @@ MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints: near a point whe
 LARGEST_EXACT = 30_000  # states
 MOST_CORNERED = 40  # states up to which tables are gone through from corner to corner with dense exponentials
 LATE = 100.0  # times its length after zero a run has a clock that is coarse beside its steps
+COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work")  # over the legs of a run
 LEAST_STEPS = 100  # that a run is thought to take before it is known how many
+ORDERS = {"rk5": 5, "rk8": 8}
+MANY_CORNERS, PILOT, CUT = (
+    1000,
+    100,
+    0.6,
+)  # steps that show what order 5 does; the wanted step over what corners leave of it, from which on it suffices
 FEW_CORNERS = 50  # of tables, up to which nothing is to be gained by a choice
 SLOW_CORNER = 3e-4  # s, of a table that drives more states
 # Measured, s: a step of Runge-Kutta and its part for each slot of the program; and how many radians of the fastest motion it spans
 RK_STEP, RK_SLOT, REACH_OF_A_STEP = 1.5e-6, 3e-8, 3.0
+# Measured, ns: of a native function's call, of an addition in it, of a Python function and of a table among its inputs
+CALL, ADDITION, CALLBACK, LOOK_UP = 15.0, 0.3, 1500.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -73,7 +84,7 @@ class Run:
     def driven(self) -> bool:
         """Whether time drives the scene, other than by tables."""
         programs = [self.scene.program, *([self.scene.relations.program] if self.scene.relations is not None else [])]
-        return any(p.on_time for p in programs) or any(callable(s) and not isinstance(s, Table) for s in self.signals)
+        return any(p.on_time for p in programs) or any(map(_is_function, self.signals))
 
     def coarse_clock(self, steps: int) -> str:
         """What is to be said of a run that begins late, where time drives it and is known no better than the tolerance; or nothing."""
@@ -261,35 +272,145 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
         return _exact(run, None, "there are no states")
     if not scene.states:  # events only: any method steps from one to the next
         method, why, hand_over = "rk", "there are no states, but discrete variables", False
-    problem, keep = _problem(run, jacobian=method == "ida")
+    keep = Keep()
     try:
-        with keep.listening() if keep.callbacks else nullcontext():
-            solution = _solved(run, problem, method, hand_over)
+        with keep.listening() if any(map(_is_function, run.signals)) else nullcontext():
+            if hand_over:
+                outcome = _alternating(run, keep, why)
+            else:
+                solution = _solved(run, _problem(run, keep, jacobian=method == "ida"), method)
+                outcome = _outcome(run, solution, method, why)
     except SolverError as problem_:
         raise keep.failure() or _explained(problem_, scene) from None
     failure = keep.failure()
     if failure is not None:
         raise failure
-    if solution.status == "stiff":
-        return _continue(run, solution, why)
-    return _outcome(run, solution, method, why)
+    return outcome
 
 
-def _solved(run: Run, problem: Problem, method: str, hand_over: bool) -> Solution:
+def _is_function(signal: Any) -> bool:
+    return callable(signal) and not isinstance(signal, Table)
+
+
+def _solved(run: Run, problem: Problem, method: str) -> Solution:
     """Hand a problem to an integrator."""
-    iterated, atol = run.scene.program.iterated, run.atol if run.scene.states else None
-    most, constrained = MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, any(s.constrained for s in iterated)
+    options = _options(run)
     if method == "ida":
         from gearlib.solvers.ida import ida
 
-        return ida.integrate(problem, run.times, rtol=run.rtol, atol=atol, max_steps=most, may_leave=constrained)
+        return ida.integrate(problem, run.times, **options)
     from gearlib.solvers.rungekutta import rungekutta
 
-    order = {"rk5": 5, "rk8": 8}.get(method) or (8 if run.rtol < 1e-6 else 5)
-    return rungekutta.integrate(
-        problem, run.times, rtol=run.rtol, atol=atol, order=order, detect_stiffness=hand_over, max_steps=most,
-        may_leave=constrained,
+    return rungekutta.integrate(problem, run.times, order=_order(run, problem, method), **options)
+
+
+def _options(run: Run) -> dict[str, Any]:
+    """What every integrator is told of a run."""
+    iterated = run.scene.program.iterated
+    return {
+        "rtol": run.rtol, "atol": run.atol if run.scene.states else None,
+        "max_steps": MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, "may_leave": any(s.constrained for s in iterated),
+    }  # fmt: skip
+
+
+def _order(run: Run, problem: Problem, method: str) -> int:
+    """The order of Runge-Kutta: by tolerance, but 5 where tables cut the steps so short that a higher one is of no use."""
+    if method in ORDERS or run.rtol >= 1e-6:
+        return ORDERS.get(method, 5)
+    if len(problem.time_events) < MANY_CORNERS:
+        return 8
+    from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+
+    pilot = RungeKutta(problem, run.times, order=5, **_options(run))
+    pilot.advance(PILOT)
+    return 5 if pilot.wanted >= CUT * (pilot.t - run.times[0]) / PILOT else 8
+
+
+def _alternating(run: Run, keep: Keep, why: str) -> Outcome:
+    """Integrate with Runge-Kutta, and with IDA where that gets on faster."""
+    from gearlib.solvers.ida import ida
+    from gearlib.solvers.rungekutta import rungekutta
+
+    start = _problem(run, keep, jacobian=False)
+
+    order = _order(run, start, "rk")
+
+    def explicit(legs: Sequence[Leg]) -> rungekutta.RungeKutta:
+        part = _rest(run, legs)
+        problem = _problem(part, keep, jacobian=False) if legs else start
+        return rungekutta.RungeKutta(problem, part.times, order=order, **_options(run))
+
+    def implicit(legs: Sequence[Leg]) -> ida.Ida:
+        part = _rest(run, legs)
+        return ida.Ida(_problem(part, keep, jacobian=True), part.times, **_options(run))
+
+    legs = alternate(explicit, implicit, ida.trial(start), float(run.times[-1]))
+    return _joined(run, legs, why)
+
+
+def _wanted(run: Run, legs: Sequence[Leg]) -> list[slice]:
+    """The samples of each leg that are the run's: a leg begins where the one before ended, which may be no sample, or one more time."""
+    found, done = [], 0
+    for leg in legs:
+        t = leg.solution.t
+        first = 0 if done < len(run.times) and len(t) and t[0] == run.times[done] else 1
+        found.append(slice(first, None))
+        done += len(t) - first
+    return found
+
+
+def _rest(run: Run, legs: Sequence[Leg]) -> Run:
+    """What is left of a run after some legs."""
+    if not legs:
+        return run
+    scene, last = run.scene, legs[-1]
+    done = sum(len(leg.solution.t[wanted]) for leg, wanted in zip(legs, _wanted(run, legs), strict=True))
+    t, times = last.solution.t_last, run.times[done:]
+    if not len(times) or times[0] > t:
+        times = np.concatenate([[t], times])
+    slots, held = _memory(scene, scene.native if last.method == "explicit" else scene.native_with_jacobian, last.solution)
+    start, longest = replace(run.start, states=last.solution.x_last[: len(scene.states)]), run.longest_step
+    return replace(
+        run, start=start, times=times, modes=held, slots=slots, max_step=longest if longest < math.inf else None
     )  # fmt: skip
+
+
+def _joined(run: Run, legs: Sequence[Leg], why: str) -> Outcome:
+    """One outcome of all legs."""
+    last = legs[-1]
+    outcome = _outcome(run, last.solution, "ida" if last.method == "implicit" else "rk", why)
+    if len(legs) == 1:
+        return outcome
+    wanted = _wanted(run, legs)
+    n = len(run.scene.states)
+    states = np.vstack([leg.solution.x[part, :n] for leg, part in zip(legs, wanted, strict=True)])
+    modes = np.vstack([leg.solution.modes[part] for leg, part in zip(legs, wanted, strict=True)])
+    stats = dict(outcome.stats)
+    for counted in COUNTED:
+        counts = [leg.solution.stats.get(counted, 0) for leg in legs]
+        if counted in stats:  # scikit-sundae cannot tell the steps
+            stats[counted] = None if None in counts else sum(counts)
+    stats["why"] = f"{why}; {_told(legs)}"
+    events = [event for leg in legs for event in _events(run, leg.solution)]
+    return Outcome(states, modes, events, stats, outcome.left)
+
+
+def _told(legs: Sequence[Leg]) -> str:
+    """Which method went from where to where."""
+    first, second = legs[0].solution, legs[1]
+    text = f"explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s"
+    stayed = sum(leg.method == "implicit" and leg.stayed for leg in legs)
+    tried = sum(leg.method == "implicit" and not leg.stayed for leg in legs)
+    if stayed and second.stayed:
+        text += " and handed over to IDA"
+    elif stayed:
+        text += ", and handed over to IDA later on"
+    backs = stayed - (legs[-1].method == "implicit")
+    if backs:
+        text += f", which handed back {'once' if backs == 1 else f'{backs} times'} where it was the slower one"
+    if tried:
+        text += f"; IDA was tried {'once' if tried == 1 else f'{tried} times'} and would have taken longer"
+    return text
 
 
 def _explained(problem: SolverError, scene: Scene) -> SolverError:
@@ -308,22 +429,6 @@ def _explained(problem: SolverError, scene: Scene) -> SolverError:
         f"{problem}. The constraints of {names} may have become singular there for the states in use "
         f"({', '.join(scene.state_names[:6])}): start nearer to the end, or declare other variables as state='prefer'"
     )
-
-
-def _continue(run: Run, first: Solution, why: str) -> Outcome:
-    """Go on with IDA from where the explicit method met stiffness."""
-    done = len(first.t)  # all samples up to there, one that is there included
-    later = np.concatenate([[first.t_last], run.times[done:]])
-    start = replace(run.start, states=first.x_last)
-    slots, held = _memory(run.scene, run.scene.native, first)
-    rest = _native(replace(run, start=start, times=later, modes=held, slots=slots), "ida", why)
-    states = np.vstack([first.x[:done], rest.states[1:]])
-    modes = np.vstack([first.modes[:done], rest.relations[1:]])
-    stats = dict(rest.stats)
-    stats["why"] = f"{why}; explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s and handed over to IDA"
-    for counted in ("steps", "rhs"):  # scikit-sundae cannot tell the steps
-        stats[counted] = None if rest.stats.get(counted) is None else int(first.stats[counted]) + int(rest.stats[counted])
-    return Outcome(states, modes, [*_events(run, first), *rest.events], stats, rest.left)
 
 
 def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
@@ -386,7 +491,7 @@ def _switches(run: Run) -> list[tuple[float, int]]:
     return [(min(t, t1), number) for t, number in found]
 
 
-def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
+def _problem(run: Run, keep: Keep, jacobian: bool) -> Problem:
     scene = run.scene
     native: NativeScene = scene.native_with_jacobian if jacobian else scene.native
     t0 = float(run.times[0])
@@ -396,7 +501,6 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
     if modes is None:
         modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
     data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
-    keep = Keep()
     functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
     index = native.index
     tables = [(k, s) for k, s in enumerate(run.signals) if isinstance(s, Table)]
@@ -404,7 +508,7 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
         from gearlib.solvers.inputs.table_lookup import fed
 
         functions, data, index = fed(native, data, tables)
-    moving = [(k, s) for k, s in enumerate(run.signals) if callable(s) and not isinstance(s, Table)]
+    moving = [(k, s) for k, s in enumerate(run.signals) if _is_function(s)]
 
     def wrap(name: str, third: Any) -> Native | None:
         function = functions[name]
@@ -424,9 +528,20 @@ def _problem(run: Run, jacobian: bool) -> tuple[Problem, Keep]:
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
         time_events=_time_events(run, t0, float(run.times[-1])), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
-        culprit=partial(_culprit, run, native.shared),
+        culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
     )  # fmt: skip
-    return problem, keep
+    return problem
+
+
+def _effort(scene: Scene, native: NativeScene, functions: int, tables: int) -> Effort:
+    """What a call of each native function costs."""
+    call = CALL + CALLBACK * functions + LOOK_UP * tables
+    rhs = ADDITION * operations(scene.program, native.rhs.layout)
+    entries = 0.0 if native.pattern is None else native.pattern.size
+    relations = 0.0
+    if scene.relations is not None and native.update is not None:
+        relations = ADDITION * operations(scene.relations.program, native.update.layout)
+    return Effort(call + rhs, call + 3.0 * rhs + 4.0 * ADDITION * entries, call + relations, call + 3.0 * relations)
 
 
 def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:

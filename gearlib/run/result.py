@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gearlib.run.energy.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
-ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "seconds")  # over the parts of a run
+ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the parts of a run
 
 
 class Result:

@@ -48,6 +48,16 @@ class Native(Protocol):
 
 
 @dataclass(frozen=True)
+class Effort:
+    """What one call of each native function costs, ns: estimated from counted operations, so that it is the same on every machine."""
+
+    rhs: float
+    jac: float
+    roots: float
+    update: float
+
+
+@dataclass(frozen=True)
 class Problem:
     """What an integrator needs to know of a scene."""
 
@@ -70,6 +80,7 @@ class Problem:
     root_names: tuple[str, ...] = ()
     unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing
     culprit: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what cannot be evaluated from there on
+    effort: Effort = Effort(100.0, 300.0, 50.0, 100.0)
 
     def state_name(self, k: int) -> str:
         return self.state_names[k] if k < len(self.state_names) else f"state {k}"

@@ -32,7 +32,7 @@ from gearlib.solvers.problem import MODEL
 
 # How `drive` ends, beside the failures of `ida_request`: all samples taken, back for a breath, event log full.
 DONE, PAUSE, LOG_FULL = 0, 1, 2
-IDA_NORMAL, IDA_ROOT_RETURN, IDA_TOO_MUCH_WORK, IDA_YA_YDP_INIT = 1, 2, -1, 1
+IDA_ONE_STEP, IDA_STOP_RETURN, IDA_ROOT_RETURN, IDA_YA_YDP_INIT = 2, 1, 2, 1
 NEGATIVE_ZERO = -1e-300  # what an event function that is exactly zero is taken for: zero belongs to the negative side
 
 # SUNDIALS' functions, by the fields of the record that hold their addresses.
@@ -41,8 +41,8 @@ GET_STEPS = ROOT_INFO = Prototype("int32", ("int", "int"))
 GET_IC = Prototype("int32", ("int", "int", "int"))
 REINIT = Prototype("int32", ("int", "float", "int", "int"))
 CALC_IC = Prototype("int32", ("int", "int32", "float"))
+GET_DKY = Prototype("int32", ("int", "float", "int32", "int"))
 SET_STOP = Prototype("int32", ("int", "float"))
-SET_MAX_STEPS = Prototype("int32", ("int", "int"))
 SOLVE = Prototype("int32", ("int", "float", "int", "int", "int", "int32"))
 EPS = 2.220446049250313e-16
 
@@ -398,9 +398,10 @@ def arrived(s: IdaFrame, t: float) -> int:
 
 
 @native
-def record(s: IdaFrame) -> None:
+def record(s: IdaFrame, state: int) -> None:
+    """A sample: states, in IDA's order at an address, and the discrete state."""
     n, row = s.n, s.sample
-    y, out = floats_at(s.y), floats_at(s.out + 8 * row * n)
+    y, out = floats_at(state), floats_at(s.out + 8 * row * n)
     order = ints_at(s.order)
     for i in range(n):
         out[i if s.order == 0 else order[i]] = y[i]
@@ -411,12 +412,23 @@ def record(s: IdaFrame) -> None:
 
 
 @native
+def record_before(s: IdaFrame, t: float) -> int:
+    """The samples of the last step that lie before t, interpolated: they have no part in how IDA goes on."""
+    times = floats_at(s.times)
+    while s.sample < s.n_times and times[s.sample] < t:
+        flag = GET_DKY(s.get_dky, s.mem, times[s.sample] - s.origin, 0, s.yd)
+        if flag < 0:
+            return flag
+        record(s, s.between)
+    return 0
+
+
+@native
 def drive(user: int) -> int32:
     """Integrate until all samples are taken, something fails, or Python is needed; call again to go on."""
     s = IdaFrame(user)
     times, time_events = floats_at(s.times), floats_at(s.time_events)
     reached = floats_at(s.scratch)
-    pause_at = min(steps_so_far(s) + CHUNK, s.max_steps)
     if s.started == 0:
         s.started = 1
         status = settle(s, s.t, True)
@@ -425,14 +437,20 @@ def drive(user: int) -> int32:
     while True:
         tiny = 10 * EPS * abs(s.t)
         while s.sample < s.n_times and times[s.sample] <= s.t + tiny:
-            record(s)
+            record(s, s.y)
+        done = steps_so_far(s)
+        s.done = done
         if s.sample == s.n_times:
-            s.steps = steps_so_far(s)
+            s.steps = done
             return DONE
         if s.events + s.n_roots + 1 > s.event_capacity:
             return LOG_FULL
-        if steps_so_far(s) >= pause_at:
-            return STEP_LIMIT if pause_at == s.max_steps else PAUSE
+        if done >= s.look_at:
+            if s.t - s.looked_t <= CHUNK * EPS * abs(s.t):
+                return STALLED
+            s.looked_t, s.look_at = s.t, done + CHUNK
+        if done >= s.pause_at:
+            return STEP_LIMIT if done >= s.max_steps else PAUSE
         if s.next_event < s.n_time_events and time_events[s.next_event] > s.t_end:
             s.next_event = s.n_time_events
         stop = next_stop(s)
@@ -440,23 +458,20 @@ def drive(user: int) -> int32:
             status = arrived(s, s.t)
         else:
             SET_STOP(s.set_stop, s.mem, stop - s.origin)
-            SET_MAX_STEPS(s.set_max_steps, s.mem, min(CHUNK, s.max_steps))
-            target = min(times[s.sample], stop)
+            target = stop
             if s.first_reach > 0.0:
                 target = min(target, s.t + max(s.first_reach, 1000 * EPS * abs(s.t)))
                 s.first_reach = 0.0
-            s.flag = SOLVE(s.solve, s.mem, target - s.origin, s.scratch, s.yy, s.yp, IDA_NORMAL)
-            before = s.t
-            status, s.t = 0, s.origin + reached[0]
-            if s.flag == IDA_ROOT_RETURN:
-                status = located(s, s.t)
-            elif s.flag == IDA_TOO_MUCH_WORK:
-                status = STALLED if s.t - before <= CHUNK * EPS * abs(s.t) else 0
-            elif s.flag < 0:
-                status = s.flag
-            elif s.next_event < s.n_time_events and target == stop:
-                s.t = stop
-                status = arrived(s, stop)
+            s.flag = SOLVE(s.solve, s.mem, target - s.origin, s.scratch, s.yy, s.yp, IDA_ONE_STEP)
+            status, s.t = min(s.flag, 0), s.origin + reached[0]
+            if s.flag >= 0:
+                if s.flag == IDA_STOP_RETURN:
+                    s.t = stop
+                status = record_before(s, s.t - 10 * EPS * abs(s.t))
+                if status >= 0 and s.flag == IDA_ROOT_RETURN:
+                    status = located(s, s.t)
+                elif status >= 0 and s.flag == IDA_STOP_RETURN and s.next_event < s.n_time_events:
+                    status = arrived(s, stop)
             if status >= 0 and s.flag != IDA_ROOT_RETURN and s.n_roots > 0 and s.t >= s.t_end - tiny:
                 status = just_beyond(s, s.t)
         if status < 0:

@@ -18,17 +18,25 @@ A. C. Hindmarsh et al., SUNDIALS: Suite of nonlinear and differential/algebraic 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gearlib.solvers.ida.ida_request import ERROR_TEST, Outcome, Request, failure, refused, request, with_less_safety
+from gearlib.errors import SolverError
+from gearlib.solvers.ida.ida_request import CHUNK, ERROR_TEST, Outcome, Request, failure, refused, request, with_less_safety
 from gearlib.solvers.ida.sundials import UnavailableError, load
-from gearlib.solvers.problem import Problem, Solution
+from gearlib.solvers.problem import Floats, Problem, Solution
 from gearlib.solvers.rungekutta.rungekutta import PATIENCE
 
-__all__ = ["integrate"]
+if TYPE_CHECKING:
+    from gearlib.solvers.ida.native_backend import Drive
+
+__all__ = ["Ida", "integrate"]
+
+TRIAL = 100  # steps after which IDA has found its order and step size
+START = 3e5  # ns, of making ready
+OPERATION = 0.5  # ns, of elimination
 
 
 def integrate(
@@ -70,8 +78,8 @@ def integrate(
     -------
     Solution
         Its ``stats`` hold ``steps``, ``attempts`` (steps tried) and ``rejected`` (the difference), ``rhs`` and ``jac``
-        (evaluations), ``events``, ``restarts``, ``order`` (of the last step), ``linear_solver`` and ``road``. The scikit-sundae
-        road cannot tell ``steps``, ``rejected`` and ``order``: None.
+        (evaluations), ``events``, ``restarts``, ``order`` (of the last step), ``linear_solver``, ``road`` and ``work`` (ns, estimated
+        from counted operations). The scikit-sundae road cannot tell ``steps``, ``rejected``, ``order`` and ``work``: None.
 
     Raises
     ------
@@ -95,42 +103,132 @@ def integrate(
     >>> bool(abs(solution.x[-1, 0] - np.exp(-1)) < 1e-7)
     True
     """
-    asked = request(problem, times, rtol, atol, max_steps, linear_solver)
-    if may_leave:
-        asked = replace(asked, patience=PATIENCE)
-    road, outcome = _run(asked, native)
-    while outcome.status == ERROR_TEST and (eased := with_less_safety(asked, outcome.worst_state)) is not None:
-        asked = eased
-        road, outcome = _run(asked, native)
-    if outcome.status < 0 and not (may_leave and outcome.x_failed is not None and refused(asked, outcome)):
-        raise failure(asked, outcome)
-    return _solution(asked, outcome, road)
+    stepper = Ida(
+        problem,
+        times,
+        rtol=rtol,
+        atol=atol,
+        native=native,
+        max_steps=max_steps,
+        linear_solver=linear_solver,
+        may_leave=may_leave,
+    )
+    try:
+        while stepper.advance() == "more":
+            pass
+        return stepper.solution()
+    finally:
+        stepper.close()
 
 
-def _run(asked: Request, native: bool) -> tuple[str, Outcome]:
-    """The road taken, and what it brought back."""
-    road, outcome = _native(asked) if native else ("scikit-sundae: asked for", None)
-    if outcome is None:
-        from gearlib.solvers.ida import sksundae_backend
+class Ida:
+    """IDA on its way through a problem; the parameters are those of `integrate`. `close` frees its memory.
 
-        outcome = sksundae_backend.run(asked)
-    return road, outcome
+    Attributes
+    ----------
+    status : str
+        ``"more"``, ``"done"`` or ``"left"``.
+    """
+
+    def __init__(
+        self, problem: Problem, times: ArrayLike, *, rtol: float, atol: ArrayLike | None = None, native: bool = True,
+        max_steps: int = 100_000_000, linear_solver: str | None = None, may_leave: bool = False,
+    ) -> None:  # fmt: skip
+        asked = request(problem, times, rtol, atol, max_steps, linear_solver)
+        self._asked = replace(asked, patience=PATIENCE) if may_leave else asked
+        self.problem, self.may_leave, self.status = problem, may_leave, "more"
+        self._drive: Drive | None = None
+        self._outcome: Outcome | None = None
+        if native:
+            self._road, self._drive = _native(self._asked)
+        else:
+            self._road = "scikit-sundae: asked for"
+
+    @property
+    def t(self) -> float:
+        """Where it is, s."""
+        if self._drive is not None:
+            return self._drive.t
+        return float(self._asked.times[0]) if self._outcome is None else self._outcome.t
+
+    @property
+    def work(self) -> float:
+        """What was done so far, ns: estimated from counted operations; 0 through scikit-sundae."""
+        if self._drive is None:
+            return 0.0
+        frame = self._drive.state.frame
+        return work(self.problem, self._asked, frame.done, frame.n_rhs, frame.n_jac, frame.restarts)
+
+    def advance(self, steps: int = CHUNK) -> str:
+        """Go on by so many steps, or until something happens; through scikit-sundae, to the end. Returns the status."""
+        if self._drive is None:
+            from gearlib.solvers.ida import sksundae_backend
+
+            self._outcome = sksundae_backend.run(self._asked)
+        elif self._drive.advance(steps) > 0:
+            return self.status
+        else:
+            self._outcome = self._drive.outcome()
+        found = self._outcome
+        if found.status == ERROR_TEST and (eased := with_less_safety(self._asked, found.worst_state)) is not None:
+            self._asked = eased
+            if self._drive is not None:
+                self.close()
+                self._road, self._drive = _native(eased)
+            return self.status  # from the beginning
+        if found.status >= 0:
+            self.status = "done"
+        elif self.may_leave and found.x_failed is not None and refused(self._asked, found):
+            self.status = "left"
+        else:
+            raise failure(self._asked, found)
+        return self.status
+
+    def solution(self) -> Solution:
+        """What has been found so far."""
+        outcome = self._drive.outcome() if self._outcome is None and self._drive is not None else self._outcome
+        if outcome is None:
+            raise SolverError("IDA has not begun")
+        x = self._drive.x if self.status == "more" and self._drive is not None else None
+        found = _solution(self._asked, outcome, self._road, self.status, x)
+        return found if self._drive is None else replace(found, stats={**found.stats, "work": self.work})
+
+    def close(self) -> None:
+        """Free IDA's memory."""
+        if self._drive is not None:
+            self._drive.close()
 
 
-def _native(asked: Request) -> tuple[str, Outcome | None]:
+def work(problem: Problem, asked: Request, steps: int, rhs: int, jac: int, restarts: int) -> float:
+    """What some steps and evaluations cost, ns: estimated from counted operations (measured for 3 to 200 states)."""
+    n, effort = len(problem.x0), problem.effort
+    factorise, solve = asked.matrix.operations(n)
+    looks = effort.roots if problem.roots is not None else 0.0
+    step = 1100.0 + 60.0 * n + 2.0 * looks
+    return (
+        steps * step + rhs * (effort.rhs + OPERATION * solve) + jac * (effort.jac + OPERATION * factorise)
+        + restarts * (800.0 + effort.update + 4.0 * looks)
+    )  # fmt: skip
+
+
+def trial(problem: Problem) -> float:
+    """The work, ns, that `TRIAL` steps are expected to be, with all that it takes to begin: known before IDA is made ready."""
+    n, looks = len(problem.x0), problem.effort.roots if problem.roots is not None else 0.0
+    return START + TRIAL * (1100.0 + 60.0 * n + 2.0 * looks + 1.3 * problem.effort.rhs)
+
+
+def _native(asked: Request) -> tuple[str, Drive | None]:
+    """The native road, or why it cannot be taken."""
     try:
         sundials = load()
-    except UnavailableError as reason:
-        return f"scikit-sundae: {reason}", None
-    from gearlib.solvers.ida import native_backend
+        from gearlib.solvers.ida.native_backend import Drive
 
-    try:
-        return f"native: SUNDIALS {sundials.version}", native_backend.run(sundials, asked)
+        return f"native: SUNDIALS {sundials.version}", Drive(sundials, asked)
     except UnavailableError as reason:
         return f"scikit-sundae: {reason}", None
 
 
-def _solution(asked: Request, outcome: Outcome, road: str) -> Solution:
+def _solution(asked: Request, outcome: Outcome, road: str, status: str, x: Floats | None) -> Solution:
     stats: dict[str, Any] = {
         "steps": outcome.steps,
         "attempts": outcome.attempts,
@@ -142,18 +240,20 @@ def _solution(asked: Request, outcome: Outcome, road: str) -> Solution:
         "order": outcome.order,
         "linear_solver": asked.matrix.describe(),
         "road": road,
+        "work": None,
     }
-    left = outcome.status < 0
-    samples = int(np.searchsorted(asked.times, outcome.t, side="right")) if left else len(asked.times)
-    if left:
-        stats["data"] = asked.data
+    done = status == "done"
+    samples = len(asked.times) if done else int(np.searchsorted(asked.times, outcome.t, side="right"))
+    if not done:
+        stats["data"] = asked.data.copy()
+        x = outcome.x_failed if x is None else x
     return Solution(
         t=asked.times[:samples],
         x=outcome.x[:samples],
         modes=outcome.modes[:samples],
-        status="left" if left else "done",
-        t_last=outcome.t if left else float(asked.times[-1]),
-        x_last=outcome.x[-1].copy() if outcome.x_failed is None else outcome.x_failed,
+        status=status,
+        t_last=float(asked.times[-1]) if done else outcome.t,
+        x_last=outcome.x[-1].copy() if x is None else x,
         event_times=outcome.event_times,
         event_roots=outcome.event_roots,
         stats=stats,

@@ -13,7 +13,7 @@ import numpy as np
 from gearlib.compiler.native_module import native_functions
 from gearlib.compiler.translate import Prototype
 from gearlib.solvers.ida import callbacks
-from gearlib.solvers.ida.ida_request import BURST, Outcome, Request
+from gearlib.solvers.ida.ida_request import BURST, CHUNK, Outcome, Request
 from gearlib.solvers.ida.sundials import Solver, Sundials
 from gearlib.solvers.ida.user_data import IdaFrame
 from gearlib.solvers.problem import Floats, late_start
@@ -26,7 +26,7 @@ _FUNCTIONS = {
     "get_ic": "IDAGetConsistentIC",
     "root_info": "IDAGetRootInfo",
     "set_stop": "IDASetStopTime",
-    "set_max_steps": "IDASetMaxNumSteps",
+    "get_dky": "IDAGetDky",
     "get_steps": "IDAGetNumSteps",
 }
 _LOG = 256  # events; grows
@@ -70,33 +70,79 @@ def run(sundials: Sundials, asked: Request) -> Outcome:
     asked
         The problem and what is wanted of it.
     """
-    epoch = late_start(float(asked.times[0]), float(asked.times[-1]))
-    if not epoch:
-        return _run(sundials, asked, 0.0)
-    found = _run(sundials, replace(asked, times=asked.times - epoch, time_events=asked.time_events - epoch), epoch)
-    bad = None if found.bad_time is None else epoch + found.bad_time
-    return replace(found, t=epoch + found.t, event_times=epoch + found.event_times, bad_time=bad)
-
-
-def _run(sundials: Sundials, asked: Request, epoch: float) -> Outcome:
-    """The same; all times in the request and in the outcome count from the epoch."""
-    problem, order = asked.problem, asked.matrix.order
-    x0 = np.asarray(problem.x0, dtype=np.float64)
-    y, dy = np.array(x0 if order is None else x0[order]), np.zeros(len(x0))
-    solver = Solver(sundials, y, dy)
+    drive = Drive(sundials, asked)
     try:
-        state = _prepare(sundials, solver, asked, y, dy)
-        state.frame.epoch = epoch
-        drive = Prototype("int32", ("int",))
-        begin, frame = _functions()["drive"], ctypes.addressof(state.frame)
-        status = callbacks.PAUSE
-        while status > 0:
-            status = drive(begin, frame)
-            if status == callbacks.LOG_FULL:
-                state.log_space(2 * state.frame.event_capacity + problem.n_roots)
-        return _outcome(solver, state, asked, status)
+        while drive.advance(CHUNK) == callbacks.PAUSE:
+            pass
+        return drive.outcome()
     finally:
-        solver.close()
+        drive.close()
+
+
+class Drive:
+    """IDA on its way through a problem; `close` frees its memory.
+
+    Attributes
+    ----------
+    status : int
+        As `callbacks.drive` returned it last.
+    """
+
+    def __init__(self, sundials: Sundials, asked: Request) -> None:
+        self.epoch = late_start(float(asked.times[0]), float(asked.times[-1]))
+        self.asked = asked
+        if self.epoch:  # all times in the record count from there
+            self.asked = replace(asked, times=asked.times - self.epoch, time_events=asked.time_events - self.epoch)
+        x0, order = np.asarray(asked.problem.x0, dtype=np.float64), asked.matrix.order
+        y, dy = np.array(x0 if order is None else x0[order]), np.zeros(len(x0))
+        self.status, self.solver = callbacks.PAUSE, Solver(sundials, y, dy)
+        try:
+            self.state = _prepare(sundials, self.solver, self.asked, y, dy)
+        except BaseException:
+            self.solver.close()
+            raise
+        self.state.frame.epoch = self.epoch
+        self._drive = Prototype("int32", ("int",))
+
+    def advance(self, steps: int) -> int:
+        """Go on by so many steps, or until something happens; returns the status."""
+        frame = self.state.frame
+        frame.pause_at = min(self.steps + steps, frame.max_steps)
+        self.status = callbacks.LOG_FULL
+        while self.status == callbacks.LOG_FULL:
+            self.status = self._drive(_functions()["drive"], ctypes.addressof(frame))
+            if self.status == callbacks.LOG_FULL:
+                self.state.log_space(2 * frame.event_capacity + self.asked.problem.n_roots)
+        return self.status
+
+    @property
+    def steps(self) -> int:
+        """Steps taken so far."""
+        return self.state.frame.done
+
+    @property
+    def t(self) -> float:
+        """Where it is, s."""
+        return self.epoch + self.state.frame.t
+
+    @property
+    def x(self) -> Floats:
+        """The states there."""
+        y: Floats = self.state.arrays["y"]
+        order = self.asked.matrix.order
+        return y.copy() if order is None else y[np.argsort(order)]
+
+    def outcome(self) -> Outcome:
+        """What has been found so far."""
+        found = _outcome(self.solver, self.state, self.asked, self.status)
+        if not self.epoch:
+            return found
+        bad = None if found.bad_time is None else self.epoch + found.bad_time
+        return replace(found, t=self.epoch + found.t, event_times=self.epoch + found.event_times, bad_time=bad)
+
+    def close(self) -> None:
+        """Free IDA's memory."""
+        self.solver.close()
 
 
 def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: Floats) -> _Run:
@@ -106,14 +152,14 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
     permuted = slice(None) if matrix.order is None else matrix.order
     differential = np.asarray(problem.differential, dtype=np.float64)[permuted]
 
-    state = _Run(IdaFrame(), {})
+    state, between = _Run(IdaFrame(), {}), np.zeros(n)
     frame = state.frame
     state.point(
         data=asked.data,
         index=np.ascontiguousarray(problem.index, dtype=np.int64),
         x=y if matrix.order is None else np.zeros(n),
         f=np.zeros(n), y=y, dy=dy, differential=differential,
-        order=np.empty(0) if matrix.order is None else matrix.order, atol=asked.atol[permuted], probe=np.zeros(n),
+        order=np.empty(0) if matrix.order is None else matrix.order, atol=asked.atol[permuted], probe=np.zeros(n), between=between,
         values=np.zeros(len(matrix.position)), position=matrix.position, diagonal=matrix.diagonal,
         fired=np.zeros(2 * n_roots, dtype=np.int32), sides=np.zeros(n_roots, dtype=np.int32),
         before=np.zeros(n_roots, dtype=np.int32), g=np.zeros(n_roots), later=np.zeros(n_roots),
@@ -127,7 +173,7 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         "n_time_events": len(asked.time_events), "n_modes": n_modes, "first_mode": asked.modes.start,
         "max_steps": asked.max_steps, "patience": asked.patience, "burst_limit": BURST, "t": asked.times[0], "t_end": asked.times[-1],
         "window": asked.window, "burst_start": asked.times[0], "ic_span": asked.start_span, "rtol": asked.rtol,
-        "slack": asked.slack,
+        "slack": asked.slack, "look_at": CHUNK, "looked_t": asked.times[0],
     }  # fmt: skip
     for name, number in numbers.items():
         setattr(frame, name, number)
@@ -137,7 +183,7 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
     for name, function in _FUNCTIONS.items():
         setattr(frame, name, sundials.address(function))
     _attach(solver, state, asked, differential, permuted, n_roots)
-    frame.mem, frame.yy, frame.yp = solver.mem, solver.yy, solver.yp
+    frame.mem, frame.yy, frame.yp, frame.yd = solver.mem, solver.yy, solver.yp, solver.vector(between)
     return state
 
 

@@ -360,12 +360,14 @@ class _Driver:
             return True
         if self.attempts >= self.asked.max_steps:
             raise _FailedError(STEP_LIMIT)
-        target = min(float(times[self.sample]), stop)
-        if self.first_reach > 0:
-            target = min(target, self.t + max(self.first_reach, 1000 * EPS * abs(self.t)))
+        target, method = min(float(times[self.sample]), stop), "normal"
+        if self.first_reach > 0:  # IDA takes a thousandth of it
+            target, method = min(stop, self.t + max(self.first_reach, 1000 * EPS * abs(self.t))), "onestep"
             self.first_reach = 0.0
-        step = self.ida.step(target, method="normal", tstop=stop)
+        step = self.ida.step(target, method=method, tstop=stop)
         self._raise()
+        if method == "onestep" and step.status == 0:
+            return True  # from here on IDA interpolates; no sample is after the step yet
         if step.status == _ILL_INPUT:  # nothing was done: what the step holds is anything
             raise _FailedError(step.status)
         before, self.t, self.y, self.dy = self.t, float(step.t), step.y, step.yp

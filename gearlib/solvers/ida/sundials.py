@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_int, _long, _double, _pointer = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
+_int, _double, _pointer = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 _CSC = 0  # SUN_CSC_MAT
 
 # name: (result, arguments). An argument `_pointer` takes an address, a numpy array's `.ctypes.data`, or None.
@@ -65,7 +65,6 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "IDASetId": (_int, [_pointer, _pointer]),
     "IDASetNonlinConvCoef": (_int, [_pointer, _double]),
     "IDASetMaxOrd": (_int, [_pointer, _int]),
-    "IDASetMaxNumSteps": (_int, [_pointer, _long]),
     "IDASetMaxStep": (_int, [_pointer, _double]),
     "IDASetStopTime": (_int, [_pointer, _double]),
     "IDARootInit": (_int, [_pointer, _int, _pointer]),
@@ -73,6 +72,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "IDACalcIC": (_int, [_pointer, _int, _double]),
     "IDAGetConsistentIC": (_int, [_pointer, _pointer, _pointer]),
     "IDASolve": (_int, [_pointer, _double, _pointer, _pointer, _pointer, _int]),
+    "IDAGetDky": (_int, [_pointer, _double, _int, _pointer]),
     "IDAGetRootInfo": (_int, [_pointer, _pointer]),
     "IDAGetNumSteps": (_int, [_pointer, _pointer]),
     "IDAGetLastOrder": (_int, [_pointer, _pointer]),

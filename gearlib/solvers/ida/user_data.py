@@ -24,12 +24,13 @@ class IdaFrame(ctypes.Structure):
     get_ic: int
     root_info: int
     set_stop: int
-    set_max_steps: int
+    get_dky: int
     get_steps: int
-    # addresses: IDA's memory and its two vectors
+    # addresses: IDA's memory and its vectors: state, derivative, state in between
     mem: int
     yy: int
     yp: int
+    yd: int
     # addresses: numbers and work space
     data: int
     index: int
@@ -41,6 +42,7 @@ class IdaFrame(ctypes.Structure):
     order: int
     atol: int
     probe: int
+    between: int
     # addresses: the Jacobian, the iteration matrix, and where the one's entries stand in the other
     values: int
     matrix: int
@@ -84,6 +86,9 @@ class IdaFrame(ctypes.Structure):
     burst: int
     burst_limit: int
     max_steps: int
+    pause_at: int
+    done: int  # steps
+    look_at: int
     flag: int
     n_rhs: int
     n_jac: int
@@ -109,3 +114,4 @@ class IdaFrame(ctypes.Structure):
     first_reach: float
     first_guess: float
     slack: float
+    looked_t: float

@@ -9,9 +9,8 @@ from gearlib.solvers.problem import MODEL
 from gearlib.solvers.rungekutta.record import Frame
 from gearlib.solvers.rungekutta.stages import add_slope
 
-__all__ = ["caution", "first_step", "is_damped", "is_stiff", "look_back", "note"]
+__all__ = ["caution", "first_step", "is_damped", "is_stiff", "note"]
 
-APART = 8  # steps between the states that are kept
 FADE = 0.9  # of the means over some steps
 DAMPED = 0.7  # cosine of the angle between an eigenvalue and the negative real axis
 
@@ -56,37 +55,6 @@ def note(s: Frame) -> None:
         s.slopes = FADE * s.slopes + s.slope
         s.moves = FADE * s.moves + s.move
         s.products = FADE * s.products + s.product
-
-
-@native
-def look_back(s: Frame, t: float) -> None:
-    """Every few steps, see by how many tolerances the state differs from the parabola through the three kept before.
-
-    Where it does so by little, an implicit method can take steps as long as that. Where it does not, something slower than what
-    limits the steps is alive, which any method must follow.
-    """
-    s.n_past += 1
-    if s.n_past % APART != 0:
-        return
-    n, size = s.n, 8 * s.size
-    new, first, second, third = (
-        floats_at(s.x_new),
-        floats_at(s.past),
-        floats_at(s.past + size),
-        floats_at(s.past + 2 * size),
-    )
-    t1, t2, t3 = s.t_past_1, s.t_past_2, s.t_past_3
-    if s.n_past > 3 * APART:
-        a = (t - t2) * (t - t3) / ((t1 - t2) * (t1 - t3))
-        b = (t - t1) * (t - t3) / ((t2 - t1) * (t2 - t3))
-        c, total, atol = 1.0 - a - b, 0.0, floats_at(s.atol)
-        for i in range(n):
-            difference = new[i] - a * first[i] - b * second[i] - c * third[i]
-            total += (difference / (atol[i] + s.rtol * abs(new[i]))) ** 2
-        s.surprise = math.sqrt(total / n)
-    for i in range(n):
-        third[i], second[i], first[i] = second[i], first[i], new[i]
-    s.t_past_1, s.t_past_2, s.t_past_3 = t, t1, t2
 
 
 @native

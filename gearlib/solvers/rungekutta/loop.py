@@ -10,7 +10,7 @@ import math
 
 from gearlib.compiler.small_language import floats_at, int32, int32s_at, ints_at, native
 from gearlib.solvers.problem import MODEL
-from gearlib.solvers.rungekutta.first_step import first_step, is_damped, is_stiff, look_back, note, sign
+from gearlib.solvers.rungekutta.first_step import first_step, is_stiff, note, sign
 from gearlib.solvers.rungekutta.record import Frame
 from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, crossing, just_beyond, row, slopes
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage, move, step_error, take_step
@@ -27,13 +27,7 @@ DONE, MORE, STIFF, RHS_FAILED, UNDERFLOW, CHATTERING, UPDATE_FAILED = 0, 1, 2, -
 
 CHATTER_EVENTS = 1000  # that many events within CHATTER_SPAN of the time span are a chattering model, not a rattling gear
 CHATTER_SPAN = 1e-10
-# A stiff run is handed over to an implicit method where more steps than these are left to its end, of a decay or of a vibration, and
-# of order 8 only where the solution has become smooth, see ``first_step.look_back``: within so many tolerances. IDA gets on with some
-# hundred steps where nothing else is alive, but with lightly damped vibrations that are it needs up to ten times as long as order 8
-# at rtol 1e-8 and finer. Errors of order 5 at the limit of stability hide how smooth the solution is; there the limit is one of
-# experience, FINER the exponent of 1e-6 / rtol.
-DECAY_LEFT, VIBRATION_LEFT_5, VIBRATION_LEFT_8, FINER = 500, 20_000, 10_000, 0.15
-DECAY_SMOOTH, VIBRATION_SMOOTH = 100.0, 1.0
+SURE, CALM = 15, 6
 ROUNDING = 8.9e-16
 LOCATED = 2.2e-14  # samples no further before an event are on the event: they hold the right-hand limit
 AT_START = 1e-16  # of the run: as near to the start as that, an event is at the start
@@ -45,7 +39,6 @@ def _restart(s: Frame) -> int:
     code: int = MODEL(s.rhs, s.origin + s.t, s.x, s.k, s.data, s.index)
     s.evaluations += 1
     s.slopes = s.moves = s.products = s.ratios = s.roughest = 0.0
-    s.n_past, s.surprise = 0, math.inf
     if s.n_roots > 0 and code == 0:
         MODEL(s.roots, s.origin + s.t, s.x, row(s, OLD), s.data, s.index)
         slopes(s, s.t, max(s.h, 1e-6 * s.h_max), s.x, s.k, OLD, SLOPE_OLD)
@@ -147,23 +140,17 @@ def _handle(s: Frame, found: int, timed: bool) -> int:
 
 
 @native
-def _is_stiff(s: Frame, t: float, left: float) -> bool:
-    """Count steps that look stiff, as Hairer's codes do: 15 of them, without 6 others in a row, and with many still ``left``."""
+def _is_stiff(s: Frame, t: float) -> bool:
+    """Count steps that look stiff, as Hairer's codes do: `SURE` of them, without `CALM` others in a row."""
     note(s)
-    if s.order == 8:
-        look_back(s, t)
     if is_stiff(s):
+        if s.stiff_steps == 0:
+            s.stiff_t, s.stiff_first, s.stiff_events = t, s.steps, s.events
         s.stiff_steps += 1
         s.calm_steps = 0
-        if s.stiff_steps < 15:
-            return False
-        damped = is_damped(s.slopes, s.moves, s.products)
-        if s.order == 5:
-            return left > (DECAY_LEFT if damped else VIBRATION_LEFT_5 * (1e-6 / s.rtol) ** FINER)
-        smooth = s.surprise < (DECAY_SMOOTH if damped else VIBRATION_SMOOTH)
-        return smooth and left > (DECAY_LEFT if damped else VIBRATION_LEFT_8)
+        return s.stiff_steps >= SURE and s.steps >= s.detect_from
     s.calm_steps += 1
-    if s.calm_steps >= 6:
+    if s.calm_steps >= CALM:
         s.stiff_steps = 0
     return False
 
@@ -217,8 +204,7 @@ def _step(s: Frame, stop: float, end: float) -> int:
         return UNDERFLOW
     if not adapt(s, h, error):
         return DONE
-    if s.detect != 0 and _is_stiff(s, t + h, (end - t) / h):
-        return STIFF
+    stiff = s.detect != 0 and _is_stiff(s, t + h)
     found, theta = 0, 1.0
     if s.n_roots > 0:
         found, theta = crossing(s, t, h, error)
@@ -246,7 +232,7 @@ def _step(s: Frame, stop: float, end: float) -> int:
             return code
     if reached and s.stop < s.n_stops - 1:
         s.stop += 1
-    return DONE
+    return STIFF if stiff else DONE
 
 
 @native

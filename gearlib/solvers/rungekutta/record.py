@@ -22,14 +22,13 @@ class Frame(ctypes.Structure):
     update: int
     data: int
     index: int
-    # addresses of states; rows: stages, coefficients of the dense output, states of earlier steps
+    # addresses of states; rows: stages, coefficients of the dense output
     x: int
     x_new: int
     y: int
     atol: int
     k: int
     c: int
-    past: int
     # addresses of what event functions need, see ``root_finding``
     phases: int
     g: int
@@ -53,7 +52,10 @@ class Frame(ctypes.Structure):
     first_mode: int
     capacity: int  # of the event log
     budget: int  # steps to take before returning
-    detect: int  # whether to look for stiffness
+    detect: int  # whether to look for stiffness, and
+    detect_from: int  # after so many steps
+    stiff_first: int  # the step with which the present stiffness began, the number of events and (`stiff_t`) the time there
+    stiff_events: int
     started: int
     sample: int
     stop: int
@@ -63,7 +65,6 @@ class Frame(ctypes.Structure):
     events: int
     stiff_steps: int
     calm_steps: int
-    n_past: int
     retry: int
     patience: int
     dense: int  # whether ``c`` is that of the step
@@ -91,8 +92,4 @@ class Frame(ctypes.Structure):
     slopes: float
     moves: float
     products: float
-    # see ``first_step.look_back``
-    t_past_1: float
-    t_past_2: float
-    t_past_3: float
-    surprise: float
+    stiff_t: float

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,9 +21,10 @@ from gearlib.compiler.native_module import native_functions
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solvers.problem import Floats, Integers, Problem, Solution, late_start
 from gearlib.solvers.rungekutta import loop
+from gearlib.solvers.rungekutta.first_step import DAMPED
 from gearlib.solvers.rungekutta.record import Frame
 
-__all__ = ["integrate"]
+__all__ = ["RungeKutta", "integrate"]
 
 PATIENCE = 12  # refused evaluations that are borne before a run is said to have left what its states describe
 _STEPS_PER_CALL = 20_000  # Python looks after interrupts in between
@@ -39,7 +40,6 @@ def integrate(
     rtol: float,
     atol: ArrayLike | None = None,
     order: int = 5,
-    detect_stiffness: bool = False,
     max_steps: int = 10_000_000,
     first_step: float | None = None,
     may_leave: bool = False,
@@ -60,8 +60,6 @@ def integrate(
     order
         5 (Tsitouras, dense output of order 4) for coarse tolerances, 8 (Dormand and Prince, dense output of order 7) for fine
         ones: on gear chains it is the faster one from 1e-6 on.
-    detect_stiffness
-        Stop with the status ``"stiff"`` where the step is limited by the stability of the method and much is left to do.
     max_steps
         Accepted and rejected steps after which to give up.
     first_step
@@ -72,8 +70,7 @@ def integrate(
     Returns
     -------
     Solution
-        With a status of ``"stiff"`` or ``"left"`` it holds the samples up to ``t_last``, and ``stats["data"]`` the model's data
-        there.
+        With the status ``"left"`` it holds the samples up to ``t_last``, and ``stats["data"]`` the model's data there.
 
     Raises
     ------
@@ -106,27 +103,111 @@ def integrate(
     >>> bool(np.allclose(solution.x[:, 0], np.exp(-solution.t), rtol=1e-8, atol=0))
     True
     """
-    times, tolerance = _checked(problem, times, rtol, atol, order)
-    advance = _loop()
-    run = _prepare(problem, times, order, rtol, tolerance)
-    frame = run.frame
-    frame.h, frame.detect, frame.patience = first_step or 0.0, detect_stiffness, PATIENCE if may_leave else -1
-    address = ctypes.addressof(frame)
-    code = loop.MORE
-    while code == loop.MORE:
-        left = max_steps - frame.steps
-        if left <= 0 and _now(frame) < times[-1]:
-            raise SolverError(f"gave up {_where(frame)}: max_steps is {max_steps}")
+    stepper = RungeKutta(
+        problem, times, rtol=rtol, atol=atol, order=order, max_steps=max_steps, first_step=first_step, may_leave=may_leave
+    )
+    while stepper.advance() == "more":
+        pass
+    return stepper.solution()
+
+
+class RungeKutta:
+    """An explicit Runge-Kutta method on its way through a problem; the parameters are those of `integrate`.
+
+    Attributes
+    ----------
+    status : str
+        ``"more"``, ``"done"``, ``"left"``, or ``"stiff"``: stability limits the steps, and `watch` asked to be told so.
+    """
+
+    def __init__(
+        self, problem: Problem, times: Floats, *, rtol: float, atol: ArrayLike | None = None, order: int = 5,
+        max_steps: int = 10_000_000, first_step: float | None = None, may_leave: bool = False,
+    ) -> None:  # fmt: skip
+        times, tolerance = _checked(problem, times, rtol, atol, order)
+        self.problem, self.max_steps, self.may_leave, self.status = problem, max_steps, may_leave, "more"
+        self._call = _loop()
+        self._run = _prepare(problem, times, order, rtol, tolerance)
+        frame = self._run.frame
+        frame.h, frame.patience = first_step or 0.0, PATIENCE if may_leave else -1
+        self.t_end = float(times[-1])
+
+    @property
+    def t(self) -> float:
+        """Where it is, s."""
+        return _now(self._run.frame)
+
+    @property
+    def x(self) -> Floats:
+        """The states there."""
+        return self._run.x.copy()
+
+    @property
+    def work(self) -> float:
+        """What was done so far, ns: estimated from counted operations."""
+        frame = self._run.frame
+        return work(self.problem, frame.order, frame.steps, frame.events)
+
+    def watch(self, work_first: float = 0.0) -> None:
+        """Look for stiffness, and stop once it limits the steps, after so much more work."""
+        frame = self._run.frame
+        steps = math.ceil(min(work_first / work(self.problem, frame.order, 1, 0), 1e12))
+        frame.detect, frame.detect_from = 1, frame.steps + steps
+        frame.stiff_steps = frame.calm_steps = 0
+
+    @property
+    def pace(self) -> float:
+        """Seconds of the motion for each nanosecond of work, since stability has limited the steps."""
+        frame = self._run.frame
+        done = work(self.problem, frame.order, frame.steps - frame.stiff_first, frame.events - frame.stiff_events)
+        return (frame.t - frame.stiff_t) / done if done > 0.0 else 0.0
+
+    @property
+    def wanted(self) -> float:
+        """The step, s, that the tolerance allows, whether or not a time event cuts it short."""
+        return self._run.frame.h
+
+    @property
+    def damped(self) -> bool:
+        """Whether what limits the steps is a decay rather than a vibration."""
+        frame = self._run.frame
+        return frame.products < 0.0 and frame.products**2 > (DAMPED * DAMPED) * frame.slopes * frame.moves
+
+    def advance(self, steps: int = _STEPS_PER_CALL) -> str:
+        """Go on by so many steps, or until something happens; returns the status."""
+        run, frame = self._run, self._run.frame
+        left = self.max_steps - frame.steps
+        if left <= 0 and self.t < self.t_end:
+            raise SolverError(f"gave up {_where(frame)}: max_steps is {self.max_steps}")
         run.make_room()
-        frame.budget = max(1, min(_STEPS_PER_CALL, left))
-        code = advance(address)
-    left_behind = may_leave and code in (loop.UNDERFLOW, loop.RHS_FAILED)
-    if code < 0 and not left_behind:
-        more = problem.not_settled(_now(frame), run.x, run.data) if code == loop.UPDATE_FAILED else ""
+        frame.budget = max(1, min(steps, left))
+        code = self._call(ctypes.addressof(frame))
+        if code >= 0:
+            self.status = {loop.DONE: "done", loop.MORE: "more", loop.STIFF: "stiff"}[code]
+        elif self.may_leave and code in (loop.UNDERFLOW, loop.RHS_FAILED):
+            self.status = "left"
+        else:
+            self._complain(code)
+        return self.status
+
+    def _complain(self, code: int) -> NoReturn:
+        problem, run = self.problem, self._run
+        more = problem.not_settled(self.t, run.x, run.data) if code == loop.UPDATE_FAILED else ""
         if code in (loop.UNDERFLOW, loop.RHS_FAILED):
-            more = problem.blamed(_now(frame), run.x, run.data)
+            more = problem.blamed(self.t, run.x, run.data)
         raise SolverError(_complaint(problem, code, run) + more)
-    return _solution(run, "left" if left_behind else ("stiff" if code == loop.STIFF else "done"))
+
+    def solution(self) -> Solution:
+        """What has been found so far."""
+        return _solution(self._run, self.status, self.work)
+
+
+def work(problem: Problem, order: int, steps: int, events: int) -> float:
+    """What some steps and events cost, ns: estimated from counted operations (measured for 3 to 200 states)."""
+    n, effort = problem.x0.size, problem.effort
+    looks = effort.roots if problem.roots is not None else 0.0
+    step = 6.0 * effort.rhs + 150.0 + 5.0 * n if order == 5 else 12.0 * effort.rhs + 250.0 + 10.0 * n
+    return steps * (step + 2.0 * looks) + events * (effort.rhs + effort.update + 10.0 * looks)
 
 
 @cache
@@ -170,7 +251,7 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
     stages, polynomials = _ROWS[order]
     capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
     lengths = {
-        "x": size, "x_new": size, "y": size, "k": stages * size, "c": polynomials * size, "past": 3 * size,
+        "x": size, "x_new": size, "y": size, "k": stages * size, "c": polynomials * size,
         "phases": 16, "g": 7 * n_roots, "side": n_roots,
         "fired": n_roots, "atol": size, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
         "times": n_times, "out": n_times * n, "modes": n_times * n_modes, "log_t": capacity, "log_root": capacity,
@@ -197,11 +278,12 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
     )  # fmt: skip
 
 
-def _solution(run: _Run, status: str) -> Solution:
+def _solution(run: _Run, status: str, effort: float) -> Solution:
     frame = run.frame
     stats: dict[str, Any] = {
         "method": _METHODS[frame.order], "order": frame.order, "steps": frame.steps - frame.rejected,
         "rejected": frame.rejected, "rhs": frame.evaluations, "events": frame.events,
+        "work": effort,
     }  # fmt: skip
     if status != "done":
         stats["data"] = run.data.copy()

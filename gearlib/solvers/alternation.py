@@ -1,0 +1,167 @@
+"""The choice between an explicit and an implicit method while a run goes on, by how far a unit of work takes each of them.
+
+The explicit method begins. Where stability limits its steps, its pace is known: seconds of the motion for each unit of work. If what
+is left would then cost much more than a trial, the implicit method goes on from there for a bounded amount of work. It stays as
+long as its pace is the better one; if it is not, the explicit method goes on from where the trial ended, and the next trial comes
+after twice as much work as this one. What the worse method costs is so a small share of the run, whichever it is.
+
+Work is counted (right-hand sides, Jacobians, factorisations, steps, each weighted by its operations), not measured: the same run
+makes the same choice on every machine, however busy it is, and whatever samples are asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from gearlib.errors import SolverError
+from gearlib.solvers.problem import Solution
+
+WORTH_DECAY, WORTH_VIBRATION = 3.0, 10.0  # trials that must be left, where a decay limits the steps, and where a vibration does
+SETTLE, WINDOW = 60, 40  # steps of a trial before its pace is looked at, and over which that is taken
+GROWING = 1.1  # from one window to the next: a trial goes on as long as the pace grows so
+SHARE = 0.1  # of all work so far that a trial may take then, and of what is left, at most, between two trials
+APART = 10.0  # trials' work between two trials, at least
+LOST = 2.0  # trials' work that the implicit method may lose against the explicit one's pace before it hands back
+
+
+class Stepper(Protocol):
+    """A method on its way through a problem."""
+
+    status: str
+
+    @property
+    def t(self) -> float: ...
+
+    @property
+    def work(self) -> float: ...
+
+    def advance(self, steps: int = ...) -> str: ...
+
+    def solution(self) -> Solution: ...
+
+
+class Explicit(Stepper, Protocol):
+    """One that knows when stability limits its steps: it then stops with the status "stiff", if it was told to watch."""
+
+    @property
+    def pace(self) -> float: ...
+
+    @property
+    def damped(self) -> bool: ...
+
+    def watch(self, work_first: float = ...) -> None: ...
+
+
+class Implicit(Stepper, Protocol):
+    """One that is freed after use."""
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A part of a run that one method went; ``stayed``: by choice, rather than on trial."""
+
+    method: str  # "explicit" or "implicit"
+    solution: Solution
+    stayed: bool = True
+
+
+def alternate(
+    explicit: Callable[[Sequence[Leg]], Explicit], implicit: Callable[[Sequence[Leg]], Implicit], trial: float, t_end: float
+) -> list[Leg]:
+    """Integrate to the end, or to where a method leaves what its states describe.
+
+    Parameters
+    ----------
+    explicit, implicit : callable
+        Make a method's stepper, which goes on from where the last of some legs ended; from the start of the run where there is none.
+    trial : float
+        The work of the shortest trial, with all that it takes to begin one.
+    t_end : float
+        s.
+
+    Raises
+    ------
+    SolverError
+        The method that was at work failed. If one on trial does, the explicit one goes on.
+    """
+    legs: list[Leg] = []
+    stepper, wait, before = explicit(legs), 0.0, 0.0
+    stepper.watch()
+    while True:
+        if _to_the_end(stepper):
+            return [*legs, Leg("explicit", stepper.solution())]
+        pace = max(stepper.pace, 1e-300)
+        left = (t_end - stepper.t) / pace
+        if left < (WORTH_DECAY if stepper.damped else WORTH_VIBRATION) * trial:
+            stepper.watch(left / 2)  # what is left becomes less; it may also become harder
+            continue
+        here, spent = Leg("explicit", stepper.solution()), before + stepper.work
+        other = implicit([*legs, here])
+        try:
+            faster = _tried(other, pace, max(trial, SHARE * min(spent, left / 2)))
+        except SolverError:
+            other.close()
+            wait = max(2.0 * wait, APART * trial)
+            stepper.watch(wait)
+            continue
+        try:
+            legs.append(here)
+            to_the_end = faster and _stays(other, pace, spent, trial)
+            legs.append(Leg("implicit", other.solution(), stayed=faster))
+            if to_the_end:
+                return legs
+            before = spent + other.work
+            wait = APART * trial if faster else _longer(wait, max(trial, other.work), left)
+        finally:
+            other.close()
+        stepper = explicit(legs)
+        stepper.watch(wait)
+
+
+def _longer(wait: float, trial: float, left: float) -> float:
+    """The work until the next trial, after one that has come to nothing."""
+    return max(min(2.0 * wait, SHARE * left), APART * trial)
+
+
+def _to_the_end(stepper: Explicit) -> bool:
+    """Go on until stability limits the steps (False), or to the end."""
+    while stepper.advance() == "more":
+        pass
+    return stepper.status != "stiff"
+
+
+def _tried(other: Implicit, pace: float, most: float) -> bool:
+    """Whether the implicit method gets on faster than the explicit one did, after no more than some work."""
+    if other.advance(SETTLE) != "more":
+        return True
+    last = 0.0
+    while other.work <= most:
+        t, work = other.t, other.work
+        if other.advance(WINDOW) != "more":
+            return True
+        reached = (other.t - t) / (other.work - work)
+        if reached >= pace:
+            return True
+        if reached < GROWING * last:
+            return False
+        last = reached
+    return False
+
+
+def _stays(other: Implicit, pace: float, spent: float, trial: float) -> bool:
+    """Go on as long as not too much is lost against a pace in one stretch; whether that was to the end.
+
+    After an event the implicit method is slow for a while, which is no reason to leave it.
+    """
+    lost = 0.0
+    while other.status == "more":
+        t, work = other.t, other.work
+        other.advance(WINDOW)
+        lost = max(0.0, lost + other.work - work - (other.t - t) / pace)
+        if other.status == "more" and lost > max(LOST * trial, SHARE * (spent + other.work)):
+            return False
+    return True

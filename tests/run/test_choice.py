@@ -1,0 +1,59 @@
+"""What ``auto`` does on users' scenes: its counted work against that of each method, which does not depend on how busy a machine is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from tests.benchmarks.users import USERS
+from tests.run.test_integrate import Drive
+
+SHORT = {"gearbox": 0.04, "vehicle": 0.6, "crank train": 0.02, "wind turbine": 20.0, "planets": 0.04, "servo": 0.15}
+SLOW = {("crank train", "ida"), ("servo", "rk8")}  # hopeless, and long
+
+
+def run(system: gl.System, name: str, **options: Any) -> gl.Result:
+    scene = USERS[name]
+    return system.simulate(scene.times[-1], times=scene.times, inputs=scene.inputs, **options)
+
+
+@pytest.mark.parametrize("name", USERS)
+def test_no_more_work_than_the_best_method(name: str) -> None:
+    system = gl.compile(USERS[name].component(), outputs=list(USERS[name].outputs))
+    for rtol in (1e-4, 1e-6, 1e-8):
+        work = {m: run(system, name, method=m, rtol=rtol).stats["work"] for m in ("rk5", "rk8", "ida") if (name, m) not in SLOW}
+        found = run(system, name, rtol=rtol)
+        assert found.stats["work"] <= 1.3 * min(work.values()), (rtol, work, found.stats["why"])
+
+
+@pytest.mark.parametrize("name", USERS)
+def test_right_on_the_way(name: str) -> None:
+    """The first part of each scene against its reference; the whole is compared by `make bench`."""
+    scene = USERS[name]
+    times = np.linspace(0.0, SHORT[name], 41)
+    system = gl.compile(scene.component(), outputs=list(scene.outputs))
+    result = system.simulate(times[-1], times=times, inputs=scene.inputs)
+    assert scene.error(np.column_stack([result[output] for output in scene.outputs]), times) < 2e-5
+
+
+@pytest.mark.parametrize("name", ["gearbox", "planets", "servo"])
+def test_samples_have_no_part_in_the_choice(name: str) -> None:
+    scene = USERS[name]
+    system = gl.compile(scene.component(), outputs=list(scene.outputs))
+    few, many = (system.simulate(scene.times[-1], samples=n, max_step=1e-3) for n in (2, 4001))
+    for counted in ("steps", "work", "why", "method"):
+        assert few.stats[counted] == many.stats[counted]
+    for output in scene.outputs:
+        assert few[output][-1] == many[output][-1]
+
+
+def test_the_choice_can_be_read() -> None:
+    said = gl.compile(USERS["gearbox"].component()).simulate(2.0, samples=2).stats
+    assert said["method"] == "rk5"
+    assert said["why"].endswith("IDA was tried 2 times and would have taken longer")
+    said = gl.compile(Drive()).simulate(1.0, samples=2).stats
+    assert said["method"] == "ida"
+    assert said["why"].endswith("handed over to IDA")
