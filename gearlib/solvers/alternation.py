@@ -18,7 +18,7 @@ from typing import Protocol
 from gearlib.errors import SolverError
 from gearlib.solvers.problem import Solution
 
-WORTH_DECAY, WORTH_VIBRATION = 3.0, 10.0  # trials that must be left, where a decay limits the steps, and where a vibration does
+WORTH_DECAY, WORTH_VIBRATION = 2.0, 10.0  # trials that must be left, where a decay limits the steps, and where a vibration does
 SETTLE, WINDOW = 60, 40  # steps of a trial before its pace is looked at, and over which that is taken
 GROWING = 1.1  # from one window to the next: a trial goes on as long as the pace grows so
 SHARE = 0.1  # of all work so far that a trial may take then, and of what is left, at most, between two trials

@@ -51,9 +51,9 @@ def test_samples_have_no_part_in_the_choice(name: str) -> None:
 
 
 def test_the_choice_can_be_read() -> None:
-    said = gl.compile(USERS["gearbox"].component()).simulate(2.0, samples=2).stats
+    said = gl.compile(USERS["gearbox"].component()).simulate(10.0, samples=2).stats
     assert said["method"] == "rk5"
-    assert said["why"].endswith("IDA was tried 2 times and would have taken longer")
+    assert said["why"].endswith("and would have taken longer")
     said = gl.compile(Drive()).simulate(1.0, samples=2).stats
     assert said["method"] == "ida"
     assert said["why"].endswith("handed over to IDA")

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["Ida", "integrate"]
 
 TRIAL = 100  # steps after which IDA has found its order and step size
-START = 3e5  # ns, of making ready
+START = 1.2e6  # ns, of making IDA ready and going back to another method (measured)
 OPERATION = 0.5  # ns, of elimination
 
 
