@@ -80,7 +80,7 @@ class Problem:
     root_names: tuple[str, ...] = ()
     unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing
     culprit: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what cannot be evaluated from there on
-    effort: Effort = Effort(100.0, 300.0, 50.0, 100.0)
+    effort: Effort = field(default_factory=lambda: Effort(100.0, 300.0, 50.0, 100.0))
 
     def state_name(self, k: int) -> str:
         return self.state_names[k] if k < len(self.state_names) else f"state {k}"

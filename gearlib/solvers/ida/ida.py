@@ -156,7 +156,7 @@ class Ida:
         """What was done so far, ns: estimated from counted operations; 0 through scikit-sundae."""
         if self._drive is None:
             return 0.0
-        frame = self._drive.state.frame
+        frame = self._drive.frame
         return work(self.problem, self._asked, frame.done, frame.n_rhs, frame.n_jac, frame.restarts)
 
     def advance(self, steps: int = CHUNK) -> str:

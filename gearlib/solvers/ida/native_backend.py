@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,29 +35,6 @@ _LOG = 256  # events; grows
 def _functions() -> Mapping[str, int]:
     """Addresses of the compiled callbacks and of the loop."""
     return native_functions(callbacks.__name__).addresses
-
-
-@dataclass
-class _Run:
-    """The frame that the compiled code works on, and the arrays that it points to."""
-
-    frame: IdaFrame
-    arrays: dict[str, Any]
-
-    def point(self, **arrays: Any) -> None:
-        """Let the frame point to arrays, and keep them alive."""
-        for name, array in arrays.items():
-            self.arrays[name] = array
-            setattr(self.frame, name, array.ctypes.data if array.size else 0)
-
-    def log_space(self, capacity: int) -> None:
-        """Make room for so many events, keeping those already logged."""
-        times, roots = np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
-        if "event_times" in self.arrays:
-            used = self.frame.events
-            times[:used], roots[:used] = self.arrays["event_times"][:used], self.arrays["event_roots"][:used]
-        self.point(event_times=times, event_roots=roots)
-        self.frame.event_capacity = capacity
 
 
 def run(sundials: Sundials, asked: Request) -> Outcome:
@@ -95,46 +72,63 @@ class Drive:
             self.asked = replace(asked, times=asked.times - self.epoch, time_events=asked.time_events - self.epoch)
         x0, order = np.asarray(asked.problem.x0, dtype=np.float64), asked.matrix.order
         y, dy = np.array(x0 if order is None else x0[order]), np.zeros(len(x0))
+        self.frame = IdaFrame()  # that the compiled code works on
+        self.arrays: dict[str, Any] = {}  # that it points to
         self.status, self.solver = callbacks.PAUSE, Solver(sundials, y, dy)
         try:
-            self.state = _prepare(sundials, self.solver, self.asked, y, dy)
+            _prepare(sundials, self, y, dy)
         except BaseException:
             self.solver.close()
             raise
-        self.state.frame.epoch = self.epoch
+        self.frame.epoch = self.epoch
         self._drive = Prototype("int32", ("int",))
+
+    def point(self, **arrays: Any) -> None:
+        """Let the frame point to arrays, and keep them alive."""
+        for name, array in arrays.items():
+            self.arrays[name] = array
+            setattr(self.frame, name, array.ctypes.data if array.size else 0)
+
+    def log_space(self, capacity: int) -> None:
+        """Make room for so many events, keeping those already logged."""
+        times, roots = np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
+        if "event_times" in self.arrays:
+            used = self.frame.events
+            times[:used], roots[:used] = self.arrays["event_times"][:used], self.arrays["event_roots"][:used]
+        self.point(event_times=times, event_roots=roots)
+        self.frame.event_capacity = capacity
 
     def advance(self, steps: int) -> int:
         """Go on by so many steps, or until something happens; returns the status."""
-        frame = self.state.frame
+        frame = self.frame
         frame.pause_at = min(self.steps + steps, frame.max_steps)
         self.status = callbacks.LOG_FULL
         while self.status == callbacks.LOG_FULL:
             self.status = self._drive(_functions()["drive"], ctypes.addressof(frame))
             if self.status == callbacks.LOG_FULL:
-                self.state.log_space(2 * frame.event_capacity + self.asked.problem.n_roots)
+                self.log_space(2 * frame.event_capacity + self.asked.problem.n_roots)
         return self.status
 
     @property
     def steps(self) -> int:
         """Steps taken so far."""
-        return self.state.frame.done
+        return self.frame.done
 
     @property
     def t(self) -> float:
         """Where it is, s."""
-        return self.epoch + self.state.frame.t
+        return self.epoch + self.frame.t
 
     @property
     def x(self) -> Floats:
         """The states there."""
-        y: Floats = self.state.arrays["y"]
+        y: Floats = self.arrays["y"]
         order = self.asked.matrix.order
         return y.copy() if order is None else y[np.argsort(order)]
 
     def outcome(self) -> Outcome:
         """What has been found so far."""
-        found = _outcome(self.solver, self.state, self.asked, self.status)
+        found = _outcome(self)
         if not self.epoch:
             return found
         bad = None if found.bad_time is None else self.epoch + found.bad_time
@@ -145,16 +139,16 @@ class Drive:
         self.solver.close()
 
 
-def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: Floats) -> _Run:
+def _prepare(sundials: Sundials, drive: Drive, y: Floats, dy: Floats) -> None:
+    asked, solver, frame = drive.asked, drive.solver, drive.frame
     problem, matrix = asked.problem, asked.matrix
     n, samples, n_roots = len(y), len(asked.times), problem.n_roots if problem.roots is not None else 0
     n_modes = asked.modes.stop - asked.modes.start
     permuted = slice(None) if matrix.order is None else matrix.order
     differential = np.asarray(problem.differential, dtype=np.float64)[permuted]
 
-    state, between = _Run(IdaFrame(), {}), np.zeros(n)
-    frame = state.frame
-    state.point(
+    between = np.zeros(n)
+    drive.point(
         data=asked.data,
         index=np.ascontiguousarray(problem.index, dtype=np.int64),
         x=y if matrix.order is None else np.zeros(n),
@@ -166,7 +160,7 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         times=asked.times, out=np.full((samples, n), np.nan), modes_out=np.full((samples, n_modes), np.nan),
         time_events=asked.time_events, scratch=np.zeros(1), counter=np.zeros(1, dtype=np.int64),
     )  # fmt: skip
-    state.log_space(_LOG + n_roots)
+    drive.log_space(_LOG + n_roots)
     numbers = {
         "n": n, "nnz": len(matrix.position), "n_diagonal": len(matrix.diagonal), "n_roots": n_roots,
         "n_algebraic": n - int(np.count_nonzero(differential)), "n_times": samples,
@@ -182,13 +176,13 @@ def _prepare(sundials: Sundials, solver: Solver, asked: Request, y: Floats, dy: 
         setattr(frame, name, 0 if function is None else function.address)
     for name, function in _FUNCTIONS.items():
         setattr(frame, name, sundials.address(function))
-    _attach(solver, state, asked, differential, permuted, n_roots)
+    _attach(drive, differential, permuted, n_roots)
     frame.mem, frame.yy, frame.yp, frame.yd = solver.mem, solver.yy, solver.yp, solver.vector(between)
-    return state
 
 
-def _attach(solver: Solver, state: _Run, asked: Request, differential: Floats, permuted: Any, n_roots: int) -> None:
-    matrix, frame = asked.matrix, state.frame
+def _attach(drive: Drive, differential: Floats, permuted: Any, n_roots: int) -> None:
+    solver, asked, frame = drive.solver, drive.asked, drive.frame
+    matrix = asked.matrix
     t, user_data = float(asked.times[0]), ctypes.addressof(frame)
     solver.create(_functions()["residual"], t, user_data, asked.rtol, asked.atol[permuted], differential)
     solver.sundials.IDASetNonlinConvCoef(solver.mem, asked.newton)
@@ -198,25 +192,25 @@ def _attach(solver: Solver, state: _Run, asked: Request, differential: Floats, p
         starts, rows = matrix.pattern
         frame.matrix, frame.pattern, frame.starts = solver.use_sparse(len(rows))
         frame.n_pattern = len(rows)
-        state.point(pattern_source=rows, starts_source=starts)
+        drive.point(pattern_source=rows, starts_source=starts)
     else:
         frame.matrix = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
     directions = np.repeat(np.array([0, 1], np.int32), n_roots)  # the second half: functions that turn away from zero
     solver.attach(None if asked.problem.jac is None else _functions()["jacobian"], _functions()["roots"], directions)
 
 
-def _outcome(solver: Solver, state: _Run, asked: Request, status: int) -> Outcome:
-    s = state.frame
-    order, events = asked.matrix.order, s.events
+def _outcome(drive: Drive) -> Outcome:
+    s, status, solver = drive.frame, drive.status, drive.solver
+    order, events = drive.asked.matrix.order, s.events
     worst = solver.worst() if status < 0 and s.steps > 0 else -1
-    y = state.arrays["y"]
+    y = drive.arrays["y"]
     return Outcome(
         status=status,
         t=s.t,
-        x=state.arrays["out"],
-        modes=state.arrays["modes_out"],
-        event_times=state.arrays["event_times"][:events].copy(),
-        event_roots=state.arrays["event_roots"][:events].copy(),
+        x=drive.arrays["out"],
+        modes=drive.arrays["modes_out"],
+        event_times=drive.arrays["event_times"][:events].copy(),
+        event_roots=drive.arrays["event_roots"][:events].copy(),
         rhs=s.n_rhs,
         jac=s.n_jac,
         attempts=s.attempts,
