@@ -38,7 +38,7 @@ FORMS = (
     "gearlib.native.source.Body",
     "gearlib.native.scene_functions.NativeFunction",
     "gearlib.compiler.instructions.Writer",
-    "gearlib.compiler.object_code.Function",
+    "gearlib.compiler.object_code.CompiledFunction",
 )
 
 # Where one concept is implemented. One that went counts no more; a new one is to be listed.
@@ -47,7 +47,7 @@ IMPLEMENTATIONS = {
         "gearlib.program.sensitivity.sensitivity",
         "gearlib.program.state_derivatives.state_derivatives",
         "gearlib.native.jacobian.jacobian_body",
-        "gearlib.reduce.coefficients.numbers_of",
+        "gearlib.reduce.coefficients.coefficients_of",
         "gearlib.statics.steady_motion.assemble",
     ),
     "event iteration": (
@@ -75,7 +75,7 @@ IMPLEMENTATIONS = {
         "gearlib.run.steady._closed",
         "gearlib.statics.steady_motion.newton",
         "gearlib.periodic.first_motion._newton",
-        "gearlib.periodic.continuation._Walk.newton",
+        "gearlib.periodic.continuation._Continuation.newton",
     ),
     "compiler": ("gearlib.compiler.translate.translated",),
 }

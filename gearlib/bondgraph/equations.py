@@ -19,8 +19,8 @@ import sympy as sp
 
 from gearlib.arguments import flag, shown, whole
 from gearlib.bondgraph.causality import Causality, assign_causality, evaluation_order
+from gearlib.bondgraph.efforts_and_flows import Walk, rate_of
 from gearlib.bondgraph.elements import C, I, Se, Sf, symbol, time
-from gearlib.bondgraph.expressions import Walk, rate_of
 from gearlib.bondgraph.graph import BondGraph, check_graph
 from gearlib.bondgraph.symbolic_solution import solved_by_blocks
 from gearlib.errors import ArgumentError, SingularError

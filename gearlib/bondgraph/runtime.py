@@ -11,9 +11,9 @@ import numpy as np
 import sympy as sp
 
 from gearlib.arguments import by_name, is_real, real, reals, shown
+from gearlib.bondgraph.efforts_and_flows import rate_of
 from gearlib.bondgraph.elements import time
 from gearlib.bondgraph.equations import StateEquations
-from gearlib.bondgraph.expressions import rate_of
 from gearlib.errors import ArgumentError, BindingError, BoundError, SingularError, SolverError, nearest
 
 __all__ = ["RunTime"]

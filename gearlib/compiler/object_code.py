@@ -22,7 +22,7 @@ _numbers = count()
 
 
 @dataclass(frozen=True)
-class Function:
+class CompiledFunction:
     """A function in memory, for as long as this object lives."""
 
     address: int
@@ -30,7 +30,7 @@ class Function:
 
 
 @lru_cache(maxsize=LINKED)
-def compiled(source: str, name: str) -> Function:
+def compiled(source: str, name: str) -> CompiledFunction:
     r"""A function of generated source, as machine code.
 
     Parameters
@@ -62,7 +62,7 @@ def compiled(source: str, name: str) -> Function:
             addresses, library = linked(code, [name])
         except RuntimeError:  # damage that the checksum did not show
             addresses, library = linked(object_code(source), [name])
-        return Function(addresses[name], library)
+        return CompiledFunction(addresses[name], library)
 
 
 @cache

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.compiler.object_code import Function, compiled
+from gearlib.compiler.object_code import CompiledFunction, compiled
 from gearlib.native.events import root_numbers, roots_body, update_body
 from gearlib.native.identifiers import identifiers
 from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of
@@ -28,7 +28,7 @@ RHS, JAC, ROOTS, UPDATE, TABLES = range(5)  # entries of ``index`` that say wher
 class NativeFunction:
     """A compiled function and its parts of the data and index blocks."""
 
-    machine_code: Function
+    machine_code: CompiledFunction
     body: Body
     layout: Layout
     source: str

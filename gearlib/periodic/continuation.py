@@ -89,7 +89,7 @@ def follow(
     >>> [round(float(path.w[i]), 9) for i in path.folds], round(float(path.z[-1, 0]), 9), float(path.w[-1])
     ([1.0], 0.6, -0.8)
     """
-    walk = _Walk(equations, start, end, skipped)
+    walk = _Continuation(equations, start, end, skipped)
     spot = walk.begin(z)
     spots, length = [spot], step / 4
     folds: list[int] = []
@@ -121,13 +121,13 @@ def follow(
     return _path(walk, spots, folds, False)
 
 
-def _path(walk: _Walk, spots: list[_Spot], folds: list[int], complete: bool) -> Path:
+def _path(walk: _Continuation, spots: list[_Spot], folds: list[int], complete: bool) -> Path:
     z, w = np.array([s.y[:-1] for s in spots]), np.array([walk.place(s.y) for s in spots])
     return Path(z, w, tuple(folds), complete)
 
 
 @dataclass(frozen=True, eq=False)
-class _Walk:
+class _Continuation:
     equations: Equations
     start: float
     end: float

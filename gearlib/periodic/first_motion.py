@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import finite, is_real, name_list, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
-from gearlib.periodic.fourier_balance import Balance, rigid_motions
+from gearlib.periodic.fourier_balance import HarmonicEquations, rigid_motions
 from gearlib.periodic.periods import Driven, fourier
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene, needed_states, node_name
@@ -29,7 +29,7 @@ SETTLE = 100  # periods of a run that looks for a first motion
 class First:
     """The equations, scaled, and a solution."""
 
-    balance: Balance
+    balance: HarmonicEquations
     z: Floats
 
 
@@ -152,7 +152,7 @@ class Forced:
         varies = self.frequency is not None or any(callable(g) for g in self.inputs.values())
         nominal = np.maximum(scene.nominal, 1e-300)
         rigid = rigid_motions(driven(omega), means, nominal, nominal)
-        balance = Balance(driven, self.harmonics, samples, nominal, rigid, varies)
+        balance = HarmonicEquations(driven, self.harmonics, samples, nominal, rigid, varies)
         c = np.zeros(size)
         c[0] = means
         if known is not None:
@@ -252,7 +252,7 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
         )
 
 
-def _refuse_undetermined(balance: Balance, z: Floats, omega: float) -> None:
+def _refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) -> None:
     """A motion whose mean nothing determines, such as the place of an unloaded wheel in its gap, is none that could be followed."""
     _, matrix, _ = balance.equations(z, omega)
     _, sizes, directions = np.linalg.svd(matrix)
@@ -266,7 +266,7 @@ def _refuse_undetermined(balance: Balance, z: Floats, omega: float) -> None:
     )
 
 
-def _newton(balance: Balance, z: Floats, omega: float) -> Floats | None:
+def _newton(balance: HarmonicEquations, z: Floats, omega: float) -> Floats | None:
     """Newton's method at a fixed frequency, halving steps that do not help."""
     rest, matrix, _ = balance.equations(z, omega)
     for _ in range(60):
@@ -288,7 +288,7 @@ def _newton(balance: Balance, z: Floats, omega: float) -> Floats | None:
     return None
 
 
-def _rescaled(balance: Balance, z: Floats, driven: Driven, nominal: Floats) -> First:
+def _rescaled(balance: HarmonicEquations, z: Floats, driven: Driven, nominal: Floats) -> First:
     """The same motion, states measured by how far they vibrate there."""
     c = balance.coefficients(z)
     spread = np.abs(c[1:]).max(axis=0)
@@ -297,5 +297,5 @@ def _rescaled(balance: Balance, z: Floats, driven: Driven, nominal: Floats) -> F
         raise SolverError("the forcing moves nothing: no state vibrates at the first frequency")
     scale = np.where(spread > 1e-9 * largest * nominal, spread, largest * nominal)
     rigid = rigid_motions(driven, balance.rigid.means, scale, nominal)
-    new = Balance(balance.driven, balance.harmonics, balance.samples, scale, rigid, balance.varies)
+    new = HarmonicEquations(balance.driven, balance.harmonics, balance.samples, scale, rigid, balance.varies)
     return First(new, new.unknowns(c))

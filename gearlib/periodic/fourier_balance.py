@@ -46,7 +46,7 @@ class Rigid:
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class HarmonicEquations:
     """Harmonic balance: ``w D c - transform(f(t, x)) = 0`` with ``x = c_0 + sum(c_k cos(k w t) + s_k sin(k w t))``.
 
     Attributes

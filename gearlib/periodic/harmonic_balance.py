@@ -10,7 +10,7 @@ from gearlib.arguments import by_name, name_list, one_name, real, shown, whole
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.periodic.continuation import Path, follow
 from gearlib.periodic.first_motion import Forced
-from gearlib.periodic.fourier_balance import Balance
+from gearlib.periodic.fourier_balance import HarmonicEquations
 from gearlib.periodic.harmonic_response import HarmonicBalance
 from gearlib.periodic.periods import Driven, Floats, fourier
 from gearlib.program.build import build
@@ -145,7 +145,7 @@ def _samples(samples: int | None, harmonics: int, switching: bool) -> int:
 class _Watch:
     """Accepts points whose motion obeys the equations in time."""
 
-    def __init__(self, balance: Balance, accuracy: float) -> None:
+    def __init__(self, balance: HarmonicEquations, accuracy: float) -> None:
         self.balance, self.accuracy = balance, accuracy
         self.worst, self.where = 0.0, 0.0
 
@@ -172,7 +172,7 @@ def _check_numbers(start: float, end: float, harmonics: int | None, step: float,
     whole("points", points, 2)
 
 
-def _result(task: Forced, scene: Scene, balance: Balance, path: Path, names: list[str]) -> HarmonicBalance:
+def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, names: list[str]) -> HarmonicBalance:
     """Outputs and stability along a path."""
     model, structure = scene.model, scene.structure
     variables = [(model.variable(base), order) for base, order in map(model.column, names)]

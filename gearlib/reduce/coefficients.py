@@ -6,7 +6,7 @@ import numpy as np
 
 from gearlib.equations.kernel import Kernel, partial_kernel, residual_kernel
 from gearlib.flatten.model import EquationGroup, FlatModel, Floats
-from gearlib.reduce.rows import Numbers
+from gearlib.reduce.rows import Coefficients
 
 
 def start_guess(model: FlatModel, parameters: Floats) -> Floats:
@@ -17,7 +17,7 @@ def start_guess(model: FlatModel, parameters: Floats) -> Floats:
     return values
 
 
-def numbers_of(model: FlatModel, parameters: Floats, t: float, known: Floats | None = None) -> Numbers:
+def coefficients_of(model: FlatModel, parameters: Floats, t: float, known: Floats | None = None) -> Coefficients:
     """Partial derivatives of all equations at the start values, or at known ones.
 
     ``known[k]`` holds the k-th derivatives of all variables; higher ones count as zero, as all do at the start.
@@ -52,4 +52,4 @@ def numbers_of(model: FlatModel, parameters: Floats, t: float, known: Floats | N
             return np.full(len(group), np.nan)
         return apply(kernel, group)
 
-    return Numbers(partial, rest)
+    return Coefficients(partial, rest)

@@ -14,7 +14,7 @@ import numpy as np
 from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
 from gearlib.flatten.model import FlatModel
 from gearlib.reduce.redundancy import alphabetical, balanced, flows_beside, redundant_rows, shifted, without
-from gearlib.reduce.rows import Numbers, Rows
+from gearlib.reduce.rows import Coefficients, Rows
 from gearlib.structure.defining_equations import Determined
 from gearlib.structure.incidence import Entries, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
@@ -80,7 +80,7 @@ class Structure:
         )
 
 
-def analyse(model: FlatModel, numbers: Numbers) -> Structure:
+def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
     """Reduce a flat model.
 
     Raises
@@ -120,7 +120,7 @@ def analyse(model: FlatModel, numbers: Numbers) -> Structure:
     return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed, complete)
 
 
-def choose_again(structure: Structure, numbers: Numbers) -> Structure | None:
+def choose_again(structure: Structure, numbers: Coefficients) -> Structure | None:
     """The same equations with states that fit other values (numbers of ``structure.model``); None where no others do."""
     model, result = structure.model, structure.differentiation
     rows = Rows(model)
@@ -160,7 +160,7 @@ def _dependence(model: FlatModel, rows: Rows, choice: StateChoice) -> tuple[Depe
     return dependence, sinks(dependence, choice.states, position)
 
 
-def confirm(structure: Structure, numbers: Numbers) -> None:
+def confirm(structure: Structure, numbers: Coefficients) -> None:
     """Check that what was redundant still is, with other numbers (of ``structure.complete``).
 
     Raises
@@ -247,7 +247,7 @@ def integrals(model: FlatModel) -> set[int]:
     return found
 
 
-def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Numbers) -> Entries:
+def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coefficients) -> Entries:
     """Partial derivatives of every equation that is differentiated."""
     counts = np.array(result.counts)
     e_all, v_all, o_all, a_all = [], [], [], []

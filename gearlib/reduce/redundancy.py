@@ -16,12 +16,12 @@ import numpy as np
 from gearlib.errors import BalanceError, LoopError
 from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.reduce.imbalance import explained
-from gearlib.reduce.rows import Numbers, Rows, listed, some
+from gearlib.reduce.rows import Coefficients, Rows, listed, some
 from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn
 from gearlib.structure.rigid_loops import core, determining, examine, null_space
 
 
-def redundant_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> dict[int, tuple[int, ...]]:
+def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[int, tuple[int, ...]]:
     """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others.
 
     With each, the equations of the loop that makes it follow.
@@ -107,13 +107,13 @@ def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel
     return model.with_groups(tuple(groups), model.redundant + len(dropped))
 
 
-def shifted(numbers: Numbers, rows: Rows, dropped: Iterable[int]) -> Numbers:
+def shifted(numbers: Coefficients, rows: Rows, dropped: Iterable[int]) -> Coefficients:
     """The numbers of that model."""
     gone: dict[int, list[int]] = {}
     for e in dropped:
         g, i = rows.place[e]
         gone.setdefault(g, []).append(i)
-    return Numbers(
+    return Coefficients(
         lambda g, c: np.delete(numbers.partial(g, c), gone.get(g, [])), lambda g: np.delete(numbers.rest(g), gone.get(g, []))
     )
 
@@ -126,7 +126,7 @@ def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozens
 
 
 def balanced(
-    model: FlatModel, rows: Rows, numbers: Numbers, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
+    model: FlatModel, rows: Rows, numbers: Coefficients, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
 ) -> tuple[FlatModel, tuple[str, ...]]:
     """Check the balance; close what redundant equations leave open by setting flows to zero, if possible ``wanted`` ones.
 
@@ -198,7 +198,7 @@ def _definitions(model: FlatModel, rows: Rows) -> frozenset[int]:
     )
 
 
-def _flow_rows(model: FlatModel, rows: Rows, numbers: Numbers) -> list[dict[int, float]]:
+def _flow_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> list[dict[int, float]]:
     """The flows' coefficients in each equation: what they must obey where nothing moves. What is given is no unknown."""
     result: list[dict[int, float]] = []
     unknown = model.flow.copy()

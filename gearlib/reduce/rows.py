@@ -17,7 +17,7 @@ RestValues = Callable[[int], Floats]
 
 
 @dataclass(frozen=True)
-class Numbers:
+class Coefficients:
     """Numerical values of a flat model's partial derivatives, as structure asks for them."""
 
     partial: PartialValues

@@ -28,7 +28,7 @@ MOST_WRITTEN = 60  # states up to which the matrices' entries are written out as
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class LinearForm:
     """x' = A x + B u(t); the inputs u are tables, or expressions of time with numbers in them."""
 
     A: Any  # (states, states), array or sparse
@@ -68,7 +68,7 @@ def _plan(scene: Scene) -> _Plan:
     return _plans[scene]
 
 
-def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linear | str:
+def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> LinearForm | str:
     """The linear form of a scene, or the reason why it has none.
 
     Parameters
@@ -88,12 +88,12 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     plan = _plan(scene)
     key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
     if plan.form and plan.form[0]() is numbers and plan.form[1] == key:
-        found: Linear = plan.form[2]
+        found: LinearForm = plan.form[2]
         return found
     if plan.last[:1] != (key,):
         plan.last = (key, *_drives(scene, numbers, signals, plan))
     inputs, mix = plan.last[1:]
-    form = Linear(*_matrices(scene, numbers, plan, mix), inputs)
+    form = LinearForm(*_matrices(scene, numbers, plan, mix), inputs)
     plan.form = (ref(numbers), key, form)
     return form
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gearlib.program.build import build
 from gearlib.program.interpret import evaluate, prepare
-from gearlib.reduce.coefficients import numbers_of
+from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import choose_again
 from gearlib.run.integrate import Floats, Left, Outcome, Run, integrate
 from gearlib.run.scene import Scene, needed_states
@@ -74,7 +74,7 @@ def _following(run: Run, left: Left, charts: Charts) -> Run:
         if k < len(known):
             known[k, v] = slots[slot, 0]
     later, modes = np.concatenate([t, run.times[run.times > left.t]]), left.modes if scene.n_modes else None
-    again = choose_again(structure, numbers_of(structure.model, run.numbers.parameters, left.t, known))
+    again = choose_again(structure, coefficients_of(structure.model, run.numbers.parameters, left.t, known))
     if again is None:  # the same states, and smaller pivots
         start = replace(run.start, states=left.x, guess=known[0])
         return replace(run, start=start, times=later, modes=modes, slots=left.slots)

@@ -17,14 +17,14 @@ from gearlib.errors import ArgumentError, ModelError, NameLookupError, SingularE
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
-from gearlib.reduce.coefficients import numbers_of
+from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
 from gearlib.run.scene import Scene, needed_states
 from gearlib.run.start_values import Start, start_values, start_variable
 from gearlib.run.steady import steady_state
 from gearlib.run.zeros import can_be_solved, factors
-from gearlib.solvers.inputs.table import Function, Table, values
+from gearlib.solvers.inputs.table import FunctionInput, Table, values
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -77,7 +77,7 @@ class Variants:
         """The translation without some parameters."""
         if absent not in self.known:
             model = model or flatten(self.component, absent)
-            structure = analyse(model, numbers_of(model, parameters, 0.0))
+            structure = analyse(model, coefficients_of(model, parameters, 0.0))
             scene = asked_scene(structure, self.outputs)
             self.known[absent] = Translation(structure, scene, self.outputs, self.component, self, absent)
         return self.known[absent]
@@ -243,7 +243,7 @@ class Translation:
         result = table.evaluate(chosen)
         check_bounds(table, result)
         if self.structure.redundant:
-            confirm(self.structure, numbers_of(self.structure.complete, result, 0.0))
+            confirm(self.structure, coefficients_of(self.structure.complete, result, 0.0))
         return result
 
     def input_signals(self, given: Mapping[str, Any] | None) -> list[Any]:
@@ -265,7 +265,7 @@ class Translation:
                 given[name] = real(f"input {name}", value, "a finite number, a function of time or a gl.Table")
         signals = [given.get(name, 0.0) for name in names]
         plain = [callable(signal) and not isinstance(signal, Table) for signal in signals]
-        return [Function(name, s) if function else s for name, s, function in zip(names, signals, plain, strict=True)]
+        return [FunctionInput(name, s) if function else s for name, s, function in zip(names, signals, plain, strict=True)]
 
     def start(
         self, scene: Scene, parameters: Floats, t: float, start: Any, signals: Sequence[Any], discrete: bool = False

@@ -8,7 +8,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Branch:
+class PowerEdge:
     """Power that a component takes from a shaft (negative: that it gives), W."""
 
     component: str
@@ -24,7 +24,7 @@ class Circulation:
     components: tuple[str, ...]
 
 
-def circulations(branches: Sequence[Branch]) -> tuple[Circulation, ...]:
+def circulations(branches: Sequence[PowerEdge]) -> tuple[Circulation, ...]:
     """Take cycles out of the power flow until none is left; each carries the smallest power on its way.
 
     Power flows from a shaft into a component and out at another shaft. In a train with one closed loop there is at most one
@@ -33,7 +33,8 @@ def circulations(branches: Sequence[Branch]) -> tuple[Circulation, ...]:
 
     Examples
     --------
-    >>> loop = [Branch("a", 1, 5.0), Branch("a", 2, -5.0), Branch("b", 2, 5.0), Branch("b", 1, -4.0), Branch("drive", 1, -1.0)]
+    >>> loop = [PowerEdge("a", 1, 5.0), PowerEdge("a", 2, -5.0), PowerEdge("b", 2, 5.0), PowerEdge("b", 1, -4.0)]
+    >>> loop.append(PowerEdge("drive", 1, -1.0))
     >>> circulations(loop)
     (Circulation(power=4.0, components=('a', 'b')),)
     """

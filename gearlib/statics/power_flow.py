@@ -11,7 +11,7 @@ from gearlib.arguments import one_name
 from gearlib.drawing.sankey import Band, sankey
 from gearlib.errors import NameLookupError, nearest
 from gearlib.optional import optional
-from gearlib.statics.circulation import Branch, Circulation, circulations
+from gearlib.statics.circulation import Circulation, PowerEdge, circulations
 
 if TYPE_CHECKING:
     import pandas
@@ -78,14 +78,14 @@ class PowerFlow:
         return {f.name: f for f in self.flanges}
 
     @cached_property
-    def _branches(self) -> tuple[Branch, ...]:
+    def _branches(self) -> tuple[PowerEdge, ...]:
         """Net power of each basic component at each rigid shaft."""
         power: dict[tuple[str, int], float] = {}
         for f in self.flanges:
             if f.leaf:
                 power[f.component, f.shaft] = power.get((f.component, f.shaft), 0.0) + f.power
         least = 1e-12 * self.largest
-        return tuple(Branch(c, s, p) for (c, s), p in power.items() if abs(p) > least)
+        return tuple(PowerEdge(c, s, p) for (c, s), p in power.items() if abs(p) > least)
 
     @property
     def largest(self) -> float:

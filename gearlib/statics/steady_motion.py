@@ -38,7 +38,7 @@ class Given:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class MotionEquations:
     """Linear equations between the ``2 n`` unknowns: constants ``a``, then rates ``b``."""
 
     matrix: Any  # sparse
@@ -60,7 +60,7 @@ class Motion:
     modes: Floats  # flags of events
 
 
-class Entries:
+class MatrixAssembly:
     """Rows of a sparse matrix that is being put together."""
 
     def __init__(self) -> None:
@@ -80,10 +80,12 @@ class Entries:
         return sparse.csr_matrix((values.astype(float), (rows, places)), shape=(self.count, columns))
 
 
-def assemble(model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, modes: Floats) -> Rows:
+def assemble(
+    model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, modes: Floats
+) -> MotionEquations:
     """The equations of a steady motion, linearised about ``a + b t``. A binding to a function of time stands for zero."""
     n = model.n_variables
-    entries = Entries()
+    entries = MatrixAssembly()
     rest: list[Floats] = []
     kinematic: list[NDArray[np.bool_]] = []
     writers: list[tuple[int, Integers]] = []  # group, and its row of each line
@@ -117,11 +119,11 @@ def assemble(model: FlatModel, parameters: Floats, given: Sequence[Given], a: Fl
         row -= int(ends[-1]) if len(ends) else 0
         return "connection" if row < len(steady) else given[row - len(steady)].name
 
-    return Rows(entries.matrix(2 * n), np.concatenate(rest), np.concatenate(kinematic), owner)
+    return MotionEquations(entries.matrix(2 * n), np.concatenate(rest), np.concatenate(kinematic), owner)
 
 
 def _group(
-    model: FlatModel, entries: Entries, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, modes: Floats,
+    model: FlatModel, entries: MatrixAssembly, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, modes: Floats,
     repeating: Sequence[int], over: Turn | None,
 ) -> tuple[Floats, NDArray[np.bool_]]:  # fmt: skip
     """Rows of one group: the constant parts, then those that grow with time. Gives the residuals, and which rows hold torques."""
@@ -235,7 +237,7 @@ def _factors(matrix: Any, last: Factors | None) -> Factors:
 
 def kinematics(
     model: FlatModel, parameters: Floats, wanted: Integers, given: Sequence[Given] = ()
-) -> tuple[Rows, Factors, Integers]:
+) -> tuple[MotionEquations, Factors, Integers]:
     """The equations between speeds alone, whatever the torques are: those rows that the wanted unknowns depend on."""
     rows = _kinematic_rows(model, parameters, given, initial_modes(model))
     found = _connected(rows, wanted)
@@ -249,7 +251,7 @@ def kinematics(
     return rows, *found
 
 
-def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], modes: Floats) -> Rows:
+def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], modes: Floats) -> MotionEquations:
     """The equations, linearised where what follows without torques (a stiffness, say) has its value."""
     n = model.n_variables
     x = np.zeros(2 * n)
@@ -262,7 +264,7 @@ def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given]
     return replace(rows, residual=rows.residual - rows.matrix @ x)  # of unknowns that are all zero
 
 
-def _connected(rows: Rows, wanted: Integers) -> tuple[Factors, Integers]:
+def _connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Integers]:
     """Factors of the kinematic rows that the wanted unknowns depend on, and these rows."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components

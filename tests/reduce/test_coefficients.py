@@ -6,7 +6,7 @@ import numpy as np
 
 import gearlib as gl
 from gearlib.flatten.flatten import flatten
-from gearlib.reduce.coefficients import numbers_of, start_guess
+from gearlib.reduce.coefficients import coefficients_of, start_guess
 
 
 class Leaf(gl.Component):
@@ -31,7 +31,7 @@ def test_partial_derivatives_at_the_start() -> None:
     guess = start_guess(model, parameters)
     assert guess[model.representative[model.variable("y")]] * model.sign[model.variable("y")] == -2.0
     assert guess[model.representative[model.variable("z")]] * model.sign[model.variable("z")] == 2.0
-    numbers = numbers_of(model, parameters, 0.0)
+    numbers = coefficients_of(model, parameters, 0.0)
     for g, group in enumerate(model.groups):
         found = {name: float(numbers.partial(g, i)[0]) for i, (name, _) in enumerate(group.template.columns)}
         if "x" in found:

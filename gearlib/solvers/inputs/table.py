@@ -61,7 +61,7 @@ class Table:
         return self.y[left] + slopes * (starts - self.t[left]), slopes
 
 
-Signal = Any  # a number, a Function, or a Table
+Signal = Any  # a number, a FunctionInput, or a Table
 
 
 def breakpoints(signals: Sequence[Signal]) -> Floats:
@@ -72,7 +72,7 @@ def breakpoints(signals: Sequence[Signal]) -> Floats:
 
 
 @dataclass(frozen=True)
-class Function:
+class FunctionInput:
     """An input that is a Python function of time; its path names it where the function fails.
 
     Raises
