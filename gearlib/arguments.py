@@ -1,4 +1,4 @@
-"""Numbers, names and mappings that a user gives, checked.
+"""Validation of users' arguments: numbers, sequences, names and mappings.
 
 Each function returns what was given in one form, or raises an error that says what it is called, what was found and what was
 expected.

@@ -1,4 +1,4 @@
-"""Packages that gearlib works without: tables need pandas, plots need matplotlib."""
+"""Lazy import of optional dependencies: pandas for tables, matplotlib for plots."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The small language (a part of Python) to machine code by LLVM; knows nothing of gears."""
+"""Compiler of the small language, a subset of Python, to machine code through LLVM; knows nothing of gears."""

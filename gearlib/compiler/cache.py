@@ -1,4 +1,4 @@
-"""Where machine code is kept between processes.
+"""On-disk cache of object code: its folder, its permissions, its maximum size.
 
 The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of what it was made from, so concurrent writers
 agree, and every file appears complete or not at all. Object code is kept with a checksum (`kept_bytes`). What cannot be kept there is
@@ -32,7 +32,7 @@ COMPILING = RLock()
 
 
 def _after_fork() -> None:
-    """In the child: what the parent keeps for its own lifetime is not the child's to remove."""
+    """After a fork: the child must not delete the parent's temporary folder."""
     global _temporary
     if _temporary is not None:
         _temporary._finalizer.detach()  # type: ignore[attr-defined]
@@ -52,7 +52,7 @@ def _version() -> str:
 
 
 def folder() -> Path:
-    """The cache folder of this version, made if need be."""
+    """Cache folder of this version, created if it does not exist."""
     chosen = os.environ.get("GEARLIB_CACHE")
     if not chosen:
         from platformdirs import user_cache_dir
@@ -76,7 +76,7 @@ def folder() -> Path:
 
 
 def _private() -> Path:
-    """A folder of this process."""
+    """Temporary folder of this process."""
     global _temporary
     if _temporary is None:
         _temporary = tempfile.TemporaryDirectory(prefix="gearlib-", ignore_cleanup_errors=True)
@@ -84,7 +84,7 @@ def _private() -> Path:
 
 
 def kept_bytes(name: str, make: Callable[[], bytes]) -> bytes:
-    """What a file holds, made and written down where it is missing or damaged.
+    """Content of a cached file; computed and written where the file is missing or damaged.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _shrink(kept: Path) -> None:
-    """Remove what was used longest ago when all versions together have grown too large."""
+    """Evict the least recently used files once the cache of all versions exceeds its limit."""
     files: list[tuple[float, int, Path]] = []
     for version in kept.parent.parent.glob("*-py*"):
         if is_own(version):

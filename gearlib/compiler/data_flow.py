@@ -1,4 +1,4 @@
-"""What can be said of a loop before it is compiled: the names that it hands from turn to turn, and whether turns can go together."""
+"""Data-flow analysis of loops: loop-carried names, and whether the iterations are independent (vectorisable)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ELEMENTWISE = (  # what several numbers at a time can be computed with
 
 
 def carried(statement: ast.For | ast.While) -> set[str]:
-    r"""Names whose value from before the loop, or from the turn before, may be seen in its body or behind it.
+    r"""Loop-carried names: their value from before the loop, or from the previous iteration, is live in the body or after it.
 
     >>> loop, = ast.parse("for k in range(n):\n    a = b[k]\n    s += a\n    if a > 0:\n        z = a").body
     >>> sorted(carried(loop))
@@ -26,7 +26,7 @@ def carried(statement: ast.For | ast.While) -> set[str]:
 
 
 def stored(statements: Iterable[ast.stmt]) -> set[str]:
-    """Names that are given a value anywhere in some statements."""
+    """Names assigned anywhere in some statements."""
     found: set[str] = set()
     for statement in statements:
         if isinstance(statement, ast.If):
@@ -48,14 +48,14 @@ def _names(targets: Iterable[ast.expr]) -> set[str]:
 
 
 def is_never_empty(call: ast.expr) -> bool:
-    """Whether a range has numbers for its bounds, and something in it."""
+    """Whether a range has constant bounds and at least one iteration."""
     if not (isinstance(call, ast.Call) and all(isinstance(a, ast.Constant) and isinstance(a.value, int) for a in call.args)):
         return False
     return len(range(*(a.value for a in call.args if isinstance(a, ast.Constant) and isinstance(a.value, int)))) > 0
 
 
 def _loaded(node: ast.AST) -> set[str]:
-    """Names whose value is asked for; in less than half of the time that `ast.walk` takes."""
+    """Names that are read; less than half the time of `ast.walk`."""
     found: set[str] = set()
     pending: list[object] = [node]
     while pending:
@@ -71,13 +71,13 @@ def _loaded(node: ast.AST) -> set[str]:
 
 
 def _everywhere(ways: Sequence[set[str] | None]) -> set[str]:
-    """What has a value on all ways that are taken at all."""
+    """Names that are assigned on every reachable path."""
     taken = [way for way in ways if way is not None]
     return set.intersection(*taken) if taken else set()
 
 
 def _follow(statements: Sequence[ast.stmt], given: set[str], read: set[str], leaving: list[set[str]]) -> set[str] | None:
-    """Names given a value by the end, None where it is not reached. What is read without one is added to ``read``."""
+    """Names assigned at the end, None where it is unreachable; names read before assignment are added to ``read``."""
     for statement in statements:
         if isinstance(statement, ast.If):
             read |= _loaded(statement.test) - given
@@ -108,7 +108,7 @@ def _follow(statements: Sequence[ast.stmt], given: set[str], read: set[str], lea
 
 
 def is_elementwise(statement: ast.For, target: str) -> bool:
-    r"""Whether the body computes one element of an array from elements, at places that grow by one with each turn or stay.
+    r"""Whether the body is elementwise: each iteration stores one array element, with indices of stride one or loop-invariant.
 
     >>> loops = ast.parse("for k in r: y[a + k] = 2 * x[k] - x[b]\nfor k in r: y[k] = x[2 * k]\nfor k in r: y[k] = x[k] * k").body
     >>> [is_elementwise(loop, "k") for loop in loops]
@@ -133,7 +133,7 @@ def grows_with(index: ast.expr, target: str) -> bool:
 
 
 def _grows_by_one(index: ast.expr, target: str) -> bool:
-    """Whether an index is ``k``, or a sum of it and of what does not depend on it."""
+    """Whether an index is ``k`` plus a loop-invariant expression (stride one)."""
     if isinstance(index, ast.BinOp) and isinstance(index.op, ast.Add):
         grows = [side for side in (index.left, index.right) if grows_with(side, target)]
         return len(grows) == 1 and _grows_by_one(grows[0], target)

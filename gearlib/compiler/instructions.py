@@ -1,4 +1,4 @@
-"""Instructions of LLVM's intermediate language on typed values, written down line by line."""
+"""Emitter of LLVM IR: typed values and one method per kind of instruction."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ CONVERSIONS = {
 
 
 class Unsupported(Exception):
-    """Source outside of the part of Python that is compiled here; generated source never is."""
+    """Source outside the supported subset of Python; generated source never is."""
 
 
 class Value(NamedTuple):
-    """A value in LLVM's notation."""
+    """An IR value: its LLVM name or literal, and its type."""
 
     text: str
     kind: str  # double, i64, i32, i1, a vector, a record, a tuple in braces, or one of these and "*": where such a thing lies
@@ -43,17 +43,17 @@ class Value(NamedTuple):
 
     @property
     def whole(self) -> int | None:
-        """The number, of a whole constant."""
+        """The value of an integer constant."""
         return int(self.text) if self.kind == "i64" and self.text.lstrip("-").isdigit() else None
 
 
 def real(number: float) -> Value:
-    """A constant; decimal digits would be rounded once more."""
+    """A floating-point constant in hexadecimal; decimal digits would be rounded a second time."""
     return Value(f"0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}", "double")
 
 
 def constant(number: object) -> Value:
-    """A constant of the kind that Python's has."""
+    """A constant of the type that corresponds to the Python value's."""
     if isinstance(number, bool):
         return Value("true" if number else "false", "i1")
     if isinstance(number, int) and abs(number) < 2**63:
@@ -64,7 +64,7 @@ def constant(number: object) -> Value:
 
 
 class Writer:
-    """The instructions of one function.
+    """The instructions of one function under construction.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Writer:
     # ------------------------------------------------------------ blocks
 
     def new(self) -> str:
-        """A name of a value or of a block."""
+        """A fresh name of a value or basic block."""
         self._count += 1
         return f"v{self._count}"
 
@@ -104,29 +104,29 @@ class Writer:
         self.lines.append(f"  br i1 {condition.text}, label %{yes}, label %{no}")
 
     def phi(self, coming: Sequence[tuple[Value, str]]) -> Value:
-        """The value that belongs to the block that control came from."""
+        """A phi node: the value that belongs to the predecessor block."""
         kind = coming[0][0].kind
         return self.emit(f"phi {kind} {', '.join(f'[ {value.text}, %{block} ]' for value, block in coming)}", kind)
 
     # ------------------------------------------------------------ memory
 
     def at(self, array: Value, index: Value, vector: str = "") -> Value:
-        """The place of an element of an array, or of the first of those side by side."""
+        """Pointer to an element of an array, or to the first of a vector."""
         element = array.kind.removesuffix("*")
         if not array.kind.endswith("*") or index.kind != "i64" or (vector and element != "double"):
             raise Unsupported("no array with a whole number as its index")
         return self.emit(f"getelementptr inbounds {element}, {array.typed}, {index.typed}", f"{vector or element}*")
 
     def field(self, record: Value, offset: int, kind: str) -> Value:
-        """The place of a record's field."""
+        """Pointer to a field of a record."""
         return self.emit(f"getelementptr inbounds i8, {record.typed}, i64 {offset}", f"{kind}*")
 
     def address(self, number: Value, kind: str) -> Value:
-        """What lies at an address."""
+        """The array or record at an address."""
         return self.emit(f"inttoptr {number.typed} to ptr", kind)
 
     def one_by_one(self, place: Value) -> Value:
-        """A block, number by number: a processor has at once what was just written so, while one load would wait."""
+        """Load a vector element by element: store forwarding fails where one load covers several recent stores."""
         block = Value("poison", BLOCKED)
         for i in range(BLOCK):
             part = self.emit(f"getelementptr inbounds double, {place.typed}, i64 {i}", "double*")
@@ -137,7 +137,7 @@ class Writer:
         return block
 
     def total(self, block: Value) -> Value:
-        """The sum of a block's numbers."""
+        """Horizontal sum of a vector."""
         parts = [self.emit(f"extractelement {block.typed}, i64 {i}", "double") for i in range(VECTORS[block.kind])]
         while len(parts) > 1:
             parts = [self.operated("add", a, b) for a, b in zip(parts[::2], parts[1::2], strict=True)]
@@ -156,7 +156,7 @@ class Writer:
     # ------------------------------------------------------------ numbers
 
     def converted(self, value: Value, kind: str) -> Value:
-        """As a number of another kind, where nothing is lost by that (but for bits of large whole numbers)."""
+        """Widening conversion: int to float, scalar to vector; large integers lose low bits."""
         if value.kind == kind:
             return value
         if kind in VECTORS:
@@ -170,13 +170,13 @@ class Writer:
         return self.emit(f"{CONVERSIONS[value.kind, kind]} {value.typed} to {kind}", kind)
 
     def alike(self, values: Sequence[Value]) -> list[Value]:
-        """Numbers as numbers of one kind, which arithmetic and comparisons need."""
+        """The usual arithmetic conversions: operands promoted to a common type."""
         kinds = {value.kind for value in values}
         kind = next((k for k in (*VECTORS, "double") if k in kinds), "i64")
         return [self.converted(value, kind) for value in values]
 
     def operated(self, operation: str, left: Value, right: Value) -> Value:
-        """``operation`` is add, sub, mul or div."""
+        """An arithmetic instruction; ``operation`` is add, sub, mul or div."""
         if operation == "div" and not {left.kind, right.kind} & VECTORS.keys():
             left, right = self.converted(left, "double"), self.converted(right, "double")
         left, right = self.alike((left, right))
@@ -184,7 +184,7 @@ class Writer:
         return self.emit(f"{name} {left.typed}, {right.text}", left.kind)
 
     def divided(self, left: Value, right: Value) -> tuple[Value, Value]:
-        """Quotient and remainder of whole numbers, as Python rounds them: downwards."""
+        """Integer floor division and modulo, rounded towards minus infinity as in Python."""
         left, right = self.alike((left, right))
         if left.kind != "i64":
             raise Unsupported("`//` and `%` are for whole numbers")
@@ -206,7 +206,7 @@ class Writer:
         return self.emit(f"call {value.kind} @{symbol}({value.typed})", value.kind)
 
     def power(self, base: Value, exponent: int) -> Value:
-        """By multiplications."""
+        """Integer power by repeated multiplication."""
         left, result = abs(exponent), None
         while left:
             if left & 1:
@@ -230,25 +230,25 @@ class Writer:
         return self.emit(f"{'icmp' if whole else 'fcmp'} {COMPARISONS[comparison][whole]} {left.typed}, {right.text}", kind)
 
     def truth(self, value: Value) -> Value:
-        """Whether it is not zero."""
+        """Conversion to a truth value: not equal to zero."""
         return value if value.kind == "i1" else self.compared("!=", value, constant(0))
 
     def selected(self, condition: Value, first: Value, second: Value) -> Value:
         return self.emit(f"select {condition.typed}, {first.typed}, {second.typed}", first.kind)
 
     def extreme(self, comparison: str, values: Sequence[Value]) -> Value:
-        """The largest or the smallest number, found as Python finds it; that matters where one is not-a-number."""
+        """Maximum or minimum with Python's comparison order, which matters for NaN."""
         best, *others = self.alike(values)
         for other in others:
             best = self.selected(self.compared(comparison, other, best), other, best)
         return best
 
     def truncated(self, value: Value) -> Value:
-        """As a whole number, towards zero."""
+        """Truncation of a float to an integer."""
         return self.emit(f"fptosi {value.typed} to i64", "i64") if value.kind == "double" else self.converted(value, "i64")
 
     def called(self, name: str, values: Sequence[Value]) -> Value:
-        """A mathematical function. None of them sets ``errno`` that anybody reads, so equal calls are made once."""
+        """Call of a function of libm, declared free of side effects (errno is never read), so that equal calls are merged."""
         symbol, numbers = SYMBOLS[name], [self.converted(value, "double").typed for value in values]
         known = "" if symbol.startswith("llvm.") else " nounwind willreturn memory(none)"
         self.declarations[symbol] = f"declare double @{symbol}({', '.join('double' for _ in numbers)}){known}"

@@ -1,4 +1,4 @@
-"""Modules that are written in the small language: integration loops, callbacks of SUNDIALS, table look-up.
+"""Compilation of modules written in the small language: integration loops, SUNDIALS callbacks, table look-up.
 
 Such a module is an ordinary Python file. What bears the decorator `native` is read as text and compiled, once per machine; numbers,
 records and prototypes that it names are those of the module. A module may add functions that it generates itself, as ``GENERATED``.
@@ -31,7 +31,7 @@ class NativeFunctions:
 
 @cache
 def native_functions(*modules: str) -> NativeFunctions:
-    """Compile modules together, or find them compiled.
+    """Compile modules as one unit, or load them from the cache.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def _is_native(node: ast.FunctionDef) -> bool:
 
 
 def _values(environment: Environment) -> Iterator[tuple[str, str]]:
-    """What code can depend on besides its text: numbers, records and prototypes."""
+    """Globals that code can depend on besides its text: constants, records and prototypes."""
     for name, value in environment.items():
         if isinstance(value, (bool, int, float, Prototype)):
             yield name, repr(value)

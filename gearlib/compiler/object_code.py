@@ -1,4 +1,4 @@
-"""Object code of generated functions: compiled by LLVM, kept on disk, linked into the process."""
+"""Object code: compiled by LLVM, cached on disk, linked into the process."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _numbers = count()
 
 @dataclass(frozen=True)
 class CompiledFunction:
-    """A function in memory, for as long as this object lives."""
+    """A function linked into the process; its code lives as long as this object."""
 
     address: int
     _library: Any
@@ -31,7 +31,7 @@ class CompiledFunction:
 
 @lru_cache(maxsize=LINKED)
 def compiled(source: str, name: str) -> CompiledFunction:
-    r"""A function of generated source, as machine code.
+    r"""Compile a function from generated source, or load it from the cache.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def compiled(source: str, name: str) -> CompiledFunction:
 
 @cache
 def compiler_digest() -> str:
-    """What the object code depends on besides the source: LLVM, the processor, and how it is compiled."""
+    """Digest of what object code depends on besides the source: LLVM version, CPU features, compiler sources, options."""
     import llvmlite
     from llvmlite import binding
 
@@ -79,7 +79,7 @@ def compiler_digest() -> str:
 
 @cache
 def _processor() -> tuple[str, str]:
-    """Its name and features."""
+    """Name and features of the host CPU."""
     from llvmlite import binding
 
     try:
@@ -90,7 +90,7 @@ def _processor() -> tuple[str, str]:
 
 @cache
 def _machine() -> Any:
-    """LLVM's description of this machine."""
+    """LLVM target machine of the host."""
     from llvmlite import binding
 
     binding.initialize_native_target()
@@ -110,7 +110,7 @@ def _linker() -> Any:
 
 @lru_cache(maxsize=1)
 def _passes(number: int) -> tuple[Any, Any]:
-    """LLVM's passes that simplify one function, at their lowest level, and what they are run with.
+    """Function pass manager at optimisation level 1, and its pass builder.
 
     They give code as fast as all passes at the highest level do, in a third of the time: loops come in the form that is wanted, and
     with their vector instructions. Both objects become slower with every use, and llvmlite gives back no memory of theirs; so they
@@ -136,7 +136,7 @@ def object_code(source: str) -> bytes:
 
 
 def optimised(text: str) -> bytes:
-    """Compile a module of loops, given in LLVM's language, with all optimisations: inlining across functions matters there."""
+    """Compile a module of IR with full optimisation, since inlining across functions matters in integration loops."""
     from llvmlite import binding
 
     machine = _machine()
@@ -148,7 +148,7 @@ def optimised(text: str) -> bytes:
 
 
 def linked(code: bytes, names: Sequence[str]) -> tuple[dict[str, int], Any]:
-    """Put object code into memory: addresses of exported functions, and what must live as long. Library functions are the process's."""
+    """Link object code into the process: addresses of exported functions, and the owner of their memory."""
     from llvmlite import binding
 
     unit = binding.JITLibraryBuilder().add_object_img(code).add_current_process()

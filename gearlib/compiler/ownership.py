@@ -1,4 +1,4 @@
-"""Files and folders that nobody else can have written: what lies in them may be run.
+"""Ownership checks: cached code is executed only from files and folders that no other user can write.
 
 Compiled code that another user of the machine has put into a cache would run with the rights of whoever finds it there. So a folder
 counts only if nobody but its owner and the administrator can write in it or put another one in its place, and a file only if it is a
@@ -19,14 +19,14 @@ NOT_FOLLOWED = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | get
 
 
 def make_private(folder: Path) -> None:
-    """Make a folder, and those above it that are missing, for the user alone."""
+    """Create a folder and its missing parents, accessible to the user only."""
     for path in [*reversed(folder.parents), folder]:
         if not path.exists():
             path.mkdir(mode=0o700, exist_ok=True)
 
 
 def why_foreign(folder: Path) -> str | None:
-    """Why others can write in a folder, or put another one in its place; None where they cannot.
+    """Reason why another user could write to a folder or replace it; None where nobody can.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def why_foreign(folder: Path) -> str | None:
 
 
 def is_own(path: Path) -> bool:
-    """Whether something in a folder is a plain file, or a folder, that nobody else can have written."""
+    """Whether a path is a regular file or folder that no other user can have written."""
     try:
         found = path.lstat()
     except OSError:
@@ -55,7 +55,7 @@ def is_own(path: Path) -> bool:
 
 
 def read_own(path: Path) -> bytes:
-    """What a file holds.
+    """Content of a file, if it passes `is_own`.
 
     Raises
     ------
@@ -77,14 +77,14 @@ def _written_by_owner(found: os.stat_result) -> bool:
 
 
 def _others_write(found: os.stat_result) -> bool:
-    """Whether more than the owner may write; a group that has no other member does not count."""
+    """Whether others than the owner have write permission; a group without other members does not count."""
     if found.st_mode & stat.S_IWOTH:
         return True
     return bool(found.st_mode & stat.S_IWGRP) and not _of_one_user(found.st_gid)
 
 
 def _of_one_user(group: int) -> bool:
-    """Whether a group is a user's own, as many systems make one for each user: of the same name, without other members."""
+    """Whether a group is a user-private group: of the user's name, without other members."""
     if sys.platform != "win32":
         import grp
         import pwd

@@ -1,4 +1,4 @@
-"""Names of the small language that Python does not have, so that its modules can be imported, checked and read as Python."""
+"""Built-ins of the small language as Python stand-ins, so that its modules can be imported, type-checked and read."""
 
 from __future__ import annotations
 
@@ -36,32 +36,32 @@ def int32s_at(address: int) -> int32s:
 
 
 def block(number: float) -> float:
-    """A vector of equal numbers."""
+    """A SIMD vector with all elements equal."""
     return number
 
 
 def total(vector: float) -> float:
-    """The sum of a vector's elements."""
+    """Horizontal sum of a vector."""
     return vector
 
 
 def where(condition: bool, first: float, second: float) -> float:
-    """Elements of the first where the condition holds, else of the second."""
+    """Elementwise select: the first operand where the condition holds, else the second."""
     return first if condition else second
 
 
 def one_by_one(array: floats, place: int) -> float:
-    """A vector whose elements were just written one by one; loaded in one piece it would be waited for."""
+    """Load a vector whose elements were just stored one by one; a single load would stall on store forwarding."""
     return array[place]
 
 
 def native(function: _Function) -> _Function:
-    """Mark a function as written in the small language. Python calls it only through `native_functions`."""
+    """Decorator of functions in the small language; Python calls them through `native_functions` only."""
     return function
 
 
 def record(cls: _Record) -> _Record:
-    """Make a record of a class whose annotations are its fields, ``int`` (also for addresses) or ``float``.
+    """Class decorator: a ctypes structure whose annotated fields are ``int`` (64 bits, also addresses) or ``float``.
 
     Examples
     --------

@@ -147,7 +147,7 @@ def _refusal(node: ast.AST) -> Unsupported:
 
 
 class _Turns(NamedTuple):
-    """A name that a loop hands on: its value before the loop, and at the beginning of each turn."""
+    """A loop-carried name: its phi node, its initial value, and its value at the start of each iteration."""
 
     name: str
     first: Value
@@ -155,7 +155,7 @@ class _Turns(NamedTuple):
 
 
 class _Range(NamedTuple):
-    """Of a loop; ``begun`` where there is a turn in any case."""
+    """Bounds of a for-loop; ``begun`` where there is at least one iteration."""
 
     first: Value
     last: Value
@@ -164,7 +164,7 @@ class _Range(NamedTuple):
 
 
 class _Exits(NamedTuple):
-    """Of a loop: where ``break`` and ``continue`` lead to, and from where they do."""
+    """Targets of ``break`` and ``continue`` of a loop, and the blocks that branch to them."""
 
     end: str
     breaks: list[tuple[str, Names]]
@@ -173,7 +173,7 @@ class _Exits(NamedTuple):
 
 
 class _Function:
-    """One function on its way. ``names`` is None where control never comes."""
+    """Translation of one function; ``names`` is None in unreachable code."""
 
     def __init__(
         self, node: ast.FunctionDef, environment: Environment, signatures: dict[str, Signature], write: Writer
@@ -199,7 +199,7 @@ class _Function:
 
     @property
     def here(self) -> Names:
-        """What names stand for at a place that control comes to."""
+        """Values of the names at a reachable place."""
         assert self.names is not None
         return self.names
 
@@ -299,7 +299,7 @@ class _Function:
             self.store(target, self.write.operated(operation, self.value(target), self.value(statement.value)))
 
     def choose(self, statement: ast.If) -> None:
-        """One branch of many; they may be more than recursion could follow."""
+        """An if-elif chain, iteratively: it may be longer than recursion allows."""
         end, rest = self.write.new(), cast(list[ast.stmt], [statement])
         coming: list[tuple[str, Names]] = []
         while len(rest) == 1 and isinstance(rest[0], ast.If):
@@ -317,14 +317,14 @@ class _Function:
         self.join(end, coming)
 
     def leave(self, end: str, coming: list[tuple[str, Names]]) -> None:
-        """Go to a block that others lead to as well, if control comes here."""
+        """Branch to a block with several predecessors, if this place is reachable."""
         if self.names is not None:
             coming.append((self.write.block, self.names))
             self.write.go(end)
             self.names = None
 
     def join(self, block: str, coming: Sequence[tuple[str, Names]]) -> None:
-        """Begin a block that others lead to. A name keeps its meaning if it has one, of one kind, in all of them."""
+        """Begin a block with several predecessors; a name survives if it has one type in all of them (phi nodes)."""
         self.names = None
         if not coming:
             return
@@ -370,7 +370,7 @@ class _Function:
         self.loop(statement, target, _Range(first, last, step, not together and is_never_empty(call)))
 
     def loop(self, statement: ast.For, target: str, over: _Range) -> Value:
-        """First the test whether there is a turn; then the body, with the test for another turn at its end. Returns how far it came."""
+        """A for-loop in rotated form: guard, body, test at the end. Returns the final value of the counter."""
         body, end, test = self.write.new(), self.write.new(), "<" if over.step > 0 else ">"
         before, coming = self.here, []
         if over.begun:
@@ -399,7 +399,7 @@ class _Function:
         return self.write.phi([(over.first, entry), (late[0], coming[-1][0])]) if together else over.first
 
     def carry_out_loop(self, body: Sequence[ast.stmt], end: str) -> _Exits:
-        """The body of a loop, up to where the next iteration begins."""
+        """The body of a loop up to its latch."""
         exits = _Exits(end, [], self.write.new() if _continues(body) else "", [])
         self.loops.append(exits)
         self.carry_out(body)
@@ -410,7 +410,7 @@ class _Function:
         return exits
 
     def repeat_while(self, statement: ast.While) -> None:
-        """The test stands at the head; LLVM rotates the loop."""
+        """A while-loop with the test in its header; LLVM rotates it."""
         head, body, out, end = (self.write.new() for _ in range(4))
         before, entry, anew = self.here, self.write.block, stored(statement.body)
         turns = [
@@ -489,7 +489,7 @@ class _Function:
         return real(number) if isinstance(number, float) else constant(number)
 
     def place(self, node: ast.Subscript | ast.Attribute) -> Value:
-        """Where an element of an array, or a field of a record, lies."""
+        """Pointer to an array element or a record field."""
         if isinstance(node, ast.Subscript):
             vector = self.vector if self.lane and grows_with(node.slice, self.lane) else ""
             return self.write.at(self.value(node.value), self.value(node.slice), vector)
@@ -501,7 +501,7 @@ class _Function:
         raise Unsupported(f"`{ast.unparse(node)}`: there is no such field")
 
     def operations(self, node: ast.BinOp) -> Value:
-        """A sum may have thousands of terms, and a syntax tree as deep; so it is not climbed by recursion."""
+        """A chain of binary operations, iteratively: a sum of thousands of terms has a syntax tree as deep."""
         pending: list[ast.BinOp] = []
         first: ast.expr = node
         while isinstance(first, ast.BinOp) and not isinstance(first.op, ast.Pow):
@@ -534,7 +534,7 @@ class _Function:
         return self.write.compared(COMPARISONS[type(node.ops[0])], self.value(node.left), self.value(node.comparators[0]))
 
     def branch(self, test: ast.expr, yes: str, no: str) -> None:
-        """Go to one of two blocks; what need not be looked at for that is not."""
+        """Conditional branch with short-circuit evaluation."""
         if isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not):
             self.branch(test.operand, no, yes)
         elif isinstance(test, ast.BoolOp):
@@ -547,7 +547,7 @@ class _Function:
             self.write.fork(self.write.truth(self.value(test)), yes, no)
 
     def chosen(self, node: ast.IfExp) -> Value:
-        """One of several values; the others are not computed."""
+        """Conditional expression: only the chosen value is computed."""
         end, rest = self.write.new(), cast(ast.expr, node)
         coming: list[tuple[Value, str]] = []
         while isinstance(rest, ast.IfExp):
@@ -570,7 +570,7 @@ class _Function:
         return self.write.phi(coming)
 
     def conditions(self, node: ast.BoolOp) -> Value:
-        """Conditions, one after the other as long as they do not decide it."""
+        """``and`` / ``or`` with short-circuit evaluation."""
         end, coming, both = self.write.new(), [], isinstance(node.op, ast.And)
         for part in node.values:
             value, following = self.value(part), self.write.new()
@@ -612,7 +612,7 @@ class _Function:
         return self.called(name, values)
 
     def own(self, name: str, values: Sequence[Value]) -> Value:
-        """A function of the language."""
+        """Call of a function of the small language."""
         kinds, result = self.signatures[name]
         if len(kinds) != len(values):
             raise Unsupported(f"`{name}` takes {len(kinds)} arguments, not {len(values)}")
@@ -624,7 +624,7 @@ class _Function:
         return Value("", result)
 
     def foreign(self, prototype: Prototype, values: Sequence[Value]) -> Value:
-        """A C function by its address; it may change all memory."""
+        """Indirect call of a C function; it may clobber all memory."""
         kinds, result = [KINDS[a] for a in prototype.arguments], KINDS[prototype.result]
         given = [self.write.converted(value, kind).typed for value, kind in zip(values[1:], kinds, strict=True)]
         function = self.write.address(values[0], "function*")
@@ -632,7 +632,7 @@ class _Function:
         return self.write.converted(found, "i64")
 
     def called(self, name: str, values: list[Value]) -> Value:
-        """A function that every program of the language has."""
+        """Call of a built-in function."""
         if name in ("max", "min") and len(values) > 1:
             return self.write.extreme(">" if name == "max" else "<", values)
         if len(values) == 1 and name == "int":
@@ -651,10 +651,10 @@ class _Function:
 
 
 def _parts(kind: str) -> list[str]:
-    """Kinds of a tuple's elements."""
+    """Types of a tuple's elements."""
     return kind.strip("{ }").split(", ") if kind.startswith("{") else []
 
 
 def _continues(body: Sequence[ast.stmt]) -> bool:
-    """Whether some ``continue`` may belong to the loop of this body."""
+    """Whether the body has a ``continue`` of its own loop."""
     return any(isinstance(node, ast.Continue) for statement in body for node in ast.walk(statement))

@@ -1,1 +1,1 @@
-"""An equation of a class, analysed once: template, kernels, class record. Nothing above this package sees sympy."""
+"""Symbolic analysis, once per class: templates, kernels, class records. No package above this one uses sympy."""

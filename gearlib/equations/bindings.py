@@ -1,4 +1,4 @@
-"""Values given to parts: numbers, expressions of the enclosing component's parameters, and for inputs of time and variables.
+"""Bindings of parameters and inputs: numbers, or expressions in the enclosing component's symbols.
 
 The numbers written in an input's expression become parameters, so that 10 sin(31.4 t) and 20 sin(6.28 t) are one equation.
 """
@@ -23,7 +23,7 @@ from gearlib.language.expressions import check_depth, time, value_of
 
 @dataclass(frozen=True)
 class BoundInput:
-    """An input's binding: a shared template, and what its symbols are here."""
+    """Binding of an input: a shared template, and the actual names of its symbols."""
 
     template: Template  # over "bound" (the input), "v0", "v1", ... and the parameters "p0", "p1", ...
     variables: dict[str, str]  # v0 -> relative path

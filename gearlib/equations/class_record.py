@@ -21,7 +21,7 @@ from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
 
 @dataclass(frozen=True)
 class ClassRecord:
-    """What one class with one set of structural choices declares and states."""
+    """Declarations and analysed equations of one class with one set of structural choices."""
 
     declared: Declared
     variable_index: dict[str, int]
@@ -39,7 +39,7 @@ _records: WeakKeyDictionary[type[Component], dict[Any, ClassRecord]] = WeakKeyDi
 
 
 def class_record(component: Component, met: Met | None = None) -> ClassRecord:
-    """The analysis of a component's class, from the cache where equations like its own were met before.
+    """Class record of a component, memoised by its equations.
 
     What ``equations`` reads may have changed since then: a constant of a module, an attribute of the class or of an object. So the
     equations are written again, once in a compilation for each class and structural choice, and the cache is asked for these.
@@ -69,7 +69,7 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
 
 
 def _written(action: Eq | When | Reinit, name: str) -> tuple[Any, ...]:
-    """An equation as what can be compared: its sides in sympy's form."""
+    """Comparable form of an equation: its sides as sympy expressions."""
     if isinstance(action, When):
         return (action.condition, *(_written(a, name) for a in action.actions))
     if isinstance(action, Reinit):
@@ -102,7 +102,7 @@ def _check_declarations(kind: type[Component]) -> None:
 
 
 def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassRecord:
-    """The analysis of equations that were not met before."""
+    """Analyse equations that are not in the cache."""
     declared = declared_by(component)
     name = type(component).__name__
 

@@ -1,4 +1,4 @@
-"""Kernels: the source of one scalar computation of a template, made once and shared by all instances.
+"""Kernels: source of one scalar expression derived from a template (solution, residual, partial derivative), shared by all instances.
 
 A kernel's text holds ``x0, x1, ...`` for the columns of its template, ``p0, ...`` for its parameters, ``r0, ...`` for its relations
 and ``t`` for time. It is printed twice: for arrays (numpy) and for scalars (native code).

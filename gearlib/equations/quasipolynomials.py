@@ -1,4 +1,4 @@
-"""Sums of t**k exp(lambda t), lambda complex: what a linear system with constant coefficients can generate.
+"""Quasipolynomials: sums of t**k exp(lambda t), lambda complex, as linear time-invariant systems generate.
 
 A signal is held as ``{lambda: [c_0, c_1, ...]}``, its value at local time s = t - origin being the sum of
 c_k s**k exp(lambda s). Sines and cosines are pairs of conjugate rates. Local time keeps the coefficients well scaled however
@@ -28,7 +28,7 @@ SAME_RATE = 8.0 * 2.0**-52  # rates that differ by rounding only are one rate
 
 
 class OutsideClassError(Exception):
-    """An expression that is no sum of t**k exp(lambda t); the text says why."""
+    """An expression that is not a quasipolynomial; the message says why."""
 
 
 def add(first: Signal, second: Signal) -> Signal:

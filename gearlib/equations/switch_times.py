@@ -1,4 +1,4 @@
-"""The times at which relations of time alone switch: known beforehand, so that an integrator steps to them exactly."""
+"""Switching times of relations that depend on time only, so that integrators step to them exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`Template`: one equation of a class, analysed once for all instances.
+"""`Template`: symbolic residual of one equation of a class, analysed once for all instances.
 
 A template knows which variables (and which of their derivatives) it holds, its partial derivatives and whether they are constant,
 and its own derivative with respect to time. What is asked of it is computed at the first call and kept.
@@ -211,7 +211,7 @@ def make_template(
 
 
 def never(name: str) -> bool:
-    """No name is one."""
+    """Predicate that is always false: no name is a discrete variable."""
     return False
 
 
@@ -296,7 +296,7 @@ def _no_event(e: Any) -> bool:
 
 
 def piecewise(expression: Any) -> Any:
-    """Signs, absolute values and extrema written as pieces, whose derivatives are pieces again."""
+    """Rewrite sign, abs, Min and Max as Piecewise, which is closed under differentiation."""
     if not expression.has(sympy.sign, sympy.Abs, sympy.Max, sympy.Min):
         return expression
     zero = sympy.S.Zero

@@ -1,1 +1,1 @@
-"""From a tree of components to flat equations: instances, connection sets, aliases, parameter values."""
+"""Flattening: component tree to flat equations (instances, connection sets, alias elimination, parameter values)."""

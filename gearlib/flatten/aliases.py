@@ -1,4 +1,4 @@
-"""Signed union-find: variables that are equal, opposite, or always zero become one."""
+"""Alias elimination by signed union-find: variables that are equal, opposite, or identically zero."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Aliases:
-    """``variable = sign * representative`` for each variable, and how many of the equalities said nothing new."""
+    """``variable = sign * representative`` for each variable, and the number of redundant equalities."""
 
     representative: Integers
     sign: Integers

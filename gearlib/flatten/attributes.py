@@ -1,4 +1,4 @@
-"""What variables are like: potentials or flows, how much they are wanted as states, how large they typically are.
+"""Attributes of variables: flow or potential, state preference, nominal value.
 
 The class of a component says so, and an instance may say otherwise; variables that are equal share it.
 """
@@ -24,7 +24,7 @@ PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
 
 @dataclass(frozen=True)
 class Attributes:
-    """Of each variable."""
+    """Attributes of all variables, one array each."""
 
     potential: NDArray[np.bool_]
     flow: NDArray[np.bool_]
@@ -34,7 +34,7 @@ class Attributes:
 
 
 def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, str, Any]]:
-    """What an instance says of its variables: name, "nominal" or "state", and the value.
+    """Attribute overrides of an instance: name, "nominal" or "state", and the value.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
 
 
 def attributes_of(tree: Tree, n_variables: int) -> Attributes:
-    """What the classes declare."""
+    """Attributes as the classes declare them."""
     own = Attributes(
         np.zeros(n_variables, bool), np.zeros(n_variables, bool), np.ones(n_variables, np.int64),
         np.full(n_variables, PREFERENCE["default"]), np.ones(n_variables),
@@ -85,7 +85,7 @@ def attributes_of(tree: Tree, n_variables: int) -> Attributes:
 
 
 def merge(own: Attributes, rep: NDArray[np.int64], choices: Sequence[tuple[int, str, Any]]) -> Attributes:
-    """What holds for variables that are equal, at their representative; what instances say wins, then the smallest nominal value."""
+    """Attributes of each representative from its aliases; overrides of instances win, then the smallest nominal value."""
     n = len(rep)
     potential, flow = np.zeros(n, bool), np.zeros(n, bool)
     potential[rep[own.potential]] = True

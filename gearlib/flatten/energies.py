@@ -1,4 +1,4 @@
-"""The powers and energies of a model's components: what each declares, and what flows through its connectors."""
+"""Energy terms of a model's components: declared energies, and the power through their connectors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Audited:
-    """One component, as far as its energy goes.
+    """Energy terms of one component.
 
     Attributes
     ----------

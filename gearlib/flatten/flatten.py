@@ -304,7 +304,7 @@ def _group(raw: Raw, aliases: Aliases, tree: Tree) -> EquationGroup:
 
 
 def _held(template: Template, tree: Tree, instance: int) -> list[int]:
-    """Where the held names of a template stand for an instance, see `Discretes`."""
+    """Indices of a template's discrete names in the discrete state, for one instance; see `Discretes`."""
     n = len(tree.discrete_names)
     places = []
     for name in template.held:

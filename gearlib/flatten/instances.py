@@ -1,4 +1,4 @@
-"""Walk a tree of components: dotted names, numbers of variables and parameters, equations by template, connections.
+"""Instantiation: traverses the component tree and numbers variables and parameters; collects equations and connections.
 
 All instances of a class with the same structural choices share one analysis (`gearlib.equations.class_record`); an instance only adds
 numbers.
@@ -25,7 +25,7 @@ DEEPEST = 200  # levels of components within components
 
 
 def walk(root: Component) -> Tree:
-    """Lay out a component and all its parts, depth first, in the order in which they were made."""
+    """Instantiate a component and its parts, depth first, in order of creation."""
     tree = Tree()
     stack: list[tuple[Component, str]] = [(root, "")]
     composites: list[tuple[Component, int]] = []

@@ -1,4 +1,4 @@
-"""`FlatModel`: what flattening leaves of a tree of components, in integers, names and numbers."""
+"""`FlatModel`: the flat equations of a component tree, as index arrays, names and parameter values."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_AFFECTED = 64  # sets of given parameters whose dependents are remembered
 
 @dataclass(frozen=True)
 class Instance:
-    """A component at its place: its path, what it declares, and where its numbers begin."""
+    """An instance of a class: its path, its declarations, and its first variable and parameter numbers."""
 
     path: str
     kind: str  # class name
@@ -156,7 +156,7 @@ class Discretes:
 
 @dataclass(frozen=True)
 class Counts:
-    """How many there were before aliases were removed; for the summary."""
+    """Counts before alias elimination, for the summary."""
 
     components: int
     variables: int

@@ -1,4 +1,4 @@
-"""A template where some of its variables are one, or always zero, or where a parameter is absent.
+"""Specialisation of templates: variables merged by aliases, identically zero, or without a parameter that is zero.
 
 A spring whose two flanges lie on one rigid set has ``phi_rel = phi - phi``, which is zero whatever ``phi`` is; neither matching nor
 code may see a ``phi`` in it. A body with ``J = 0`` states that its torques cancel, and says nothing of its acceleration. So the

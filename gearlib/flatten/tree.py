@@ -1,4 +1,4 @@
-"""`Tree`: instances, equations, connections and start values of a component and all its parts, as they are found on the walk."""
+"""`Tree`: the instantiated component tree: instances, equations, connections and start values, not yet flattened."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gearlib.flatten.model import Instance
 
 @dataclass
 class Tree:
-    """Everything found on the walk, still with aliases and unconnected."""
+    """Instantiated model before connections and alias elimination."""
 
     instances: list[Instance] = field(default_factory=list)
     rows: dict[Template, list[tuple[int, list[int], list[int]]]] = field(default_factory=lambda: defaultdict(list))

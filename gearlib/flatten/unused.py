@@ -1,4 +1,4 @@
-"""Values that were given and that nothing uses: parameters, inputs and structural choices of the kind of model that was not chosen.
+"""Unused values: parameters, inputs and structural choices without effect under the chosen structure are refused.
 
 A parameter counts as used where an equation of a component, a start value, or another parameter that is used holds it; an input where
 an equation other than its own binding does; a structural choice where ``assemble`` or ``equations`` asked for it, or the default of a
@@ -48,7 +48,7 @@ def refuse_unused(tree: Tree, root: Component) -> None:
 
 
 class Used:
-    """The parameters and the variables that the equations of a model hold."""
+    """Parameters and variables that occur in a model's equations, directly or through bindings."""
 
     def __init__(self, tree: Tree) -> None:
         self._tree = tree

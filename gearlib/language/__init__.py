@@ -1,1 +1,1 @@
-"""What a modeller writes: components, their declarations, equations and connections."""
+"""The modelling language: components, declarations, expressions, connections, units."""

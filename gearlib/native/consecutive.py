@@ -1,4 +1,4 @@
-"""Loops over consecutive slots: the fast form of a linear equation that many neighbours share.
+"""Unit-stride loops: linear equations of neighbouring instances over consecutive slots, vectorisable.
 
 Slots are numbered so that neighbours in a chain lie side by side. A run is a stretch of rows in which every slot grows by one; inside
 it the loop reads and writes plain stretches of memory, which the compiler turns into vector instructions. The coefficients of a
@@ -20,7 +20,7 @@ SHORTEST = 8  # rows that runs must have on average to be worth it
 
 
 def starts_of_runs(columns: Integers) -> Integers:
-    """First rows of the stretches in which all columns grow by one.
+    """First rows of the runs of unit stride in all columns.
 
     >>> starts_of_runs(np.array([[0, 5], [1, 6], [2, 9], [3, 10]]))
     array([0, 2])
@@ -30,7 +30,7 @@ def starts_of_runs(columns: Integers) -> Integers:
 
 
 def has_runs(batch: Batch) -> bool:
-    """Whether a batch (of one pattern of signs) is a linear equation whose rows mostly lie side by side."""
+    """Whether a batch (of one sign pattern) is a linear equation in mostly unit-stride runs."""
     kernel = batch.kernel
     if len(batch) < SHORTEST or not kernel.columns or kernel.relations or (batch.argument_signs == 0).any():
         return False
@@ -46,7 +46,7 @@ def _coefficients(kernel: Kernel) -> list[Kernel]:
 
 
 def coefficient_batches(batch: Batch) -> list[Batch]:
-    """The coefficients that are no plain numbers, and the constant part if there is one: to be computed before a run."""
+    """Batches for the parameter-dependent coefficients and the constant part, computed before a run."""
     found = []
     for a, kernel in enumerate(_coefficients(batch.kernel)):
         if kernel.number is None:

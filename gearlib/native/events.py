@@ -1,4 +1,4 @@
-"""Source of event functions: what relations compare (roots), and the event iteration (update)."""
+"""Code generation for events: root functions of the relations, and the event iteration (update)."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _relation_loop(body: Body, part: Batch, roots: Integers, timed: bool, compar
 
 
 def _sides(body: Body, batch: Batch, numbers: Integers) -> None:
-    """Rounding may give an event function another side than its relation has; the relation tells which one must be left next."""
+    """Side of each event function, from its relation: by rounding, the function's own sign may differ."""
     located = np.flatnonzero(np.isin(batch.targets, numbers))
     if len(located):
         part = batch.take(located)

@@ -1,4 +1,4 @@
-"""Source of the analytic Jacobian: partial derivatives of each kernel, accumulated forward along fixed sparse lists.
+"""Code generation for the analytic Jacobian: forward accumulation of partial derivatives over a fixed sparsity pattern.
 
 Every slot has a row of derivatives with respect to the states that it depends on; the rows lie one after another in ``data``. The
 lists say, for each instance, which entry is multiplied into which.
@@ -187,7 +187,7 @@ def _combine(body: Body, step: Linear, at: int, needed: Integers, pattern: Patte
 
 
 def _implicit(body: Body, step: Newton, pattern: Pattern) -> None:
-    """dz = -inverse(J) (dr/dx): gather dr/dx, one column for each state, and solve column by column."""
+    """Implicit differentiation of a Newton block: dz = -inverse(J) (dr/dx), solved column by column."""
     n = len(step.unknowns)
     inside = set(step.unknowns.tolist())
     seeds = pattern.rows[int(step.unknowns[0])]

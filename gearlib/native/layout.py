@@ -1,4 +1,4 @@
-"""Where a program's numbers stand in the two blocks that native code gets: ``data`` (floats) and ``index`` (integers)."""
+"""Memory layout of native code: offsets in its two blocks, ``data`` (floats) and ``index`` (integers)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SEARCH = 6.0  # times an addition: an operation of an elimination in short loops
 
 @dataclass(frozen=True)
 class Shared:
-    """What all functions of a scene share at the beginning of ``data``: parameters, modes (relations, discrete values), inputs."""
+    """Common head of ``data``: parameters, discrete state (relations, discrete variables), inputs."""
 
     n_parameters: int
     n_relations: int

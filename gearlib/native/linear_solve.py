@@ -1,4 +1,4 @@
-"""Source of the elimination that nonlinear and varying blocks are solved with; it goes into the code that needs it."""
+"""Source of dense Gaussian elimination with complete pivoting, inlined into code with varying or nonlinear blocks."""
 
 SOLVE = '''
 def solve(data: floats, a: int, b: int, n: int, lead: int) -> int:

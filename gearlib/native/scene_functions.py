@@ -1,4 +1,4 @@
-"""Native functions of a program: generated source and its machine code."""
+"""Native functions of a scene: generated source, machine code, and their data and index blocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Readable source of a program, as native code gets it.
+"""Code generation for the right-hand side: readable source of a program, unrolled or in loops.
 
 A small program is written out, one named assignment an equation. A large one loops: one loop for each kernel and level, over index
 arrays, so that its source does not grow with the number of components. Where the levels are many (a long rigid train computes one
@@ -93,14 +93,14 @@ class Body:
 
 
 def is_small(program: Program) -> bool:
-    """Whether the program is written out."""
+    """Whether the program is small enough to be unrolled."""
     newton = any(isinstance(s, Newton) for s in program.steps)
     size = sum(len(s) if isinstance(s, Batch) else len(s.unknowns) for s in program.steps)
     return not newton and size <= LONGEST
 
 
 def written_out(program: Program, layout: Layout, slot_names: dict[int, str], parameter_names: Sequence[str]) -> Body:
-    """One named assignment for each unknown."""
+    """Unrolled source: one named assignment per unknown."""
     body = Body()
     n = len(program.states)
     body.lines += [f"{slot_names[i]} = x[{i}]" for i in range(n)]
@@ -132,7 +132,7 @@ CLOSING = 6  # lines at the end of a looped body that store the derivatives
 
 
 def looped(program: Program, layout: Layout) -> Body:
-    """One loop for each kernel and level; the source depends on the kinds of equations only."""
+    """Source in loops, one per kernel and level; its size depends on the kinds of equations only."""
     n_rows = sum(len(b) for step in program.steps for b in _batches(step))
     body = Body(signed=_many_signs(program), literal=n_rows <= LONGEST)
     sizes = body.array(

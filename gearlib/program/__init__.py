@@ -1,1 +1,1 @@
-"""What is computed, in which order: batches of kernels, linear blocks, Newton blocks; carried out with numpy."""
+"""The evaluation program: batches of kernels, linear blocks and Newton blocks in order; its NumPy backend and its derivatives."""

@@ -1,4 +1,4 @@
-"""`build`: from sorted blocks to a `Program`."""
+"""`build`: lowers sorted blocks to a `Program`."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def build(structure: Structure, targets: Iterable[Node], states: Sequence[Node] 
 
 
 class Builder:
-    """Collects steps while it goes through the blocks."""
+    """Collects the steps of a program, block by block."""
 
     def __init__(self, structure: Structure, blocks: Sequence[Block], states: tuple[Node, ...]) -> None:
         self.structure, self.model, self.blocks = structure, structure.model, blocks
@@ -159,7 +159,7 @@ class Builder:
         return result
 
     def _assign(self, block: Block, scalar: Found, pivots: Found) -> bool:
-        """An unknown that its equation can be solved for by itself; False where it cannot."""
+        """Emit an explicit assignment; False where the equation is not linear in the unknown."""
         node, (e, k) = block.unknowns[0], block.equations[0]
         template, g, i = self._template(e, k)
         mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
@@ -189,7 +189,7 @@ class Builder:
         return True
 
     def _block(self, block: Block, scalar: Found) -> Linear | Newton:
-        """A block of several unknowns: constant linear, or for Newton's method in the order of its tearing."""
+        """Emit a block of several unknowns: linear with constant matrix, or torn, for Newton's method."""
         position = {node: c for c, node in enumerate(block.unknowns)}
         rows = []
         safe: list[dict[int, bool]] = []

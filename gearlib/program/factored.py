@@ -1,4 +1,4 @@
-"""The solution of a large linear block: its factorised matrix, from which rows or products are made when they are asked for."""
+"""Solution operator of a large linear block: a sparse LU factorisation, applied on demand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CHUNK = 256  # columns that are solved for at once
 
 @dataclass(frozen=True, eq=False)
 class Factored:
-    """``-inverse(A)[:, known]`` without its numbers: a block of thousands of unknowns would fill gigabytes.
+    """``-inverse(A)[:, known]`` as an operator; the dense matrix of thousands of unknowns would take gigabytes.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Factored:
         return result
 
     def __getitem__(self, rows: Sequence[int] | Integers) -> Floats:
-        """Some rows, from the rows or the columns, whichever are fewer."""
+        """Some rows, by solves with A or its transpose, whichever are fewer."""
         chosen = np.asarray(rows, np.int64)
         result = np.empty((len(chosen), len(self.known)))
         by_row = len(chosen) <= len(self.known)
@@ -61,6 +61,6 @@ class Factored:
         return result
 
     def tolist(self) -> list[list[float]]:
-        """All numbers."""
+        """All entries, dense."""
         rows: list[list[float]] = self[range(self.shape[0])].tolist()
         return rows

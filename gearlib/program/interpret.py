@@ -1,4 +1,4 @@
-"""Carry out a program with numpy: many times at once, nothing compiled.
+"""NumPy backend: interpret a Program, vectorised over time.
 
 This serves what is asked for after a run, start values, linearisation, and everything that must be known once per run: the
 factorised matrices of linear blocks.
@@ -27,7 +27,7 @@ MOST_DENSE = 400  # unknowns up to which a block's matrix is handled as a full o
 
 @dataclass(frozen=True)
 class Prepared:
-    """A program with numbers: parameters, and of each linear block the matrix that takes g to the unknowns."""
+    """A program with its parameter values, and with the solution matrix of each linear block."""
 
     program: Program
     parameters: Floats
@@ -35,7 +35,7 @@ class Prepared:
 
     @property
     def listed(self) -> list[float]:
-        """The numbers of all solutions one after the other."""
+        """Entries of all solution matrices, concatenated."""
         listed: list[float] = []
         for s in self.solutions:
             listed += s.ravel().tolist() if isinstance(s, np.ndarray) else itertools.chain.from_iterable(s.tolist())
@@ -60,7 +60,7 @@ def constant_values(batch: Batch, parameters: Floats) -> Floats:
 
 
 def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepared:
-    """Factorise what is constant during a run, and check that nothing that is divided by vanishes.
+    """Factorise the constant blocks, and check that no pivot vanishes.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def owner_of(structure: Structure, equation: int) -> str:
 
 
 def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | Factored:
-    """-inverse(A), the columns for which there is a g."""
+    """Solution matrix: the columns of -inverse(A) that have a right-hand side."""
     n = len(block.unknowns)
     places = block.places
     if not np.isfinite(entries).all():
@@ -135,7 +135,7 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | 
 
 @lru_cache(maxsize=4)
 def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
-    """Inverse of a matrix, None of a singular one; the programs of a scene have their blocks in common."""
+    """Inverse of a matrix, None of a singular one; memoised, since the programs of a scene share blocks."""
     summed = np.bincount(np.frombuffer(places, np.int64), np.frombuffer(entries), n * n)
     matrix = np.asarray(summed, float).reshape(n, n)
     row_scale = np.abs(matrix).max(axis=1)
@@ -209,7 +209,7 @@ def evaluate(
 
 
 def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None) -> None:
-    """Solve a block one time after the other, each from the solution before."""
+    """Newton's method, time by time, warm-started from the previous solution."""
     n = len(step.unknowns)
     z = np.zeros(n) if guess is None else guess[step.unknowns].copy()
     for i in range(len(t)):
@@ -240,7 +240,7 @@ def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relation
 def _newton_at_once(
     step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None
 ) -> None:
-    """Solve a block at all times together, each from its own guess; those with a singular matrix on the way one by one."""
+    """Newton's method vectorised over time, each from its own guess; times with a singular matrix one by one."""
     assert guess is not None
     n = len(step.unknowns)
     z = guess[step.unknowns].copy()
@@ -270,7 +270,7 @@ def _newton_at_once(
 
 
 def _singular_step(step: Newton, matrix: Floats, residual: Floats, z: Floats, t: float) -> Floats:
-    """The least change where the matrix is singular; away from here where that leaves a residual (x**2 = 4 at x = 0)."""
+    """Minimum-norm Newton step for a singular matrix; a perturbation where a residual remains (x**2 = 4 at x = 0)."""
     finite = bool(np.isfinite(matrix).all() and np.isfinite(residual).all())
     change: Floats = np.zeros(len(z))
     if finite:
@@ -288,7 +288,7 @@ def _labels(step: Newton) -> str:
 
 
 def assemble(batches: Sequence[Batch], t: Floats, slots: Floats, parameters: Floats, relations: Floats, size: int) -> Floats:
-    """Sum batches' values at their targets, shape (size, times)."""
+    """Scatter-add of batches' values at their targets, shape (size, times)."""
     result = np.zeros((size, slots.shape[1]))
     for batch in batches:
         np.add.at(result, batch.targets, batch_values(batch, t, slots, parameters, relations))

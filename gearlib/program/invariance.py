@@ -1,4 +1,4 @@
-"""Which changes of the states leave a program's results as they are, wherever the states are: its symmetries.
+"""Translational symmetries of a program: directions in state space along which its results are invariant.
 
 A train looks the same however far it has turned, so that nothing but its angles may grow when it turns steadily. A change ``dx`` is
 such a symmetry if the linear parts of all equations pass on nothing of it, and if no argument that an equation is nonlinear in changes.
@@ -25,7 +25,7 @@ INDEPENDENT = 1e-9  # smallest singular value of directions that count as differ
 
 
 def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relations, Prepared] | None, scale: Floats) -> Floats:
-    """An orthonormal basis of the changes of the states that leave all targets and all events as they are.
+    """Orthonormal basis of the state directions that leave all targets and event functions invariant.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relatio
 
 
 class _Carried:
-    """Changes of all slots of a program for a change of each state, and of each unknown of an iteration."""
+    """Directional derivatives carried forward through a program, one column per state and iteration unknown."""
 
     def __init__(self, prepared: Prepared, scale: Floats) -> None:
         program = prepared.program
@@ -79,7 +79,7 @@ class _Carried:
         self._rows: list[Floats] = []
 
     def run(self, targets: Sequence[int]) -> Floats:
-        """Go through the program. Returns what has to vanish: changes of the targets, and of what is nonlinear."""
+        """Propagate through the program; returns what must vanish: changes of targets and of nonlinear arguments."""
         solutions = iter(self._prepared.solutions)
         for step in self._prepared.program.steps:
             if isinstance(step, Batch):
@@ -151,7 +151,7 @@ class _Carried:
 
 
 def _null_space(matrix: Floats) -> Floats:
-    """A basis of what a matrix takes to zero; rows and columns are scaled, so that a weak coupling counts as well as a strong one."""
+    """Null space of a matrix, scaled by rows and columns so that weak couplings count as much as strong ones."""
     matrix = matrix[np.isfinite(matrix).all(axis=1) & matrix.any(axis=1)]
     column = np.ones(matrix.shape[1])
     if not len(matrix):

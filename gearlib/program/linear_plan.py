@@ -1,4 +1,4 @@
-"""The matrices of a linear program as one sparse computation: which products are summed where is worked out once.
+"""Precomputed plan for the matrices of a linear program: sparse sums of products, evaluated for any parameters.
 
 Every slot is a sum of seeds (states, inputs, terms added to slots) times numbers. The numbers of all slots lie in one vector, those
 of the seeds, which are one, first. Each step of the program appends the sums of products of its coefficients, which depend on
@@ -24,7 +24,7 @@ MOST_PRODUCTS = 2_000_000
 
 @dataclass(frozen=True)
 class _Coefficients:
-    """Derivatives of a batch with respect to one argument."""
+    """Partial derivatives of a batch with respect to one argument."""
 
     kernel: Kernel
     parameters: Integers  # (parameters, rows)
@@ -36,7 +36,7 @@ class _Coefficients:
 
 @dataclass(frozen=True)
 class _Sums:
-    """Products of coefficients (and of a one behind them) with numbers, and the sum to which each belongs."""
+    """Sparse sums of products: factor indices, constant weights, and the target of each term."""
 
     coefficients: tuple[_Coefficients, ...] | None  # None: those of a linear block's solution
     factors: Integers
@@ -47,7 +47,7 @@ class _Sums:
 
 @dataclass(frozen=True, eq=False)
 class LinearPlan:
-    """How the derivatives of a program's outputs come about. Entry i stands at ``rows[i]`` (outputs) and ``seeds[i]``."""
+    """Plan of a Jacobian in coordinate format: entry i belongs to output ``rows[i]`` and seed ``seeds[i]``."""
 
     n_seeds: int
     steps: tuple[_Sums, ...]

@@ -1,4 +1,4 @@
-"""`Program`: what to compute, in which order, in arrays of integers.
+"""`Program`: an evaluation order as integer arrays (slots, arguments, targets).
 
 Every quantity has a slot: first the states, then the given inputs, then the unknowns. A `Batch` applies one kernel to many
 instances; a `Linear` block solves equations whose matrix is constant during a run (factorised beforehand); a `Newton` block solves
@@ -70,7 +70,7 @@ class Linear:
 
     @cached_property
     def places(self) -> Integers:
-        """Where each entry of the matrix stands: row * n + column."""
+        """Flat index of each matrix entry: row * n + column."""
         return np.concatenate([b.targets for b in self.matrix])
 
 
@@ -92,7 +92,7 @@ Step = Batch | Linear | Newton
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Steps in an order in which they can be carried out.
+    """Steps in topological order, and where its inputs and outputs stand.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class Program:
 
     @cached_property
     def constant_groups(self) -> tuple[tuple[Batch, ...], ...]:
-        """What depends on parameters only: the pivots, and each linear block's matrix."""
+        """Batches that depend on parameters only: pivots and matrices of linear blocks."""
         return (self.pivots, *(s.matrix for s in self.steps if isinstance(s, Linear)))
 
     @cached_property
@@ -149,7 +149,7 @@ class Program:
 
     @cached_property
     def iterated(self) -> tuple[Newton, ...]:
-        """The blocks that take several iterations."""
+        """Nonlinear blocks: those whose Newton iteration takes several steps."""
         return tuple(s for s in self.steps if isinstance(s, Newton) and not s.linear)
 
     @property

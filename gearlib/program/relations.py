@@ -1,4 +1,4 @@
-"""What changes at events: the relations and discrete variables of a program, and how they are computed."""
+"""Relations and discrete variables of a program: the batches that update the discrete state at events."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Relations:
-    """What changes at events: comparisons and discrete variables that a program uses, and the program that they need.
+    """Update rules of the discrete state, and the program that they need.
 
     Modes are numbered through the whole model: relations, then discrete values (see `gearlib.flatten.model.Discretes`). Each batch
     holds one kernel; its targets are modes, or states for ``reinits``.
@@ -34,13 +34,13 @@ class Relations:
 
     @cached_property
     def timed(self) -> tuple[NDArray[np.bool_] | None, ...]:
-        """Of each batch, which rows compare nothing but time; None where none does."""
+        """Of each batch, the rows whose relation depends on time only; None where there is none."""
         masks = [np.isin(batch.targets, self.used[self.on_time]) for batch in self.batches]
         return tuple(mask if mask.any() else None for mask in masks)
 
 
 def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:
-    """Everything needed to handle the events of a program, and of discrete variables that are wanted as outputs."""
+    """Relations and discrete variables that a program, or an output, depends on, transitively."""
     model = structure.model
     builder = Builder(structure, (), program.states)
     used = np.union1d(_used_modes(program), model.n_relations + np.array(wanted, np.int64))

@@ -1,4 +1,4 @@
-"""Plain Python functions for what a run needs once: written out, since a few scalar operations cost less than one on arrays."""
+"""Generated scalar Python functions for one-off evaluations: a few scalar operations cost less than one on arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order of steps: level by level, in batches as large as possible."""
+"""Level scheduling: steps grouped by dependency level into maximal batches."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def schedule(batches: Sequence[Batch], others: Sequence[Linear | Newton], n_slot
 
 
 def renumber(steps: Sequence[Step], n_slots: int, n_known: int) -> tuple[Integers, tuple[Step, ...]]:
-    """Slots in the order in which they are computed, so that a batch writes to consecutive ones and often reads from such.
+    """Renumber slots in evaluation order, so that a batch writes, and often reads, consecutive slots.
 
     Returns
     -------

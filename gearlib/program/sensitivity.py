@@ -1,4 +1,4 @@
-"""Exact derivatives of a program's slots with respect to states, inputs and added terms: forward through the steps."""
+"""Forward-mode differentiation of a program with respect to states, inputs and added terms."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def sensitivity(
 
 
 def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats) -> Floats:
-    """How all slots change with what the equations that are solved by iteration leave open, shape (slots, how many directions)."""
+    """Directions of all slots along the null spaces of singular iterated blocks, shape (slots, directions)."""
     now, here, flags = np.array([t]), slots[:, None], relations[:, None]
     added: list[Added] = []
     count = 0
@@ -109,7 +109,7 @@ def _matrix(step: Newton, prepared: Prepared, now: Floats, here: Floats, flags: 
 
 
 def _null_space(matrix: Floats) -> Floats:
-    """Orthonormal directions that a square matrix, its rows and columns scaled, takes to nothing."""
+    """Null space of a square matrix after row and column scaling."""
     row = np.abs(matrix).max(axis=1)
     scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
     column = np.abs(scaled).max(axis=0)
@@ -123,7 +123,7 @@ def _null_space(matrix: Floats) -> Floats:
 
 
 def solve_shared(matrix: Floats, right: Floats) -> Floats:
-    """Solve linear equations; of several solutions take the smallest: stuck elements side by side share their torque in any way.
+    """Solve linear equations, minimum norm where singular: stuck elements in parallel share their torque in any way.
 
     Raises
     ------
@@ -190,7 +190,7 @@ class _Dense:
 
 
 class _Sparse:
-    """Rows are kept in blocks and gathered at the end of each step."""
+    """Sparse derivative rows, collected in blocks and merged at the end of each step."""
 
     def __init__(self, n_slots: int, seeds: Sequence[int], n_seeds: int) -> None:
         import scipy.sparse as sparse
@@ -225,7 +225,7 @@ class _Sparse:
 
 
 def affine_seeds(program: Program) -> list[tuple[Batch, int]]:
-    """Rows of batches whose value does not vanish with all their arguments: what drives a linear program."""
+    """Affine parts of a linear program: rows of batches that do not vanish with all their arguments."""
     found = []
     for step in program.steps:
         if isinstance(step, Batch):

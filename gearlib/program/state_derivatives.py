@@ -1,4 +1,4 @@
-"""Exact derivatives of a program's slots by its states, at many times at once: what `sensitivity` does at one."""
+"""Forward-mode differentiation of a program with respect to its states, vectorised over time."""
 
 from __future__ import annotations
 

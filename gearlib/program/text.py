@@ -1,4 +1,4 @@
-"""Kernels' text with the placeholders of one instance filled in."""
+"""Kernel templates: their source with the placeholders of one instance filled in."""
 
 from __future__ import annotations
 

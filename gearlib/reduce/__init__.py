@@ -1,1 +1,1 @@
-"""A flat model with its index reduced: what is differentiated, what is a state, what is solved from what."""
+"""Index reduction: applies the structural algorithms to a flat model (differentiation, states, matching)."""

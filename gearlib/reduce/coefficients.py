@@ -1,4 +1,4 @@
-"""Numerical values of partial derivatives at the start, for the structural decisions that need them."""
+"""Partial derivatives at the start values, for structural decisions that depend on numbers."""
 
 from __future__ import annotations
 

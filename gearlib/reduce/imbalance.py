@@ -1,4 +1,4 @@
-"""Why a model has too many equations or too few: the class, the connector and the equation at fault, by name.
+"""Diagnosis of unbalanced models: the class, connector or equation at fault, by name.
 
 Each class owes as many equations as it has variables of its own and flows in its connectors: what is outside gives the potentials, or
 says what they are equal to. A class that keeps to that can only be connected wrongly.
@@ -21,7 +21,7 @@ MOST_NAMED = 3  # causes of one kind
 
 @dataclass(frozen=True)
 class Account:
-    """The equations of a class, and the unknowns that it owes them for.
+    """Balance of a class: its equations, and the unknowns that it must determine.
 
     Attributes
     ----------

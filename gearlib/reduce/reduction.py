@@ -1,4 +1,4 @@
-"""`analyse`: from flat equations to states, and which equation determines each other unknown.
+"""`analyse`: index reduction and state selection of a flat model.
 
 The steps, in order: loops (numbers), balance, Pantelides, states (numbers). A redundant equation is left out before anything is
 counted, and one torque that nothing determines any more is set to zero.
@@ -24,7 +24,7 @@ from gearlib.structure.states import StateChoice, choose_states
 
 @dataclass(frozen=True)
 class Structure:
-    """A flat model, reduced and ready to be sorted."""
+    """Result of index reduction: states, matching and dependencies."""
 
     model: FlatModel  # without redundant equations
     rows: tuple[tuple[int, int], ...]  # (group, row) of each equation
@@ -121,7 +121,7 @@ def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
 
 
 def choose_again(structure: Structure, numbers: Coefficients) -> Structure | None:
-    """The same equations with states that fit other values (numbers of ``structure.model``); None where no others do."""
+    """State selection at other values (coefficients of ``structure.model``); None where no other states will do."""
     model, result = structure.model, structure.differentiation
     rows = Rows(model)
     entries, varying = _entries(model, rows, result, numbers), _varying(model, rows, result)
@@ -270,7 +270,7 @@ def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coe
 
 
 def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[float, ...]]:
-    """How little each candidate is wanted as a state: by declaration, then derivatives, then without a fixed start value."""
+    """Sort key of state candidates, least wanted highest: declaration, order of derivative, no fixed start value."""
     wanted = set(model.representative[model.starts.variables[model.starts.fixed]].tolist())
     bad: dict[Node, tuple[float, ...]] = {}
     for v, order in result.orders.items():

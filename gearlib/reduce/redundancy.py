@@ -1,4 +1,4 @@
-"""Equations that follow from the others are left out; the flows that nothing determines any more are set to zero.
+"""Redundant constraints are removed, and the flows that they leave undetermined are set to zero.
 
 A rigid loop of gears has an equation too many between its positions and, by the same token, a torque that runs round in it and that no
 equation determines. Both are found with numbers, since structure alone cannot tell a torque in the loop from one beside it.

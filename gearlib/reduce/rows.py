@@ -1,4 +1,4 @@
-"""`Rows`: a flat model's equations one by one, as structure sees them: which variables, and how often differentiated."""
+"""`Rows`: row-wise view of a flat model's equations: variables and orders of derivative, also of differentiated equations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RestValues = Callable[[int], Floats]
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Numerical values of a flat model's partial derivatives, as structure asks for them."""
+    """Partial derivatives of a flat model, evaluated on demand."""
 
     partial: PartialValues
     rest: RestValues

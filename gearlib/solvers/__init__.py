@@ -1,1 +1,1 @@
-"""Integration methods: each takes a problem of numbers and native functions."""
+"""Integrators: each solves a `Problem` of numbers and native functions."""

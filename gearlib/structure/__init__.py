@@ -1,1 +1,1 @@
-"""What is differentiated, what is a state, what is solved from what: graphs and integers only, never a symbol."""
+"""Structural algorithms on graphs and integers: Pantelides, state selection, matching, sorting, tearing; no symbols."""

@@ -1,4 +1,4 @@
-"""Derivatives that no equation holds: the equations that determine the variables, differentiated once more.
+"""Derivatives that occur in no equation, from the defining equations differentiated once more.
 
 If the matched equations can be solved for some unknowns, their derivatives can be solved for the derivatives of these, with the same
 matching. So the derivative of any output can be asked for; nothing is differentiated unless one is.

@@ -1,4 +1,4 @@
-"""Are there as many equations as unknowns, everywhere? The Dulmage-Mendelsohn decomposition answers by name.
+"""Maximum matching and Dulmage-Mendelsohn decomposition: over- and under-determined parts of a system.
 
 A. L. Dulmage and N. S. Mendelsohn, "Coverings of bipartite graphs", Canadian Journal of Mathematics 10 (1958) 517-534,
 doi 10.4153/CJM-1958-052-0.
@@ -15,7 +15,7 @@ import networkx as nx
 
 @dataclass(frozen=True)
 class Balance:
-    """A maximum matching, and the parts of the system that it cannot cover."""
+    """A maximum matching, and the over- and under-determined parts."""
 
     matching: Mapping[int, int]  # equation -> variable
     excess_equations: tuple[int, ...]  # the over-determined part
@@ -31,7 +31,7 @@ class Balance:
 
 
 def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) -> Balance:
-    """Match equations with variables and name what is too much on either side.
+    """Match equations with variables, and find the over- and under-determined parts.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) 
 
 
 def maximum_matching(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
-    """Row -> column, as many as can be.
+    """Maximum matching, row -> column.
 
     Augmenting paths are searched from all free rows at once, each column being tried once a pass (A. Pothen and C.-J. Fan,
     "Computing the block triangular form of a sparse matrix", ACM Transactions on Mathematical Software 16 (1990) 303-324,
@@ -99,7 +99,7 @@ def maximum_matching(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
 
 
 def _augment(start: int, rows: Sequence[Sequence[Any]], owner: dict[Any, int], seen: set[Any]) -> bool:
-    """Find a place for a row by moving others along a path, depth first."""
+    """Augment the matching by a row along an alternating path, depth first."""
     path: list[tuple[int, Any]] = []  # (row, the column it would move to)
     stack = [(start, iter(rows[start]))]
     while stack:
@@ -124,7 +124,7 @@ def _augment(start: int, rows: Sequence[Sequence[Any]], owner: dict[Any, int], s
 def _alternate(
     graph: nx.Graph, start: list[tuple[str, int]], taken: Mapping[int, int], partner: Mapping[int, int]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """All that alternating paths reach from unmatched nodes."""
+    """Nodes reachable from unmatched nodes by alternating paths."""
     if not start:
         return (), ()
     free_side = start[0][0]

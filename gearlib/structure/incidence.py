@@ -1,4 +1,4 @@
-"""Which variables, and which of their derivatives, stand in which equation."""
+"""Incidence of equations and (differentiated) variables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Columns = Callable[[int, int], list[Node]]  # (equation, times differentiated) -
 
 @dataclass(frozen=True)
 class Incidence:
-    """The equations as structure sees them.
+    """Sparsity pattern of the equations, with orders of derivative.
 
     Attributes
     ----------

@@ -75,7 +75,7 @@ def pantelides(n_equations: int, columns: Columns) -> Differentiation:
 def _augment(
     start: int, current: list[list[tuple[int, int]]], orders: Mapping[int, int], owner: dict[int, int]
 ) -> tuple[list[int] | None, list[int]]:
-    """Find a place for equation ``start``; (None, []) if it was found, else the coloured equations and variables."""
+    """Augment the matching by equation ``start``; (None, []) on success, else the coloured equations and variables."""
     for v, order in current[start]:  # nothing to move
         if order == orders[v] and v not in owner:
             owner[v] = start

@@ -1,4 +1,4 @@
-"""Rigid loops: constant linear constraints that say nothing new, or that contradict each other.
+"""Rigid loops: redundant or contradictory linear constraints with constant coefficients, by rank-revealing elimination.
 
 A structural rank counts equations; two equal gears side by side count twice. So the kinematic equations are examined with their
 numerical coefficients. Whatever hangs on the rest like a tree cannot be redundant and is peeled off first; what is left are the
@@ -33,7 +33,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Loops:
-    """What the examination found."""
+    """Redundant and contradictory rows."""
 
     redundant: tuple[Combination, ...]  # the row ``last`` of each is not needed
     contradictory: tuple[Combination, ...]
@@ -112,7 +112,7 @@ def examine(rows: Sequence[Mapping[int, float]], constants: Sequence[float], may
 
 
 def core(rows: Sequence[Mapping[int, float]]) -> list[int]:
-    """Rows that are left when those with a variable of their own are taken away, again and again."""
+    """The 2-core of the rows: those left after repeatedly removing rows with a variable of their own."""
     holders: dict[int, list[int]] = defaultdict(list)
     for r, row in enumerate(rows):
         for v, c in row.items():

@@ -1,4 +1,4 @@
-"""The order in which unknowns are computed: only what is needed, each block after those that it depends on.
+"""Block lower triangular form: strongly connected components in topological order, pruned to the targets.
 
 The blocks are the strongly connected components of the graph "unknown depends on unknown" (R. Tarjan, "Depth-first search and
 linear graph algorithms", SIAM Journal on Computing 1 (1972) 146-160, doi 10.1137/0201010).

@@ -1,4 +1,4 @@
-"""Sparse linear equations that may be too many, too few, or repeat each other: which of them count, and their solution.
+"""Rank-revealing sparse elimination: independent rows and columns of a rectangular system, and its solution.
 
 Gaussian elimination with Markowitz' choice of pivots finds as many independent rows and columns as there are. What it cannot decide
 with pivots of good size is left to a QR decomposition with column exchanges of the small full matrix that remains. The square matrix of
@@ -176,7 +176,7 @@ def independent(scaled: Any) -> tuple[Integers, Integers]:
 
 
 def _lines(scaled: Any) -> list[dict[int, float]]:
-    """The rows as dictionaries from column to entry."""
+    """Rows as dictionaries, column -> entry."""
     starts, columns, values = scaled.indptr.tolist(), scaled.indices.tolist(), scaled.data.tolist()
     return [
         {j: v for j, v in zip(columns[start:end], values[start:end], strict=True) if v != 0.0}

@@ -1,4 +1,4 @@
-"""The choice of states.
+"""State selection: dummy derivatives by column choice with numerical pivoting.
 
 After Pantelides' algorithm every equation but its last derivative is a constraint on what could be a state: on all derivatives of
 variables but the highest. As many of them as there are constraints are solved for; the rest are states. Any choice that keeps the
@@ -75,7 +75,7 @@ def choose_states(
 def select_columns(
     rows: Mapping[Node, Mapping[Node, float]], badness: Mapping[Node, Sequence[float]], varying: frozenset[int] = frozenset()
 ) -> tuple[set[Node], list[Node]]:
-    """As many independent columns as there are rows, the worst first; and the rows that found none.
+    """Independent columns, one per row, least wanted first; and the rows without one.
 
     Columns are taken in the order of their badness; each is chosen unless it depends on the earlier ones, as the greedy algorithm
     for a basis of greatest weight has it. Among equals a column with few entries goes first, which keeps the elimination sparse; but

@@ -1,4 +1,4 @@
-"""Tearing: a coupled block is solved for few unknowns, from which the others follow one after another.
+"""Tearing of algebraic loops: few iteration unknowns, from which the others follow in sequence.
 
 A greedy choice in the manner of Cellier: whatever a single equation determines is taken; where nothing is, the unknown that stands in
 the most equations becomes a tearing variable (F. E. Cellier and E. Kofman, "Continuous System Simulation", Springer 2006, section
