@@ -1,4 +1,4 @@
-"""Bond graphs as parts of a model: a bond that a source drives becomes a flange, and all else is equations.
+"""Bond graphs as components: bonds driven by sources become flanges, and everything else becomes equations.
 
 The equations are those of the elements and junctions, one by one, with no causality: what becomes a state and what is solved
 from what is found as for any other component. :func:`gearlib.bondgraph.state_equations` goes its own way from the same graph.
@@ -39,7 +39,7 @@ class BondGraphPart(gl.Component):
     ports: ClassVar[Mapping[str, int]]
 
     def equations(self) -> list[gl.Eq]:
-        """All elements, one after the other; a port is an element, too."""
+        """Equations of all elements, ports included."""
         port_at = {number: name for name, number in self.ports.items()}
         found: list[gl.Eq] = []
         for element in self.graph.elements:
@@ -51,7 +51,7 @@ class BondGraphPart(gl.Component):
         return found
 
     def energies(self) -> gl.Energy | None:
-        """Of all elements; nothing is said where the law of a storage element has no integral."""
+        """Energy of all elements; None where the law of a storage element has no closed-form integral."""
         stored = heat = supplied = sp.S.Zero
         for element in self.graph.elements:
             number = self.graph.at(element)[0].number

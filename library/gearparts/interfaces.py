@@ -1,4 +1,4 @@
-"""Connectors, and the declarations and equations that families of components share.
+"""Connectors and base classes (partial models) of families of components.
 
 Sign convention, as in Modelica: a flow is positive into the component, so a positive torque at a flange accelerates the
 component in the direction of a growing angle, and the power that flows in is the sum of ``tau * der(phi)`` over its flanges.
@@ -36,14 +36,14 @@ class HeatPort(gl.Connector):
 
 
 class TwoFlanges(gl.Component):
-    """Declares the flanges of an element between two shafts."""
+    """Base of elements between two shafts."""
 
     flange_a = Flange("left")
     flange_b = Flange("right")
 
 
 class TwoFlangesAndSupport(TwoFlanges):
-    """Declares the flanges of an element between two shafts, and its support: the housing that takes the reaction."""
+    """Base of elements between two shafts with an optional support, the housing that takes the reaction torque."""
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     support = Flange("housing", when="use_support")
@@ -53,7 +53,7 @@ class TwoFlangesAndSupport(TwoFlanges):
 
 
 class OneFlange(gl.Component):
-    """Declares the flange of a source, and its support: the housing that takes the reaction."""
+    """Base of sources: one flange, and an optional support, the housing that takes the reaction torque."""
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     flange = Flange("driven shaft")
@@ -71,14 +71,14 @@ class OneFlange(gl.Component):
 
 
 class MaybeHeated(gl.Component):
-    """Declares the heat port that may take the losses of an element or of its parts."""
+    """Base of elements with an optional heat port for their losses."""
 
     use_heat_port = gl.Structural(False, "whether the loss flows to a heat port")
     heat_port = HeatPort("takes the loss", when="use_heat_port")
 
 
 class Dissipative(MaybeHeated):
-    """Declares what elements with losses share: the power lost, which leaves through the heat port if there is one."""
+    """Base of dissipative elements: the power lost, which flows to the heat port if there is one."""
 
     loss_power = gl.Variable("W", "power lost to heat")
 
@@ -87,7 +87,7 @@ class Dissipative(MaybeHeated):
 
 
 class Compliant(TwoFlanges):
-    """Declares what springs and dampers share: the torque between the flanges, and the relative angle and speed.
+    """Base of springs and dampers: the torque between the flanges, relative angle and relative speed.
 
     The torque acts on both flanges with opposite signs; a derived class equates it. The relative angle is preferred as a state: it
     stays small however far the shafts turn.

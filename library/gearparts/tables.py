@@ -1,4 +1,4 @@
-"""Tables over a speed: friction coefficients, bearing torques, efficiencies, interpolated between their rows."""
+"""Interpolation of tables over speed: friction coefficients, bearing torques, efficiencies."""
 
 from __future__ import annotations
 

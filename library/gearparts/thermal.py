@@ -1,4 +1,4 @@
-"""What the losses heat: bodies that store heat, paths that conduct it, surroundings of constant temperature."""
+"""Thermal elements: heat capacitor, conductor, convection, ambient temperature."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies that slide on a straight line, springs and dampers between them, forces, and the ground."""
+"""Translational masses, springs, dampers, forces, and the fixed ground."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gearparts.rotational.sources import SMALLEST
 
 
 class TwoTranslationalFlanges(gl.Component):
-    """Declares the flanges of an element between two rods."""
+    """Base of elements between two rods."""
 
     flange_a = TranslationalFlange("left")
     flange_b = TranslationalFlange("right")
@@ -53,7 +53,7 @@ class Mass(TwoTranslationalFlanges):
 
 
 class TranslationalCompliant(TwoTranslationalFlanges):
-    """Declares what springs and dampers share: the force between the flanges, and the relative position and velocity.
+    """Base of translational springs and dampers: the force between the flanges, relative position and velocity.
 
     The force acts on both flanges with opposite signs; a derived class equates it.
     """
@@ -104,7 +104,7 @@ class TranslationalDamper(TranslationalCompliant, Dissipative):
 
 
 class TranslationalSpringDamper(TranslationalCompliant, Dissipative):
-    """Spring and damper side by side: ``f = c (s_rel - s_rel0) + d v_rel``; it loses ``d v_rel**2``."""
+    """Spring and damper in parallel: ``f = c (s_rel - s_rel0) + d v_rel``; it loses ``d v_rel**2``."""
 
     icon = "spring_damper"
 
@@ -123,7 +123,7 @@ class TranslationalSpringDamper(TranslationalCompliant, Dissipative):
 
 
 class OneTranslationalFlange(gl.Component):
-    """Declares the flange of a force, and its support: the housing that takes the reaction."""
+    """Base of forces: one flange, and an optional support, the housing that takes the reaction."""
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     flange = TranslationalFlange("driven rod")

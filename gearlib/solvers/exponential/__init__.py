@@ -1,1 +1,1 @@
-"""Linear time-invariant problems by the matrix exponential."""
+"""Exponential integrators for linear time-invariant problems."""

@@ -1,4 +1,4 @@
-"""exp(A h) z of a large sparse matrix by Chebyshev series, without ever forming exp(A h).
+"""Action of the exponential of a large sparse matrix, exp(A h) z, by Chebyshev series (never forms exp(A h)).
 
 The field of values of A, in a scaling of the states that makes A as symmetric in size as it can be made, lies in an ellipse.
 The Faber polynomials of an ellipse are scaled Chebyshev polynomials, so that the series of exp is a three-term recurrence of
@@ -37,7 +37,7 @@ _SEVERAL = 8  # output steps in one series, at most
 
 @dataclass(frozen=True)
 class Ellipse:
-    """Contains the field of values: centre on the real axis, semi-axes along the real and the imaginary axis (1/s)."""
+    """Ellipse that encloses the field of values: centre on the real axis, semi-axes along the real and imaginary axes (1/s)."""
 
     centre: float
     real: float
@@ -88,7 +88,7 @@ class Ellipse:
 
 @dataclass(frozen=True, eq=False)
 class Triplets:
-    """The nonzeros of a matrix, each place once."""
+    """A sparse matrix in coordinate format without duplicates."""
 
     rows: Integers
     columns: Integers
@@ -97,7 +97,7 @@ class Triplets:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """A matrix made ready for its exponential to act on vectors.
+    """A scaled, bounded matrix and the series of its exponential's action.
 
     Examples
     --------

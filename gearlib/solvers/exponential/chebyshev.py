@@ -1,4 +1,4 @@
-"""Compiled loops of the exponential's action, in the small language; arrays come by address."""
+"""Compiled kernels of the exponential's action, in the small language; arrays by address."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TILE = 400  # rows
 
 @record
 class Series(ctypes.Structure):
-    """A matrix M by its full diagonals and its entries elsewhere, and what a series of it works on."""
+    """A matrix M as full diagonals and off-diagonal entries, and the work arrays of its series."""
 
     n: int
     offsets: int
@@ -191,7 +191,7 @@ def growth(address: int) -> int32:
 
 @record
 class Graph(ctypes.Structure):
-    """A graph's adjacency lists, and room for a search."""
+    """Adjacency lists of a graph, and work arrays of a search."""
 
     n: int
     indptr: int

@@ -1,4 +1,4 @@
-"""Compiled loops of `corners`, in the small language; arrays come by address."""
+"""Compiled loops of `corners`, in the small language; arrays by address."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROUNDING = 1e-18  # terms of Taylor's series below it, of what they are added to
 
 @record
 class Corners(ctypes.Structure):
-    """Intervals with their exponentials, or the matrix G of order n + 2 inputs and what a series of it works on."""
+    """Intervals with their exponentials, or the matrix G of order n + 2 inputs and the work arrays of its series."""
 
     n: int
     inputs: int

@@ -1,4 +1,4 @@
-"""exp(A h) - I of a dense matrix by Taylor's series and repeated doubling, kept as the difference from the identity.
+"""exp(A h) - I of a dense matrix by Taylor series and repeated doubling, stored as the deviation from the identity.
 
 Squaring exp(A h) itself rounds every entry relative to the identity: the slow motion of a stiff system is lost. Its deviation
 from the identity, E(2 h) = 2 E(h) + E(h) E(h), rounds relative to the motion. The error then grows with the angle that the
@@ -104,7 +104,7 @@ def estimate(n: int, angles: list[float], count: int) -> float:
 
 
 class Propagator:
-    """Steps of one length: the deviations E(h), E(2 h), E(4 h), ... as far as they were needed.
+    """Propagator of one step length: the deviations E(h), E(2 h), E(4 h), ..., computed lazily.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Linear time-invariant scenes with inputs of known form, solved to rounding error.
+"""Exact integration of linear time-invariant scenes with quasipolynomial inputs.
 
 x' = A x + B u(t) with u the output of linear systems of its own (`forcing`) is x' = A x + B H s, s' = S s between breakpoints:
 one matrix exponential carries (x, s) over a step, and equal steps share it. No error is controlled because none is made: small
@@ -38,7 +38,7 @@ _Advance = Callable[[Exosystem, float, int, Floats, Floats], Floats]
 
 @dataclass(frozen=True, eq=False)
 class ExactRun:
-    """A linear scene made ready: which algorithm it takes, and why. `solve` integrates."""
+    """A linear scene with the algorithm chosen for it, and the reason; `solve` integrates."""
 
     n: int  # states
     algorithm: str  # "dense" or "action"
@@ -235,7 +235,7 @@ def _dense_advance(A: Floats, B: Floats) -> _Advance:
 
 
 class _Actions:
-    """Steps by the action of sparse exponentials, made ready once for each exosystem."""
+    """Steps by the action of sparse exponentials; one prepared action per exosystem."""
 
     def __init__(self, A: Triplets, B: Any, n: int, span: float, rtol: float) -> None:
         self._A, self._B, self._span, self._rtol = A, B, span, rtol

@@ -1,4 +1,4 @@
-"""Inputs of time as outputs of linear systems of their own, so that a forced linear scene is an unforced larger one.
+"""Exosystems: linear systems that generate the inputs, so that a forced scene becomes a larger autonomous one.
 
 On each interval between breakpoints u(t) = H s(t - start), s' = S s. Each block of s generates one v(t) = p(t) exp(lambda t), p
 a polynomial of degree d, by the chain w_i = (D - lambda)**i v: w_i' = lambda w_i + w_{i+1}, w_{d+1} = 0.
@@ -91,7 +91,7 @@ class Forcing:
 
 @dataclass(frozen=True)
 class NotExact:
-    """Why inputs are no outputs of linear systems."""
+    """Reason why the inputs are not quasipolynomials."""
 
     reason: str
 

@@ -1,4 +1,4 @@
-"""A grid of output times cut into stretches of equal steps that cross no breakpoint."""
+"""Partition of the output times into uniform grids between breakpoints."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stretch:
-    """``count`` steps of ``h`` (s) from local time ``start`` of a piece; results go to rows ``row``, ... unless it is -1."""
+    """Uniform grid: ``count`` steps of ``h`` (s) from local time ``start`` of a piece; results go to rows ``row``, ... unless it is -1."""
 
     piece: int
     start: float

@@ -1,1 +1,1 @@
-"""Inputs of time as native code sees them: tables and Python callbacks."""
+"""Time-dependent inputs of native code: tables and Python callbacks."""

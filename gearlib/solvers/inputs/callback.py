@@ -1,4 +1,4 @@
-"""Inputs that are Python functions: written into the model's data before each call of a native function."""
+"""Python callbacks as inputs: evaluated and stored in the model's data before each call of a native function."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gearlib.native.layout import Shared
 
 
 class Keep:
-    """Holds Python callbacks alive during a run, and what they raised."""
+    """Keeps Python callbacks alive during a run, and records the exceptions that they raised."""
 
     def __init__(self) -> None:
         self.callbacks: list[Any] = []
@@ -45,7 +45,7 @@ class Keep:
 
 @dataclass(frozen=True)
 class Wrapped:
-    """A native function that has inputs written into its data first."""
+    """A native function wrapped so that the inputs are stored in its data first."""
 
     address: int
 

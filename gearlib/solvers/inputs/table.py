@@ -1,4 +1,4 @@
-"""`Table`: an input given by points, joined by straight lines."""
+"""`Table`: an input as a piecewise linear function of time."""
 
 from __future__ import annotations
 

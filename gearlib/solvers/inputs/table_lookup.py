@@ -1,4 +1,4 @@
-"""Tables as inputs of native functions: compiled shells that look the tables up and then call the model.
+"""Table look-up in native code: trampolines that interpolate the tables and then call the model.
 
 The knots of the tables follow the model's numbers in ``data``. A block behind its integers, to which ``index[TABLES]`` points, holds
 the addresses of the model's functions, and of each table the input's place, the place of its knots and their number.

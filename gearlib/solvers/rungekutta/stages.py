@@ -1,4 +1,4 @@
-"""Stages, error estimates and dense output of the two Runge-Kutta methods, in the small language as parts of the loop in ``loop``.
+"""Stages, error estimates and dense output of the two Runge-Kutta methods; generated code, inlined into ``loop``.
 
 Row j of ``s.k`` is the right-hand side at stage j, ``s`` being the record of ``record``.
 

@@ -1,1 +1,1 @@
-"""Gears: rigid and lossy ones, elastic meshes and what they are made of, gear geometry."""
+"""Gears: rigid and lossy gears, elastic meshes and their constitutive parts, gear geometry."""

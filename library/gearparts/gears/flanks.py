@@ -1,4 +1,4 @@
-"""The flanks of a mesh: force and loss by the deflection, with or without a gap between them."""
+"""Flank contact of a mesh: force and damping loss over the deflection, with or without backlash."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CONTACT = {
 
 
 class Flanks(VaryingStiffness):
-    """Declares the force of the flanks by their deflection, and on which side they touch."""
+    """Base of meshes with flank contact: force over deflection, and the side of contact."""
 
     backlash = gl.Structural(False, "whether the flanks can part; otherwise force and deflection are proportional")
     d = gl.Parameter("N.s/m", "mesh damping along the line of action; see mesh_damping", min=0)
@@ -44,7 +44,7 @@ class Flanks(VaryingStiffness):
         return [gl.Eq(self.f, force), gl.Eq(self.contact, contact)]
 
     def damping_loss(self) -> Any:
-        """The power that the flanks in contact lose."""
+        """Power dissipated by the damping of the flanks in contact."""
         loss = self.d * self.v * self.v
         if not self.backlash:
             return loss

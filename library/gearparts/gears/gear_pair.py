@@ -1,4 +1,4 @@
-"""Geometry of a cylindrical involute gear pair, and what follows from it: contact ratio, mesh stiffness, loss factor.
+"""Geometry of a cylindrical involute gear pair, and its contact ratio, mesh stiffness and loss factor.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Gears with losses in the mesh and in the bearings, which may lock."""
+"""Gears with mesh efficiency and bearing friction, with self-locking."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         ]
 
     def _starts(self, sense: int, loss: Any, limit: Any, starts: Any, starts_opposite: Any) -> Any:
-        """Whether it starts to turn in a sense; multiplied by flags, since the comparison means nothing unless it was stuck.
+        """Breakaway condition for one sense; multiplied by flags, since the comparison has no meaning unless the gear is stuck.
 
         One that has started in the opposite sense locks first: its curve parameter is no torque then.
         """
@@ -154,12 +154,12 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
 
 
 def _a_drives(torque: Any, sense: int, row: list[Any]) -> Any:
-    """The loss where flange_a drives and turns in a sense."""
+    """Loss torque with flange_a driving, for one sense of rotation."""
     return (1 - row[0]) * torque + sense * row[2]
 
 
 def _b_drives(torque: Any, sense: int, row: list[Any]) -> Any:
-    """The loss where flange_b drives and flange_a turns in a sense."""
+    """Loss torque with flange_b driving, for one sense of rotation of flange_a."""
     return (1 - 1 / row[1]) * torque + sense * row[3]
 
 

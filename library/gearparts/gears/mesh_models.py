@@ -1,4 +1,4 @@
-"""Meshes in more detail: backlash or preload, stiffness and transmission error that vary over the mesh phase, sliding friction.
+"""Detailed meshes: backlash or preload, time-varying stiffness, static transmission error, sliding friction.
 
 As in ``meshes``, the deflection ``q`` along the line of action is a state and counts from unloaded contact in the middle of the
 gap; it is positive where a positive turn of ``flange_a`` presses the teeth together. The mesh phase grows by two pi with every
@@ -21,7 +21,7 @@ from gearparts.interfaces import Dissipative
 
 
 class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
-    """Joins what a detailed mesh is made of; see `DetailedExternalMesh` for the laws.
+    """Base of the detailed meshes: combines the constitutive parts; see `DetailedExternalMesh` for the laws.
 
     The mesh phase (`MeshMotion`), the stiffness over it (`VaryingStiffness`, by a `StiffnessLaw`), the static transmission error
     (`TransmissionError`), the flanks with or without backlash (`Flanks`) and the friction of the teeth (`ToothFriction`).
@@ -48,7 +48,7 @@ class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
 
 
 class DetailedExternalMesh(DetailedMesh):
-    """Two outer gears, which turn against each other, with backlash and with parameters that vary over the mesh phase.
+    """Mesh of two external gears with backlash and with stiffness, error and friction that vary over the mesh phase.
 
     ``der(q) = r_a w_a + r_b w_b + e_rate + der(e)`` with speeds relative to the support. The static transmission error is
     ``e = sum(E_k sin(k phase + p_k))``, plus a table if there is one.

@@ -1,4 +1,4 @@
-"""The motion of a mesh, and patterns over its phase: sums of cosines, periodic tables, stretches with a constant number of pairs.
+"""Mesh kinematics, and periodic functions of the mesh phase: Fourier sums, tables, intervals of constant contact number.
 
 The mesh phase grows by two pi with every tooth; a pattern has the period two pi.
 """
@@ -17,7 +17,7 @@ from gearparts.tables import Rows, check_rows, piecewise_without_events
 
 
 class MeshMotion(TwoFlangesAndSupport):
-    """Declares how a mesh moves: speeds relative to the support, deflection, and the phase, which grows by two pi with every tooth.
+    """Base of meshes: speeds relative to the support, deflection, and the mesh phase (two pi per tooth).
 
     A derived class equates ``v``.
     """

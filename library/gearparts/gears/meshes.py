@@ -1,4 +1,4 @@
-"""Meshes of two gears: a spring and a damper along the line of action, driven by the transmission error.
+"""Linear meshes: spring and damper along the line of action, excited by the transmission error.
 
 The deflection ``q`` is counted from unloaded contact and is positive where the teeth are pressed together by a positive turn of
 ``flange_a``. It is a state, and the shafts' angles enter by their rates alone, so that no absolute angle becomes one.
@@ -18,7 +18,7 @@ from gearparts.interfaces import MaybeHeated, TwoFlanges
 
 
 class GearMesh(TwoFlanges, MaybeHeated):
-    """Declares what meshes share: radii, compliance, deflection, force and the transmission error's rate."""
+    """Base of linear meshes: radii, compliance, deflection, force and rate of the transmission error."""
 
     icon = "mesh"
 
@@ -49,7 +49,7 @@ class GearMesh(TwoFlanges, MaybeHeated):
 
 
 class ExternalMesh(GearMesh):
-    """Two outer gears, which turn against each other: ``der(q) = r_a w_a + r_b w_b + e_rate``, ``f = c q + d der(q)``.
+    """Mesh of two external gears: ``der(q) = r_a w_a + r_b w_b + e_rate``, ``f = c q + d der(q)``.
 
     Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
     """
@@ -58,7 +58,7 @@ class ExternalMesh(GearMesh):
 
 
 class InternalMesh(GearMesh):
-    """A ring on flange_a and a gear inside it, same sense: ``der(q) = r_a w_a - r_b w_b + e_rate``, ``f = c q + d der(q)``.
+    """Mesh of a ring gear on flange_a and an external gear on flange_b: ``der(q) = r_a w_a - r_b w_b + e_rate``, ``f = c q + d der(q)``.
 
     Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
     """

@@ -1,4 +1,4 @@
-"""Rigid gears between shafts, and from a shaft to a rack or a road."""
+"""Rigid gears: gear pair, planetary set, rack and pinion, rolling wheel."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class IdealPlanetary(gl.Component):
 
 
 class RotationToTranslation(gl.Component):
-    """Declares what rack and wheel share: a flange that turns, a flange that slides, and a housing for each."""
+    """Base of rack and wheel: a rotational and a translational flange, each with an optional housing."""
 
     icon = "rack"
 

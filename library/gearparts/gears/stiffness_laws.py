@@ -1,4 +1,4 @@
-"""How the stiffness of a mesh varies over its phase: one class for each law, and what a mesh has to do with it."""
+"""Mesh stiffness over the mesh phase: one class per law, and the base of meshes that use one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
 
 
 class StiffnessLaw:
-    """Constant stiffness, and what every law says: the stiffness over its mean ``mesh.c`` at a mesh phase.
+    """Interface of stiffness laws (and the constant one): stiffness over its mean ``mesh.c`` at a mesh phase.
 
     A law is handed the mesh, whose parameters and structural choices it may use; what it holds itself must be hashable, as in a
     frozen dataclass. ``phase`` is the mesh phase ahead by ``mesh.c_phase``. Give a law of your own as ``stiffness_law`` of a mesh.
@@ -87,7 +87,7 @@ class TabulatedStiffness(StiffnessLaw):
 
 
 class RectangularStiffness(StiffnessLaw):
-    """In proportion to the number of pairs in contact."""
+    """Rectangular: proportional to the number of tooth pairs in contact."""
 
     def value(self, mesh: Any, phase: Any) -> Any:
         first, second = stretches(type(mesh).__name__, mesh.contact_ratio)
@@ -107,7 +107,7 @@ LAWS: dict[str, StiffnessLaw] = {
 
 
 class VaryingStiffness(MeshMotion):
-    """Declares the stiffness of a mesh, by a law over the mesh phase."""
+    """Base of meshes whose stiffness follows a law over the mesh phase."""
 
     icon = "mesh"
 

@@ -1,4 +1,4 @@
-"""The friction of the teeth that slide on each other: its torques on both gears."""
+"""Sliding friction of the tooth pairs in contact: its torques on both gears."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gearparts.gears.mesh_phase import stretches
 
 
 class ToothFriction(Flanks):
-    """Declares the sliding of the pairs in contact, and the torques of their friction."""
+    """Base of meshes with sliding friction: sliding velocities and friction torques of the pairs in contact."""
 
     turns_against: ClassVar[int]  # 1 where the gears turn against each other, -1 otherwise
 

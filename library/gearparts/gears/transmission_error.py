@@ -1,4 +1,4 @@
-"""The static transmission error of a mesh: a sum of sines, and a table over the mesh phase."""
+"""Static transmission error of a mesh: Fourier sum and table over the mesh phase."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gearparts.tables import Rows
 
 
 class TransmissionError(MeshMotion):
-    """Declares the static transmission error of a mesh, which adds to the deflection."""
+    """Base of meshes with a static transmission error, which adds to the deflection."""
 
     error_terms = gl.Structural((), "static transmission error: rows of order, amplitude (m), phase (rad) of sines")
     error_table = gl.Structural((), "static transmission error: rows of mesh phase (rad), error (m)")

@@ -1,1 +1,1 @@
-"""Planetary sets: kinematics, levels of detail, losses, planes, phases of the planets' meshes."""
+"""Planetary sets: rigid, lossy, torsional and planar models; mesh phasing and assembly."""

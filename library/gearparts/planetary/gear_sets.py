@@ -1,4 +1,4 @@
-"""Planetary sets of vehicles' gearboxes, made of rigid sets: with double pinions, after Simpson, after Ravigneaux.
+"""Compound planetary sets of automatic gearboxes from rigid sets: double-pinion, Simpson, Ravigneaux.
 
 References
 ----------

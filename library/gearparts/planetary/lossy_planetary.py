@@ -1,4 +1,4 @@
-"""A planetary set that loses power in its meshes, and may lock."""
+"""Planetary set with mesh efficiencies and bearing friction, with self-locking."""
 
 from __future__ import annotations
 

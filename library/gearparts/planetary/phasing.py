@@ -1,4 +1,4 @@
-"""How the meshes of a planetary set follow each other: phases from the numbers of teeth, and whether it can be assembled.
+"""Mesh phasing of planetary sets from the numbers of teeth, and the assembly condition.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Planetary gears that also move sideways: three coordinates for each body, x, y and its rotation.
+"""Planar planetary gears: translational-rotational model with x, y and rotation of each body.
 
 The model of Lin and Parker: bodies in a plane on elastic bearings, meshes as springs along their lines of action, seen in the
 carrier's frame, at rest (no gyroscopic terms). Positions count from the unloaded state.
@@ -60,7 +60,7 @@ class PlanarBody(gl.Component):
 
 
 class PlanarShaft(gl.Component):
-    """Brings the rotation of a body to a shaft, ``flange.phi = centre.phi``; its bearing takes no torque."""
+    """Couples the rotation of a planar body to a shaft, ``flange.phi = centre.phi``; the bearing takes no torque."""
 
     centre = PlanarFlange("the body")
     flange = Flange("its shaft")

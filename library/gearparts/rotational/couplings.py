@@ -1,4 +1,4 @@
-"""Couplings between shafts: elastic ones with hubs, and the universal joint."""
+"""Couplings between shafts: elastic couplings with hubs, universal joint."""
 
 from __future__ import annotations
 

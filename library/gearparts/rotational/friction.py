@@ -1,4 +1,4 @@
-"""Coulomb friction: bearings, brakes, clutches and freewheels that slip and lock.
+"""Coulomb friction with stick and slip: bearings, brakes, clutches, freewheels.
 
 The relation between torque and acceleration is written with a curve parameter ``sa`` (Otter, Elmqvist and Mattsson, "Hybrid
 modeling in Modelica based on the synchronous data flow principle", 1999, https://doi.org/10.1109/CACSD.1999.808640): locked, it is
@@ -32,7 +32,7 @@ def words(part: str) -> dict[float, str]:
 
 
 class SlidingSurfaces(gl.Component):
-    """Declares what surfaces that rub have in common: the torque at which they slide, and when nothing presses them together.
+    """Base of friction elements: sliding torque over speed, and release at zero normal force.
 
     A derived class equates ``tau0`` and ``free``, and says by ``level`` how the sliding torque depends on the speed.
     """
@@ -46,7 +46,7 @@ class SlidingSurfaces(gl.Component):
 
 
 class Friction(SlidingSurfaces, Dissipative):
-    """Declares the friction element: curve parameter, mode and the conditions between modes.
+    """Base of stick-slip elements: curve parameter, contact state and its transitions.
 
     A derived class equates ``v`` with the speed at which the surfaces slide, and says where ``tau`` acts.
     """
@@ -143,7 +143,7 @@ def _checked(owner: str, rows: Any) -> Rows:
 
 
 class FrictionOnHousing(TwoFlanges, Friction):
-    """Declares what bearings and brakes share: one shaft whose speed relative to the housing the friction acts on."""
+    """Base of bearings and brakes: friction between one shaft and the housing."""
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     support = Flange("housing", when="use_support")
@@ -184,7 +184,7 @@ class BearingFriction(FrictionOnHousing):
 
 
 class Pressed(SlidingSurfaces):
-    """Declares what brakes and clutches share: friction that is proportional to a normal force."""
+    """Base of brakes and clutches: friction proportional to a normal force."""
 
     mu_pos = gl.Structural(((0.0, 0.5),), "rows of speed (rad/s) and sliding friction coefficient")
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)

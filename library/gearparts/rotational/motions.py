@@ -1,4 +1,4 @@
-"""Forced motions: a shaft that follows a given angle, speed or acceleration with whatever torque that takes.
+"""Prescribed motions: a shaft follows a given angle, speed or acceleration; the torque results.
 
 Where a start value depends on a signal, the difference from the signal is a variable, and that starts at zero.
 """

@@ -7,7 +7,7 @@ from gearparts.interfaces import Flange, TwoFlanges
 
 
 class AbsoluteSensor(gl.Component):
-    """Declares the flange of a sensor of absolute motion, which takes no torque."""
+    """Base of sensors of absolute motion; they take no torque."""
 
     icon = "sensor"
 
@@ -49,7 +49,7 @@ class AccSensor(AbsoluteSensor):
 
 
 class RelativeSensor(TwoFlanges):
-    """Declares what sensors of relative motion share: the relative angle, and no torque at either flange."""
+    """Base of sensors of relative motion: relative angle, no torque at either flange."""
 
     icon = "sensor_between"
 
@@ -93,7 +93,7 @@ class RelAccSensor(RelativeSensor):
 
 
 class SeriesSensor(TwoFlanges):
-    """Declares what sensors within a shaft share: both ends turn alike, and the torque goes through."""
+    """Base of sensors in series with a shaft: equal angles, torque passed through."""
 
     icon = "sensor_between"
 

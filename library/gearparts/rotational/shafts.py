@@ -1,4 +1,4 @@
-"""Bodies that turn, springs and dampers between them, shafts made of both, and the ground."""
+"""Inertias, springs, dampers, distributed shafts, and the fixed ground."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Damper(Compliant, Dissipative):
 
 
 class SpringDamper(Compliant, Dissipative):
-    """Spring and damper side by side: ``tau = c (phi_rel - phi_rel0) + d w_rel``; it loses ``d w_rel**2``."""
+    """Spring and damper in parallel: ``tau = c (phi_rel - phi_rel0) + d w_rel``; it loses ``d w_rel**2``."""
 
     icon = "spring_damper"
 

@@ -1,4 +1,4 @@
-"""Torques that drive or load a train, given in time or as functions of speed; forced motions are in ``motions``.
+"""Torque sources and loads, functions of time or of speed; prescribed motions are in ``motions``.
 
 A positive torque accelerates the connected shaft, so ``flange.tau = -tau``.
 """
@@ -66,7 +66,7 @@ class TorqueStep(OneFlange):
 
 
 class SpeedDependentTorque(OneFlange):
-    """Declares what torques that depend on speed share: the speed, and the torque that accelerates the shaft."""
+    """Base of speed-dependent torques: the speed, and the torque that accelerates the shaft."""
 
     icon = "load"
 

@@ -1,4 +1,4 @@
-"""Structure diagrams of gear trains (Tables 1-3 of Zhou and Cui, 2022): which unit is joined to which, and where.
+"""Structure diagrams of gear trains (Tables 1-3 of Zhou and Cui, 2022): units, and the nodes that join their shafts.
 
 A P unit (a pair on fixed axes) is a square with two shafts, an X unit (a planetary differential) a circle with three. Shafts
 meet in nodes; a shaft that ends in the open is the train's input I or output O.

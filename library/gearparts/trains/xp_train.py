@@ -59,7 +59,7 @@ class FixedAxisUnit(TwoFlanges):
 
 
 class XPSymbols(gl.Component):
-    """Declares the parameters of the XP train: Table 4's symbols and values, then what the paper leaves open.
+    """Base of the XP train's models: parameters with Table 4's symbols and values, then those that the paper leaves open.
 
     The table is silent about the P unit's gears, the shaft's two ends, the planets' inertias as the meshes see them, and the
     moduli m18, m19 and m22. Their defaults are assumptions: gear 1 is like the sun and gear 2 like a planet, each end of the
