@@ -55,10 +55,10 @@ def native_functions(*modules: str) -> NativeFunctions:
     with COMPILING:
         try:
             code = kept_bytes(f"gearlib_model_{digest}.o", lambda: optimised(translated(functions(), fused=True)))
-            addresses, held = linked(code, names)
+            addresses, library = linked(code, names)
         except RuntimeError:  # damage that the checksum did not show
-            addresses, held = linked(optimised(translated(functions(), fused=True)), names)
-    _loaded.append(held)
+            addresses, library = linked(optimised(translated(functions(), fused=True)), names)
+    _loaded.append(library)
     return NativeFunctions(addresses)
 
 

@@ -234,8 +234,8 @@ class _Design:
             return text_width(thing.name, 10) + 16, ROW + GRID
         label = text_width(label_of(thing)) + 8
         if thing.name in self.inner:
-            held = self.inner[thing.name]
-            return max(held.width + 2 * PADDING, label + 16), TITLE + held.height + PADDING
+            contained = self.inner[thing.name]
+            return max(contained.width + 2 * PADDING, label + 16), TITLE + contained.height + PADDING
         icon, shafts = icon_of(thing), _shafts(thing)
         aside = [found[port.name] for port in thing.ports if port not in shafts]
         if not icon.framed:
@@ -378,8 +378,8 @@ def _place(
     own = design.size(n, found)[0]
     used = {pin.port for ends in design.ends for m, pin in ends if m == n} if not icon_of(thing).framed else found
     ends = tuple((port, design.side[n, port.name], found[port.name]) for port in thing.ports if port.name in used)
-    held = design.inner.get(thing.name)
-    boxes.append(Placed(thing, x + (width - own) / 2, y, own, height, ends, design.mirrored(n), held))
+    contained = design.inner.get(thing.name)
+    boxes.append(Placed(thing, x + (width - own) / 2, y, own, height, ends, design.mirrored(n), contained))
 
 
 def _bands(widths: Sequence[float], limit: float) -> list[tuple[int, int]]:

@@ -111,10 +111,10 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
 
     split = split_equations(name, equations, declared.discretes, is_parameter, declared.variables)
 
-    def is_held(symbol: str) -> bool:
+    def is_discrete(symbol: str) -> bool:
         return symbol == "initial()" or symbol.removeprefix("pre(").removesuffix(")") in split.discretes
 
-    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", is_parameter, is_held) for e in split.continuous)
+    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", is_parameter, is_discrete) for e in split.continuous)
     everything = (*templates, *(u.template for u in split.updates))
     for t in everything:
         for local in t.locals:
@@ -129,7 +129,7 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
         {n: i for i, n in enumerate(declared.variables)},
         {n: i for i, n in enumerate(declared.parameters)},
         templates,
-        own and not split.updates and not any(t.held for t in templates),
+        own and not split.updates and not any(t.discretes for t in templates),
         split.updates,
         split.discretes,
         frozenset(component._read) | {d.when for d in component._declarations.values() if isinstance(d, Connector) and d.when},
@@ -147,7 +147,7 @@ def _refuse_void(templates: Sequence[Template]) -> None:
     names = sorted({name for t in equalities for name in t.locals})
     coefficients = np.zeros((len(equalities), len(names)))
     for t in templates:
-        if not (t.columns or t.held or t.relation_columns):
+        if not (t.columns or t.discretes or t.relation_columns):
             raise BalanceError(
                 f"the model is not balanced. over-determined: {t.label} holds no variable that it could determine"
             )

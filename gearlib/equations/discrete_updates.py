@@ -99,11 +99,11 @@ def split_equations(
 
     values += [(target, sympy.Piecewise(*ways, (states[target], True)), True) for target, ways in reinits.items()]
 
-    def is_held(symbol: str) -> bool:
+    def is_discrete(symbol: str) -> bool:
         return symbol in known or symbol == "initial()" or (symbol.startswith("pre(") and symbol[4:-1] in known)
 
     updates = tuple(
-        Update(target, template_of_value(value, f"{name}: {target}", is_parameter, is_held), reinit)
+        Update(target, template_of_value(value, f"{name}: {target}", is_parameter, is_discrete), reinit)
         for target, value, reinit in values
     )
     for discrete in known:

@@ -113,7 +113,7 @@ def _kernel(template: Template, expression: Any) -> Kernel:
         if symbol in used:
             table[symbol] = sympy.Symbol(f"p{i}", real=True)
             parameters.append(i)
-    modes = [*(f"relation_{i}" for i in range(len(template.relations))), *template.held]
+    modes = [*(f"relation_{i}" for i in range(len(template.relations))), *template.discretes]
     for i, name_ in enumerate(modes):
         symbol = sympy.Symbol(name_, real=True)
         if symbol in used:

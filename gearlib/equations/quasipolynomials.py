@@ -1,6 +1,6 @@
 """Quasipolynomials: sums of t**k exp(lambda t), lambda complex, as linear time-invariant systems generate.
 
-A signal is held as ``{lambda: [c_0, c_1, ...]}``, its value at local time s = t - origin being the sum of
+A signal is stored as ``{lambda: [c_0, c_1, ...]}``, its value at local time s = t - origin being the sum of
 c_k s**k exp(lambda s). Sines and cosines are pairs of conjugate rates. Local time keeps the coefficients well scaled however
 late an interval begins.
 """

@@ -74,7 +74,7 @@ class Template:
         The parameters it holds.
     relations : tuple of Relation
         Comparisons that were replaced by the symbols ``relation_0``, ``relation_1``, ... (1: true, 0: false).
-    held : tuple of str
+    discretes : tuple of str
         Discrete variables that it holds: ``mode``, ``pre(mode)``, ``initial()``.
     """
 
@@ -83,7 +83,7 @@ class Template:
     columns: tuple[Column, ...]
     parameters: tuple[str, ...]
     relations: tuple[Relation, ...] = ()
-    held: tuple[str, ...] = ()
+    discretes: tuple[str, ...] = ()
 
     @cached_property
     def locals(self) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ class Template:
     @cached_property
     def relation_columns(self) -> tuple[Column, ...]:
         """The variables that its relations compare."""
-        known = {*self.parameters, *self.held, time.name}
+        known = {*self.parameters, *self.discretes, time.name}
         names = {s.name for r in self.relations for s in r.g.free_symbols} - known
         return tuple(parse_column(n) for n in sorted(names))
 
@@ -120,8 +120,8 @@ class Template:
         for symbol in self.symbols:
             d = sympy.diff(self.residual, symbol)
             free = d.free_symbols
-            modes = any(s.name in self.held or s.name.startswith("relation_") for s in free)
-            result.append(Partial(d, frozenset(position[s] for s in free if s in position), time in free, modes))
+            discrete = any(s.name in self.discretes or s.name.startswith("relation_") for s in free)
+            result.append(Partial(d, frozenset(position[s] for s in free if s in position), time in free, discrete))
         return tuple(result)
 
     @cached_property
@@ -152,7 +152,7 @@ class Template:
         """(i, j, s) where the equation says local i = s * local j; (i, -1, 0) where it says local i = 0."""
         if (
             self.parameters
-            or self.held
+            or self.discretes
             or self.relations
             or self.on_time
             or any(order for _, order in self.columns)
@@ -171,9 +171,9 @@ class Template:
     @cached_property
     def derivative(self) -> Template:
         """The equation differentiated with respect to time."""
-        constant = frozenset({*self.parameters, *self.held, *(f"relation_{i}" for i in range(len(self.relations)))})
+        constant = frozenset({*self.parameters, *self.discretes, *(f"relation_{i}" for i in range(len(self.relations)))})
         residual = total_derivative(self.residual, constant)
-        return make_template(f"der({self.label})", residual, self.parameters, self.relations, self.held)
+        return make_template(f"der({self.label})", residual, self.parameters, self.relations, self.discretes)
 
 
 def column_symbol(column: Column) -> Any:
@@ -197,16 +197,20 @@ def parse_column(name: str) -> Column:
 
 
 def make_template(
-    label: str, residual: Any, parameters: Collection[str], relations: tuple[Relation, ...] = (), held: Collection[str] = ()
+    label: str,
+    residual: Any,
+    parameters: Collection[str],
+    relations: tuple[Relation, ...] = (),
+    discretes: Collection[str] = (),
 ) -> Template:
     """A template of a residual whose relations were replaced already."""
     named = sorted(s.name for s in residual.free_symbols if s != time)
-    apart = {*parameters, *held}
+    apart = {*parameters, *discretes}
     columns = tuple(parse_column(n) for n in named if n not in apart and not n.startswith("relation_"))
     used = {s.name for r in relations for s in r.g.free_symbols}.union(named)
     return Template(
         label, residual, columns, tuple(n for n in sorted(parameters) if n in used), relations,
-        tuple(n for n in sorted(held) if n in used),
+        tuple(n for n in sorted(discretes) if n in used),
     )  # fmt: skip
 
 
@@ -216,7 +220,7 @@ def never(name: str) -> bool:
 
 
 def template_of(
-    equation: Eq, label: str, is_parameter: Callable[[str], bool], is_held: Callable[[str], bool] = never
+    equation: Eq, label: str, is_parameter: Callable[[str], bool], is_discrete: Callable[[str], bool] = never
 ) -> Template:
     """Analyse one equation of a class.
 
@@ -226,22 +230,22 @@ def template_of(
         On the symbols of the class.
     label : str
         For messages.
-    is_parameter, is_held : callable
+    is_parameter, is_discrete : callable
         Whether a symbol of that name is a parameter, a discrete variable.
     """
-    return template_of_value(equation.residual, label, is_parameter, is_held)
+    return template_of_value(equation.residual, label, is_parameter, is_discrete)
 
 
 def template_of_value(
-    residual: Any, label: str, is_parameter: Callable[[str], bool], is_held: Callable[[str], bool]
+    residual: Any, label: str, is_parameter: Callable[[str], bool], is_discrete: Callable[[str], bool]
 ) -> Template:
     """As `template_of`, of an expression."""
     residual = checked(residual, f"{label}: the residual")
     gone = {s: 0 for s in residual.free_symbols if is_parameter(parse_column(s.name)[0]) and parse_column(s.name)[1]}
-    residual, relations = lift_relations(residual.xreplace(gone), is_held)
+    residual, relations = lift_relations(residual.xreplace(gone), is_discrete)
     names = {s.name for s in residual.free_symbols}.union(s.name for r in relations for s in r.g.free_symbols)
     parameters = {n for n in names if is_parameter(n)}
-    return make_template(label, residual, parameters, relations, {n for n in names if is_held(n)})
+    return make_template(label, residual, parameters, relations, {n for n in names if is_discrete(n)})
 
 
 def checked(expression: Any, label: str) -> Any:
@@ -267,7 +271,7 @@ def checked(expression: Any, label: str) -> Any:
     return expression.xreplace(foreign) if foreign else expression
 
 
-def lift_relations(expression: Any, is_held: Callable[[str], bool] = never) -> tuple[Any, tuple[Relation, ...]]:
+def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) -> tuple[Any, tuple[Relation, ...]]:
     """Replace the comparisons in ``expression`` by symbols that hold their value between events.
 
     A comparison between discrete variables changes at events only, and stays as it is.
@@ -279,7 +283,7 @@ def lift_relations(expression: Any, is_held: Callable[[str], bool] = never) -> t
     found: list[Relation] = []
     lifted: dict[Any, Any] = {}
     for atom in sorted(expression.atoms(Relational), key=str):
-        if all(is_held(s.name) for s in atom.free_symbols):
+        if all(is_discrete(s.name) for s in atom.free_symbols):
             continue
         if isinstance(atom, (sympy.Eq, sympy.Ne)):
             raise DeclarationError(f"the comparison {atom}: use <, <=, >, >=; equality of real numbers is no event")

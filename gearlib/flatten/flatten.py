@@ -296,18 +296,20 @@ def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int
 
 def _group(raw: Raw, aliases: Aliases, tree: Tree) -> EquationGroup:
     template, variables = raw.template, raw.variables
-    held = np.array([_held(template, tree, int(i)) for i in raw.owners] if template.held else [], np.int64)
+    discretes = np.array(
+        [_discrete_indices(template, tree, int(i)) for i in raw.owners] if template.discretes else [], np.int64
+    )
     return EquationGroup(
         template, aliases.representative[variables], raw.signs * aliases.sign[variables], raw.parameters, raw.owners,
-        held.reshape(len(variables), len(template.held)),
+        discretes.reshape(len(variables), len(template.discretes)),
     )  # fmt: skip
 
 
-def _held(template: Template, tree: Tree, instance: int) -> list[int]:
+def _discrete_indices(template: Template, tree: Tree, instance: int) -> list[int]:
     """Indices of a template's discrete names in the discrete state, for one instance; see `Discretes`."""
     n = len(tree.discrete_names)
     places = []
-    for name in template.held:
+    for name in template.discretes:
         if name == "initial()":
             places.append(2 * n)
             continue

@@ -49,7 +49,7 @@ class EquationGroup:
     signs: Integers
     parameters: Integers
     owners: Integers  # which instance wrote it
-    held: Integers  # which discrete values stand for the held names, see `Discretes`
+    discretes: Integers  # indices of the discrete names in the discrete state, see `Discretes`
 
     def __len__(self) -> int:
         return len(self.variables)

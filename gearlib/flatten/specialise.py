@@ -75,7 +75,7 @@ def specialised(template: Template, pattern: Pattern, absent: frozenset[str] = f
     residual = residual.xreplace(known)
     if residual.has(sympy.zoo, sympy.nan, sympy.oo, sympy.S.NegativeInfinity):
         raise SingularError(f"{template.label} divides by zero")
-    return make_template(template.label, residual, template.parameters, tuple(relations), template.held)
+    return make_template(template.label, residual, template.parameters, tuple(relations), template.discretes)
 
 
 def without_parameters(raw: Raw, absent: frozenset[int], names: Sequence[str]) -> list[Raw]:

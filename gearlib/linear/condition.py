@@ -73,7 +73,7 @@ def _worded(model: FlatModel) -> list[tuple[int, str, Variable]]:
         return []
     changing = np.zeros(model.n_variables, bool)
     for group in model.groups:
-        if len(group.template.locals) > 1 or group.template.held:
+        if len(group.template.locals) > 1 or group.template.discretes:
             changing[group.variables[group.signs != 0]] = True
     return [
         (int(model.representative[v]), instance.path, declared)  # never an alias with another sign: nothing else is called so

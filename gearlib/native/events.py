@@ -134,7 +134,7 @@ def _sides(body: Body, batch: Batch, numbers: Integers) -> None:
 def compares_with_before(batch: Batch) -> bool:
     """Whether a discrete variable's value before the event is part of what a relation compares."""
     template, n = batch.kernel.template, len(batch.kernel.template.relations)
-    return any(template.held[i - n].startswith("pre(") for i in batch.kernel.relations if i >= n)
+    return any(template.discretes[i - n].startswith("pre(") for i in batch.kernel.relations if i >= n)
 
 
 def relation_of(batch: Batch) -> tuple[bool, bool]:

@@ -134,7 +134,9 @@ class Builder:
             if c < n:
                 result[:, a] = self.model.first_relations[g] + rows * n + c
             else:
-                result[:, a] = self.model.n_relations + group.held[rows, group.template.held.index(template.held[c - n])]
+                result[:, a] = (
+                    self.model.n_relations + group.discretes[rows, group.template.discretes.index(template.discretes[c - n])]
+                )
         return result
 
     def _place(self, e: int) -> tuple[int, int]:

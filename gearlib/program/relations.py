@@ -48,8 +48,8 @@ def relations_of(structure: Structure, program: Program, wanted: Sequence[int] =
         places = builder.places(used)
         nodes = sorted({n for p in places for n in builder.nodes(*p[:3])})
         helper = build(structure, nodes, program.states, dynamic=False)
-        held = [builder.modes(*p[:3]) for p in places]
-        more = np.unique(np.concatenate([used, _used_modes(helper), *held]).astype(np.int64))
+        found = [builder.modes(*p[:3]) for p in places]
+        more = np.unique(np.concatenate([used, _used_modes(helper), *found]).astype(np.int64))
         if len(more) == len(used):
             break
         used = more

@@ -60,8 +60,8 @@ def account(instance: Instance, inner: Iterable[str]) -> Account:
     unknowns = tuple(n for n, v in instance.variables.items() if not isinstance(v, (Potential, Input)))
     joined = [f"{c}.{n}" for c in inner for n, v in instance.connectors[c].variables.items() if isinstance(v, Flow)]
     written = tuple(t.label.removeprefix(f"{instance.kind}: ") for t in instance.templates)
-    held = {n for t in instance.templates for n in t.locals}.union(joined)
-    untouched = tuple(n for n in unknowns if n not in held)
+    occurring = {n for t in instance.templates for n in t.locals}.union(joined)
+    untouched = tuple(n for n in unknowns if n not in occurring)
     return Account(
         instance.kind, (*written, *(f"connection of {flow.rpartition('.')[0]}" for flow in joined)), unknowns, untouched
     )

@@ -198,12 +198,12 @@ def decisive_nodes(model: FlatModel, rows: Rows) -> dict[int, list[Node]]:
     result: dict[int, list[Node]] = {}
     for g, group in enumerate(model.groups):
         template = group.template
-        if not (template.relation_columns or template.held):
+        if not (template.relation_columns or template.discretes):
             continue
         where = {name: j for j, name in enumerate(template.locals)}
         for i in range(len(group)):
             found = {(int(group.variables[i, where[c]]), o) for c, o in template.relation_columns if group.signs[i, where[c]]}
-            for place in group.held[i].tolist():
+            for place in group.discretes[i].tolist():
                 if place < 2 * n:
                     d = place % n
                     if d not in known:
@@ -232,7 +232,7 @@ def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
             for i in np.flatnonzero(update.targets == d).tolist():
                 columns = [*group.template.columns, *group.template.relation_columns]
                 found |= {(int(group.variables[i, where[c]]), o) for c, o in columns if group.signs[i, where[c]]}
-                stack += [p % n for p in group.held[i].tolist() if p < 2 * n]
+                stack += [p % n for p in group.discretes[i].tolist() if p < 2 * n]
     return sorted(found)
 
 

@@ -50,11 +50,11 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[
     candidates, constants = [candidates[r] for r in order], [constants[r] for r in order]
     loops = examine(coefficients, constants, frozenset())
     for found in loops.contradictory:
-        held = [r for r in found.rows if len(coefficients[r]) == 1]
-        if len(held) > 1:
-            variables = dict.fromkeys(model.name(v) for r in held for v, _ in rows.columns(candidates[r], 0))
+        alone = [r for r in found.rows if len(coefficients[r]) == 1]
+        if len(alone) > 1:
+            variables = dict.fromkeys(model.name(v) for r in alone for v, _ in rows.columns(candidates[r], 0))
             raise BalanceError(
-                f"the model is not balanced. over-determined: held twice by {listed(model, rows, [candidates[r] for r in held])}. "
+                f"the model is not balanced. over-determined: held twice by {listed(model, rows, [candidates[r] for r in alone])}. "
                 f"The variables: {'; '.join(variables)}. Remove one of them, or make a connection between them elastic"
             )
     for bad in loops.contradictory:
@@ -102,7 +102,7 @@ def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel
         group = groups[g]
         groups[g] = EquationGroup(
             group.template, np.delete(group.variables, gone, 0), np.delete(group.signs, gone, 0),
-            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0), np.delete(group.held, gone, 0),
+            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0), np.delete(group.discretes, gone, 0),
         )  # fmt: skip
     return model.with_groups(tuple(groups), model.redundant + len(dropped))
 

@@ -192,8 +192,8 @@ def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats)
     table |= {sympy.Symbol(f"p{k}", real=True): value[name] for k, name in enumerate(template.parameters)}
     by_name = {sympy.Symbol(name, real=True): v for name, v in value.items()}
     for r in kernel.relations:
-        held = sympy.Ne(sympy.Symbol(f"r{r}", real=True), 0)
-        table[held] = _condition(template.relations[r]).xreplace(by_name)
+        flag = sympy.Ne(sympy.Symbol(f"r{r}", real=True), 0)
+        table[flag] = _condition(template.relations[r]).xreplace(by_name)
     return int(batch.signs[row]) * rest_expression(batch).xreplace(table)
 
 

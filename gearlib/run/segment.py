@@ -134,10 +134,10 @@ class Part:
             return modes
         found = relations_of(scene.structure, program)
         tracked = np.empty(0, np.int64) if scene.relations is None else scene.relations.used
-        held = {int(m) for b in found.discretes for m in b.targets}
+        needed = {int(m) for b in found.discretes for m in b.targets}
         known = set() if scene.relations is None else {int(m) for b in scene.relations.discretes for m in b.targets}
-        if held - known:
-            names = ", ".join(model.discretes.names[m - model.n_relations] for m in sorted(held - known))
+        if needed - known:
+            names = ", ".join(model.discretes.names[m - model.n_relations] for m in sorted(needed - known))
             raise NameLookupError(f"the discrete variables {names} were not needed in this run; name them in outputs=[...]")
         new = np.setdiff1d(found.used, tracked)
         if not len(new):
@@ -152,10 +152,10 @@ class Part:
             modes = modes.copy()
             modes[new] = passed[new]
         else:
-            held = set(new[restless.any(axis=1)].tolist())
+            unsettled = set(new[restless.any(axis=1)].tolist())
             owners = dict.fromkeys(
                 owner_of(scene.structure, int(e))
-                for b in found.batches for e, target in zip(b.equations, b.targets.tolist(), strict=True) if target in held
+                for b in found.batches for e, target in zip(b.equations, b.targets.tolist(), strict=True) if target in unsettled
             )  # fmt: skip
             t = self.time[int(np.argmax(restless.any(axis=0)))]
             raise SolverError(

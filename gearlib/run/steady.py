@@ -83,7 +83,7 @@ class Search:
         return np.maximum(self.scene.nominal, 1e-300)
 
     @cached_property
-    def held(self) -> Floats:
+    def stationary(self) -> Floats:
         """Orthonormal directions in which nothing may change; single states where these are."""
         n, k = self.grows.shape
         if not k:
@@ -92,10 +92,10 @@ class Search:
         if moving.sum() == k:
             return np.eye(n)[:, ~moving]
         whole = np.linalg.qr(self.grows[moving], mode="complete")[0][:, k:]
-        held = np.zeros((n, n - k))
-        held[moving, : whole.shape[1]] = whole
-        held[~moving, whole.shape[1] :] = np.eye(n - int(moving.sum()))
-        return held
+        stationary = np.zeros((n, n - k))
+        stationary[moving, : whole.shape[1]] = whole
+        stationary[~moving, whole.shape[1] :] = np.eye(n - int(moving.sum()))
+        return stationary
 
     def rates(self, x: Floats) -> tuple[Floats, Floats]:
         """Scaled rates of all states, zero where they are rounding, and their derivatives.
@@ -134,15 +134,15 @@ class Search:
         return f, gradient, np.where(stuck, LOCKED, 1.0) * noise
 
     def largest(self, gradient: Floats) -> float:
-        """The largest entry of the held equations, 1/s: no time constant is shorter than its inverse by much."""
-        return float(np.abs(self.held.T @ gradient @ self.held).max(initial=0.0))
+        """The largest entry of the equations that must vanish, 1/s: no time constant is shorter than its inverse by much."""
+        return float(np.abs(self.stationary.T @ gradient @ self.stationary).max(initial=0.0))
 
     def longest_stable(self, gradient: Floats) -> float:
         """A longer implicit step would follow a growing exponential to the wrong side."""
-        held = self.held.T @ gradient @ self.held
-        if held.shape[0] > LARGEST_EXAMINED:
+        stationary = self.stationary.T @ gradient @ self.stationary
+        if stationary.shape[0] > LARGEST_EXAMINED:
             return np.inf
-        growth = float(np.linalg.eigvals(held).real.max(initial=0.0))
+        growth = float(np.linalg.eigvals(stationary).real.max(initial=0.0))
         return 0.5 / growth if growth > UNSTABLE * self.largest(gradient) else np.inf
 
 
@@ -216,7 +216,7 @@ def _found(search: Search) -> End:
 def _continued(search: Search, x: Floats, stable: bool) -> End:
     """Pseudo-transient continuation; steps that are ``stable`` follow a motion that runs away, and do not turn back."""
     f, gradient = search.rates(x)
-    fastest = max(search.largest(gradient), float(np.abs(search.held.T @ f).max(initial=0.0)), 1e-300)
+    fastest = max(search.largest(gradient), float(np.abs(search.stationary.T @ f).max(initial=0.0)), 1e-300)
     step, stalled = 0.1 / fastest, 0
     for _ in range(MOST_STEPS):
         longest = LONGEST / max(search.largest(gradient), 1e-6 * fastest)
@@ -242,7 +242,7 @@ def _continued(search: Search, x: Floats, stable: bool) -> End:
                 return end
             if end.steady and (step == longest or np.abs((end.x - x) / search.scale).max() <= LOCAL * size):
                 return end
-            left, last = (np.abs(search.held.T @ rates).max(initial=0.0) for rates in (f, before))
+            left, last = (np.abs(search.stationary.T @ rates).max(initial=0.0) for rates in (f, before))
             stalled = stalled + 1 if step == longest and left > 0.5 * last else 0
             if stalled > 5:
                 break
@@ -265,7 +265,7 @@ def _run_to_rest(search: Search, end: End) -> End:
             if end.steady:
                 return end
             end, last = replace(end, x=outcome.states[-1]), left
-            left = float(np.abs(search.held.T @ search.rates(end.x)[0]).max())
+            left = float(np.abs(search.stationary.T @ search.rates(end.x)[0]).max())
         except SolverError:
             return end
         if seconds >= 10.0 and left > 0.5 * last:
@@ -274,12 +274,12 @@ def _run_to_rest(search: Search, end: End) -> End:
 
 
 def _implicit(search: Search, gradient: Floats, step: float) -> Callable[[Floats], Floats]:
-    """Linearly implicit Euler: the change in the held directions that scaled rates cause in a step."""
+    """Linearly implicit Euler: the change in the stationary directions that scaled rates cause in a step."""
     from scipy.linalg import lu_factor, lu_solve
 
-    held = search.held
-    factors = lu_factor(np.eye(held.shape[1]) / step - held.T @ gradient @ held, check_finite=False)
-    return lambda rates: np.asarray(held @ lu_solve(factors, held.T @ rates, check_finite=False), float)
+    stationary = search.stationary
+    factors = lu_factor(np.eye(stationary.shape[1]) / step - stationary.T @ gradient @ stationary, check_finite=False)
+    return lambda rates: np.asarray(stationary @ lu_solve(factors, stationary.T @ rates, check_finite=False), float)
 
 
 def _closed(search: Search, x: Floats) -> End:
@@ -326,11 +326,11 @@ def _goes_on(search: Search, x: Floats) -> bool:
 
 
 class _Equations:
-    """The held rates, linear in a change of the states: as many as are independent."""
+    """The rates that must vanish, linear in a change of the states: as many as are independent."""
 
     def __init__(self, search: Search, gradient: Floats) -> None:
-        self._held = search.held
-        matrix = self._held.T @ gradient @ self._held
+        self._stationary = search.stationary
+        matrix = self._stationary.T @ gradient @ self._stationary
         self._row = np.abs(matrix).max(axis=1, initial=0.0)
         self._row[self._row == 0] = 1.0
         self._column = np.abs(matrix / self._row[:, None]).max(axis=0, initial=0.0)
@@ -341,19 +341,19 @@ class _Equations:
         self._sizes = self._sizes[:rank]
 
     def change(self, f: Floats) -> Floats:
-        """The least change of the states that makes the held rates vanish, or those of them that can."""
-        solved = self._right @ ((self._left.T @ (self._held.T @ f / self._row)) / self._sizes)
-        return -np.asarray(self._held @ (solved / self._column), float)
+        """The least change of the states that makes these rates vanish, or those of them that can."""
+        solved = self._right @ ((self._left.T @ (self._stationary.T @ f / self._row)) / self._sizes)
+        return -np.asarray(self._stationary @ (solved / self._column), float)
 
     def hold(self, f: Floats, noise: Floats) -> bool:
         """Whether what no change of the states has an effect on vanishes."""
-        left, noise = self._held.T @ f / self._row, np.abs(self._held.T) @ noise / self._row
+        left, noise = self._stationary.T @ f / self._row, np.abs(self._stationary.T) @ noise / self._row
         return bool((np.abs(self._rest.T @ left) <= np.abs(self._rest.T) @ noise).all())
 
     def largest_change(self, noise: Floats) -> Floats:
         """What rounding in the rates may change the states by."""
-        solved = np.abs(self._right) @ ((np.abs(self._left.T) @ (np.abs(self._held.T) @ noise / self._row)) / self._sizes)
-        return np.asarray(np.abs(self._held) @ (solved / self._column), float)
+        solved = np.abs(self._right) @ ((np.abs(self._left.T) @ (np.abs(self._stationary.T) @ noise / self._row)) / self._sizes)
+        return np.asarray(np.abs(self._stationary) @ (solved / self._column), float)
 
 
 def _reason(search: Search, end: End) -> str:
@@ -363,7 +363,7 @@ def _reason(search: Search, end: End) -> str:
         f = search.rates(end.x)[0]
     except SolverError as problem:
         return f"{problem}; give start values near it: guess={{...}}"
-    left = np.abs(search.held @ (search.held.T @ f))
+    left = np.abs(search.stationary @ (search.stationary.T @ f))
     worst = int(np.argmax(left))
     where = f"der({node_name(scene.model, scene.states[worst])}) stays at {f[worst] * search.scale[worst]:g}"
     cyclic = _cyclic(search, end.x)

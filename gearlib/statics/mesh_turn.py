@@ -260,4 +260,4 @@ def _flag(model: FlatModel, template: Template, g: int, group: EquationGroup, c:
     n = len(template.relations)
     if c < n:
         return np.asarray(modes[model.first_relations[g] + np.arange(len(group)) * n + c], float)
-    return np.asarray(modes[model.n_relations + group.held[:, c - n]], float)
+    return np.asarray(modes[model.n_relations + group.discretes[:, c - n]], float)

@@ -160,10 +160,10 @@ def _enough(S: Any, size: float, count: int, known: Lowest, at_zero: int) -> flo
         if missing is None:
             radius *= 1.01
             continue
-        held = missing + int((np.abs(known.values) < radius).sum())
-        if 2 * count <= held <= 3 * count + 8 or (low and high < 1.05 * low):
-            return radius if held >= 2 * count else high
-        low, high = (radius, high) if held < 2 * count else (low, radius)
+        inside = missing + int((np.abs(known.values) < radius).sum())
+        if 2 * count <= inside <= 3 * count + 8 or (low and high < 1.05 * low):
+            return radius if inside >= 2 * count else high
+        low, high = (radius, high) if inside < 2 * count else (low, radius)
         radius = min(4 * radius, np.sqrt(low * high)) if low else radius / 4
         if low > 0.9 * size:
             break

@@ -57,7 +57,7 @@ def _start(s: Frame) -> int:
         return RHS_FAILED
     if s.h == 0.0:
         s.h = first_step(s)
-    s.h_held, s.fresh = s.h_max, 1
+    s.h_before_event, s.fresh = s.h_max, 1
     return DONE
 
 

@@ -77,7 +77,7 @@ class Frame(ctypes.Structure):
     origin: float  # s; all other times count from here, so that a late start takes no digits from them
     t: float
     h: float
-    h_held: float
+    h_before_event: float
     h_cut: float
     log_error: float
     # of the step, and the largest of the last ones: see ``stages.step_error``

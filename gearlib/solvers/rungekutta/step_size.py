@@ -45,9 +45,9 @@ def _find(s: Frame, signature: float) -> int:
 @native
 def begin_phase(s: Frame, changed: bool) -> None:
     """Choose the first step after an event: that of an earlier phase with the same modes, if they changed."""
-    held = s.h_held
-    s.h_held = s.h
-    s.h = min(s.h, held)
+    before = s.h_before_event
+    s.h_before_event = s.h
+    s.h = min(s.h, before)
     if changed:
         place = _find(s, _signature(s))
         s.fresh, s.known = 1, place >= 0
