@@ -1,0 +1,36 @@
+"""The page of the vocabulary is that of the code. (That no noun stands for two things is counted in `tests.architecture`.)"""
+
+from __future__ import annotations
+
+import ast
+import re
+
+import pytest
+
+from tests import vocabulary
+
+TREES = dict(vocabulary.modules())
+
+
+def test_every_file_and_class_is_on_the_page_as_the_code_describes_it() -> None:
+    page = vocabulary.PAGE.read_text(encoding="utf-8")
+    assert page.split(vocabulary.HEADING)[1] == vocabulary.listed().split(vocabulary.HEADING)[1], "python tests/vocabulary.py"
+
+
+def test_every_file_and_class_says_what_it_is() -> None:
+    silent = [str(path) for path, tree in TREES.items() if not vocabulary.first_line(tree)]
+    silent += [
+        f"{path}: {c.name}" for path, tree in TREES.items() for c in vocabulary.classes(tree) if not vocabulary.first_line(c)
+    ]
+    assert silent == []
+
+
+@pytest.mark.parametrize("word", vocabulary.abandoned())
+def test_word_is_used_no_more(word: str) -> None:
+    """Neither in names nor in texts, as a whole word or as a part of a name."""
+    wanted = re.compile(rf"(?<![A-Za-z]){word}(?![a-z])", re.IGNORECASE)
+    assert [str(path) for path, tree in TREES.items() if wanted.search(ast.unparse(tree))] == []
+
+
+def test_some_words_are_used_no_more() -> None:
+    assert len(vocabulary.abandoned()) >= 1
