@@ -245,13 +245,14 @@ class PowerFlow:
         return lines
 
 
-def _flows(branches: Sequence[Branch]) -> tuple[list[tuple[str, str, float]], list[str]]:
+def _flows(branches: Sequence[PowerEdge]) -> tuple[list[tuple[str, str, float]], list[str]]:
     """Power from component to component; where more than two share a shaft, over a joint.
 
-    >>> _flows([Branch("motor", 0, -5.0), Branch("gear", 0, 5.0), Branch("gear", 1, -5.0), Branch("a", 1, 2.0), Branch("b", 1, 3.0)])
+    >>> shaft = [PowerEdge("gear", 1, -5.0), PowerEdge("a", 1, 2.0), PowerEdge("b", 1, 3.0)]
+    >>> _flows([PowerEdge("motor", 0, -5.0), PowerEdge("gear", 0, 5.0), *shaft])
     ([('motor', 'gear', 5.0), ('gear', 'shaft 1', 5.0), ('shaft 1', 'a', 2.0), ('shaft 1', 'b', 3.0)], ['shaft 1'])
     """
-    by_shaft: dict[int, list[Branch]] = {}
+    by_shaft: dict[int, list[PowerEdge]] = {}
     for branch in branches:
         by_shaft.setdefault(branch.shaft, []).append(branch)
     flows: list[tuple[str, str, float]] = []
