@@ -149,9 +149,9 @@ class Ida:
         self._drive: Drive | None = None
         self._outcome: IdaOutcome | None = None
         if native:
-            self._road, self._drive = _native(self._asked)
+            self._backend, self._drive = _native(self._asked)
         else:
-            self._road = "scikit-sundae: asked for"
+            self._backend = "scikit-sundae: asked for"
 
     @property
     def t(self) -> float:
@@ -183,7 +183,7 @@ class Ida:
             self._asked = eased
             if self._drive is not None:
                 self.close()
-                self._road, self._drive = _native(eased)
+                self._backend, self._drive = _native(eased)
             return self.status  # from the beginning
         if found.status >= 0:
             self.status = "done"
@@ -199,7 +199,7 @@ class Ida:
         if outcome is None:
             raise SolverError("IDA has not begun")
         x = self._drive.x if self.status == "more" and self._drive is not None else None
-        found = _solution(self._asked, outcome, self._road, self.status, x)
+        found = _solution(self._asked, outcome, self._backend, self.status, x)
         return found if self._drive is None else replace(found, stats={**found.stats, "work": self.work})
 
     def close(self) -> None:
