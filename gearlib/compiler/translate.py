@@ -549,25 +549,28 @@ class _Function:
     def chosen(self, node: ast.IfExp) -> Value:
         """Conditional expression: only the chosen value is computed."""
         end, rest = self.write.new(), cast(ast.expr, node)
-        coming: list[tuple[Value, str]] = []
+        coming: list[tuple[Value, str, int]] = []  # with the place at the end of its block
         while isinstance(rest, ast.IfExp):
             yes, no = self.write.new(), self.write.new()
             self.branch(rest.test, yes, no)
             self.write.start(yes)
-            coming.append((self.value(rest.body), self.write.block))
+            coming.append((self.value(rest.body), self.write.block, len(self.write.lines)))
             self.write.go(end)
             self.write.start(no)
             rest = rest.orelse
-        coming.append((self.value(rest), self.write.block))
+        coming.append((self.value(rest), self.write.block, len(self.write.lines)))
         self.write.go(end)
-        self.write.start(end)
-        if len({value.kind for value, _ in coming}) > 1:
-            if any(value.whole is None and value.kind != "double" for value, _ in coming):
+        if len({value.kind for value, *_ in coming}) > 1:  # numbers of several kinds, as of a condition and a variable
+            if any(value.kind not in ("double", "i64", "i1") for value, *_ in coming):
                 raise _refusal(node)
-            coming = [
-                (self.write.converted(value, "double"), block) for value, block in coming
-            ]  # of constants: no instructions
-        return self.write.phi(coming)
+            for k, (value, block, place) in reversed(list(enumerate(coming))):  # each where it is computed
+                added = len(self.write.lines)
+                coming[k] = self.write.converted(value, "double"), block, place
+                conversion = self.write.lines[added:]
+                del self.write.lines[added:]
+                self.write.lines[place:place] = conversion
+        self.write.start(end)
+        return self.write.phi([(value, block) for value, block, _ in coming])
 
     def conditions(self, node: ast.BoolOp) -> Value:
         """``and`` / ``or`` with short-circuit evaluation."""

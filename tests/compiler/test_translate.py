@@ -215,7 +215,8 @@ def expressions() -> Any:
             parts.map(lambda p: f"copysign(1, {p})"),
             st.tuples(st.sampled_from(["max", "min"]), parts, parts).map(lambda p: f"{p[0]}({p[1]}, {p[2]})"),
             st.tuples(parts, test, parts).map(lambda p: f"(1.0 * {p[0]} if {p[1]} else 1.0 * {p[2]})"),
-            st.tuples(parts, st.integers(-4, 5)).map(lambda p: f"(1.0 * {p[0]})**{p[1]}"),
+            st.tuples(test, test, parts).map(lambda p: f"((2 if {p[0]} else 7) if {p[1]} else 1.0 * {p[2]})"),
+            st.tuples(parts, st.integers(-4, 5)).map(lambda p: f"(t / t * {p[0]})**{p[1]}"),
         )  # fmt: skip
 
     return st.recursive(leaves, grown, max_leaves=12)
@@ -451,7 +452,7 @@ REFUSED = {
     "value on one way": "if t > 0:\n    y = 1.0\ndata[0] = y\nreturn 0",
     "value after a loop": "for k in range(index[0]):\n    y = 1.0\ndata[0] = y\nreturn 0",
     "two kinds in a loop": "s = 0\nfor k in range(3):\n    s += data[k]\ndata[0] = s\nreturn 0",
-    "two kinds of one condition": "y = index[0] if t > 0 else t\nreturn 0",
+    "an array or a number": "y = data if t > 0 else t\nreturn 0",
     "a tuple": "a = 1, 2\nreturn 0",
     "unpacking": "a, b = data\nreturn 0",
     "call of itself": "return f(t, data, index)",

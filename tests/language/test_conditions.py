@@ -65,6 +65,65 @@ def test_a_condition_acts_once(condition: Callable[[Any], Any]) -> None:
     assert gl.simulate(counting(condition), 1.0, samples=3)["n"].tolist() == [0.0, 0.0, 1.0]
 
 
+CONDITIONS: list[tuple[Callable[[Any], Any], Callable[[float], bool]]] = [  # at m = 1, p = 2, and how each is at x
+    (lambda s: s.x > 0.4, lambda x: x > 0.4),
+    (lambda s: s.x > s.p, lambda x: False),
+    (lambda s: s.p > 1.0, lambda x: True),
+    (lambda s: gl.time < 0.6, lambda x: x < 0.6),
+    (lambda s: gl.And(s.x > 0.4, s.x < 0.6), lambda x: 0.4 < x < 0.6),
+    (lambda s: gl.Or(s.x < 0.4, gl.Not(s.x < 0.6)), lambda x: not 0.4 <= x < 0.6),
+    (lambda s: sympy.Xor(s.x > 0.4, s.x > 0.6), lambda x: 0.4 < x <= 0.6),
+    (lambda s: gl.holds(s.m), lambda x: True),
+    (lambda s: gl.Not(gl.holds(s.m)), lambda x: False),
+    (lambda s: gl.equals(s.m, 1), lambda x: True),
+    (lambda s: gl.no_event(s.x > 0.4), lambda x: x > 0.4),
+    (lambda s: gl.Max(s.x, 0.2) > 0.4, lambda x: x > 0.4),
+    (lambda s: abs(s.x - 0.5) > 0.1, lambda x: abs(x - 0.5) > 0.1),
+    (lambda s: gl.sign(s.x - 0.4) > 0, lambda x: x > 0.4),
+    (lambda s: gl.der(s.x) > 0.5, lambda x: True),
+    (lambda s: True, lambda x: True),
+    (lambda s: sympy.false, lambda x: False),
+]
+
+
+@pytest.mark.parametrize("at", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("where", ["Eq in When", "reinit", "Piecewise in When", "Eq", "continuous"])
+def test_a_condition_is_a_number(where: str, at: float) -> None:
+    """1 where it holds, 0 where it does not, wherever a value may stand."""
+    conditions = [condition for condition, _ in CONDITIONS]
+
+    def equations(s: Any) -> list[Any]:
+        found: list[Any] = [gl.Eq(gl.der(s.x), 1.0), gl.Eq(s.m, s.x > -1.0)]
+        for k, condition in enumerate(conditions):
+            y, v, value = getattr(s, f"y{k}"), getattr(s, f"v{k}"), condition(s)
+            if where != "reinit":
+                found.append(gl.Eq(gl.der(v), 0.0))
+            if where in ("continuous", "reinit"):
+                found.append(gl.Eq(y, 0))
+            if where == "continuous":
+                found[-2] = gl.Eq(v, value)
+            elif where == "reinit":
+                found += [gl.Eq(gl.der(v), 0.0), gl.When(gl.time >= s.at, gl.reinit(v, value))]
+            elif where == "Eq":
+                found.append(gl.Eq(y, value))
+            else:
+                new = value if where == "Eq in When" else gl.Piecewise((value, s.x > -2), (5.0, True))
+                found.append(gl.When(gl.time >= s.at, gl.Eq(y, new)))
+        return found
+
+    declared: dict[str, Any] = {"x": gl.Variable("1", start=0.0), "m": gl.Discrete(), "p": gl.Parameter("1", default=2.0)}
+    declared |= {"at": gl.Parameter("s", default=at)}
+    declared |= {f"y{k}": gl.Discrete(start=-1.0) for k in range(len(conditions))}
+    declared |= {f"v{k}": gl.Variable("1", guess=-1.0) for k in range(len(conditions))}
+    system = gl.compile(type("Leaf", (gl.Component,), declared | {"equations": equations})())
+    name = "v" if where in ("continuous", "reinit") else "y"
+    for method in ("rk", "ida"):
+        result = system.simulate(at + 0.01, samples=2, method=method)
+        x = at + 0.01 if where in ("Eq", "continuous") else at
+        expected = [float(holds(x)) for _, holds in CONDITIONS]
+        assert [result[f"{name}{k}"][-1] for k in range(len(conditions))] == expected
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
