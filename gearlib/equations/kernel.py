@@ -53,6 +53,17 @@ class Kernel:
         return function
 
     @cached_property
+    def divisors(self) -> tuple[Kernel, ...]:
+        """What the kernel divides by that may pass through zero while the model moves: 1/x gives x, tan(x) its cos(x).
+
+        It changes its sign there, also where the kernel does not (1/x**2 gives x abs(x), 1/abs(x) gives x). Of a branch that is not
+        taken, the divisor is 0.
+        """
+        moving = {sympy.Symbol(f"x{c}", real=True) for c in self.columns} | {sympy.Symbol("t", real=True)}
+        found = dict.fromkeys(d for d in _divisors(self.expression) if d.free_symbols & moving and not _has_one_sign(d))
+        return tuple(_part(self, d) for d in found)
+
+    @cached_property
     def on_time(self) -> bool:
         return sympy.Symbol("t", real=True) in self.expression.free_symbols
 
@@ -171,10 +182,50 @@ def relation_kernel(template: Template, relation: int) -> Kernel:
 @cache
 def derivative_of(kernel: Kernel, column: int) -> Kernel:
     """The derivative of a kernel with respect to one of its columns."""
-    d = sympy.diff(kernel.expression, sympy.Symbol(f"x{column}", real=True))
-    used = {s.name for s in d.free_symbols}
+    return _part(kernel, sympy.diff(kernel.expression, sympy.Symbol(f"x{column}", real=True)))
+
+
+def _divisors(expression: Any) -> list[Any]:
+    if isinstance(expression, sympy.Piecewise):
+        branches = [_divisors(value) for value, _ in expression.args]
+        always = [d for d in branches[0] if all(d in others or -d in others for others in branches)]
+        found: list[Any] = list(always)
+        earlier: list[Any] = []
+        for divisors, (_, condition) in zip(branches, expression.args, strict=True):
+            here = [d for d in divisors if d not in always and -d not in always]
+            found += [sympy.Piecewise(*earlier, (d, condition), (0, True)) for d in here]
+            earlier.append((0, condition))
+        return found
+    inside = [d for part in expression.args for d in _divisors(part)]
+    if isinstance(expression, sympy.tan):
+        return [*inside, sympy.cos(expression.args[0])]
+    if isinstance(expression, sympy.Pow) and not expression.exp.is_nonnegative:
+        base = _with_sign(expression.base)
+        divisor = base * sympy.Abs(base) ** (-1 - expression.exp)
+        known = expression.exp.is_negative
+        return [*inside, divisor if known else sympy.Piecewise((divisor, expression.exp < 0), (0, True))]
+    return inside
+
+
+def _with_sign(expression: Any) -> Any:
+    """The x of abs(x), also where that is written in branches."""
+    if isinstance(expression, sympy.Abs):
+        return expression.args[0]
+    if isinstance(expression, sympy.Piecewise) and len(expression.args) == 2:
+        one, other = (value for value, _ in expression.args)
+        return one if one == -other else expression
+    return expression
+
+
+def _has_one_sign(expression: Any) -> bool:
+    return bool(expression.is_positive or expression.is_negative)
+
+
+def _part(kernel: Kernel, expression: Any) -> Kernel:
+    """Another expression over the same symbols as a kernel's, or some of them."""
+    used = {s.name for s in expression.free_symbols}
     return Kernel(
-        kernel.template, d,
+        kernel.template, expression,
         tuple(i for i in kernel.columns if f"x{i}" in used),
         tuple(i for i in kernel.parameters if f"p{i}" in used),
         tuple(i for i in kernel.relations if f"r{i}" in used),
@@ -184,9 +235,5 @@ def derivative_of(kernel: Kernel, column: int) -> Kernel:
 @cache
 def rest_of(kernel: Kernel) -> Kernel:
     """The kernel with all its columns set to zero."""
-    rest = kernel.expression.xreplace({sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns})
-    used = {s.name for s in rest.free_symbols}
-    return Kernel(
-        kernel.template, rest, (), tuple(i for i in kernel.parameters if f"p{i}" in used),
-        tuple(i for i in kernel.relations if f"r{i}" in used),
-    )  # fmt: skip
+    zeros = {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns}
+    return _part(kernel, kernel.expression.xreplace(zeros))

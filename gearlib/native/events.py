@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import relation_kernel
-from gearlib.native.layout import Layout
+from gearlib.native.layout import EACH, Layout
 from gearlib.native.source import CLOSING, Body, loop, looped
 from gearlib.program.program import Batch
 from gearlib.program.relations import Relations
@@ -35,13 +35,14 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
     return body
 
 
-def update_body(relations: Relations, layout: Layout, n_relations: int, n_discrete: int) -> Body:
+def update_body(relations: Relations, layout: Layout, n_relations: int, n_discrete: int, guards: tuple[int, int]) -> Body:
     """The event iteration.
 
     With the values before the event held, relations and discrete variables are evaluated until none changes; then the values before
     are set to these, and all is repeated until that changes nothing either. A relation whose root was located takes the side that it
     crossed to; it is evaluated like the others once a state has been given a new value, or once the values before have been set, if it
-    compares with one of them. At the end ``fired`` holds the side of each root that goes with its relation, 2 or -2.
+    compares with one of them. At the end ``fired`` holds the side of each root that goes with its relation, 2 or -2, and the signs of
+    divisors, which may have jumped, are marked as old: ``guards`` tells where they stand, and how many there are.
     """
     body = looped(relations.program, layout)
     numbers = root_numbers(relations)
@@ -65,6 +66,7 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
     for batch in relations.batches:
         _sides(body, batch, numbers)
     sides = body.lines
+    old = _old_signs(body, guards)
     body.lines = [
         *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", "result = 0", "moved = 1",
         f"for outer in range({MOST_ITERATIONS}):",
@@ -91,9 +93,17 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
         "if moved != 0:",
         "    return -1",
         *sides,
+        *old,
         "return result",
     ]  # fmt: skip
     return body
+
+
+def _old_signs(body: Body, guards: tuple[int, int]) -> list[str]:
+    place, count = guards
+    if not count:
+        return []
+    return [f"s = {body.array([place])}", f"for k in range({count}):", f"    data[index[s] + {EACH} * k] *= 0.5"]
 
 
 def _relation_loops(body: Body, batch: Batch, numbers: Integers) -> None:

@@ -14,6 +14,7 @@ from gearlib.program.program import Batch, Linear, Newton, Program
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 SEARCH = 6.0  # times an addition: an operation of an elimination in short loops that looks for pivots
+EACH = 3  # numbers that are remembered of a divisor
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Layout:
     solutions: tuple[int, ...]
     slots: int
     scratch: int
+    guards: int  # of each divisor: its sign (half where it is from before an event), how large it and its numerator were
     size: int  # where the part ends
     needed: tuple[Integers, ...]  # of each linear block: which of its unknowns anything uses
 
@@ -81,7 +83,8 @@ def lay_out(program: Program, shared: Shared, base: int) -> Layout:
             scratch = max(scratch, n * n + 2 * n + 1)  # right-hand side, matrix, order of columns
     end = at + program.n_slots
     memory = len(program.iterated)  # a first determinant each
-    return Layout(shared, tuple(solutions), at, end, end + scratch + memory, tuple(needed))
+    guards = end + scratch + memory
+    return Layout(shared, tuple(solutions), at, end, guards, guards + EACH * program.n_guards, tuple(needed))
 
 
 def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared, guess: Floats | None = None) -> None:

@@ -59,7 +59,7 @@ def rhs_source(
     if is_small(program):
         body = written_out(program, layout, dict(enumerate(identifiers(names()))), parameter_names)
     else:
-        body = looped(program, layout)
+        body = looped(program, layout, guarded=True)
     return function("rhs", ["x", "dx", "data", "index"], body, RHS), body
 
 
@@ -88,7 +88,7 @@ def compile_scene(
     layout = lay_out(program, shared, shared.size)
     text, body = rhs_source(program, layout, names, parameter_names)
     rhs = _compile("rhs", text, body, layout)
-    end = layout.size + body.n_coefficients
+    end, guards = layout.size + body.n_coefficients, (layout.guards, program.n_guards)
     jac = pattern = roots = update = None
     if jacobian:
         layout = lay_out(program, shared, end)
@@ -100,7 +100,7 @@ def compile_scene(
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
             roots = _compile("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
-        body = update_body(relations, layout, n_relations, n_discrete)
+        body = update_body(relations, layout, n_relations, n_discrete, guards)
         end = layout.size + body.n_coefficients
         update = _compile("update", function("update", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []

@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import Kernel
 from gearlib.native.consecutive import coefficient_batches, has_runs, run_index, run_lines, starts_of_runs
 from gearlib.native.identifiers import identifiers
-from gearlib.native.layout import Layout
+from gearlib.native.layout import EACH, Layout
 from gearlib.program.program import LOST, ROUNDING, Batch, Linear, Newton, Program
 from gearlib.program.text import expression
 
 Integers = NDArray[np.int64]
+VANISHED = 1e-8  # of the largest that it was: a numerator that is zero together with its divisor
+BESIDE_ZERO = 1e-6  # of the largest that it was: a divisor where its own zero was located, after an event
 SMALLER = 9.2  # logarithm of how far the determinant of a nonlinear block may fall
 SMALLER_CONSTRAINED = 1.5  # the same where constraints may ask for other states
 LONGEST = 260  # assignments up to which a program is written out
@@ -124,15 +126,51 @@ def written_out(program: Program, layout: Layout, slot_names: dict[int, str], pa
                 terms = [f"data[{at + i * width + j}] * {slot_names[int(g)]}" for j, g in enumerate(step.known)]
                 body.lines.append(f"{slot_names[int(step.unknowns[row])]} = {' + '.join(terms) or '0.0'}")
             block += 1
+    taken = [*slot_names.values(), *names.values()]
+    divisor, numerator = identifiers(["divisor", "numerator"], taken) if program.guards else ("", "")
+    for guard in program.guards:
+        part = guard.divisors
+        for i, quotient in enumerate(guard.quotients.tolist()):
+            text = expression(
+                part, i, lambda a, s=part, i=i: slot_names[int(s.arguments[i, a])],  # type: ignore[misc]
+                lambda a, s=part, i=i: names[int(s.parameters[i, a])],  # type: ignore[misc]
+                lambda a, s=part, i=i: f"data[{layout.relations + int(s.relations[i, a])}]",  # type: ignore[misc]
+            )  # fmt: skip
+            body.lines += _guard(
+                divisor, numerator, text, slot_names[quotient], str(layout.guards + EACH * int(part.targets[i]))
+            )
     body.lines += [f"dx[{i}] = {slot_names[int(s)]}" for i, s in enumerate(program.output_slots)]
     return body
+
+
+def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str) -> list[str]:
+    """Refuse the evaluation where a divisor has another sign than before, unless its numerator went through zero with it.
+
+    A quotient that passes through infinity looks harmless on both sides of it, and a step may take it from one to the other. At an
+    event a divisor may jump, but not to zero.
+    """
+    sign, largest, widest = (f"data[{place} + {k}]" if k else f"data[{place}]" for k in range(EACH))
+    return [
+        f"{divisor} = {value}",
+        f"{numerator} = abs({divisor} * {quotient})",
+        f"if {divisor} * {sign} < 0.0 and {numerator} > {VANISHED} * {largest}:",
+        f"    if abs({sign}) > 0.75 or abs({divisor}) < {BESIDE_ZERO} * {widest}:",
+        "        return 1",
+        f"if {numerator} < 1e300:",  # a number
+        f"    {sign} = 1.0 if {divisor} > 0.0 else (-1.0 if {divisor} < 0.0 else 0.0)",
+        f"    {largest} = max({largest}, {numerator})",
+        f"    {widest} = max({widest}, abs({divisor}))",
+    ]
 
 
 CLOSING = 6  # lines at the end of a looped body that store the derivatives
 
 
-def looped(program: Program, layout: Layout) -> Body:
-    """Source in loops, one per kernel and level; its size depends on the kinds of equations only."""
+def looped(program: Program, layout: Layout, guarded: bool = False) -> Body:
+    """Source in loops, one per kernel and level; its size depends on the kinds of equations only.
+
+    ``guarded``: no divisor may pass through zero.
+    """
     n_rows = sum(len(b) for step in program.steps for b in _batches(step))
     body = Body(signed=_many_signs(program), literal=n_rows <= LONGEST)
     sizes = body.array(
@@ -147,7 +185,7 @@ def looped(program: Program, layout: Layout) -> Body:
     if program.inputs:
         body.lines += ["for k in range(m):", "    data[v + n + k] = data[u + k]"]
     pieces: list[Body] = []
-    memory = layout.size - len(program.iterated)
+    memory = layout.guards - len(program.iterated)
     block = 0
     for step in program.steps:
         if isinstance(step, Batch):
@@ -169,6 +207,11 @@ def looped(program: Program, layout: Layout) -> Body:
             _newton(pieces[-1], step, memory)
             memory += not step.linear
     body.include_all(pieces)
+    if guarded and program.guards:
+        body.lines += [f"s = {body.array([layout.guards])}", "s = index[s]"]
+        for guard in program.guards:
+            lines = _guard("divisor", "numerator", "{value}", "data[v + {extra}]", f"s + {EACH} * {{target}}")
+            loop(body, guard.divisors, "\n".join(lines), extra=guard.quotients)
     outputs = program.output_slots
     starts = starts_of_runs(outputs[:, None]) if len(outputs) else np.empty(0, np.int64)
     lengths = np.diff([*starts, len(outputs)])

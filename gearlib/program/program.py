@@ -59,6 +59,14 @@ class Batch:
 
 
 @dataclass(frozen=True)
+class Guard:
+    """Divisors of a batch, whose targets number the divisors of the whole program, and the slots of the quotients."""
+
+    divisors: Batch
+    quotients: Integers
+
+
+@dataclass(frozen=True)
 class Linear:
     """``A z + g = 0`` with a matrix that is constant during a run; g in slots of its own (rows without one have none)."""
 
@@ -151,6 +159,27 @@ class Program:
     def iterated(self) -> tuple[Newton, ...]:
         """Nonlinear blocks: those whose Newton iteration takes several steps."""
         return tuple(s for s in self.steps if isinstance(s, Newton) and not s.linear)
+
+    @cached_property
+    def guards(self) -> tuple[Guard, ...]:
+        """What is divided by and may change its sign, of all equations that are solved one by one."""
+        found, n = [], 0
+        for batch in (step for step in self.steps if isinstance(step, Batch)):
+            for kernel in batch.kernel.divisors:
+                columns = [batch.kernel.columns.index(c) for c in kernel.columns]
+                parameters = [batch.kernel.parameters.index(p) for p in kernel.parameters]
+                relations = [batch.kernel.relations.index(r) for r in kernel.relations]
+                divisors = Batch(
+                    kernel, batch.equations, np.arange(n, n + len(batch)), np.ones_like(batch.signs), batch.arguments[:, columns],
+                    batch.argument_signs[:, columns], batch.parameters[:, parameters], batch.relations[:, relations],
+                )  # fmt: skip
+                found.append(Guard(divisors, batch.targets))
+                n += len(batch)
+        return tuple(found)
+
+    @property
+    def n_guards(self) -> int:
+        return sum(len(guard.quotients) for guard in self.guards)
 
     @property
     def n_unknowns(self) -> int:

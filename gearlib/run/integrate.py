@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.native.layout import Shared, operations
+from gearlib.native.layout import EACH, Shared, operations
 from gearlib.native.scene_functions import NativeScene
 from gearlib.program.interpret import owner_of
 from gearlib.run.linear_form import linear_form
@@ -504,6 +504,9 @@ def _problem(run: Run, keep: Keep, jacobian: bool) -> Problem:
     functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
     index = native.index
     tables = [(k, s) for k, s in enumerate(run.signals) if isinstance(s, Table)]
+    if program.guards and any((np.diff(table.t) == 0.0).any() for _, table in tables):
+        # a divisor may jump over zero with its input: no numerator is large beside infinity
+        data[native.rhs.layout.guards :][: EACH * program.n_guards].reshape(-1, EACH)[:, 1] = np.inf
     if tables:
         from gearlib.solvers.inputs.table_lookup import fed
 
