@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gearlib.errors import GearlibError as GearlibError
+    from gearlib.errors import GearlibWarning as GearlibWarning
+    from gearlib.errors import InputWarning as InputWarning
     from gearlib.feedback.loop_plots import bode_plot as bode_plot
     from gearlib.feedback.loop_plots import nichols_plot as nichols_plot
     from gearlib.feedback.loop_plots import nyquist_plot as nyquist_plot
@@ -108,7 +110,7 @@ _HOME = {
     **dict.fromkeys(["StabilityReport", "stability"], "gearlib.feedback.stability"),
     "PowerFlow": "gearlib.statics.power_flow",
     **dict.fromkeys(["mobility", "power_flow", "speed_ratio"], "gearlib.statics.statics"),
-    "GearlibError": "gearlib.errors",
+    **dict.fromkeys(["GearlibError", "GearlibWarning", "InputWarning"], "gearlib.errors"),
     **dict.fromkeys(["Component", "Connection", "connect"], "gearlib.language.component"),
     **dict.fromkeys(
         ["Connector", "Derivative", "Discrete", "Flow", "Input", "Parameter", "Potential", "Structural", "Variable", "offered"],

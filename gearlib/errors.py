@@ -1,4 +1,4 @@
-"""Everything that gearlib raises on purpose.
+"""Everything that gearlib raises on purpose, and what it warns of.
 
 GearlibError
 ├── ModelError             the model as written cannot be right
@@ -15,16 +15,22 @@ GearlibError
 ├── ArgumentError          a bad argument of simulate, linearize, ...
 ├── MissingPackageError    a table or a plot needs a package that is not installed
 └── SolverError            the integration failed; says when and where
+
+GearlibWarning (a UserWarning)
+└── InputWarning           inputs that a run took as 0, since nobody gave them
 """
 
 from __future__ import annotations
 
 import difflib
+import inspect
+import warnings
 from collections.abc import Iterable
 
 __all__ = [
     "ArgumentError", "AttributeNameError", "BalanceError", "BindingError", "BoundError", "ConnectionError", "DeclarationError",
-    "GearlibError", "LoopError", "MissingPackageError", "ModelError", "NameLookupError", "SingularError", "SolverError", "StartError",
+    "GearlibError", "GearlibWarning", "InputWarning", "LoopError", "MissingPackageError", "ModelError", "NameLookupError",
+    "SingularError", "SolverError", "StartError",
 ]  # fmt: skip
 
 
@@ -89,6 +95,27 @@ class MissingPackageError(GearlibError, ImportError):
 
 class SolverError(GearlibError, RuntimeError):
     """The integration failed."""
+
+
+class GearlibWarning(UserWarning):
+    """Base of the warnings that have a name."""
+
+
+class InputWarning(GearlibWarning):
+    """Inputs that nobody gave: a run took them as 0."""
+
+
+def warn(message: str, category: type[Warning]) -> None:
+    """Warn at the line outside gearlib that made the call, every time.
+
+    `warnings.warn` shows a message once for each line, so that of many runs in a loop only the first would be told of.
+    """
+    frame = inspect.currentframe()
+    assert frame is not None  # CPython has frames
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] == "gearlib":
+        frame = frame.f_back
+    module = frame.f_globals.get("__name__")
+    warnings.warn_explicit(message, category, frame.f_code.co_filename, frame.f_lineno, module, registry={})
 
 
 USUAL = {  # what others call what is called so here

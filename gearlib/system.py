@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from gearlib.arguments import flag, name_list, real
+from gearlib.errors import InputWarning, warn
 from gearlib.language.component import Component
+from gearlib.reduce.rows import some
 from gearlib.run.request import Request, check_options, output_times
 from gearlib.run.result import Result
 from gearlib.run.simulate import earlier_run, run
@@ -116,7 +118,7 @@ class System(Compiled):
         """What came in, what each phase did, and what is integrated."""
         own = self.translation
         free = own.start(own.scene, own.parameter_values(None), 0.0, None, [0.0] * len(own.inputs)).free
-        return summary(own.name, own.scene, own.outputs, free, own.left_out)
+        return summary(own.name, own.scene, own.outputs, free, own.left_out, own.inputs)
 
     @property
     def source(self) -> str:
@@ -154,7 +156,9 @@ class System(Compiled):
             its last sample or from a time, with all of its state: integrated states, discrete variables, the modes of clutches
             and friction. Its parameters and inputs stay as well, unless ``parameters`` or ``inputs`` are given.
         inputs : mapping, optional
-            Of unbound inputs: a number, a function of time, or a `Table`.
+            Of unbound inputs: a number, a function of time, or a `Table`. Those that are not given are 0: ``stats["zero_inputs"]``
+            names them, and a run warns (`InputWarning`) of those that its outputs depend on, once for all of them. Without
+            ``outputs`` anything may be asked of a run, and it warns of all.
         max_step : float, optional
             Longest step, s. No event that lasts longer is stepped over, and no pulse. By default a hundredth of the run where there are
             comparisons of variables; where time drives the scene, that or two sample intervals, whichever is less.
@@ -186,11 +190,21 @@ class System(Compiled):
             translation = self.translation.fitting(numbers)
         else:
             translation, numbers = self.translation.fitted(parameters)
-        signals = translation.input_signals(inputs) if inputs is not None or not earlier else earlier[0].request.signals
-        result = run(
-            translation,
-            Request(t_start, grid, method, float(rtol), atol, numbers, start, tuple(signals), show, max_step),
-        )
+        if inputs is not None or not earlier:
+            signals = tuple(translation.input_signals(inputs))
+            zero = tuple(name for name in self.inputs if name not in (inputs or ()))
+        else:
+            signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
+        asked = Request(t_start, grid, method, float(rtol), atol, numbers, start, signals, show, max_step, zero)
+        result = run(translation, asked)
+        missed = [name for name in translation.needed_inputs if name in zero] if zero else []
+        if missed:
+            many = f"the inputs {some(missed, ', ')}: they are" if len(missed) > 1 else f"the input {missed[0]}: it is"
+            warn(
+                f"{self.name}: nobody gave {many} 0 in this run. Give simulate(inputs={{{missed[0]!r}: ...}}), 0.0 where that is "
+                "meant, or bind it in the model",
+                InputWarning,
+            )
         if audit:
             result.check_energy()
         return result

@@ -12,9 +12,10 @@ from gearlib import errors
 
 def test_every_exception_is_in_the_drawn_tree() -> None:
     drawn = re.findall(r"[├└]── (\w+)", errors.__doc__ or "")
-    assert sorted(["GearlibError", *drawn]) == errors.__all__
+    assert sorted(["GearlibError", "GearlibWarning", *drawn]) == errors.__all__
     for name in drawn:
-        assert issubclass(getattr(errors, name), errors.GearlibError)
+        base = errors.GearlibWarning if name.endswith("Warning") else errors.GearlibError
+        assert issubclass(getattr(errors, name), base)
 
 
 @pytest.mark.parametrize(
@@ -25,8 +26,9 @@ def test_they_are_also_what_python_would_raise(name: str, builtin: type[Exceptio
     assert issubclass(getattr(errors, name), builtin)
 
 
-def test_the_base_is_public() -> None:
+def test_the_bases_are_public() -> None:
     assert gl.GearlibError is errors.GearlibError
+    assert gl.GearlibWarning is errors.GearlibWarning
 
 
 def test_a_missing_name_is_not_printed_in_quotes() -> None:

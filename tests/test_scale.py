@@ -289,7 +289,7 @@ def test_other_numbers_never_translate_or_compile_again(monkeypatch: pytest.Monk
     system = gl.compile(Drive(), outputs=["b.w"])
     methods = ("rk", "ida", "auto")
     for method in methods:
-        system.simulate(t_end=0.1, method=method)["b.w"]
+        system.simulate(t_end=0.1, method=method, inputs={"torque.tau": 1.0})["b.w"]
     calls: list[str] = []
     for module, name in (
         (object_code, "kept_bytes"),
@@ -305,7 +305,7 @@ def test_other_numbers_never_translate_or_compile_again(monkeypatch: pytest.Monk
             {"inputs": {"torque.tau": np.sin}}, {"rtol": 1e-9}, {"times": [0.0, 0.03, 0.05]}, {"samples": 7}, {"t_end": 0.2},
         ):  # fmt: skip
             if method == "auto" or not callable(changed.get("inputs", {}).get("torque.tau")):
-                system.simulate(**{"t_end": 0.1, "method": method, **changed})["b.w"]
+                system.simulate(**{"t_end": 0.1, "method": method, "inputs": {"torque.tau": 1.0}, **changed})["b.w"]
     assert calls == []
 
 

@@ -29,6 +29,7 @@ class Drive(gl.Component):
 
 
 SYSTEM = gl.compile(Drive())
+FREE = {"torque.tau": 0.0}
 
 
 def test_the_example_of_the_design() -> None:
@@ -50,10 +51,10 @@ def test_simulate_in_one_call() -> None:
 
 
 def test_the_time_axis() -> None:
-    assert len(SYSTEM.simulate(1.0).time) == 501
-    assert SYSTEM.simulate(3.0, t_start=1.0, samples=3).time.tolist() == [1.0, 2.0, 3.0]
-    assert SYSTEM.simulate(3.0, times=[0.0, 0.1, 3.0]).time.tolist() == [0.0, 0.1, 3.0]
-    assert SYSTEM.simulate(np.float32(1.0), samples=np.int64(3)).time.tolist() == [0.0, 0.5, 1.0]
+    assert len(SYSTEM.simulate(1.0, inputs=FREE).time) == 501
+    assert SYSTEM.simulate(3.0, t_start=1.0, samples=3, inputs=FREE).time.tolist() == [1.0, 2.0, 3.0]
+    assert SYSTEM.simulate(3.0, times=[0.0, 0.1, 3.0], inputs=FREE).time.tolist() == [0.0, 0.1, 3.0]
+    assert SYSTEM.simulate(np.float32(1.0), samples=np.int64(3), inputs=FREE).time.tolist() == [0.0, 0.5, 1.0]
 
 
 def test_time_of_an_expression_is_that_of_the_run() -> None:
@@ -74,9 +75,9 @@ def test_a_run_leaves_nothing_behind() -> None:
 
 
 def test_progress_is_printed_on_request(capsys: pytest.CaptureFixture[str]) -> None:
-    SYSTEM.simulate(1.0, samples=3)
+    SYSTEM.simulate(1.0, samples=3, inputs=FREE)
     assert capsys.readouterr().out == ""
-    SYSTEM.simulate(1.0, samples=3, progress=True)
+    SYSTEM.simulate(1.0, samples=3, inputs=FREE, progress=True)
     assert "Drive: 1 states, 0 .. 1 s, method auto" in capsys.readouterr().out
 
 
@@ -192,8 +193,8 @@ def bad_call(name: str) -> None:
         "inputs=5": lambda: run(1.0, inputs=5),  # type: ignore[arg-type]
         "inputs by number": lambda: run(1.0, inputs={3: 1.0}),  # type: ignore[dict-item]
         "at=3": lambda: linear(["torque.tau"], ["load.w"], at=3),
-        "at after the end": lambda: linear(["torque.tau"], ["load.w"], at=(run(1.0), 5.0)),
-        "at='x' of a run": lambda: linear(["torque.tau"], ["load.w"], at=(run(1.0), "x")),
+        "at after the end": lambda: linear(["torque.tau"], ["load.w"], at=(run(1.0, inputs=FREE), 5.0)),
+        "at='x' of a run": lambda: linear(["torque.tau"], ["load.w"], at=(run(1.0, inputs=FREE), "x")),
     }
     calls[name]()
 

@@ -34,6 +34,7 @@ class Request:
     signals: tuple[Any, ...]
     progress: bool
     max_step: float | None
+    zero_inputs: tuple[str, ...] = ()  # that nobody gave
 
 
 def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None, states: int = 0) -> Floats:

@@ -323,3 +323,17 @@ def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, 
     """The states that must be integrated to know some variables."""
     _, states = reach(structure.dependence, targets, dynamic=True, events=True)
     return tuple(sorted(states))
+
+
+def needed_inputs(structure: Structure, targets: Iterable[Node]) -> tuple[str, ...]:
+    """The unbound inputs that some variables depend on, through their states and through events."""
+    model, dependence = structure.model, structure.dependence
+    targets = list(targets)
+    unknowns, _ = reach(dependence, targets, dynamic=True, events=True)
+    met = {v for v, _ in targets}
+    for node in unknowns:
+        e, k = dependence.choice.solved_by[node]
+        met |= {v for v, _ in (*dependence.columns(e, k), *dependence.at_events.get(e, ()))}
+    for update in model.discretes.updates:  # which of them the targets depend on is not asked
+        met |= set(update.equations.variables.ravel().tolist())
+    return tuple(model.name(v) for v in model.inputs.tolist() if v in met)

@@ -44,13 +44,14 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     first = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step)
     if asked.progress:
         print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
-    parts = integrate_through(first, asked.method, translation.switched)
+    parts = integrate_through(first, asked.method, translation.charts)
     if asked.progress:
         print(
             f"{translation.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s"
         )
     hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, where it was not asked for
-    found = [(Part.of(part, o, skipped), o.stats, o.events) for (part, o), skipped in zip(parts, hidden, strict=True)]
+    given = {"zero_inputs": asked.zero_inputs}
+    found = [(Part.of(part, o, skipped), o.stats | given, o.events) for (part, o), skipped in zip(parts, hidden, strict=True)]
     asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
     refuse_too_small([part for part, _, _ in found], asked.rtol)
     return Result(found, translation, asked, run)

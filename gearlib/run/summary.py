@@ -10,7 +10,10 @@ from gearlib.run.scene import Scene, node_name
 MOST = 12
 
 
-def summary(name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], zero: Sequence[str]) -> str:
+def summary(
+    name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], zero: Sequence[str],
+    inputs: Sequence[str],
+) -> str:  # fmt: skip
     """A few lines for each phase."""
     structure, model, program = scene.structure, scene.model, scene.program
     counts, result = model.counts, structure.differentiation
@@ -45,6 +48,8 @@ def summary(name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequ
         lines.append(f"  zeros       translated without what they multiply: {_some(list(zero))}")
     kind = "linear, time-invariant" if program.is_linear else "nonlinear, or with coefficients that vary"
     lines.append(f"  scene       {kind}; outputs: {_some(list(outputs)) if outputs is not None else 'everything, on demand'}")
+    if inputs:
+        lines.append(f"  inputs      0 unless a run is given them: {_some(list(inputs))}")
     if free:
         lines.append(f"  start       at their guess, since nothing fixes them: {_some(list(free))}")
     return "\n".join(lines)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from numbers import Real
 from typing import Any
 
@@ -20,7 +20,7 @@ from gearlib.language.component import Component
 from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
-from gearlib.run.scene import Scene, needed_states
+from gearlib.run.scene import Scene, needed_inputs, needed_states
 from gearlib.run.start_values import Start, start_values, start_variable
 from gearlib.run.steady import steady_state
 from gearlib.run.zeros import can_be_solved, factors
@@ -136,7 +136,7 @@ class Translation:
         Parameters that are zero and left out of the equations.
     scenes : dict
         Scenes with other states, as runs and analyses needed them; grows.
-    switched : dict
+    charts : dict
         Scenes to which runs were handed over whose own states became singular; grows.
     """
 
@@ -147,7 +147,7 @@ class Translation:
     variants: Variants
     absent: frozenset[int]
     scenes: dict[tuple[States, tuple[int, ...], States], Scene] = field(default_factory=dict)
-    switched: dict[States, Scene] = field(default_factory=dict)
+    charts: dict[States, Scene] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -201,6 +201,16 @@ class Translation:
         if key not in self.scenes:
             self.scenes[key] = Scene(self.structure, states, wanted, outputs)
         return self.scenes[key]
+
+    @cached_property
+    def needed_inputs(self) -> tuple[str, ...]:
+        """Unbound inputs that the outputs depend on; all of them where anything may be asked for."""
+        if self.outputs is None:
+            return self.inputs
+        names = self.model.discretes.names
+        nodes = output_nodes(self.structure, [n for n in self.outputs if n not in names])
+        decisive = [n for d, name in enumerate(names) if name in self.outputs for n in discrete_nodes(self.model, d)]
+        return needed_inputs(self.structure, [*nodes, *decisive])
 
     def fitting(self, parameters: Floats) -> Translation:
         """The translation of the same component that fits some numbers of the parameters.

@@ -356,7 +356,7 @@ def outcome(call: Call, wrong: Mapping[str | int, Callable[[], Any]], labels: st
     try:
         with limited(SECONDS), warnings.catch_warnings():
             warnings.simplefilter("error")
-            warnings.filterwarnings("ignore", message="the inputs? .* (is|are) 0", category=UserWarning)
+            warnings.simplefilter("ignore", gl.InputWarning)
             answer = call.with_wrong({place: make() for place, make in wrong.items()})
             if usual and not finite(answer):
                 return Outcome(call.name, labels, NOT_FINITE, repr(answer)[:200])

@@ -18,7 +18,7 @@ from gearlib import bondgraph as bg
 from tests.stress.misuse import ANSWERED, NOT_FINITE, RAW, REFUSED, UNNAMED, WRONG, Call, Hostile, misuses, outcome
 from tests.stress.misused_calls import GROUPS, run, system
 
-NO_ARGUMENTS = {"GearlibError", "pi", "time"}  # an exception and two symbols
+NO_ARGUMENTS = {"GearlibError", "GearlibWarning", "InputWarning", "pi", "time"}  # an exception, warnings and two symbols
 MADE_BY_ANALYSES = {
     "Campbell", "EnergyBalance", "FrequencyResponse", "HarmonicBalance", "Modes", "OrderSpectrum", "OrderWaterfall", "PowerFlow",
     "Result", "StabilityReport", "System", "Bond", "Causality", "StateEquations", "PlanetPhasing", "StiffnessPattern", "StiffnessLaw",
@@ -139,9 +139,10 @@ def test_what_is_a_number_is_taken_as_one() -> None:
 
     import sympy
 
-    right = system().simulate(0.5, samples=3, parameters={"load.J": 0.5})["load.w"]
+    driven = {"torque.tau": 1.0}
+    right = system().simulate(0.5, samples=3, parameters={"load.J": 0.5}, inputs=driven)["load.w"]
     for half in (Fraction(1, 2), sympy.Rational(1, 2), np.float32(0.5), np.float64(0.5)):
-        found = system().simulate(half, samples=3, parameters={"load.J": half})["load.w"]
+        found = system().simulate(half, samples=3, parameters={"load.J": half}, inputs=driven)["load.w"]
         assert np.array_equal(found, right), half
     assert gl.Table([0, 1], [0, Fraction(1, 2)])(0.5) == 0.25
     assert run().time[-1] == 10.0

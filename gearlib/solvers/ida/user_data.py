@@ -1,4 +1,4 @@
-"""User data of the SUNDIALS callbacks: the record shared by Python and compiled code."""
+"""The record that SUNDIALS hands to every callback of `callbacks` as its user data."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gearlib.compiler.small_language import record
 
 
 @record
-class IdaRecord(ctypes.Structure):
+class IdaFrame(ctypes.Structure):
     """Addresses, whole numbers, reals; every field is zero at first."""
 
     # addresses: of the model
