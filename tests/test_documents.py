@@ -50,3 +50,11 @@ def test_every_page_that_the_readme_names_exists() -> None:
     links = re.findall(r"\]\(([^)#:]+)\)", (ROOT / "README.md").read_text(encoding="utf-8"))
     assert len(links) >= 6
     assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_files_that_the_row_by_row_page_names_exist() -> None:
+    page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    named = re.findall(r"`((?:tests|examples|gearparts)/[\w/]+(?:\.py)?)`", page)
+    assert len(named) > 10
+    missing = [n for n in named if not ((ROOT / n).exists() or (ROOT / "library" / n).exists())]
+    assert missing == []

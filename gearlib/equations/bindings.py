@@ -18,7 +18,7 @@ import sympy
 from gearlib.arguments import shown
 from gearlib.equations.template import Relation, Template, checked, lift_relations, make_template, parse_column
 from gearlib.errors import BindingError, BoundError
-from gearlib.language.expressions import check_depth, time, value_of
+from gearlib.language.expressions import check_depth, real_symbol, time, value_of
 
 
 @dataclass(frozen=True)
@@ -50,23 +50,23 @@ def number(value: Any, path: str, unit: str, description: str) -> float:
 
 def is_expression(value: Any) -> bool:
     """Whether a given value has symbols in it."""
-    return isinstance(value, sympy.Basic) and bool(value.free_symbols)
+    return isinstance(value, sympy.Basic) and (value.is_Symbol or bool(value.free_symbols))
 
 
 @lru_cache(maxsize=10_000)
 def parameter_function(expression: Any, arguments: tuple[str, ...]) -> Callable[..., Any]:
     """A function of arrays for an expression of parameters."""
-    symbols = [sympy.Symbol(a, real=True) for a in arguments]
+    symbols = [real_symbol(a) for a in arguments]
     function: Callable[..., Any] = sympy.lambdify(symbols, expression, "numpy")
     return function
 
 
 def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
     """The expression over a0, a1, ... and the names that these stand for."""
+    if expression.is_Symbol:
+        return real_symbol("a0"), (expression.name,)
     names = tuple(sorted(s.name for s in expression.free_symbols))
-    if len(names) == 1 and expression.is_Symbol:
-        return sympy.Symbol("a0", real=True), names
-    table = {sympy.Symbol(n, real=True): sympy.Symbol(f"a{i}", real=True) for i, n in enumerate(names)}
+    table = {real_symbol(n): real_symbol(f"a{i}") for i, n in enumerate(names)}
     return expression.xreplace(table), names
 
 
@@ -78,7 +78,7 @@ def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str =
     check_depth(expression, path)
     expression, relations = lift_relations(checked(value_of(expression, path), path))
     if expression.is_Number or expression.is_NumberSymbol:
-        return BoundInput(_template(sympy.Symbol("p0", real=True), (), ("p0",)), {}, {"p0": float(expression)})
+        return BoundInput(_template(real_symbol("p0"), (), ("p0",)), {}, {"p0": float(expression)})
     values: dict[str, str | float] = {}
 
     def lift(e: Any) -> Any:
@@ -87,7 +87,7 @@ def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str =
                 return sympy.Integer(int(e))
             key = f"p{len(values)}"
             values[key] = float(e)
-            return sympy.Symbol(key, real=True)
+            return real_symbol(key)
         if e.is_Pow and e.exp.is_Number:
             return sympy.Pow(lift(e.base), e.exp)
         if e.is_Piecewise:
@@ -113,7 +113,7 @@ def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str =
             key = next((k for k, v in variables.items() if v == base), f"v{len(variables)}")
             variables[key] = base
             key = "der(" * order + key + ")" * order
-        renamed[symbol] = sympy.Symbol(key, real=True)
+        renamed[symbol] = real_symbol(key)
     lifted = lifted.xreplace(renamed)
     lifted_relations = tuple(type(r)(r.g.xreplace(renamed), r.strict, r.negated) for r in lifted_relations)
     return BoundInput(_template(lifted, lifted_relations, tuple(values)), variables, values)
@@ -122,5 +122,5 @@ def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str =
 def _template(value: Any, relations: tuple[Relation, ...], parameters: tuple[str, ...]) -> Template:
     key = (value, relations)
     if key not in _templates:
-        _templates[key] = make_template("binding", sympy.Symbol("bound", real=True) - value, parameters, relations)
+        _templates[key] = make_template("binding", real_symbol("bound") - value, parameters, relations)
     return _templates[key]

@@ -13,8 +13,8 @@ from gearlib.arguments import shown
 from gearlib.equations.discrete_updates import Update, split_equations
 from gearlib.equations.template import Template, template_of
 from gearlib.errors import BalanceError, DeclarationError, nearest
-from gearlib.language.component import PRIVATE, Component, Declared, declared_by, equations_of
-from gearlib.language.declarations import Connector, Declaration, Discrete
+from gearlib.language.component import PRIVATE, Component, Declared, check_declarations, declared_by, equations_of
+from gearlib.language.declarations import Connector, Discrete
 from gearlib.language.dimensions import unit_errors, values_compared, values_given
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
 
@@ -56,7 +56,7 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
     whole = id(component) if extras is None else (key, extras)
     if met is not None and whole in met:
         return met[whole]
-    _check_declarations(kind)
+    check_declarations(kind)
     equations = equations_of(component)
     parts = tuple((n, type(p), tuple(p._structural.items())) for n, p in component._parts.items()) if equations else ()
     written = (key, parts, tuple(_written(e, kind.__name__) for e in equations))
@@ -81,24 +81,6 @@ def _written(action: Eq | When | Reinit, name: str) -> tuple[Any, ...]:
     except DeclarationError as problem:
         sides = f"{shown(action.left)} == {shown(action.right)}"
         raise DeclarationError(f"{name}.equations(): {sides} is no equation: {problem}") from None
-
-
-def _check_declarations(kind: type[Component]) -> None:
-    """Declarations are read when the class is made; what took the place of one since then would go unnoticed."""
-    now: dict[str, Any] = {}
-    for base in reversed(kind.__mro__):
-        now.update((n, v) for n, v in vars(base).items() if n in kind._declarations or isinstance(v, Declaration))
-    for name, value in now.items():
-        declared = kind._declarations.get(name)
-        if value is not declared:
-            what = (
-                f"is {shown(value)} where {shown(declared)} was declared"
-                if declared
-                else "was declared outside of a component class"
-            )
-            raise DeclarationError(
-                f"{kind.__name__}.{name} {what}; declare it in the body of the class, or again in a subclass of gl.Component"
-            )
 
 
 def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassRecord:

@@ -18,7 +18,7 @@ from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
 from gearlib.errors import DeclarationError, NameLookupError
-from gearlib.language.expressions import Eq, as_condition, time, total_derivative
+from gearlib.language.expressions import Eq, as_condition, real_symbol, time, total_derivative
 
 LARGEST = sys.float_info.max
 Column = tuple[str, int]  # a variable and the order of its derivative
@@ -179,7 +179,7 @@ class Template:
 def column_symbol(column: Column) -> Any:
     """The symbol of a variable's derivative of some order."""
     name, order = column
-    return sympy.Symbol("der(" * order + name + ")" * order, real=True)
+    return real_symbol("der(" * order + name + ")" * order)
 
 
 def parse_column(name: str) -> Column:

@@ -45,6 +45,9 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
     vanishing: list[int] = []
 
     def find(x: int) -> tuple[int, int]:
+        root = parent[x]
+        if parent[root] == root:  # a root itself has the sign 1
+            return root, parity[x]
         path = []
         while parent[x] != x:
             path.append(x)
@@ -73,16 +76,10 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
         parent[rb], parity[rb] = ra, sa * s * sb
         size[ra] += size[rb]
 
-    roots = np.empty(n + 1, np.int64)
-    signs = np.empty(n + 1, np.int64)
-    for x in range(n + 1):
-        roots[x], signs[x] = find(x)
-    best: dict[int, int] = {}
-    for x in np.lexsort((np.arange(n), rank)).tolist():
-        best.setdefault(int(roots[x]), x)
+    roots, signs = np.array([find(x) for x in range(n + 1)], np.int64).T
+    first = np.lexsort((np.arange(n), rank))  # the last of those written wins: the first of each class
     lead = np.arange(n + 1)
-    for root, x in best.items():
-        lead[root] = x
+    lead[roots[first[::-1]]] = first[::-1]
     representative = lead[roots[:n]]
     sign_out = signs[:n] * signs[representative]
     sign_out[roots[:n] == roots[zero]] = 0

@@ -108,9 +108,13 @@ def by_pattern(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Pattern]]:
     if raw.variables.shape[1] == 0:
         return []
     representative, sign = aliases.representative[raw.variables], raw.signs * aliases.sign[raw.variables]
-    apart = np.where(sign == 0, -1 - np.arange(representative.shape[1]), representative)  # zeros are not the same variable
-    ordered = np.sort(apart, axis=1)
-    special = np.flatnonzero((sign == 0).any(axis=1) | (ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    zero = sign == 0
+    apart = np.where(zero, -1 - np.arange(representative.shape[1]), representative)  # zeros are not the same variable
+    apart.sort(axis=1)
+    zero[:, 1:] |= apart[:, 1:] == apart[:, :-1]
+    if not zero.any():
+        return []
+    special = np.flatnonzero(zero.any(axis=1))
     found: dict[Pattern, list[int]] = {}
     for i in special.tolist():
         first: dict[int, int] = {}
@@ -137,9 +141,12 @@ def merged(template: Template, pattern: Pattern) -> Template:
 
 def simplified(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Template]]:
     """The templates that fit the rows' variables, each with its rows."""
+    patterns = by_pattern(raw, aliases)
+    if not patterns:
+        return [(np.arange(len(raw)), raw.template)]
     pieces: list[tuple[Integers, Template]] = []
     rest = np.ones(len(raw), bool)
-    for rows, pattern in by_pattern(raw, aliases):
+    for rows, pattern in patterns:
         template = merged(raw.template, pattern)
         if template is not raw.template:
             rest[rows] = False

@@ -13,8 +13,8 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+import sympy
 
-from gearlib.equations.bindings import is_expression
 from gearlib.errors import BindingError, GearlibError
 from gearlib.flatten.instances import walk
 from gearlib.flatten.tree import Tree
@@ -132,7 +132,7 @@ def _same(value: Any, default: Any) -> bool:
 
 def _from_parent(value: Any) -> bool:
     """Whether a value is an expression of what the enclosing component has, time apart."""
-    return is_expression(value) and any(symbol.name != "time" for symbol in value.free_symbols)
+    return isinstance(value, sympy.Basic) and any(symbol.name != "time" for symbol in value.free_symbols)
 
 
 def _refusal(component: Component, path: str, name: str, value: Any) -> BindingError:

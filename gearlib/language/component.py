@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import lru_cache
+from operator import is_
 from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 
 import numpy as np
@@ -33,7 +33,7 @@ from gearlib.language.declarations import (
     as_tuple,
 )
 from gearlib.language.energy import Energy
-from gearlib.language.expressions import TOO_DEEP, Eq, When
+from gearlib.language.expressions import TOO_DEEP, Eq, When, real_symbol
 
 if TYPE_CHECKING:
     from gearlib.drawing.diagram import Diagram
@@ -58,11 +58,6 @@ PRIVATE = frozenset(
         "_read",
     }
 )
-
-
-@lru_cache(maxsize=100_000)
-def real_symbol(name: str) -> Any:
-    return sympy.Symbol(name, real=True)
 
 
 @dataclass(frozen=True)
@@ -178,6 +173,7 @@ class Component:
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
     _bounded: ClassVar[tuple[Structural, ...]] = ()
+    _members: ClassVar[list[list[Any]]] = []  # of the class and its bases, when `check_declarations` has found them right
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -198,6 +194,7 @@ class Component:
                     f"{cls.__name__}.{name} is the class {value.__name__}; make a declaration: {value.__name__}(...)"
                 )
         cls._declarations = {**inherited, **own}
+        cls._members = []
         cls._bindable = {n: d for n, d in cls._declarations.items() if isinstance(d, (Parameter, Input, Structural))}
         cls._bounded = tuple(d for d in cls._declarations.values() if isinstance(d, Structural) and d.is_bounded)
         for name, declared in cls._declarations.items():
@@ -518,6 +515,40 @@ class Declared:
     derivatives: dict[str, str]  # names of derivatives, such as {"a": "der(w)"}
 
 
+def check_declarations(kind: type[Component]) -> None:
+    """Declarations are read when the class is made; what took the place of one since then would go unnoticed.
+
+    Raises
+    ------
+    DeclarationError
+        Names the attribute.
+    """
+    bases = kind.__mro__[:-1]  # but object
+    if kind._members and all(map(_has_members, bases, kind._members)):
+        return
+    now: dict[str, Any] = {}
+    for base in reversed(bases):
+        now.update((n, v) for n, v in vars(base).items() if n in kind._declarations or isinstance(v, Declaration))
+    for name, value in now.items():
+        declared = kind._declarations.get(name)
+        if value is not declared:
+            what = (
+                f"is {shown(value)} where {shown(declared)} was declared"
+                if declared
+                else "was declared outside of a component class"
+            )
+            raise DeclarationError(
+                f"{kind.__name__}.{name} {what}; declare it in the body of the class, or again in a subclass of gl.Component"
+            )
+    kind._members[:] = [list(vars(base).values()) for base in bases]
+
+
+def _has_members(base: type, members: list[Any]) -> bool:
+    """Whether the members of a class are these very objects."""
+    now = vars(base).values()
+    return len(now) == len(members) and all(map(is_, now, members))
+
+
 def declared_by(component: Component) -> Declared:
     """What `component` declares with its structural choices."""
     variables: dict[str, Variable] = {}
@@ -561,11 +592,11 @@ def equations_of(component: Component) -> list[Eq | When]:
     """
     equations: list[Eq | When] = []
     stated: dict[Eq, str] = {}  # by which class
-    for owner in reversed(type(component).__mro__):
-        write = vars(owner).get("equations")
-        if write is None or owner is Component:
-            continue
-        own = _equations_by(owner, write.__get__(component, type(component)), component)
+    owners = [o for o in reversed(type(component).__mro__) if "equations" in vars(o) and o is not Component]
+    for owner in owners:
+        own = _equations_by(owner, vars(owner)["equations"].__get__(component, type(component)), component)
+        if len(owners) == 1:
+            return own
         for equation in filter(_is_hashable, own):
             if stated.get(equation, owner.__name__) != owner.__name__:
                 raise DeclarationError(

@@ -136,16 +136,21 @@ def values_given(component: Component) -> Iterator[Pair]:
     """Values by default, and those given to parts: expressions, since a number is in the declared unit."""
     with _inside(component):
         for name, own in component._declarations.items():
-            if isinstance(own, (Parameter, Input)):
+            if isinstance(own, (Parameter, Input)) and _may_be_symbolic(own.default):
                 yield from _given(component, f"the default of {name}", own.unit, own.default)
         for name, part in component._parts.items():
             for key, value in part._bindings.items():
-                yield from _given(component, f"{name}.{key}", part._bindable[key].unit, value)
-            of_part = _lookup(part)
+                if _may_be_symbolic(value):
+                    yield from _given(component, f"{name}.{key}", part._bindable[key].unit, value)
             for given in (part._start, part._guess):
                 for key, value in given.items():
-                    if isinstance(value, sympy.Basic) and isinstance(key, str) and (wanted := of_part(key)) is not None:
+                    if isinstance(value, sympy.Basic) and isinstance(key, str) and (wanted := _lookup(part)(key)) is not None:
                         yield value, wanted, f"the start value of {name}.{key}"
+
+
+def _may_be_symbolic(value: Any) -> bool:
+    """Whether a value can be an expression, or a function that gives one."""
+    return isinstance(value, sympy.Basic) or callable(value)
 
 
 def _given(component: Component, where: str, unit: str, value: Any) -> Iterator[Pair]:

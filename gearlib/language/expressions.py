@@ -27,7 +27,14 @@ __all__ = [
     "time",
 ]  # fmt: skip
 
-time: Any = sympy.Symbol("time", real=True)
+
+@lru_cache(maxsize=100_000)
+def real_symbol(name: str) -> Any:
+    """The symbol of a name; equations are written again by every compilation."""
+    return sympy.Symbol(name, real=True)
+
+
+time: Any = real_symbol("time")
 pi: Any = sympy.pi
 
 DEEPEST = 130  # levels; at 200 sympy's derivative exceeds Python's usual limit of 1000 frames
@@ -130,7 +137,9 @@ def value_of(expression: Any, said: str = "a value") -> Any:
 
 def check_depth(expression: Any, said: str) -> None:
     """Refuse an expression that is nested more deeply than it can be differentiated and printed, which sympy does by recursion."""
-    level = {expression} if isinstance(expression, sympy.Basic) else set()
+    if not isinstance(expression, sympy.Basic) or not expression.args:
+        return
+    level = {expression}
     for _ in range(DEEPEST):
         level = {part for node in level for part in node.args}
         if not level:
@@ -301,7 +310,7 @@ def pre(variable: Any) -> Any:
     """The value of a discrete variable before the event that is being handled."""
     if not isinstance(variable, sympy.Symbol):
         raise DeclarationError(f"pre({shown(variable)}): expected a discrete variable, such as self.mode")
-    return sympy.Symbol(f"pre({variable.name})", real=True)
+    return real_symbol(f"pre({variable.name})")
 
 
 def holds(variable: Any) -> Any:
@@ -317,7 +326,7 @@ def equals(variable: Any, value: float) -> Any:
 
 def initial() -> Any:
     """The condition that the run is just being started."""
-    return sympy.Ne(sympy.Symbol("initial()", real=True), 0)
+    return sympy.Ne(real_symbol("initial()"), 0)
 
 
 def der(expression: Any) -> Any:
@@ -339,11 +348,12 @@ def der(expression: Any) -> Any:
 
 def total_derivative(expression: Any, constants: frozenset[str]) -> Any:
     """Derivative of ``expression`` along time, with the symbols named in ``constants`` held fixed."""
+    if expression.is_Symbol and expression.name != time.name:  # by far the commonest
+        return sympy.S.Zero if expression.name in constants else real_symbol(f"der({expression.name})")
     total = sympy.diff(expression, time)
     for symbol in sorted(expression.free_symbols, key=str):
         if symbol != time and symbol.name not in constants:
-            rate = sympy.Symbol(f"der({symbol.name})", real=True)
-            total += rate if expression == symbol else sympy.diff(expression, symbol) * rate
+            total += sympy.diff(expression, symbol) * real_symbol(f"der({symbol.name})")
     return total
 
 

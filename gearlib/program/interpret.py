@@ -93,7 +93,7 @@ def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Float
     else:
         try:
             everything = np.array(function(parameters.tolist()), float)
-        except (ZeroDivisionError, ValueError, OverflowError):  # let the array road say nan or inf
+        except (ZeroDivisionError, ValueError, OverflowError):  # let the array backend say nan or inf
             parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
         else:
             parts = [everything[here] for here in program.constant_parts]

@@ -51,7 +51,7 @@ class Result:
         for _, more, _ in later:
             self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
         if later:
-            self.stats["charts"] = len(parts)
+            self.stats["segments"] = len(parts)
         self.events = list(chain.from_iterable(events for *_, events in parts))
         times = np.array([event[0] for event in self.events], float)
         self._parts = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]

@@ -44,7 +44,7 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     first = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step)
     if asked.progress:
         print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
-    parts = integrate_through(first, asked.method, translation.charts)
+    parts = integrate_through(first, asked.method, translation.switched)
     if asked.progress:
         print(
             f"{translation.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s"

@@ -1,7 +1,7 @@
-"""Other states where those in use become singular: the coordinates of a pendulum change on its way round.
+"""State switching: a run goes on with other states where those in use become singular, as a pendulum's coordinates do.
 
-The states are one set of coordinates of the motion, a chart. Where the constraints can no longer be solved for the other variables,
-the run is handed over there to states with which they can, as many times as it takes.
+The states are one set of coordinates of the motion, a local map of its manifold. Where the constraints can no longer be solved for the
+other variables, the run goes on with states for which they can, as many times as it takes. Each part of the run is a segment.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from gearlib.run.start_values import Start
 from gearlib.solvers.inputs.table import values
 from gearlib.structure.incidence import Node
 
-Charts = dict[tuple[Node, ...], Scene]
-SHORTEST = 1e-9  # of the run: what a chart must last
+Switched = dict[tuple[Node, ...], Scene]
+SHORTEST = 1e-9  # of the run: what a segment must last
 
 
-def integrate_through(run: Run, method: str, charts: Charts) -> list[tuple[Run, Outcome]]:
-    """Integrate to the end, in as many charts as the motion needs; each part begins where the one before ended.
+def integrate_through(run: Run, method: str, switched: Switched) -> list[tuple[Run, Outcome]]:
+    """Integrate to the end, with as many sets of states as the motion needs; each segment begins where the one before ended.
 
     Parameters
     ----------
     run : Run
     method : str
-    charts : dict
+    switched : dict
         Scenes with other states that earlier runs needed; grows.
 
     Raises
@@ -45,12 +45,12 @@ def integrate_through(run: Run, method: str, charts: Charts) -> list[tuple[Run, 
         here = parts[-1][0]
         if len(parts) > 1 and left.t - here.times[0] < SHORTEST * span:
             raise left.failure
-        following = _following(here, left, charts)
+        following = _following(here, left, switched)
         parts.append((following, integrate(following, method)))
     return parts
 
 
-def _following(run: Run, left: Left, charts: Charts) -> Run:
+def _following(run: Run, left: Left, switched: Switched) -> Run:
     """The rest of a run, in other states where others will do."""
     scene, t = run.scene, np.array([left.t])
     structure = scene.structure
@@ -80,7 +80,7 @@ def _following(run: Run, left: Left, charts: Charts) -> Run:
         return replace(run, start=start, times=later, modes=modes, slots=left.slots)
     states = needed_states(again, scene.states)
     outputs = tuple(n for n in scene.outputs if n not in states)
-    other = charts.setdefault(states, Scene(again, states, scene.wanted, outputs))
+    other = switched.setdefault(states, Scene(again, states, scene.wanted, outputs))
     start = Start(np.array([known[k, v] for v, k in states]), known[0], ())
     return replace(
         run, scene=other, numbers=other.numbers(run.numbers.parameters), start=start, times=later,
@@ -89,7 +89,7 @@ def _following(run: Run, left: Left, charts: Charts) -> Run:
 
 
 def _tolerances(run: Run, other: Scene) -> Floats | None:
-    """Absolute tolerances: those of the states in both charts, else in proportion to the nominal value."""
+    """Absolute tolerances: those of the states in both sets, else in proportion to the nominal value."""
     if run.atol is None:
         return None
     given = dict(zip(run.scene.states, run.atol, strict=True))

@@ -136,7 +136,7 @@ class Translation:
         Parameters that are zero and left out of the equations.
     scenes : dict
         Scenes with other states, as runs and analyses needed them; grows.
-    charts : dict
+    switched : dict
         Scenes to which runs were handed over whose own states became singular; grows.
     """
 
@@ -147,7 +147,7 @@ class Translation:
     variants: Variants
     absent: frozenset[int]
     scenes: dict[tuple[States, tuple[int, ...], States], Scene] = field(default_factory=dict)
-    charts: dict[States, Scene] = field(default_factory=dict)
+    switched: dict[States, Scene] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

@@ -199,3 +199,26 @@ def test_equations_are_written_once_in_a_compilation_for_many_instances() -> Non
     for k in range(1, 4):
         gl.compile(Many())
         assert len(calls) == k
+
+
+def test_a_declaration_outside_of_a_class_body_is_refused_after_a_compilation_too() -> None:
+    class Base(gl.Component):
+        x = gl.Variable("1")
+        gain = 1.0
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(gl.der(self.x), self.gain)]
+
+    class Derived(Base):
+        y = gl.Variable("1")
+
+        def equations(self) -> list[gl.Eq]:
+            return [gl.Eq(self.y, self.x)]
+
+    assert end(Base()) == end(Derived()) == 1.0
+    Base.gain = 2.0  # no declaration, and noticed as well
+    assert end(Base()) == end(Derived()) == 2.0
+    Base.gain = gl.Parameter("1", default=3.0)  # type: ignore[assignment]
+    for kind in (Derived, Base):
+        with pytest.raises(DeclarationError, match=rf"{kind.__name__}\.gain was declared outside of a component class"):
+            gl.compile(kind())

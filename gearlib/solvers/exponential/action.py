@@ -147,8 +147,8 @@ class Action:
         for row, c in zip(coefficients, series, strict=True):
             row[: len(c)] = c
         out = np.empty((count, len(z)))
-        frame = _series(self.ellipse, self.offsets, self.rows, len(z))
-        frame.alone, frame.several, frame.repeats, frame.count, frame.width = (
+        record = _series(self.ellipse, self.offsets, self.rows, len(z))
+        record.alone, record.several, record.repeats, record.count, record.width = (
             self.alone,
             several,
             repeats,
@@ -156,9 +156,9 @@ class Action:
             coefficients.shape[1],
         )
         call(
-            "march", frame, offsets=self.offsets, diagonals=self.diagonals, rows=self.rows, columns=self.columns,
+            "march", record, offsets=self.offsets, diagonals=self.diagonals, rows=self.rows, columns=self.columns,
             entries=self.entries, coefficients=coefficients, terms=np.maximum.accumulate(terms), z=(z / self.scale)[self.order],
-            v=_room(10, frame), sums=np.zeros((several, len(z))), out=out,
+            v=_room(10, record), sums=np.zeros((several, len(z))), out=out,
         )  # fmt: skip
         x = np.empty_like(out)
         x[:, self.order] = out
@@ -210,21 +210,21 @@ def _series(ellipse: Ellipse, offsets: Integers, rows: Integers, n: int) -> Seri
     return Series(n=n, n_offsets=len(offsets), n_entries=len(rows), margin=margin, beta=ellipse.sign / ellipse.radius**2)
 
 
-def _room(vectors: int, frame: Series) -> Floats:
-    return np.zeros((vectors, frame.n + 2 * frame.margin))
+def _room(vectors: int, record: Series) -> Floats:
+    return np.zeros((vectors, record.n + 2 * record.margin))
 
 
 def _growth(
     ellipse: Ellipse, offsets: Integers, diagonals: Floats, rows: Integers, columns: Integers, entries: Floats, probe: Floats
 ) -> float:
     """How large the polynomials of a matrix become: more than a few where the ellipse does not enclose its field of values."""
-    frame = _series(ellipse, offsets, rows, len(probe))
-    frame.length = _PROBE
+    record = _series(ellipse, offsets, rows, len(probe))
+    record.length = _PROBE
     call(
-        "growth", frame, offsets=offsets, diagonals=diagonals, rows=rows, columns=columns, entries=entries, z=probe,
-        v=_room(3, frame),
+        "growth", record, offsets=offsets, diagonals=diagonals, rows=rows, columns=columns, entries=entries, z=probe,
+        v=_room(3, record),
     )  # fmt: skip
-    return frame.largest
+    return record.largest
 
 
 def band_order(A: Triplets, n: int) -> Integers:

@@ -319,10 +319,10 @@ def _function(name: str) -> Any:
     return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(native_functions(__name__).addresses[name])
 
 
-def call(name: str, frame: ctypes.Structure, **arrays: NDArray[Any]) -> None:
+def call(name: str, record: ctypes.Structure, **arrays: NDArray[Any]) -> None:
     """Call a compiled loop with a record, some of whose fields are arrays: contiguous, of 64-bit numbers."""
     for field, array in arrays.items():
         if not array.flags.c_contiguous or array.dtype.itemsize != 8:
             raise ValueError(f"{field} must be contiguous and of 64-bit numbers")
-        setattr(frame, field, array.ctypes.data)
-    _function(name)(ctypes.addressof(frame))
+        setattr(record, field, array.ctypes.data)
+    _function(name)(ctypes.addressof(record))

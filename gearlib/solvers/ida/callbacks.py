@@ -1,6 +1,6 @@
-"""The compiled half of the IDA road: the callbacks that SUNDIALS calls, and the loop that calls SUNDIALS.
+"""Compiled part of the native IDA backend: SUNDIALS callbacks, and the integration loop that calls SUNDIALS.
 
-All of it is generic. A model enters by the addresses of its native functions, written into an `IdaFrame` that SUNDIALS hands
+All of it is generic. A model enters by the addresses of its native functions, written into an `IdaRecord` that SUNDIALS hands
 back to every callback as its user data; hence this module, which is in the small language, is compiled once per machine.
 
 IDA's unknowns may be ordered otherwise than the model's, so that the Jacobian has a narrow band: component i of an ``N_Vector``
@@ -27,7 +27,7 @@ from gearlib.solvers.ida.ida_request import (
     UNSETTLED,
     UPDATE_FAILED,
 )  # fmt: skip
-from gearlib.solvers.ida.user_data import IdaFrame
+from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import MODEL
 
 # How `drive` ends, beside the failures of `ida_request`: all samples taken, back for a breath, event log full.
@@ -48,7 +48,7 @@ EPS = 2.220446049250313e-16
 
 
 @native
-def array_of(s: IdaFrame, vector: int) -> int:
+def array_of(s: IdaRecord, vector: int) -> int:
     """Address of the numbers of an ``N_Vector``."""
     return ARRAY_POINTER(s.array_pointer, vector)
 
@@ -73,7 +73,7 @@ def all_finite(values: floats, n: int) -> bool:
 
 
 @native
-def refuse(s: IdaFrame, t: float, values: floats, n: int) -> int:
+def refuse(s: IdaRecord, t: float, values: floats, n: int) -> int:
     """Note where the right-hand side (or Jacobian) could not be evaluated, and ask for a smaller step."""
     s.refused += 1
     s.bad_time = t
@@ -86,7 +86,7 @@ def refuse(s: IdaFrame, t: float, values: floats, n: int) -> int:
 
 
 @native
-def natural(s: IdaFrame, y: int) -> int:
+def natural(s: IdaRecord, y: int) -> int:
     """The address of the states in the model's order, from a vector in IDA's order."""
     if s.order == 0:
         return y
@@ -99,7 +99,7 @@ def natural(s: IdaFrame, y: int) -> int:
 @native
 def residual(t: float, yy: int, yp: int, rr: int, user: int) -> int32:
     """r = diag(differential) x' - f(t, x), an ``IDAResFn``."""
-    s = IdaFrame(user)
+    s = IdaRecord(user)
     s.n_rhs += 1
     if t != s.attempt_time:
         s.attempt_time = t
@@ -129,7 +129,7 @@ def residual(t: float, yy: int, yp: int, rr: int, user: int) -> int32:
 @native
 def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int, t1: int, t2: int, t3: int) -> int32:
     """cj diag(differential) - df/dx, an ``IDALsJacFn``: SUNDIALS hands the matrix over cleared."""
-    s = IdaFrame(user)
+    s = IdaRecord(user)
     s.n_jac += 1
     x = natural(s, array_of(s, yy))
     status = MODEL(s.jac, s.epoch + (s.origin + t), x, s.values, s.data, s.index)
@@ -154,7 +154,7 @@ def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int,
 
 
 @native
-def event_values(s: IdaFrame, t: float, y: int, g: int) -> int:
+def event_values(s: IdaRecord, t: float, y: int, g: int) -> int:
     status = MODEL(s.roots, s.epoch + t, natural(s, y), g, s.data, s.index)
     values = floats_at(g)
     for k in range(s.n_roots):
@@ -164,7 +164,7 @@ def event_values(s: IdaFrame, t: float, y: int, g: int) -> int:
 
 
 @native
-def take_sides(s: IdaFrame, t: float) -> int:
+def take_sides(s: IdaRecord, t: float) -> int:
     """Take the signs of the event functions at (t, y) for their sides."""
     if s.n_roots > 0:
         if event_values(s, t, s.y, s.g) != 0:
@@ -176,7 +176,7 @@ def take_sides(s: IdaFrame, t: float) -> int:
 
 
 @native
-def turning(s: IdaFrame, t: float, y: int, dy: int, g: int) -> None:
+def turning(s: IdaRecord, t: float, y: int, dy: int, g: int) -> None:
     """The second half of the event functions: positive where one of the first half turns away from zero.
 
     One that keeps its side at both ends of a step, but has left it in between, has an extremum there, at which its slope changes
@@ -209,7 +209,7 @@ def roots(t: float, yy: int, yp: int, g: int, user: int) -> int32:
 
     None is ever exactly zero, which IDA would set aside until it moves.
     """
-    s = IdaFrame(user)
+    s = IdaRecord(user)
     y = array_of(s, yy)
     status = event_values(s, s.origin + t, y, g)
     if status == 0:
@@ -218,13 +218,13 @@ def roots(t: float, yy: int, yp: int, g: int, user: int) -> int32:
 
 
 @native
-def steps_so_far(s: IdaFrame) -> int:
+def steps_so_far(s: IdaRecord) -> int:
     GET_STEPS(s.get_steps, s.mem, s.counter)
     return s.steps + ints_at(s.counter)[0]
 
 
 @native
-def restart(s: IdaFrame, t: float) -> int:
+def restart(s: IdaRecord, t: float) -> int:
     """Start IDA anew at (t, x) with consistent x' and algebraic unknowns.
 
     IDA's time begins at zero there. It adds up its steps, and what rounding takes from the sum acts on the solution as if the clock
@@ -257,7 +257,7 @@ def restart(s: IdaFrame, t: float) -> int:
 
 
 @native
-def next_stop(s: IdaFrame) -> float:
+def next_stop(s: IdaRecord) -> float:
     """The next time event, or the end."""
     if s.next_event < s.n_time_events:
         return min(floats_at(s.time_events)[s.next_event], s.t_end)
@@ -265,7 +265,7 @@ def next_stop(s: IdaFrame) -> float:
 
 
 @native
-def first_step(s: IdaFrame, t: float) -> float:
+def first_step(s: IdaRecord, t: float) -> float:
     """A first step after which what the excitation does to x'' is half the tolerance.
 
     IDA's own first step knows x' only. A model at rest has none, and is stepped over its whole excitation: a sine whose period
@@ -296,7 +296,7 @@ def first_step(s: IdaFrame, t: float) -> float:
 
 
 @native
-def settle(s: IdaFrame, t: float, forced: bool) -> int:
+def settle(s: IdaRecord, t: float, forced: bool) -> int:
     """Event iteration at t and, where something changed or it is forced, a consistent restart."""
     fired, sides, before = int32s_at(s.fired), int32s_at(s.sides), int32s_at(s.before)
     for _ in range(100):
@@ -333,7 +333,7 @@ def settle(s: IdaFrame, t: float, forced: bool) -> int:
 
 
 @native
-def log_event(s: IdaFrame, t: float, root: int) -> None:
+def log_event(s: IdaRecord, t: float, root: int) -> None:
     ints_at(s.event_roots)[s.events] = root
     floats_at(s.event_times)[s.events] = t
     s.events += 1
@@ -343,7 +343,7 @@ def log_event(s: IdaFrame, t: float, root: int) -> None:
 
 
 @native
-def happened(s: IdaFrame, t: float) -> int:
+def happened(s: IdaRecord, t: float) -> int:
     """Handle the events at t: of the event functions that ``fired``."""
     if t - s.burst_start > s.window:
         s.burst_start, s.burst = t, 0
@@ -359,7 +359,7 @@ def happened(s: IdaFrame, t: float) -> int:
 
 
 @native
-def located(s: IdaFrame, t: float) -> int:
+def located(s: IdaRecord, t: float) -> int:
     """Handle the roots that IDA found at t."""
     ROOT_INFO(s.root_info, s.mem, s.fired)
     fired = int32s_at(s.fired)
@@ -370,7 +370,7 @@ def located(s: IdaFrame, t: float) -> int:
 
 
 @native
-def just_beyond(s: IdaFrame, t: float) -> int:
+def just_beyond(s: IdaRecord, t: float) -> int:
     """Handle the event functions that change their sign within rounding of the end, as one does that is meant to do so there."""
     y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
     for i in range(s.n):
@@ -387,7 +387,7 @@ def just_beyond(s: IdaFrame, t: float) -> int:
 
 
 @native
-def arrived(s: IdaFrame, t: float) -> int:
+def arrived(s: IdaRecord, t: float) -> int:
     """Handle the time event at t."""
     fired = int32s_at(s.fired)
     for k in range(s.n_roots):
@@ -398,7 +398,7 @@ def arrived(s: IdaFrame, t: float) -> int:
 
 
 @native
-def record(s: IdaFrame, state: int) -> None:
+def store_sample(s: IdaRecord, state: int) -> None:
     """A sample: states, in IDA's order at an address, and the discrete state."""
     n, row = s.n, s.sample
     y, out = floats_at(state), floats_at(s.out + 8 * row * n)
@@ -412,21 +412,21 @@ def record(s: IdaFrame, state: int) -> None:
 
 
 @native
-def record_before(s: IdaFrame, t: float) -> int:
+def record_before(s: IdaRecord, t: float) -> int:
     """The samples of the last step that lie before t, interpolated: they have no part in how IDA goes on."""
     times = floats_at(s.times)
     while s.sample < s.n_times and times[s.sample] < t:
         flag = GET_DKY(s.get_dky, s.mem, times[s.sample] - s.origin, 0, s.yd)
         if flag < 0:
             return flag
-        record(s, s.between)
+        store_sample(s, s.between)
     return 0
 
 
 @native
 def drive(user: int) -> int32:
     """Integrate until all samples are taken, something fails, or Python is needed; call again to go on."""
-    s = IdaFrame(user)
+    s = IdaRecord(user)
     times, time_events = floats_at(s.times), floats_at(s.time_events)
     reached = floats_at(s.scratch)
     if s.started == 0:
@@ -437,7 +437,7 @@ def drive(user: int) -> int32:
     while True:
         tiny = 10 * EPS * abs(s.t)
         while s.sample < s.n_times and times[s.sample] <= s.t + tiny:
-            record(s, s.y)
+            store_sample(s, s.y)
         done = steps_so_far(s)
         s.done = done
         if s.sample == s.n_times:

@@ -1,6 +1,6 @@
 """Integration of index-1 differential-algebraic problems by SUNDIALS' IDA: variable-order, variable-step BDF.
 
-The residual is diag(differential) x' - f(t, x), the iteration matrix cj diag(differential) - df/dx. Two roads lead to the same
+The residual is diag(differential) x' - f(t, x), the iteration matrix cj diag(differential) - df/dx. Two backends drive the same
 IDA, in the libraries that the scikit-sundae wheel ships, and take the same steps. The *native* one hands IDA compiled callbacks
 and loops over samples and events in compiled code. The *scikit-sundae* one goes through that package's Python interface, a
 hundred times slower on small models, and is taken where its libraries cannot be driven directly.
@@ -24,7 +24,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gearlib.errors import SolverError
-from gearlib.solvers.ida.ida_request import CHUNK, ERROR_TEST, Outcome, Request, failure, refused, request, with_less_safety
+from gearlib.solvers.ida.ida_request import (
+    CHUNK,
+    ERROR_TEST,
+    IdaOutcome,
+    IdaRequest,
+    failure,
+    refused,
+    request,
+    with_less_safety,
+)
 from gearlib.solvers.ida.sundials import UnavailableError, load
 from gearlib.solvers.problem import Floats, Problem, Solution
 from gearlib.solvers.rungekutta.rungekutta import PATIENCE
@@ -71,15 +80,15 @@ def integrate(
     linear_solver
         ``"dense"``, ``"band"`` or ``"sparse"``; the cheapest for the pattern of df/dx unless given.
     may_leave
-        Stop with the status ``"left"`` where the right-hand side cannot be evaluated further on (native road only). The solution
+        Stop with the status ``"left"`` where the right-hand side cannot be evaluated further on (native backend only). The solution
         then holds the samples up to ``t_last``, and ``stats["data"]`` the model's data there.
 
     Returns
     -------
     Solution
         Its ``stats`` hold ``steps``, ``attempts`` (steps tried) and ``rejected`` (the difference), ``rhs`` and ``jac``
-        (evaluations), ``events``, ``restarts``, ``order`` (of the last step), ``linear_solver``, ``road`` and ``work`` (ns, estimated
-        from counted operations). The scikit-sundae road cannot tell ``steps``, ``rejected``, ``order`` and ``work``: None.
+        (evaluations), ``events``, ``restarts``, ``order`` (of the last step), ``linear_solver``, ``backend`` and ``work`` (ns, estimated
+        from counted operations). The scikit-sundae backend cannot tell ``steps``, ``rejected``, ``order`` and ``work``: None.
 
     Raises
     ------
@@ -138,11 +147,11 @@ class Ida:
         self._asked = replace(asked, patience=PATIENCE) if may_leave else asked
         self.problem, self.may_leave, self.status = problem, may_leave, "more"
         self._drive: Drive | None = None
-        self._outcome: Outcome | None = None
+        self._outcome: IdaOutcome | None = None
         if native:
-            self._road, self._drive = _native(self._asked)
+            self._backend, self._drive = _native(self._asked)
         else:
-            self._road = "scikit-sundae: asked for"
+            self._backend = "scikit-sundae: asked for"
 
     @property
     def t(self) -> float:
@@ -156,8 +165,8 @@ class Ida:
         """What was done so far, ns: estimated from counted operations; 0 through scikit-sundae."""
         if self._drive is None:
             return 0.0
-        frame = self._drive.frame
-        return work(self.problem, self._asked, frame.done, frame.n_rhs, frame.n_jac, frame.restarts)
+        record = self._drive.record
+        return work(self.problem, self._asked, record.done, record.n_rhs, record.n_jac, record.restarts)
 
     def advance(self, steps: int = CHUNK) -> str:
         """Go on by so many steps, or until something happens; through scikit-sundae, to the end. Returns the status."""
@@ -174,7 +183,7 @@ class Ida:
             self._asked = eased
             if self._drive is not None:
                 self.close()
-                self._road, self._drive = _native(eased)
+                self._backend, self._drive = _native(eased)
             return self.status  # from the beginning
         if found.status >= 0:
             self.status = "done"
@@ -190,7 +199,7 @@ class Ida:
         if outcome is None:
             raise SolverError("IDA has not begun")
         x = self._drive.x if self.status == "more" and self._drive is not None else None
-        found = _solution(self._asked, outcome, self._road, self.status, x)
+        found = _solution(self._asked, outcome, self._backend, self.status, x)
         return found if self._drive is None else replace(found, stats={**found.stats, "work": self.work})
 
     def close(self) -> None:
@@ -199,7 +208,7 @@ class Ida:
             self._drive.close()
 
 
-def work(problem: Problem, asked: Request, steps: int, rhs: int, jac: int, restarts: int) -> float:
+def work(problem: Problem, asked: IdaRequest, steps: int, rhs: int, jac: int, restarts: int) -> float:
     """What some steps and evaluations cost, ns: estimated from counted operations (measured for 3 to 200 states)."""
     n, effort = len(problem.x0), problem.effort
     factorise, solve = asked.matrix.operations(n)
@@ -217,8 +226,8 @@ def trial(problem: Problem) -> float:
     return START + TRIAL * (1100.0 + 60.0 * n + 2.0 * looks + 1.3 * problem.effort.rhs)
 
 
-def _native(asked: Request) -> tuple[str, Drive | None]:
-    """The native road, or why it cannot be taken."""
+def _native(asked: IdaRequest) -> tuple[str, Drive | None]:
+    """The native backend, or the reason why it is not available."""
     try:
         sundials = load()
         from gearlib.solvers.ida.native_backend import Drive
@@ -228,7 +237,7 @@ def _native(asked: Request) -> tuple[str, Drive | None]:
         return f"scikit-sundae: {reason}", None
 
 
-def _solution(asked: Request, outcome: Outcome, road: str, status: str, x: Floats | None) -> Solution:
+def _solution(asked: IdaRequest, outcome: IdaOutcome, backend: str, status: str, x: Floats | None) -> Solution:
     stats: dict[str, Any] = {
         "steps": outcome.steps,
         "attempts": outcome.attempts,
@@ -239,7 +248,7 @@ def _solution(asked: Request, outcome: Outcome, road: str, status: str, x: Float
         "restarts": outcome.restarts,
         "order": outcome.order,
         "linear_solver": asked.matrix.describe(),
-        "road": road,
+        "backend": backend,
         "work": None,
     }
     done = status == "done"

@@ -1,4 +1,4 @@
-"""What IDA is asked, what comes back along either road, and what went wrong in plain words."""
+"""Requests to IDA and its results, for both backends; errors of IDA in plain words."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ PROBES = (7.32e-4, 6.18e-7, 4.14e-10)
 # A function that turns away from zero may have crossed it twice since the last step. Its slope is taken over a part of the step;
 # it matters where the line through value and slope, drawn backwards, meets zero within so many steps.
 SLOPE_OVER, REACH = 1e-6, 4.0
-BURST = 1000  # so many instants with events within `Request.window` are chattering
+BURST = 1000  # so many instants with events within `IdaRequest.window` are chattering
 
 
 @dataclass(frozen=True)
-class Request:
-    """What both roads integrate: the problem with samples, tolerances and storage."""
+class IdaRequest:
+    """Request to either backend: the problem with sample times, tolerances and matrix storage."""
 
     problem: Problem
     times: Floats
@@ -84,8 +84,8 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What a road brings back. ``steps`` is None where it cannot be known."""
+class IdaOutcome:
+    """Result of either backend; ``steps`` is None where the backend cannot tell."""
 
     status: int
     t: float
@@ -108,7 +108,7 @@ class Outcome:
 
 def request(
     problem: Problem, times: ArrayLike, rtol: float, atol: ArrayLike | None, max_steps: int, linear_solver: str | None
-) -> Request:
+) -> IdaRequest:
     """Check and complete what the caller of `gearlib.solvers.ida.ida.integrate` gave."""
     t = np.ascontiguousarray(times, dtype=np.float64)
     if t.ndim != 1 or t.size == 0 or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
@@ -127,7 +127,7 @@ def request(
         raise StartError(f"state {int(np.flatnonzero(~np.isfinite(problem.x0))[0])} starts at a value that is not finite")
     events = np.unique(np.asarray(problem.time_events, dtype=np.float64))
     start, stop, _ = problem.modes.indices(len(problem.data))
-    return Request(
+    return IdaRequest(
         problem=problem,
         times=t,
         rtol=max(SAFETY * rtol, FINEST),
@@ -141,7 +141,7 @@ def request(
     )
 
 
-def with_less_safety(asked: Request, state: int) -> Request | None:
+def with_less_safety(asked: IdaRequest, state: int) -> IdaRequest | None:
     """The request with all of the absolute tolerance that was asked for in one state; None where it has that.
 
     A state that passes through zero among large ones carries their rounding, which may be more than a fiftieth of its tolerance.
@@ -153,13 +153,13 @@ def with_less_safety(asked: Request, state: int) -> Request | None:
     return replace(asked, atol=atol, data=np.array(asked.problem.data, dtype=np.float64))
 
 
-def refused(asked: Request, outcome: Outcome) -> bool:
+def refused(asked: IdaRequest, outcome: IdaOutcome) -> bool:
     """Whether a run ended where the right-hand side does not exist just ahead, whatever IDA gave up over."""
     near = outcome.bad_time is not None and outcome.bad_time >= outcome.t - 1e-6 * float(asked.times[-1] - asked.times[0])
     return outcome.status in (RHS_FAILED, -8, -9, -12) or (outcome.status in (-3, -4, STALLED) and near)
 
 
-def failure(asked: Request, outcome: Outcome) -> GearlibError:
+def failure(asked: IdaRequest, outcome: IdaOutcome) -> GearlibError:
     """The exception that tells why a run ended with a negative status."""
     when = f"at t={outcome.t:.9g}"
     status = outcome.status
@@ -196,7 +196,7 @@ def failure(asked: Request, outcome: Outcome) -> GearlibError:
     return SolverError(text + blamed)
 
 
-def _not_evaluated(asked: Request, outcome: Outcome) -> str:
+def _not_evaluated(asked: IdaRequest, outcome: IdaOutcome) -> str:
     bad = outcome.t if outcome.bad_time is None else outcome.bad_time
     until = f"at t={bad:.9g}; integrated until t={outcome.t:.9g}"
     if outcome.bad_state >= 0:
@@ -204,7 +204,7 @@ def _not_evaluated(asked: Request, outcome: Outcome) -> str:
     return f"the right-hand side could not be evaluated {until}"
 
 
-def _no_start(asked: Request, outcome: Outcome, when: str) -> GearlibError:
+def _no_start(asked: IdaRequest, outcome: IdaOutcome, when: str) -> GearlibError:
     text = f"no consistent values of the algebraic unknowns were found {when}"
     if outcome.x_failed is not None:
         left = np.where(asked.problem.differential, 0.0, np.abs(asked.rhs_at(outcome.t, outcome.x_failed)))

@@ -1,4 +1,4 @@
-"""How IDA's iteration matrix cj diag(differential) - df/dx is stored and factorised: full, as a band, or sparse.
+"""Storage of IDA's iteration matrix cj diag(differential) - df/dx: dense, banded or sparse, by counted operations.
 
 The mechanical chains that gear trains are made of have a narrow band once their unknowns are ordered along the chain (reverse
 Cuthill-McKee); a band then costs a number of operations that is proportional to the number of states. What has no narrow
@@ -25,7 +25,7 @@ _NO_INTEGERS: Integers = np.empty(0, dtype=np.int64)
 
 @dataclass(frozen=True)
 class MatrixPlan:
-    """Where each nonzero of df/dx goes in IDA's matrix."""
+    """Storage of the iteration matrix, and the position of each nonzero of df/dx in it."""
 
     kind: str  # "dense", "band" or "sparse"
     order: Integers | None = None  # state of each of IDA's unknowns; None: the model's own order

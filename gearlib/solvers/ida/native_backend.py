@@ -1,4 +1,4 @@
-"""The native road to IDA: SUNDIALS driven by compiled callbacks and a compiled loop."""
+"""Native IDA backend: SUNDIALS driven by compiled callbacks and a compiled loop."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ import numpy as np
 from gearlib.compiler.native_module import native_functions
 from gearlib.compiler.translate import Prototype
 from gearlib.solvers.ida import callbacks
-from gearlib.solvers.ida.ida_request import BURST, CHUNK, Outcome, Request
+from gearlib.solvers.ida.ida_request import BURST, CHUNK, IdaOutcome, IdaRequest
 from gearlib.solvers.ida.sundials import Solver, Sundials
-from gearlib.solvers.ida.user_data import IdaFrame
+from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import Floats, late_start
 
 _FUNCTIONS = {
@@ -37,7 +37,7 @@ def _functions() -> Mapping[str, int]:
     return native_functions(callbacks.__name__).addresses
 
 
-def run(sundials: Sundials, asked: Request) -> Outcome:
+def run(sundials: Sundials, asked: IdaRequest) -> IdaOutcome:
     """Integrate natively.
 
     Parameters
@@ -65,14 +65,14 @@ class Drive:
         As `callbacks.drive` returned it last.
     """
 
-    def __init__(self, sundials: Sundials, asked: Request) -> None:
+    def __init__(self, sundials: Sundials, asked: IdaRequest) -> None:
         self.epoch = late_start(float(asked.times[0]), float(asked.times[-1]))
         self.asked = asked
         if self.epoch:  # all times in the record count from there
             self.asked = replace(asked, times=asked.times - self.epoch, time_events=asked.time_events - self.epoch)
         x0, order = np.asarray(asked.problem.x0, dtype=np.float64), asked.matrix.order
         y, dy = np.array(x0 if order is None else x0[order]), np.zeros(len(x0))
-        self.frame = IdaFrame()  # that the compiled code works on
+        self.record = IdaRecord()  # that the compiled code works on
         self.arrays: dict[str, Any] = {}  # that it points to
         self.status, self.solver = callbacks.PAUSE, Solver(sundials, y, dy)
         try:
@@ -80,44 +80,44 @@ class Drive:
         except BaseException:
             self.solver.close()
             raise
-        self.frame.epoch = self.epoch
+        self.record.epoch = self.epoch
         self._drive = Prototype("int32", ("int",))
 
     def point(self, **arrays: Any) -> None:
-        """Let the frame point to arrays, and keep them alive."""
+        """Let the record point to arrays, and keep them alive."""
         for name, array in arrays.items():
             self.arrays[name] = array
-            setattr(self.frame, name, array.ctypes.data if array.size else 0)
+            setattr(self.record, name, array.ctypes.data if array.size else 0)
 
     def log_space(self, capacity: int) -> None:
         """Make room for so many events, keeping those already logged."""
         times, roots = np.zeros(capacity), np.zeros(capacity, dtype=np.int64)
         if "event_times" in self.arrays:
-            used = self.frame.events
+            used = self.record.events
             times[:used], roots[:used] = self.arrays["event_times"][:used], self.arrays["event_roots"][:used]
         self.point(event_times=times, event_roots=roots)
-        self.frame.event_capacity = capacity
+        self.record.event_capacity = capacity
 
     def advance(self, steps: int) -> int:
         """Go on by so many steps, or until something happens; returns the status."""
-        frame = self.frame
-        frame.pause_at = min(self.steps + steps, frame.max_steps)
+        record = self.record
+        record.pause_at = min(self.steps + steps, record.max_steps)
         self.status = callbacks.LOG_FULL
         while self.status == callbacks.LOG_FULL:
-            self.status = self._drive(_functions()["drive"], ctypes.addressof(frame))
+            self.status = self._drive(_functions()["drive"], ctypes.addressof(record))
             if self.status == callbacks.LOG_FULL:
-                self.log_space(2 * frame.event_capacity + self.asked.problem.n_roots)
+                self.log_space(2 * record.event_capacity + self.asked.problem.n_roots)
         return self.status
 
     @property
     def steps(self) -> int:
         """Steps taken so far."""
-        return self.frame.done
+        return self.record.done
 
     @property
     def t(self) -> float:
         """Where it is, s."""
-        return self.epoch + self.frame.t
+        return self.epoch + self.record.t
 
     @property
     def x(self) -> Floats:
@@ -126,7 +126,7 @@ class Drive:
         order = self.asked.matrix.order
         return y.copy() if order is None else y[np.argsort(order)]
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> IdaOutcome:
         """What has been found so far."""
         found = _outcome(self)
         if not self.epoch:
@@ -140,7 +140,7 @@ class Drive:
 
 
 def _prepare(sundials: Sundials, drive: Drive, y: Floats, dy: Floats) -> None:
-    asked, solver, frame = drive.asked, drive.solver, drive.frame
+    asked, solver, record = drive.asked, drive.solver, drive.record
     problem, matrix = asked.problem, asked.matrix
     n, samples, n_roots = len(y), len(asked.times), problem.n_roots if problem.roots is not None else 0
     n_modes = asked.modes.stop - asked.modes.start
@@ -170,41 +170,41 @@ def _prepare(sundials: Sundials, drive: Drive, y: Floats, dy: Floats) -> None:
         "slack": asked.slack, "look_at": CHUNK, "looked_t": asked.times[0],
     }  # fmt: skip
     for name, number in numbers.items():
-        setattr(frame, name, number)
+        setattr(record, name, number)
     for name in ("rhs", "jac", "roots", "update"):
         function = getattr(problem, name)
-        setattr(frame, name, 0 if function is None else function.address)
+        setattr(record, name, 0 if function is None else function.address)
     for name, function in _FUNCTIONS.items():
-        setattr(frame, name, sundials.address(function))
+        setattr(record, name, sundials.address(function))
     _attach(drive, differential, permuted, n_roots)
-    frame.mem, frame.yy, frame.yp, frame.yd = solver.mem, solver.yy, solver.yp, solver.vector(between)
+    record.mem, record.yy, record.yp, record.yd = solver.mem, solver.yy, solver.yp, solver.vector(between)
 
 
 def _attach(drive: Drive, differential: Floats, permuted: Any, n_roots: int) -> None:
-    solver, asked, frame = drive.solver, drive.asked, drive.frame
+    solver, asked, record = drive.solver, drive.asked, drive.record
     matrix = asked.matrix
-    t, user_data = float(asked.times[0]), ctypes.addressof(frame)
+    t, user_data = float(asked.times[0]), ctypes.addressof(record)
     solver.create(_functions()["residual"], t, user_data, asked.rtol, asked.atol[permuted], differential)
     solver.sundials.IDASetNonlinConvCoef(solver.mem, asked.newton)
     if asked.problem.longest_step < math.inf:
         solver.sundials.IDASetMaxStep(solver.mem, asked.problem.longest_step)
     if matrix.pattern is not None:
         starts, rows = matrix.pattern
-        frame.matrix, frame.pattern, frame.starts = solver.use_sparse(len(rows))
-        frame.n_pattern = len(rows)
+        record.matrix, record.pattern, record.starts = solver.use_sparse(len(rows))
+        record.n_pattern = len(rows)
         drive.point(pattern_source=rows, starts_source=starts)
     else:
-        frame.matrix = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
+        record.matrix = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
     directions = np.repeat(np.array([0, 1], np.int32), n_roots)  # the second half: functions that turn away from zero
     solver.attach(None if asked.problem.jac is None else _functions()["jacobian"], _functions()["roots"], directions)
 
 
-def _outcome(drive: Drive) -> Outcome:
-    s, status, solver = drive.frame, drive.status, drive.solver
+def _outcome(drive: Drive) -> IdaOutcome:
+    s, status, solver = drive.record, drive.status, drive.solver
     order, events = drive.asked.matrix.order, s.events
     worst = solver.worst() if status < 0 and s.steps > 0 else -1
     y = drive.arrays["y"]
-    return Outcome(
+    return IdaOutcome(
         status=status,
         t=s.t,
         x=drive.arrays["out"],

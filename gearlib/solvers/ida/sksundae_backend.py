@@ -1,6 +1,6 @@
-"""The road to IDA through scikit-sundae's Python interface, with the model's native functions called through ctypes.
+"""IDA backend through scikit-sundae's Python interface; the model's native functions are called through ctypes.
 
-It follows `gearlib.solvers.ida.callbacks` decision by decision, so that both roads take the same steps (but for the tightest
+It follows `gearlib.solvers.ida.callbacks` decision by decision, so that both backends take the same steps (but for the tightest
 tolerances, where the native one makes Newton's iteration more exact than scikit-sundae lets one ask for). scikit-sundae does
 not tell how many steps were accepted nor in which state the error was largest, and ignores what its callbacks return: for a
 right-hand side that asks for a smaller step it is given not-a-number, with which Newton's iteration cannot converge.
@@ -32,8 +32,8 @@ from gearlib.solvers.ida.ida_request import (
     STEP_LIMIT,
     UNSETTLED,
     UPDATE_FAILED,
-    Outcome,
-    Request,
+    IdaOutcome,
+    IdaRequest,
 )
 from gearlib.solvers.problem import Native
 
@@ -47,7 +47,7 @@ class _FailedError(Exception):
     """A callback failed for good; carries the status."""
 
 
-def run(asked: Request) -> Outcome:
+def run(asked: IdaRequest) -> IdaOutcome:
     """Integrate through scikit-sundae.
 
     Raises
@@ -74,7 +74,7 @@ def _function(native: Native | None, third: Any = _pointer) -> Any:
 class _Driver:
     """The state of a run; methods mirror the functions of `gearlib.solvers.ida.callbacks`."""
 
-    def __init__(self, asked: Request, ida: Any) -> None:
+    def __init__(self, asked: IdaRequest, ida: Any) -> None:
         problem, matrix = asked.problem, asked.matrix
         n = len(problem.x0)
         self.asked, self.n = asked, n
@@ -386,8 +386,8 @@ class _Driver:
             self._just_beyond(self.t)
         return True
 
-    def outcome(self, status: int) -> Outcome:
-        return Outcome(
+    def outcome(self, status: int) -> IdaOutcome:
+        return IdaOutcome(
             status=status,
             t=self.t,
             x=self.out,

@@ -1,4 +1,4 @@
-"""The SUNDIALS that the scikit-sundae wheel ships, reached through ctypes: finding it, and one IDA solver object.
+"""ctypes bindings of the SUNDIALS libraries in the scikit-sundae wheel, and one IDA solver object.
 
 scikit-sundae's own interface calls Python at every residual. Its shared libraries do not need that: given the addresses of
 compiled callbacks they run at C's speed. Nothing of scikit-sundae is imported here; where its libraries are missing, or are not
@@ -85,7 +85,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
 
 
 class UnavailableError(Exception):
-    """The native road cannot be taken; says why."""
+    """The native backend is not available; the message says why."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The record that SUNDIALS hands to every callback of `callbacks` as its user data."""
+"""User data of the SUNDIALS callbacks: the record shared by Python and compiled code."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gearlib.compiler.small_language import record
 
 
 @record
-class IdaFrame(ctypes.Structure):
+class IdaRecord(ctypes.Structure):
     """Addresses, whole numbers, reals; every field is zero at first."""
 
     # addresses: of the model

@@ -1,4 +1,4 @@
-"""The first step's size, and the sign of stiffness; parts of the loop in ``loop``."""
+"""Initial step size and stiffness detection; inlined into ``loop``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 from gearlib.compiler.small_language import floats_at, native
 from gearlib.solvers.problem import MODEL
-from gearlib.solvers.rungekutta.record import Frame
+from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.stages import add_slope
 
 __all__ = ["caution", "first_step", "is_damped", "is_stiff", "note"]
@@ -16,7 +16,7 @@ DAMPED = 0.7  # cosine of the angle between an eigenvalue and the negative real 
 
 
 @native
-def first_step(s: Frame) -> float:
+def first_step(s: LoopRecord) -> float:
     """Hairer's guess: the step over which an Euler step and the curvature of the solution stay within the tolerance."""
     n: int = s.n
     h_max: float = s.h_max
@@ -44,7 +44,7 @@ def first_step(s: Frame) -> float:
 
 
 @native
-def note(s: Frame) -> None:
+def note(s: LoopRecord) -> None:
     """Take what the last two stages of a step say into the means over some steps, the last ones most.
 
     The stages belong to the same time: their differences show the fastest motion's eigenvalue, |h lambda| as in Hairer's codes,
@@ -64,14 +64,14 @@ def is_damped(slope: float, move: float, product: float) -> bool:
 
 
 @native
-def is_stiff(s: Frame) -> bool:
+def is_stiff(s: LoopRecord) -> bool:
     """Whether stability limits the step. A motion as fast as this has died away: where it is alive, accuracy limits the step."""
     limit = 1.5 if s.order == 5 else 4.5
     return s.slopes > limit * limit * s.moves
 
 
 @native
-def caution(s: Frame) -> float:
+def caution(s: LoopRecord) -> float:
     """What the choice of the next step takes the error times where a vibration comes near the limit of stability; 1 to 12.
 
     A fast vibration that the solution hardly contains grows there until the estimate sees it: with Tsitouras' method to some

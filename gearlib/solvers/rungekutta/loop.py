@@ -11,7 +11,7 @@ import math
 from gearlib.compiler.small_language import floats_at, int32, int32s_at, ints_at, native
 from gearlib.solvers.problem import MODEL
 from gearlib.solvers.rungekutta.first_step import first_step, is_stiff, note, sign
-from gearlib.solvers.rungekutta.record import Frame
+from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, crossing, just_beyond, row, slopes
 from gearlib.solvers.rungekutta.stages import dense_output, interpolate, last_stage, move, step_error, take_step
 from gearlib.solvers.rungekutta.step_size import adapt, begin_phase
@@ -34,7 +34,7 @@ AT_START = 1e-16  # of the run: as near to the start as that, an event is at the
 
 
 @native
-def _restart(s: Frame) -> int:
+def _restart(s: LoopRecord) -> int:
     """Begin anew at ``x``: the right-hand side, the sides of the event functions and their slopes."""
     code: int = MODEL(s.rhs, s.origin + s.t, s.x, s.k, s.data, s.index)
     s.evaluations += 1
@@ -49,7 +49,7 @@ def _restart(s: Frame) -> int:
 
 
 @native
-def _start(s: Frame) -> int:
+def _start(s: LoopRecord) -> int:
     s.started = 1
     if s.update != 0 and MODEL(s.update, s.origin + s.t, s.x, s.fired, s.data, s.index) < 0:
         return UPDATE_FAILED
@@ -62,7 +62,7 @@ def _start(s: Frame) -> int:
 
 
 @native
-def _store(s: Frame, i: int, x: int) -> None:
+def _store(s: LoopRecord, i: int, x: int) -> None:
     """A sample: states and modes."""
     state, out = floats_at(x), floats_at(s.out + 8 * i * s.n)
     for j in range(s.n):
@@ -73,7 +73,7 @@ def _store(s: Frame, i: int, x: int) -> None:
 
 
 @native
-def _emit(s: Frame, t: float, before: float, h: float) -> None:
+def _emit(s: LoopRecord, t: float, before: float, h: float) -> None:
     """Store the samples before a time within the step."""
     times, i = floats_at(s.times), s.sample
     if i < s.n_times and times[i] < before:
@@ -86,7 +86,7 @@ def _emit(s: Frame, t: float, before: float, h: float) -> None:
 
 
 @native
-def _emit_here(s: Frame) -> None:
+def _emit_here(s: LoopRecord) -> None:
     """Store the samples at ``t`` itself."""
     times, i = floats_at(s.times), s.sample
     while i < s.n_times and times[i] <= s.t:
@@ -96,14 +96,14 @@ def _emit_here(s: Frame) -> None:
 
 
 @native
-def _log(s: Frame, root: int) -> None:
+def _log(s: LoopRecord, root: int) -> None:
     floats_at(s.log_t)[s.events] = s.t
     ints_at(s.log_root)[s.events] = root
     s.events += 1
 
 
 @native
-def _handle(s: Frame, found: int, timed: bool) -> int:
+def _handle(s: LoopRecord, found: int, timed: bool) -> int:
     """Call ``update`` for the roots that flipped (``found``) or a time event, write the log, begin anew."""
     side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, NEW))
     from_zero = True
@@ -140,7 +140,7 @@ def _handle(s: Frame, found: int, timed: bool) -> int:
 
 
 @native
-def _is_stiff(s: Frame, t: float) -> bool:
+def _is_stiff(s: LoopRecord, t: float) -> bool:
     """Count steps that look stiff, as Hairer's codes do: `SURE` of them, without `CALM` others in a row."""
     note(s)
     if is_stiff(s):
@@ -156,7 +156,7 @@ def _is_stiff(s: Frame, t: float) -> bool:
 
 
 @native
-def _attempt(s: Frame, t: float, h: float) -> float:
+def _attempt(s: LoopRecord, t: float, h: float) -> float:
     """Try a step; its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops the run."""
     s.steps += 1
     code = take_step(s, t, h)
@@ -170,7 +170,7 @@ def _attempt(s: Frame, t: float, h: float) -> float:
 
 
 @native
-def _go_on(s: Frame) -> None:
+def _go_on(s: LoopRecord) -> None:
     """Make the end of a step the start of the next one."""
     move(s.x_new, s.x, s.size)
     move(last_stage(s), s.k, s.size)
@@ -182,7 +182,7 @@ def _go_on(s: Frame) -> None:
 
 
 @native
-def _step(s: Frame, stop: float, end: float) -> int:
+def _step(s: LoopRecord, stop: float, end: float) -> int:
     """One step toward ``stop``, up to an event in it; DONE where it went well or is to be tried again."""
     t, h = s.t, min(s.h, s.h_max)
     if s.h_cut > 0.0:
@@ -238,7 +238,7 @@ def _step(s: Frame, stop: float, end: float) -> int:
 @native
 def advance(address: int) -> int32:
     """Integrate for ``budget`` steps, or until something happens that Python must see to."""
-    s = Frame(address)
+    s = LoopRecord(address)
     if s.started == 0:
         code = _start(s)
         if code != DONE:

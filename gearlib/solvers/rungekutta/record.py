@@ -1,4 +1,4 @@
-"""The record of the Runge-Kutta loop: its state, filled in Python.
+"""State record of the Runge-Kutta loop, filled in by Python.
 
 Passing an array to compiled code takes a microsecond, and a run of a small model takes fifty: the loop gets one address instead.
 """
@@ -9,12 +9,12 @@ import ctypes
 
 from gearlib.compiler.small_language import record
 
-__all__ = ["Frame"]
+__all__ = ["LoopRecord"]
 
 
 @record
-class Frame(ctypes.Structure):
-    """The record; every field is zero at first."""
+class LoopRecord(ctypes.Structure):
+    """State of the loop; every field is zero at first."""
 
     # addresses of the model's functions (0: none) and of its numbers
     rhs: int

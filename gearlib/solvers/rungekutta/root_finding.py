@@ -1,4 +1,4 @@
-"""Root finding on the steps of a Runge-Kutta method, part of the loop in ``loop``.
+"""Event location on the dense output of a step; inlined into ``loop``.
 
 ``side[k]`` is the established sign of event function k, which goes with what its relation holds, or, where the event iteration does
 not say so, its sign at the start, 0 where it was exactly zero. A root has flipped where the function has another sign; a value of
@@ -13,7 +13,7 @@ import math
 
 from gearlib.compiler.small_language import floats_at, int32s_at, native
 from gearlib.solvers.problem import MODEL
-from gearlib.solvers.rungekutta.record import Frame
+from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.stages import add_slope, dense_output, interpolate, last_stage
 
 __all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
@@ -28,13 +28,13 @@ NEAR_START, NEAR_END = 0.05, 0.98  # outside these parts of a step the dense out
 
 
 @native
-def row(s: Frame, i: int) -> int:
+def row(s: LoopRecord, i: int) -> int:
     """Address of a row of ``g``."""
     return s.g + 8 * i * s.n_roots
 
 
 @native
-def _copy(s: Frame, i: int, j: int) -> None:
+def _copy(s: LoopRecord, i: int, j: int) -> None:
     """Row i of ``g`` to row j."""
     a, b = floats_at(row(s, i)), floats_at(row(s, j))
     for k in range(s.n_roots):
@@ -42,7 +42,7 @@ def _copy(s: Frame, i: int, j: int) -> None:
 
 
 @native
-def flipped(s: Frame, i: int) -> bool:
+def flipped(s: LoopRecord, i: int) -> bool:
     """Whether any event function has left its side, as row i of ``g`` has it."""
     g, side = floats_at(row(s, i)), int32s_at(s.side)
     for k in range(s.n_roots):  # noqa: SIM110  (no generators in the small language)
@@ -52,7 +52,7 @@ def flipped(s: Frame, i: int) -> bool:
 
 
 @native
-def slopes(s: Frame, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
+def slopes(s: LoopRecord, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
     """Row j of ``g`` = time derivative of the event functions of row i, by a difference over a part of ``h`` along the solution."""
     dt = max(SLOPE_OVER * h, CLOCK * abs(s.origin))
     add_slope(x, dt, f, s.y, s.size)
@@ -63,14 +63,14 @@ def slopes(s: Frame, t: float, h: float, x: int, f: int, i: int, j: int) -> None
 
 
 @native
-def _look(s: Frame, t: float, h: float, theta: float, i: int) -> None:
+def _look(s: LoopRecord, t: float, h: float, theta: float, i: int) -> None:
     """``y`` and row i of ``g`` = state and event functions at ``t + theta h``, from the dense output."""
     interpolate(s, theta, h, s.y)
     MODEL(s.roots, s.origin + (t + theta * h), s.y, row(s, i), s.data, s.index)
 
 
 @native
-def _dip(s: Frame, t: float, h: float) -> float:
+def _dip(s: LoopRecord, t: float, h: float) -> float:
     """Where within the step a function that keeps its side at both ends has left it in between; 2 where none has.
 
     Each function that falls at the beginning and rises at the end has a minimum. The cubic through value and slope at both ends says
@@ -115,7 +115,7 @@ def _dip(s: Frame, t: float, h: float) -> float:
 
 
 @native
-def _locate(s: Frame, t: float, h: float, low: float, high: float, tolerance: float) -> float:
+def _locate(s: LoopRecord, t: float, h: float, low: float, high: float, tolerance: float) -> float:
     """Right end of a bracket, no wider than ``tolerance``, of the first flip between ``low`` and ``high``.
 
     The Illinois method on the event function that seems to cross first, as in SUNDIALS, with bisections where it lasts. The
@@ -152,7 +152,7 @@ def _locate(s: Frame, t: float, h: float, low: float, high: float, tolerance: fl
 
 
 @native
-def crossing(s: Frame, t: float, h: float, error: float) -> tuple[int, float]:
+def crossing(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, float]:
     """Look for the first event in the step from ``x`` to ``x_new``.
 
     Returns ``(found, theta)``. Without an event the step stands (found = 0). With one, ``x_new`` becomes the state just after the
@@ -189,7 +189,7 @@ def crossing(s: Frame, t: float, h: float, error: float) -> tuple[int, float]:
 
 
 @native
-def just_beyond(s: Frame, t: float, dt: float) -> bool:
+def just_beyond(s: LoopRecord, t: float, dt: float) -> bool:
     """Whether an event function flips within ``dt`` after the end of the step, as one does that is meant to do so at ``t``; row NEW
     of ``g`` is then taken there.
     """
@@ -202,7 +202,7 @@ def just_beyond(s: Frame, t: float, dt: float) -> bool:
 
 
 @native
-def _on_the_clock(s: Frame, t: float, h: float, theta: float) -> float:
+def _on_the_clock(s: LoopRecord, t: float, h: float, theta: float) -> float:
     """The same event at a time that is a floating-point number: the state is to be that of the time in the log."""
     at = t + theta * h
     if (at - t) / h < theta:
@@ -217,7 +217,7 @@ def _on_the_clock(s: Frame, t: float, h: float, theta: float) -> float:
 
 
 @native
-def _take(s: Frame, t: float, h: float, theta: float) -> None:
+def _take(s: LoopRecord, t: float, h: float, theta: float) -> None:
     """Let the step end at ``theta``, where row HIGH of ``g`` was taken."""
     if theta < 1.0:
         interpolate(s, theta, h, s.x_new)

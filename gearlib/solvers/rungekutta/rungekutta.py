@@ -22,7 +22,7 @@ from gearlib.errors import ArgumentError, SolverError
 from gearlib.solvers.problem import Floats, Integers, Problem, Solution, late_start
 from gearlib.solvers.rungekutta import loop
 from gearlib.solvers.rungekutta.first_step import DAMPED
-from gearlib.solvers.rungekutta.record import Frame
+from gearlib.solvers.rungekutta.record import LoopRecord
 
 __all__ = ["RungeKutta", "integrate"]
 
@@ -128,14 +128,14 @@ class RungeKutta:
         self.problem, self.max_steps, self.may_leave, self.status = problem, max_steps, may_leave, "more"
         self._call = _loop()
         self._run = _prepare(problem, times, order, rtol, tolerance)
-        frame = self._run.frame
-        frame.h, frame.patience = first_step or 0.0, PATIENCE if may_leave else -1
+        record = self._run.record
+        record.h, record.patience = first_step or 0.0, PATIENCE if may_leave else -1
         self.t_end = float(times[-1])
 
     @property
     def t(self) -> float:
         """Where it is, s."""
-        return _now(self._run.frame)
+        return _now(self._run.record)
 
     @property
     def x(self) -> Floats:
@@ -145,43 +145,43 @@ class RungeKutta:
     @property
     def work(self) -> float:
         """What was done so far, ns: estimated from counted operations."""
-        frame = self._run.frame
-        return work(self.problem, frame.order, frame.steps, frame.events)
+        record = self._run.record
+        return work(self.problem, record.order, record.steps, record.events)
 
     def watch(self, work_first: float = 0.0) -> None:
         """Look for stiffness, and stop once it limits the steps, after so much more work."""
-        frame = self._run.frame
-        steps = math.ceil(min(work_first / work(self.problem, frame.order, 1, 0), 1e12))
-        frame.detect, frame.detect_from = 1, frame.steps + steps
-        frame.stiff_steps = frame.calm_steps = 0
+        record = self._run.record
+        steps = math.ceil(min(work_first / work(self.problem, record.order, 1, 0), 1e12))
+        record.detect, record.detect_from = 1, record.steps + steps
+        record.stiff_steps = record.calm_steps = 0
 
     @property
     def pace(self) -> float:
         """Seconds of the motion for each nanosecond of work, since stability has limited the steps."""
-        frame = self._run.frame
-        done = work(self.problem, frame.order, frame.steps - frame.stiff_first, frame.events - frame.stiff_events)
-        return (frame.t - frame.stiff_t) / done if done > 0.0 else 0.0
+        record = self._run.record
+        done = work(self.problem, record.order, record.steps - record.stiff_first, record.events - record.stiff_events)
+        return (record.t - record.stiff_t) / done if done > 0.0 else 0.0
 
     @property
     def wanted(self) -> float:
         """The step, s, that the tolerance allows, whether or not a time event cuts it short."""
-        return self._run.frame.h
+        return self._run.record.h
 
     @property
     def damped(self) -> bool:
         """Whether what limits the steps is a decay rather than a vibration."""
-        frame = self._run.frame
-        return frame.products < 0.0 and frame.products**2 > (DAMPED * DAMPED) * frame.slopes * frame.moves
+        record = self._run.record
+        return record.products < 0.0 and record.products**2 > (DAMPED * DAMPED) * record.slopes * record.moves
 
     def advance(self, steps: int = _STEPS_PER_CALL) -> str:
         """Go on by so many steps, or until something happens; returns the status."""
-        run, frame = self._run, self._run.frame
-        left = self.max_steps - frame.steps
+        run, record = self._run, self._run.record
+        left = self.max_steps - record.steps
         if left <= 0 and self.t < self.t_end:
-            raise SolverError(f"gave up {_where(frame)}: max_steps is {self.max_steps}")
+            raise SolverError(f"gave up {_where(record)}: max_steps is {self.max_steps}")
         run.make_room()
-        frame.budget = max(1, min(steps, left))
-        code = self._call(ctypes.addressof(frame))
+        record.budget = max(1, min(steps, left))
+        code = self._call(ctypes.addressof(record))
         if code >= 0:
             self.status = {loop.DONE: "done", loop.MORE: "more", loop.STIFF: "stiff"}[code]
         elif self.may_leave and code in (loop.UNDERFLOW, loop.RHS_FAILED):
@@ -222,7 +222,7 @@ def _loop() -> Callable[[int], int]:
 class _Run:
     """The record that the compiled loop works on, and parts of what it points to."""
 
-    frame: Frame
+    record: LoopRecord
     whole: Floats  # all memory but an event log that has grown
     x: Floats
     data: Floats
@@ -234,11 +234,11 @@ class _Run:
 
     def make_room(self) -> None:
         """Let the event log grow where it is nearly full."""
-        frame = self.frame
-        if frame.capacity < frame.events + frame.n_roots + 2:
-            frame.capacity = 2 * frame.capacity + frame.n_roots
-            self.log_t, self.log_root = np.resize(self.log_t, frame.capacity), np.resize(self.log_root, frame.capacity)
-            frame.log_t, frame.log_root = _address(self.log_t), _address(self.log_root)
+        record = self.record
+        if record.capacity < record.events + record.n_roots + 2:
+            record.capacity = 2 * record.capacity + record.n_roots
+            self.log_t, self.log_root = np.resize(self.log_t, record.capacity), np.resize(self.log_root, record.capacity)
+            record.log_t, record.log_root = _address(self.log_t), _address(self.log_root)
 
 
 def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance: Floats) -> _Run:
@@ -256,41 +256,43 @@ def _prepare(problem: Problem, times: Floats, order: int, rtol: float, tolerance
         "fired": n_roots, "atol": size, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
         "times": n_times, "out": n_times * n, "modes": n_times * n_modes, "log_t": capacity, "log_root": capacity,
     }  # fmt: skip
-    frame, whole = Frame(), np.empty(sum(lengths.values()))
+    record, whole = LoopRecord(), np.empty(sum(lengths.values()))
     first, at, parts = _address(whole), 0, {}
     for name, length in lengths.items():
-        setattr(frame, name, first + 8 * at)
+        setattr(record, name, first + 8 * at)
         parts[name] = whole[at : at + length]
         at += length
-    whole[: (frame.atol - first) // 8] = 0.0
+    whole[: (record.atol - first) // 8] = 0.0
     parts["x"][:n], parts["atol"][n:], parts["atol"][:n] = problem.x0, 1.0, tolerance
     parts["data"][:], parts["stops"][:], parts["times"][:] = problem.data, stops - origin, times - origin
     parts["index"].view(np.int64)[:] = problem.index
-    frame.rhs, frame.roots, frame.update = (0 if f is None else f.address for f in (problem.rhs, problem.roots, problem.update))
-    frame.order, frame.n, frame.size, frame.n_roots = order, n, size, n_roots
-    frame.n_times, frame.n_stops, frame.n_timed, frame.capacity = n_times, stops.size, n_timed, capacity
-    frame.n_modes, frame.first_mode = n_modes, first_mode
-    frame.rtol, frame.origin, frame.t, frame.span = rtol, origin, times[0] - origin, times[-1] - times[0]
-    frame.h_max = min(0.1 * frame.span, problem.longest_step)
+    record.rhs, record.roots, record.update = (
+        0 if f is None else f.address for f in (problem.rhs, problem.roots, problem.update)
+    )
+    record.order, record.n, record.size, record.n_roots = order, n, size, n_roots
+    record.n_times, record.n_stops, record.n_timed, record.capacity = n_times, stops.size, n_timed, capacity
+    record.n_modes, record.first_mode = n_modes, first_mode
+    record.rtol, record.origin, record.t, record.span = rtol, origin, times[0] - origin, times[-1] - times[0]
+    record.h_max = min(0.1 * record.span, problem.longest_step)
     return _Run(
-        frame, whole, parts["x"][:n], parts["data"], parts["times"], parts["out"].reshape(n_times, n),
+        record, whole, parts["x"][:n], parts["data"], parts["times"], parts["out"].reshape(n_times, n),
         parts["modes"].reshape(n_times, n_modes), parts["log_t"], parts["log_root"].view(np.int64),
     )  # fmt: skip
 
 
 def _solution(run: _Run, status: str, effort: float) -> Solution:
-    frame = run.frame
+    record = run.record
     stats: dict[str, Any] = {
-        "method": _METHODS[frame.order], "order": frame.order, "steps": frame.steps - frame.rejected,
-        "rejected": frame.rejected, "rhs": frame.evaluations, "events": frame.events,
+        "method": _METHODS[record.order], "order": record.order, "steps": record.steps - record.rejected,
+        "rejected": record.rejected, "rhs": record.evaluations, "events": record.events,
         "work": effort,
     }  # fmt: skip
     if status != "done":
         stats["data"] = run.data.copy()
-    samples, events = frame.sample, frame.events
+    samples, events = record.sample, record.events
     return Solution(
-        t=run.times[:samples], x=run.out[:samples], modes=run.modes[:samples], status=status, t_last=_now(frame), x_last=run.x.copy(),
-        event_times=frame.origin + run.log_t[:events], event_roots=run.log_root[:events].copy(), stats=stats,
+        t=run.times[:samples], x=run.out[:samples], modes=run.modes[:samples], status=status, t_last=_now(record), x_last=run.x.copy(),
+        event_times=record.origin + run.log_t[:events], event_roots=run.log_root[:events].copy(), stats=stats,
     )  # fmt: skip
 
 
@@ -329,21 +331,21 @@ def _stops(time_events: Floats, times: Floats) -> tuple[Floats, int]:
     return inside, inside.size
 
 
-def _now(frame: Frame) -> float:
-    return frame.origin + frame.t
+def _now(record: LoopRecord) -> float:
+    return record.origin + record.t
 
 
-def _where(frame: Frame) -> str:
-    return f"at t = {_now(frame):.9g} s after {frame.steps} steps ({frame.rejected} rejected, the next of {frame.h:.1g} s)"
+def _where(record: LoopRecord) -> str:
+    return f"at t = {_now(record):.9g} s after {record.steps} steps ({record.rejected} rejected, the next of {record.h:.1g} s)"
 
 
 def _complaint(problem: Problem, code: int, run: _Run) -> str:
     """What a negative code of the loop means."""
-    where = _where(run.frame)
+    where = _where(run.record)
     if code == loop.UNDERFLOW:
         return f"the step became too small {where}: the solution goes to infinity, jumps, or cannot be evaluated further on"
     if code == loop.CHATTERING:
-        last = np.unique(run.log_root[max(0, run.frame.events - 100) : run.frame.events])
+        last = np.unique(run.log_root[max(0, run.record.events - 100) : run.record.events])
         names = "; ".join(dict.fromkeys(problem.root_name(int(r)) for r in last if r >= 0))
         return f"events chatter {where}: {loop.CHATTER_EVENTS} of them hardly apart, the last ones of {names}"
     if code == loop.UPDATE_FAILED:

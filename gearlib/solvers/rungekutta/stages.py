@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from gearlib.compiler.small_language import blocks, floats_at, generated, native, where
 from gearlib.solvers.problem import MODEL
-from gearlib.solvers.rungekutta.record import Frame
+from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.tableaux import DOP853_A, DOP853_C, DOP853_D, DOP853_E, TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
 
 __all__ = ["GENERATED", "MODEL", "add_slope", "dense_output", "interpolate", "last_stage", "move", "step_error", "take_step"]
@@ -65,7 +65,7 @@ def _stage(row: Row) -> str:
 def _stepper(name: str, a: Sequence[Row], c: Row, first: int, last: int, final: int) -> str:
     """A function that evaluates the stages ``first`` to ``last``, the argument of stage ``final`` being ``x_new``."""
     lines = [
-        f"def {name}(s: Frame, t: float, h: float) -> int:",
+        f"def {name}(s: LoopRecord, t: float, h: float) -> int:",
         "    x, y, x_new, k, size = floats_at(s.x), floats_at(s.y), floats_at(s.x_new), floats_at(s.k), s.size",
     ]
     for stage in range(first, last + 1):
@@ -83,7 +83,7 @@ def _stepper(name: str, a: Sequence[Row], c: Row, first: int, last: int, final: 
 def _coefficients(name: str, table: Sequence[Row]) -> str:
     """A function that makes the rows of ``c`` from those of ``k``."""
     return "\n".join([
-        f"def {name}(s: Frame) -> None:",
+        f"def {name}(s: LoopRecord) -> None:",
         "    k, c, size = floats_at(s.k), floats_at(s.c), s.size",
         "    for i in blocks(size):",
         *(f"        c{p} = {_sum(row)}" for p, row in enumerate(table)),
@@ -98,7 +98,7 @@ def _polynomial(name: str, rows: int) -> str:
     for j in range(rows - 2, -1, -1):
         value = f"c[i + {j} * size] + {'pq'[(j + 1) % 2]} * ({value})"
     return "\n".join([
-        f"def {name}(s: Frame, h: float, p: float, q: float, out: int) -> None:",
+        f"def {name}(s: LoopRecord, h: float, p: float, q: float, out: int) -> None:",
         "    x, c, y, size = floats_at(s.x), floats_at(s.c), floats_at(out), s.size",
         "    for i in blocks(size):",
         f"        y[i] = x[i] + h * ({value})",
@@ -113,7 +113,7 @@ def _measurer(name: str, errors: Sequence[Row], last: int) -> str:
     """
     sums = [f"error{p}" for p in range(len(errors))] + ["slopes", "moves", "product"]
     return "\n".join([
-        f"def {name}(s: Frame) -> tuple[{', '.join(['float'] * len(sums))}]:",
+        f"def {name}(s: LoopRecord) -> tuple[{', '.join(['float'] * len(sums))}]:",
         "    x, x_new, y, k, atol = floats_at(s.x), floats_at(s.x_new), floats_at(s.y), floats_at(s.k), floats_at(s.atol)",
         "    rtol, size = s.rtol, s.size",
         *(f"    {name} = block(0.0)" for name in sums),
@@ -161,13 +161,13 @@ def move(source: int, target: int, size: int) -> None:
 
 
 @native
-def last_stage(s: Frame) -> int:
+def last_stage(s: LoopRecord) -> int:
     """Address of the right-hand side at the end of the step."""
     return s.k + 8 * s.size * (6 if s.order == 5 else 12)
 
 
 @native
-def take_step(s: Frame, t: float, h: float) -> int:
+def take_step(s: LoopRecord, t: float, h: float) -> int:
     """Fill ``x_new`` and the stages of a step from ``x``, whose right-hand side is ``k[0]``; the code of a failing one."""
     s.dense = 0
     if s.order == 5:
@@ -180,7 +180,7 @@ def take_step(s: Frame, t: float, h: float) -> int:
 
 
 @native
-def _doubted(s: Frame, h4: float, error: float, coarse: float) -> float:
+def _doubted(s: LoopRecord, h4: float, error: float, coarse: float) -> float:
     """The estimate, or more where the estimate of order 3 makes it incredible."""
     if not error < math.inf:
         return error
@@ -192,7 +192,7 @@ def _doubted(s: Frame, h4: float, error: float, coarse: float) -> float:
 
 
 @native
-def step_error(s: Frame, h: float) -> float:
+def step_error(s: LoopRecord, h: float) -> float:
     """Root mean square of the error estimate over its tolerance; for order 8 Hairer's blend of two, of order 3 and 5.
 
     The argument of the last stage but one, in ``y``, belongs to the same time as the last one. How these two differ, over the
@@ -210,7 +210,7 @@ def step_error(s: Frame, h: float) -> float:
 
 
 @native
-def dense_output(s: Frame, t: float, h: float) -> None:
+def dense_output(s: LoopRecord, t: float, h: float) -> None:
     """Make the polynomials of the dense output, of order 4 or 7, unless this was done for the step; three more stages for the latter."""
     if s.dense == 1:
         return
@@ -224,7 +224,7 @@ def dense_output(s: Frame, t: float, h: float) -> None:
 
 
 @native
-def interpolate(s: Frame, theta: float, h: float, y: int) -> None:
+def interpolate(s: LoopRecord, theta: float, h: float, y: int) -> None:
     """``y`` = dense output at the part ``theta`` of the step."""
     if s.order == 5:
         _polynomial5(s, h * theta, theta, theta, y)

@@ -1,4 +1,4 @@
-"""Step sizes, parts of the loop in ``loop``: from step to step, and from one event to the next.
+"""Step size control, and warm starts of the step size after events; inlined into ``loop``.
 
 Between two events the modes are the same, and such a phase often comes again: contact, flight, contact. The step that suited its
 beginning is remembered with its modes. A phase that was never met begins with a part of the step before.
@@ -10,7 +10,7 @@ import math
 
 from gearlib.compiler.small_language import floats_at, native
 from gearlib.solvers.rungekutta.first_step import caution
-from gearlib.solvers.rungekutta.record import Frame
+from gearlib.solvers.rungekutta.record import LoopRecord
 
 __all__ = ["adapt", "begin_phase"]
 
@@ -24,7 +24,7 @@ GROWTH_KNOWN, GROWTH_SECOND = 1.1, 1.2  # of the step that is remembered, and fr
 
 
 @native
-def _signature(s: Frame) -> float:
+def _signature(s: LoopRecord) -> float:
     """A number that tells the modes apart, hardly ever two of them alike."""
     modes, total = floats_at(s.data + 8 * s.first_mode), 0.0
     for i in range(s.n_modes):
@@ -33,7 +33,7 @@ def _signature(s: Frame) -> float:
 
 
 @native
-def _find(s: Frame, signature: float) -> int:
+def _find(s: LoopRecord, signature: float) -> int:
     """Where the phase with these modes is remembered; -1 where it is not."""
     known = floats_at(s.phases)
     for i in range(PHASES):
@@ -43,7 +43,7 @@ def _find(s: Frame, signature: float) -> int:
 
 
 @native
-def begin_phase(s: Frame, changed: bool) -> None:
+def begin_phase(s: LoopRecord, changed: bool) -> None:
     """Choose the first step after an event: that of an earlier phase with the same modes, if they changed."""
     before = s.h_before_event
     s.h_before_event = s.h
@@ -55,7 +55,7 @@ def begin_phase(s: Frame, changed: bool) -> None:
 
 
 @native
-def _remember(s: Frame, h: float) -> None:
+def _remember(s: LoopRecord, h: float) -> None:
     signature = _signature(s)
     place, known = _find(s, signature), floats_at(s.phases)
     if place < 0:
@@ -65,7 +65,7 @@ def _remember(s: Frame, h: float) -> None:
 
 
 @native
-def adapt(s: Frame, h: float, error: float) -> bool:
+def adapt(s: LoopRecord, h: float, error: float) -> bool:
     """Choose the next step size; whether the step is accepted.
 
     PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before. These constants leave hardly a

@@ -1,4 +1,4 @@
-"""IDA on small problems with known answers, along both roads."""
+"""IDA on small problems with known answers, through both backends."""
 
 from __future__ import annotations
 
@@ -153,8 +153,8 @@ def test_both_roads_take_the_same_steps(kind: str) -> None:
     for count in ("rhs", "jac", "attempts", "linear_solver"):
         assert native.stats[count] == other.stats[count]
     np.testing.assert_allclose(other.x, native.x, rtol=1e-12, atol=1e-12)
-    assert native.stats["road"].startswith("native: SUNDIALS 7")
-    assert other.stats["road"] == "scikit-sundae: asked for"
+    assert native.stats["backend"].startswith("native: SUNDIALS 7")
+    assert other.stats["backend"] == "scikit-sundae: asked for"
     assert native.stats["steps"] + native.stats["rejected"] == native.stats["attempts"]
 
 
@@ -465,7 +465,7 @@ def test_arguments_that_make_no_sense() -> None:
         ida.integrate(problem(ball_rhs, [5.0, np.nan]), [0.0, 1.0], rtol=1e-6)
 
 
-# --- roads and resources -----------------------------------------------------------------------------------------------------
+# --- backends and resources -----------------------------------------------------------------------------------------------------
 
 
 def test_other_road_is_taken_when_the_libraries_are_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -474,7 +474,7 @@ def test_other_road_is_taken_when_the_libraries_are_not_there(monkeypatch: pytes
 
     monkeypatch.setattr(ida, "load", nothing)
     solution = ida.integrate(problem(ball_rhs, [5.0, 0.0]), [0.0, 1.0], rtol=1e-6)
-    assert solution.stats["road"] == "scikit-sundae: no libraries here"
+    assert solution.stats["backend"] == "scikit-sundae: no libraries here"
     np.testing.assert_allclose(solution.x[-1], [0.0, -10.0], atol=1e-5)
 
 
@@ -515,8 +515,8 @@ def test_absurd_tolerances_are_refused_or_met(native: bool) -> None:
         def equations(self):
             return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), -gl.sin(self.x))]
 
-    road = ida.integrate
+    integrate = ida.integrate
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ida, "integrate", lambda *a, **k: road(*a, **k, native=native))
+        patch.setattr(ida, "integrate", lambda *a, **k: integrate(*a, **k, native=native))
         with pytest.raises(SolverError, match=r"at t=0$"):
             gl.simulate(Swing(), 1.0, samples=3, method="ida", atol=1e-300)

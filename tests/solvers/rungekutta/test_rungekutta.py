@@ -375,9 +375,9 @@ def test_a_run_that_stopped_for_stiffness_goes_on_as_if_it_had_not() -> None:
     [(5, len(tableaux.TSIT5_A), len(tableaux.TSIT5_R[0])), (8, len(tableaux.DOP853_A), 3 + len(tableaux.DOP853_D))],
 )
 def test_memory_of_a_run_has_a_row_for_each_stage_and_polynomial(order: int, stages: int, polynomials: int) -> None:
-    frame = _prepare(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1.0]), order, 1e-6, np.ones(2)).frame
-    row = 8 * frame.size
-    assert [(frame.c - frame.k) / row, (frame.phases - frame.c) / row] == [stages, polynomials]
+    record = _prepare(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1.0]), order, 1e-6, np.ones(2)).record
+    row = 8 * record.size
+    assert [(record.c - record.k) / row, (record.phases - record.c) / row] == [stages, polynomials]
 
 
 # ---------------------------------------------------------------- cost
