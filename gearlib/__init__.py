@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from gearlib.feedback.passivity import passivity as passivity
     from gearlib.feedback.stability import StabilityReport as StabilityReport
     from gearlib.feedback.stability import stability as stability
+    from gearlib.files.parameter_sets import load_parameters as load_parameters
+    from gearlib.files.parameter_sets import save_parameters as save_parameters
     from gearlib.language.component import Component as Component
     from gearlib.language.component import Connection as Connection
     from gearlib.language.component import connect as connect
@@ -85,6 +87,7 @@ if TYPE_CHECKING:
     from gearlib.statics.statics import mobility as mobility
     from gearlib.statics.statics import power_flow as power_flow
     from gearlib.statics.statics import speed_ratio as speed_ratio
+    from gearlib.stored_result import load_result as load_result
     from gearlib.system import System as System
     from gearlib.system import compile as compile
     from gearlib.system import simulate as simulate
@@ -128,6 +131,8 @@ _HOME = {
     "EnergyBalance": "gearlib.run.energy.energy_balance",
     "check_units": "gearlib.language.dimensions",
     "Result": "gearlib.run.result",
+    **dict.fromkeys(["load_parameters", "save_parameters"], "gearlib.files.parameter_sets"),
+    "load_result": "gearlib.stored_result",
     "Table": "gearlib.solvers.inputs.table",
     **dict.fromkeys(["System", "compile", "simulate"], "gearlib.system"),
 }  # fmt: skip

@@ -132,6 +132,17 @@ def one_name(what: str, value: Any, example: str) -> str:
     return value
 
 
+def one_of(what: str, value: Any, valid: Sequence[str]) -> str:
+    """The name, or an `ArgumentError` where it is none of the valid ones.
+
+    >>> one_of("side", "left", ("left", "right"))
+    'left'
+    """
+    if not isinstance(value, str) or value not in valid:
+        raise ArgumentError(f"{what} is {shown(value)}; expected {', '.join(map(repr, valid))}")
+    return value
+
+
 def name_list(what: str, values: Any, example: str) -> list[str]:
     """The names as a list, or an `ArgumentError` where they are no list of names.
 

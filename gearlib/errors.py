@@ -13,6 +13,7 @@ GearlibError
 ├── NameLookupError        no variable, parameter, input or output of that name
 │   └── AttributeNameError   no connector, variable or part of that name, where it was written as an attribute
 ├── ArgumentError          a bad argument of simulate, linearize, ...
+├── FileError              a file that cannot be read or written, is of another kind, cut off or damaged
 ├── MissingPackageError    a table or a plot needs a package that is not installed
 └── SolverError            the integration failed; says when and where
 
@@ -29,8 +30,8 @@ from collections.abc import Iterable
 
 __all__ = [
     "ArgumentError", "AttributeNameError", "BalanceError", "BindingError", "BoundError", "ConnectionError", "DeclarationError",
-    "GearlibError", "GearlibWarning", "InputWarning", "LoopError", "MissingPackageError", "ModelError", "NameLookupError",
-    "SingularError", "SolverError", "StartError",
+    "FileError", "GearlibError", "GearlibWarning", "InputWarning", "LoopError", "MissingPackageError", "ModelError",
+    "NameLookupError", "SingularError", "SolverError", "StartError",
 ]  # fmt: skip
 
 
@@ -87,6 +88,10 @@ class AttributeNameError(NameLookupError, AttributeError):
 
 class ArgumentError(GearlibError, ValueError):
     """A bad argument of a public function."""
+
+
+class FileError(GearlibError, ValueError):
+    """A file cannot be read or written, is of another kind, cut off or damaged."""
 
 
 class MissingPackageError(GearlibError, ImportError):

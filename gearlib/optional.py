@@ -1,4 +1,4 @@
-"""Lazy import of optional dependencies: pandas for tables, matplotlib for plots."""
+"""Lazy import of optional dependencies: pandas for tables, matplotlib for plots, xarray, zarr and pyarrow for some files."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from gearlib.errors import InputWarning, warn
 from gearlib.language.component import Component
 from gearlib.reduce.rows import some
 from gearlib.run.request import Request, check_options, output_times
-from gearlib.run.result import Result
+from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.simulate import earlier_run, run
 from gearlib.run.summary import summary
 from gearlib.run.translation import Compiled, Translation, translate
@@ -60,7 +60,7 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
     return System(translate(component, chosen))
 
 
-def simulate(component: Component, t_end: float, **options: Any) -> Result:
+def simulate(component: Component, t_end: float, **options: Any) -> SimulatedResult:
     """`compile` and `System.simulate` in one call; ``outputs`` goes to the first, all other options to the second.
 
     Examples
@@ -110,6 +110,13 @@ class System(Compiled):
         return dict(zip(table.names, table.defaults.tolist(), strict=True))
 
     @property
+    def parameter_units(self) -> dict[str, str]:
+        """Paths and units of the parameters that components declare."""
+        instances = self.translation.model.instances
+        declared = [(i.path, name, p.unit) for i in instances for name, p in i.parameters.items()]
+        return {f"{path}.{name}" if path else name: unit for path, name, unit in declared}
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         """Inputs that nothing is bound to."""
         return self.translation.inputs
@@ -131,7 +138,7 @@ class System(Compiled):
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None, progress: bool = False,
         audit: bool = False,
-    ) -> Result:  # fmt: skip
+    ) -> SimulatedResult:  # fmt: skip
         """Integrate from ``t_start`` to ``t_end``.
 
         Parameters
@@ -156,8 +163,8 @@ class System(Compiled):
             its last sample or from a time, with all of its state: integrated states, discrete variables, the modes of clutches
             and friction. Its parameters and inputs stay as well, unless ``parameters`` or ``inputs`` are given.
         inputs : mapping, optional
-            Of unbound inputs: a number, a function of time, or a `Table`. Those that are not given are 0: ``stats["zero_inputs"]``
-            names them, and a run warns (`InputWarning`) of those that its outputs depend on, once for all of them. Without
+            Of unbound inputs: a number, a function of time, a `Table`, or what makes one: times and values ``(t, y)``, a pandas
+            Series. Those that are not given are 0: ``stats["zero_inputs"]`` names them, and a run warns (`InputWarning`) of those that its outputs depend on, once for all of them. Without
             ``outputs`` anything may be asked of a run, and it warns of all.
         max_step : float, optional
             Longest step, s. No event that lasts longer is stepped over, and no pulse. By default a hundredth of the run where there are

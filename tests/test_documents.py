@@ -20,6 +20,7 @@ PAGES = [
     "docs/linear_analysis.md",
     "docs/gear_physics.md",
     "docs/energy.md",
+    "docs/files.md",
 ]
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

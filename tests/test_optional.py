@@ -16,7 +16,7 @@ from gearlib.errors import MissingPackageError
 from gearlib.optional import optional
 from tests.test_project import SOURCES, imports
 
-OPTIONAL = ("matplotlib", "mpl_toolkits", "pandas")
+OPTIONAL = ("matplotlib", "mpl_toolkits", "pandas", "pyarrow", "xarray", "zarr")
 
 
 class Train(gl.Component):
@@ -73,6 +73,21 @@ def test_a_package_that_is_missing_is_named(
     assert set(refused) == expected
     for text in refused.values():
         assert f"pip install {package}" in text
+
+
+@pytest.mark.parametrize(("suffix", "package"), [(".zarr", "zarr"), (".zarr", "xarray"), (".parquet", "pyarrow")])
+def test_files_name_the_package_that_they_need(
+    suffix: str, package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = gl.simulate(gp.ZhouCui2022(tau_in=1.0), 0.1, samples=2, outputs=["w_in"])
+    result.save(tmp_path / f"r{suffix}")
+    for name in [n for n in sys.modules if n.partition(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    for ask in (lambda: result.save(tmp_path / f"r{suffix}"), lambda: gl.load_result(tmp_path / f"r{suffix}")):
+        with pytest.raises(MissingPackageError, match=f"pip install {package}"):
+            ask()
+    result.save(tmp_path / "r.mat")
 
 
 def test_every_import_of_an_optional_package_goes_the_same_way() -> None:

@@ -13,7 +13,7 @@ from gearlib.arguments import is_real, shown
 from gearlib.errors import ArgumentError
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
-from gearlib.run.result import Result
+from gearlib.run.result import SimulatedResult
 from gearlib.run.scene import Scene
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import values
@@ -40,7 +40,7 @@ def operating_point(
     translation: Translation, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None
 ) -> tuple[Scene, Floats, Point]:
     """A scene with some states, the parameters' numbers, and the point that ``at`` stands for (see `System.linearize`)."""
-    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+    if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
         return _moment(translation, states, at[0], at[1], parameters)
     numbers = translation.parameter_values(parameters)
     scene = translation.scene_of(states)
@@ -53,7 +53,7 @@ def operating_point(
 
 
 def _moment(
-    translation: Translation, states: tuple[Node, ...], result: Result, t: Any, parameters: Mapping[str, float] | None
+    translation: Translation, states: tuple[Node, ...], result: SimulatedResult, t: Any, parameters: Mapping[str, float] | None
 ) -> tuple[Scene, Floats, Point]:
     """A moment of a run, with the run's inputs and, unless others are given, its parameters."""
     if result.scene.structure is not translation.structure:
@@ -92,6 +92,6 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
 
 def fitting(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Translation:
     """The translation that fits the parameters, or those of the run that ``at`` is a moment of."""
-    if parameters is None and isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], Result):
+    if parameters is None and isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
         return translation.fitting(at[0].request.parameters)
     return translation.fitted(parameters)[0]

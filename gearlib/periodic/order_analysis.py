@@ -151,7 +151,7 @@ def order_spectrum(
             f"{reference} turns {(angle[-1] - angle[0]) / (2 * np.pi):.3g} times in the interval; a spectrum needs one"
         )
     orders, rows = _spectra(time, angle, signal, [0.0], revolutions, max_order)
-    return OrderSpectrum(orders, rows[0], name, reference, result.translation.unit(name))
+    return OrderSpectrum(orders, rows[0], name, reference, result.unit(name))
 
 
 def order_waterfall(
@@ -183,7 +183,7 @@ def order_waterfall(
     orders, rows = _spectra(time, angle, signal, starts.tolist(), revolutions, max_order)
     edges = np.interp(angle[0] + 2 * np.pi * np.array([starts, starts + revolutions]), angle, time)
     speeds = 2 * np.pi * revolutions / (edges[1] - edges[0])
-    return OrderWaterfall(edges.mean(axis=0), speeds, orders, rows, name, reference, result.translation.unit(name))
+    return OrderWaterfall(edges.mean(axis=0), speeds, orders, rows, name, reference, result.unit(name))
 
 
 def _prepared(
@@ -202,7 +202,7 @@ def _prepared(
     time, signal, motion = time[inside], signal[inside], motion[inside]
     if len(time) < 12:
         raise ArgumentError(f"the interval holds {len(time)} samples; a spectrum needs more")
-    unit = result.translation.unit(reference)
+    unit = result.unit(reference)
     if unit == "rad/s":
         motion = make_interp_spline(time, motion, k=5).antiderivative()(time)
     elif unit != "rad":

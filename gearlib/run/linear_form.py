@@ -85,6 +85,8 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
         return "relations between variables make events"
     if any(callable(s) and not isinstance(s, Table) for s in signals):
         return "an input is a Python function"
+    if any(isinstance(s, Table) and not s.straight for s in signals):
+        return "an input is a table of cubics"
     plan = _plan(scene)
     key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
     if plan.form and plan.form[0]() is numbers and plan.form[1] == key:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
+from html import escape
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import by_name, flag, name_list, shown
-from gearlib.errors import ArgumentError
+from gearlib.arguments import by_name, flag, name_list, one_name, real, shown
+from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.files.contents import Record, versions
 from gearlib.optional import optional
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
@@ -24,140 +29,74 @@ from gearlib.structure.incidence import Node
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
 
     from gearlib.drawing.histories import History
     from gearlib.run.energy.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
+MOST_SHOWN = 30  # outputs in a notebook
 ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the parts of a run
 
 
-class Result:
+class Result(ABC):
     """Time histories of one run.
 
     ``result["load.w"]`` is the history of a variable, ``result["der(load.w)"]`` that of its derivative, ``result.time`` the
-    instants, ``result.stats`` what the solver did. Everything that the model holds can be asked for; what the run did not need is
-    computed then, and an absolute angle that was not integrated is integrated then. ``result.translation`` and ``result.request`` say
-    which model was asked what.
+    instants, ``result.stats`` what the solver did, ``result.events`` when and where there were events. Everything that the model
+    holds can be asked for; what the run did not need is computed then, and an absolute angle that was not integrated is integrated
+    then. A result that was read from a file has what was saved.
     """
 
-    def __init__(
-        self, parts: Sequence[tuple[Part, Mapping[str, Any], Sequence[Any]]], translation: Translation, request: Request,
-        run: Callable[[Translation, Request, Scene], Result],
-    ) -> None:  # fmt: skip
-        (first, stats, _), *later = parts
-        self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
-        self.stats = dict(stats)
-        for _, more, _ in later:
-            self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
-        if later:
-            self.stats["segments"] = len(parts)
-        self.events = list(chain.from_iterable(events for *_, events in parts))
-        times = np.array([event[0] for event in self.events], float)
-        self._parts = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]
-        self.scene, self.translation, self.request = first.scene, translation, request
-        self._outputs = translation.states if translation.outputs is None else translation.outputs
-        self._run = run
-        self._known: dict[Node, Floats] = {}
-        self._extended: Result | None = None
+    time: Floats
+    stats: dict[str, Any]
+    events: list[Any]
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin) for p in self._parts]
-        if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._parts):
-            raise TypeError("a run whose states changed on the way cannot be pickled; take its histories: {name: result[name]}")
-        return _restored, (self.translation, self.request, self._run, parts, self.stats, self.events)
-
+    @abstractmethod
     def __getitem__(self, name: str) -> Floats:
-        if not isinstance(name, str):
-            raise ArgumentError(
-                f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
-            )
-        if name in self.scene.model.discretes.names:
-            return self._joined(part.discrete(name) for part in self._parts)
-        node, sign = self.scene.named(name)
-        if sign == 0:
-            return np.zeros_like(self.time)
-        return sign * self.history_of(node)
+        """The history of a variable."""
 
+    @abstractmethod
     def __iter__(self) -> Iterator[str]:
-        return iter(self._outputs)
+        """Names of the outputs."""
 
-    def __len__(self) -> int:
-        return len(self._outputs)
-
+    @abstractmethod
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and self.scene.model.find(self.scene.model.column(name)[0]) is not None
+        """Whether there is such a variable."""
 
-    @property
-    def states(self) -> Floats:
-        """Histories of the integrated states, shape (samples, states)."""
-        if len(self._parts) == 1:
-            return self._parts[0].states
-        return np.column_stack([self.history_of(node) for node in self.scene.states])
+    @abstractmethod
+    def unit(self, name: str) -> str:
+        """SI unit of a variable or a derivative; empty where the model declares none."""
 
-    def _again(self, states: tuple[Node, ...], times: Floats | None = None) -> Result:
-        """The same run with other states, or other times."""
-        asked = self.request
-        atol = asked.atol if states == self.translation.scene.states or np.ndim(asked.atol) == 0 else None  # type: ignore[arg-type]
-        asked = replace(asked, times=asked.times if times is None else times, atol=atol)
-        return self._run(self.translation, asked, self.translation.with_states(states))
+    @abstractmethod
+    def at(self, t: float) -> dict[str, float]:
+        """Values of the outputs at a time, s; `final` are those at the end.
 
-    def with_sample(self, t: float) -> Result:
-        """The run itself if a moment is one of its samples, else the run up to that moment, done again."""
-        if t in self.time:
-            return self
-        return self._again(self.scene.states, np.append(self.time[self.time < t], t))
+        A run is done again up to a time that is none of its samples; between the samples of a file values are joined by straight
+        lines.
 
-    def moment(self, scene: Scene, t: float) -> Start:
-        """What a run of a scene starts from that goes on from here at a time."""
-        if t not in self.time:
-            return self.with_sample(t).moment(scene, t)
-        sample, part = int(np.searchsorted(self.time, t)), self.segment_at(t)
-        states = np.array([self.history_of(node)[sample] for node in scene.states], float)
-        guess = part.guess.copy()
-        if scene.program.iterated:  # on the branch on which the run was
-            for v in scene.program.undifferentiated[0].tolist():
-                guess[v] = self.history_of((v, 0))[sample]
-        return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
+        Raises
+        ------
+        ArgumentError
+            The run does not go to that time.
 
-    def _finer(self, times: Floats) -> Part:
-        """The run at other times: it is done again to its end, with the same steps."""
-        part: Part = self._again(self.scene.states, np.union1d(times, self.time[-1:]))._parts[0]
-        return part
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Drive(gl.Component):
+        ...     def assemble(self):
+        ...         self.torque, self.load = gp.Torque(tau=3.0), gp.Inertia(J=1.5)
+        ...         return [gl.connect(self.torque.flange, self.load.flange_a)]
+        >>> result = gl.simulate(Drive(), t_end=2.0, samples=3)
+        >>> result.at(0.5), result.final
+        ({'load.w': 1.0}, {'load.w': 4.0})
+        """
 
-    def segment_at(self, t: float) -> Part:
-        """The part of the run that a time lies in."""
-        return next(part for part in reversed(self._parts) if part.time[0] <= t)
+    @abstractmethod
+    def record(self, names: Sequence[str] | None = None) -> Record:
+        """The histories of some variables and what made them, as files hold them (see `save`)."""
 
-    def _joined(self, histories: Iterable[Floats]) -> Floats:
-        """One history of the parts'; each later part begins at the end of the one before."""
-        first, *later = histories
-        return np.concatenate([first, *(history[1:] for history in later)]) if later else first
-
-    def history_of(self, node: Node) -> Floats:
-        """Of a variable of the flat equations, or of a derivative of one."""
-        if node not in self._known:
-            missing = self.scene.missing(node)
-            if not missing and len(self._parts) == 1:
-                return self._parts[0].history(node)
-            if not missing:
-                self._known[node] = self._joined(part.history(node) for part in self._parts)
-            else:
-                if self._extended is None or any(s not in self._extended.scene.place_of for s in missing):
-                    more = () if self._extended is None else self._extended.scene.states
-                    self._extended = self._again(tuple(sorted({*self.scene.states, *more, *missing})))
-                self._known[node] = self._extended.history_of(node)
-        return self._known[node]
-
-    @cached_property
-    def _energy_balance(self) -> EnergyBalance:
-        return self._balance(self.request)
-
-    def _balance(self, asked: Request) -> EnergyBalance:
-        from gearlib.run.energy.audit import energy_balance
-
-        return energy_balance(self.translation, asked, self.time, [t for t, _ in self.events], self._run)
-
+    @abstractmethod
     def energy_balance(self) -> EnergyBalance:
         """Work put in, energy stored and heat of every component, over time, and the residual; printed, it is a table.
 
@@ -177,32 +116,69 @@ class Result:
         >>> {path: round(float(heat[-1]), 6) for path, heat in found.heat.items()}
         {'bearing': 9.0}
         """
-        return self._energy_balance
 
-    def check_energy(self) -> None:
-        """Put the residual into ``stats``, and warn where it exceeds what the tolerance of the run explains."""
-        from gearlib.run.energy.audit import explained
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
 
-        found = self.energy_balance()
+    def keys(self) -> list[str]:
+        """Names of the outputs."""
+        return [*iter(self)]
 
-        def tighter(rtol: float) -> EnergyBalance:
-            return self._balance(replace(self.request, rtol=rtol))
+    def items(self) -> Iterator[tuple[str, Floats]]:
+        """Names and histories of the outputs."""
+        return ((name, self[name]) for name in self.keys())
 
-        self.stats["energy_residual"] = found.relative_residual
-        if not explained(found, tighter):
-            warnings.warn(
-                f"the energy balance is off by {found.relative_residual:.2g} of the energy exchanged, more than rtol = {found.rtol:g} "
-                f"explains, most of all in {found.worst or 'the whole'}: its equations and its energies() contradict each other, or "
-                "the run is wrong (result.energy_balance())",
-                RuntimeWarning, stacklevel=3,
-            )  # fmt: skip
+    @property
+    def final(self) -> dict[str, float]:
+        """Values of the outputs at the end of the run."""
+        return self.at(float(self.time[-1]))
+
+    def save(self, path: str | os.PathLike[str], names: Sequence[str] | None = None) -> None:
+        """Write histories to a file, with their units and with what made them: model, parameters, method, versions.
+
+        Parameters
+        ----------
+        path : path
+            Its suffix says the format: ``.mat`` (Dymola's and OpenModelica's), ``.csv``, ``.nc`` (netCDF), ``.zarr``, ``.parquet``.
+            A file that is there is replaced when all is written.
+        names : sequence of str, optional
+            Variables. By default the outputs that the system was compiled with, or everything where it was compiled without.
+
+        Raises
+        ------
+        FileError
+            The file cannot be written there.
+        ArgumentError, NameLookupError, MissingPackageError
+            No such format, no such variable, or a package for it that is not installed.
+
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Spin(gl.Component):
+        ...     def assemble(self):
+        ...         self.body = gp.Inertia(J=1.0, start={"w": 2.0})
+        ...         return []
+        >>> path = getfixture("tmp_path") / "spin.mat"
+        >>> gl.simulate(Spin(), t_end=1.0, samples=2).save(path)
+        >>> gl.load_result(path)["body.flange_a.phi"]
+        array([0., 2.])
+        """
+        from gearlib.files.formats import as_path, save_record
+
+        save_record(self.record(names), as_path("path", path))
 
     def to_dataframe(self, names: Sequence[str] | None = None) -> pandas.DataFrame:
         """The outputs (or the variables named) as a pandas DataFrame over time."""
         pandas = optional("pandas")
 
-        chosen = list(self._outputs) if names is None else name_list("names", names, "load.w")
+        chosen = self.keys() if names is None else name_list("names", names, "load.w")
         return pandas.DataFrame({n: self[n] for n in chosen}, index=pandas.Index(self.time, name="time"))
+
+    def to_xarray(self, names: Sequence[str] | None = None) -> xarray.Dataset:
+        """The outputs (or the variables named) as an `xarray.Dataset` over time, with units and descriptions."""
+        from gearlib.files.dataset import dataset
+
+        return dataset(self.record(self.keys() if names is None else name_list("names", names, "load.w")))
 
     def plot(
         self, *names: str, units: Mapping[str, str] | None = None, other: Result | Mapping[str, Result] | None = None,
@@ -229,7 +205,7 @@ class Result:
         """
         from gearlib.drawing.histories import plot_histories
 
-        chosen = names or self._outputs
+        chosen = names or tuple(self.keys())
         if not chosen:
             raise ArgumentError("plot() needs the names of variables")
         runs: dict[str, Result] = {"": self}
@@ -297,12 +273,243 @@ class Result:
 
         return History(name, self.unit(name), self.time, self[name], run)
 
-    def unit(self, name: str) -> str:
-        """SI unit of a variable or a derivative; empty where the model declares none."""
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a line for each output."""
+        rows = []
+        for name in self.keys()[:MOST_SHOWN]:
+            history = self[name]
+            numbers = "".join(f"<td>{x:.6g}</td>" for x in (history[0], history.min(), history.max(), history[-1]))
+            rows.append(f"<tr><td>{escape(name)}</td><td>{escape(self.unit(name))}</td>{numbers}</tr>")
+        more = len(self) - len(rows)
+        head = "".join(f"<th>{title}</th>" for title in ("variable", "unit", "first", "least", "greatest", "last"))
+        return f"<p>{escape(repr(self))}</p><table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>" + (
+            f"<p>and {more} more</p>" if more else ""
+        )
+
+
+class SimulatedResult(Result):
+    """The result of a run in this process: what the run did not need is computed when it is asked for.
+
+    ``result.translation`` and ``result.request`` say which model was asked what.
+    """
+
+    def __init__(
+        self, parts: Sequence[tuple[Part, Mapping[str, Any], Sequence[Any]]], translation: Translation, request: Request,
+        run: Callable[[Translation, Request, Scene], SimulatedResult],
+    ) -> None:  # fmt: skip
+        (first, stats, _), *later = parts
+        self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
+        self.stats = dict(stats)
+        for _, more, _ in later:
+            self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
+        if later:
+            self.stats["segments"] = len(parts)
+        self.events = list(chain.from_iterable(events for *_, events in parts))
+        times = np.array([event[0] for event in self.events], float)
+        self._parts = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]
+        self.scene, self.translation, self.request = first.scene, translation, request
+        self._outputs = translation.states if translation.outputs is None else translation.outputs
+        self._run = run
+        self._known: dict[Node, Floats] = {}
+        self._extended: SimulatedResult | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin) for p in self._parts]
+        if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._parts):
+            raise TypeError("a run whose states changed on the way cannot be pickled; take its histories: {name: result[name]}")
+        return _restored, (self.translation, self.request, self._run, parts, self.stats, self.events)
+
+    def __getitem__(self, name: str) -> Floats:
+        if not isinstance(name, str):
+            raise ArgumentError(
+                f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
+            )
         if name in self.scene.model.discretes.names:
-            return ""
+            return self._joined(part.discrete(name) for part in self._parts)
+        node, sign = self.scene.named(name)
+        if sign == 0:
+            return np.zeros_like(self.time)
+        return sign * self.history_of(node)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._outputs)
+
+    def __contains__(self, name: object) -> bool:
+        model = self.scene.model
+        return isinstance(name, str) and (name in model.discretes.names or model.find(model.column(name)[0]) is not None)
+
+    def unit(self, name: str) -> str:
+        return self._told(name)[0]
+
+    def _told(self, name: str) -> tuple[str, str]:
+        """Unit and description of a variable."""
+        name, model = one_name("name", name, "load.w"), self.scene.model
+        if name in model.discretes.names:
+            return "", ""
         self.scene.named(name)  # a wrong name is refused, with those that are near
-        return self.translation.unit(name)
+        base, order = model.column(name)
+        declared = model.declaration(model.variable(base))
+        return (
+            ("", "") if declared is None else (declared.unit + "/s" * order, "derivative of: " * order + declared.description)
+        )
+
+    def at(self, t: float) -> dict[str, float]:
+        t = real("t", t, "a finite number of seconds")
+        if not self.time[0] <= t <= self.time[-1]:
+            raise ArgumentError(f"t is {t:g} s; the run goes from {self.time[0]:g} to {self.time[-1]:g} s")
+        found = self.with_sample(t)
+        sample = int(np.searchsorted(found.time, t))
+        return {name: float(found[name][sample]) for name in self._outputs}
+
+    def record(self, names: Sequence[str] | None = None) -> Record:
+        asked, translation = self.request, self.translation
+        if names is not None:
+            chosen = list(dict.fromkeys(name_list("names", names, "load.w")))
+        else:
+            chosen = self._computable(self.scene.model.names()) if translation.outputs is None else self.keys()
+        histories, places = self._gathered(chosen)
+        model, numbers, told = self.scene.model, asked.parameters.tolist(), [self._told(name) for name in chosen]
+        known = {name: x for name, x in zip(model.parameters.names, numbers, strict=True) if "#" not in name}
+        return Record(
+            self.time, histories, tuple(chosen), tuple(column for column, _ in places), tuple(sign for _, sign in places),
+            tuple(unit for unit, _ in told), tuple(text for _, text in told), translation.name, known, self.stats,
+            tuple(self.events), {"method": asked.method, "rtol": asked.rtol, "atol": asked.atol, "t_start": asked.t_start,
+            "max_step": asked.max_step}, versions(),
+        )  # fmt: skip
+
+    def _computable(self, names: Iterable[str]) -> list[str]:
+        """What of some variables the model's equations give, and the discrete variables that the run kept."""
+        kept = []
+        for name in [*names, *self.scene.model.discretes.names]:
+            with suppress(NameLookupError):
+                if name in self.scene.model.discretes.names:
+                    self._parts[0].discrete(name)
+                else:
+                    self.scene.named(name)
+                kept.append(name)
+        return list(dict.fromkeys(kept))
+
+    def _gathered(self, names: Sequence[str]) -> tuple[Floats, list[tuple[int, int]]]:
+        """Distinct histories as columns, and for each name its column and sign; all computed together."""
+        discretes = set(self.scene.model.discretes.names)
+        found = {name: self.scene.named(name) for name in names if name not in discretes}
+        self._compute_together([node for node, sign in found.values() if sign])
+        columns: dict[Node | str, int] = {}
+        histories: list[Floats] = []
+        places = []
+        for name in names:
+            node, sign = found.get(name, (None, 1))
+            key = name if node is None else node if sign else "zero"
+            if key not in columns:
+                columns[key] = len(histories)
+                histories.append(self[name] if node is None or not sign else self.history_of(node))
+            places.append((columns[key], sign or 1))
+        return np.column_stack([np.empty((len(self.time), 0)), *histories]), places
+
+    def _compute_together(self, nodes: Sequence[Node]) -> None:
+        """Prepare to compute some variables at once, and the run with the states that they need as well."""
+        missing = {state for node in nodes for state in self.scene.missing(node)}
+        if missing:
+            self._extend(missing)
+        for part in self._parts:
+            part.scene.compute_together([n for n in nodes if not self.scene.missing(n)])
+        if missing and self._extended is not None:
+            self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
+
+    def _extend(self, missing: Iterable[Node]) -> SimulatedResult:
+        """The run with more states, done again where it has not been yet."""
+        if self._extended is None or any(s not in self._extended.scene.place_of for s in missing):
+            more = () if self._extended is None else self._extended.scene.states
+            self._extended = self._again(tuple(sorted({*self.scene.states, *more, *missing})))
+        return self._extended
+
+    @property
+    def states(self) -> Floats:
+        """Histories of the integrated states, shape (samples, states)."""
+        if len(self._parts) == 1:
+            return self._parts[0].states
+        return np.column_stack([self.history_of(node) for node in self.scene.states])
+
+    def _again(self, states: tuple[Node, ...], times: Floats | None = None) -> SimulatedResult:
+        """The same run with other states, or other times."""
+        asked = self.request
+        atol = asked.atol if states == self.translation.scene.states or np.ndim(asked.atol) == 0 else None  # type: ignore[arg-type]
+        asked = replace(asked, times=asked.times if times is None else times, atol=atol)
+        return self._run(self.translation, asked, self.translation.with_states(states))
+
+    def with_sample(self, t: float) -> SimulatedResult:
+        """The run itself if a moment is one of its samples, else the run up to that moment, done again."""
+        if t in self.time:
+            return self
+        return self._again(self.scene.states, np.append(self.time[self.time < t], t))
+
+    def moment(self, scene: Scene, t: float) -> Start:
+        """What a run of a scene starts from that goes on from here at a time."""
+        if t not in self.time:
+            return self.with_sample(t).moment(scene, t)
+        sample, part = int(np.searchsorted(self.time, t)), self.segment_at(t)
+        states = np.array([self.history_of(node)[sample] for node in scene.states], float)
+        guess = part.guess.copy()
+        if scene.program.iterated:  # on the branch on which the run was
+            for v in scene.program.undifferentiated[0].tolist():
+                guess[v] = self.history_of((v, 0))[sample]
+        return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
+
+    def _finer(self, times: Floats) -> Part:
+        """The run at other times: it is done again to its end, with the same steps."""
+        part: Part = self._again(self.scene.states, np.union1d(times, self.time[-1:]))._parts[0]
+        return part
+
+    def segment_at(self, t: float) -> Part:
+        """The part of the run that a time lies in."""
+        return next(part for part in reversed(self._parts) if part.time[0] <= t)
+
+    def _joined(self, histories: Iterable[Floats]) -> Floats:
+        """One history of the parts'; each later part begins at the end of the one before."""
+        first, *later = histories
+        return np.concatenate([first, *(history[1:] for history in later)]) if later else first
+
+    def history_of(self, node: Node) -> Floats:
+        """Of a variable of the flat equations, or of a derivative of one."""
+        if node not in self._known:
+            missing = self.scene.missing(node)
+            if not missing and len(self._parts) == 1:
+                return self._parts[0].history(node)
+            if not missing:
+                self._known[node] = self._joined(part.history(node) for part in self._parts)
+            else:
+                self._known[node] = self._extend(missing).history_of(node)
+        return self._known[node]
+
+    @cached_property
+    def _energy_balance(self) -> EnergyBalance:
+        return self._balance(self.request)
+
+    def _balance(self, asked: Request) -> EnergyBalance:
+        from gearlib.run.energy.audit import energy_balance
+
+        return energy_balance(self.translation, asked, self.time, [t for t, _ in self.events], self._run)
+
+    def energy_balance(self) -> EnergyBalance:
+        return self._energy_balance
+
+    def check_energy(self) -> None:
+        """Put the residual into ``stats``, and warn where it exceeds what the tolerance of the run explains."""
+        from gearlib.run.energy.audit import explained
+
+        found = self.energy_balance()
+
+        def tighter(rtol: float) -> EnergyBalance:
+            return self._balance(replace(self.request, rtol=rtol))
+
+        self.stats["energy_residual"] = found.relative_residual
+        if not explained(found, tighter):
+            warnings.warn(
+                f"the energy balance is off by {found.relative_residual:.2g} of the energy exchanged, more than rtol = {found.rtol:g} "
+                f"explains, most of all in {found.worst or 'the whole'}: its equations and its energies() contradict each other, or "
+                "the run is wrong (result.energy_balance())",
+                RuntimeWarning, stacklevel=3,
+            )  # fmt: skip
 
     def __repr__(self) -> str:
         method = self.stats.get("method", "?")
@@ -310,11 +517,11 @@ class Result:
 
 
 def _restored(
-    translation: Translation, request: Request, run: Callable[..., Result], parts: Sequence[tuple[Any, ...]],
+    translation: Translation, request: Request, run: Callable[..., SimulatedResult], parts: Sequence[tuple[Any, ...]],
     stats: dict[str, Any], events: list[Any],
-) -> Result:  # fmt: skip
+) -> SimulatedResult:  # fmt: skip
     """A result that comes from another process."""
     made = [(Part(translation.with_states(states), *rest), stats, ()) for states, *rest in parts]
-    result = Result(made, translation, request, run)
+    result = SimulatedResult(made, translation, request, run)
     result.stats, result.events = stats, events
     return result

@@ -104,6 +104,12 @@ class Scene:
             self._computing.update(dict.fromkeys(together, program))
         return self._computing[node]
 
+    def compute_together(self, nodes: Iterable[Node]) -> None:
+        """Let some variables be computed by one program, as soon as one of them is asked for."""
+        new = [n for n in dict.fromkeys(nodes) if n not in self._computing and n not in self.outputs and n not in self.place_of]
+        if new:
+            self._computing.update(dict.fromkeys(new, build(self.structure, new, self.states, dynamic=False)))
+
     @cached_property
     def iterated(self) -> tuple[int, ...]:
         """Variables that the run finds by iteration."""

@@ -13,14 +13,15 @@ from gearlib.run.integrate import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance
-from gearlib.run.result import Result
+from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Part
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.translation import Translation
+from gearlib.solvers.inputs.table import Table
 
 
-def run(translation: Translation, asked: Request, scene: Scene | None = None) -> Result:
+def run(translation: Translation, asked: Request, scene: Scene | None = None) -> SimulatedResult:
     """Integrate a scene of a translation: its own, unless another is given.
 
     Raises
@@ -29,9 +30,9 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         Each names what was found and what was expected.
     """
     scene = scene or translation.scene
-    parameters, signals = asked.parameters, asked.signals
+    parameters, times = asked.parameters, asked.times
+    signals = tuple(s.over(asked.t_start, float(times[-1])) if isinstance(s, Table) else s for s in asked.signals)
     numbers = scene.prepared(parameters)
-    times = asked.times
     grid = times if times[0] == asked.t_start else np.concatenate([[asked.t_start], times])
     if translation.structure.switching:
         refuse_jumps(translation.structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
@@ -54,10 +55,10 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     found = [(Part.of(part, o, skipped), o.stats | given, o.events) for (part, o), skipped in zip(parts, hidden, strict=True)]
     asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
     refuse_too_small([part for part, _, _ in found], asked.rtol)
-    return Result(found, translation, asked, run)
+    return SimulatedResult(found, translation, asked, run)
 
 
-def earlier_run(translation: Translation, start: Any) -> tuple[Result, float] | None:
+def earlier_run(translation: Translation, start: Any) -> tuple[SimulatedResult, float] | None:
     """The run that ``start`` says goes on, and from when; None where none does.
 
     Raises
@@ -65,9 +66,14 @@ def earlier_run(translation: Translation, start: Any) -> tuple[Result, float] | 
     ArgumentError
         A run of another model, or a time that it does not reach.
     """
-    if isinstance(start, Result):
+    if isinstance(start, SimulatedResult):
         start = (start, float(start.time[-1]))
-    if not (isinstance(start, tuple) and len(start) == 2 and isinstance(start[0], Result)):
+    if not (isinstance(start, tuple) and len(start) == 2 and isinstance(start[0], SimulatedResult)):
+        if isinstance(start, Result) or (isinstance(start, tuple) and start and isinstance(start[0], Result)):
+            raise ArgumentError(
+                "start is a result from a file, which does not hold all of the run's state; start from values in it: "
+                "start={'load.w': result['load.w'][-1]}"
+            )
         return None
     result, t = start[0], real("the time of start=(result, time)", start[1], "a finite number of seconds")
     theirs, ours = result.scene.structure, translation.structure

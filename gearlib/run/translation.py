@@ -24,7 +24,7 @@ from gearlib.run.scene import Scene, needed_inputs, needed_states
 from gearlib.run.start_values import Start, start_values, start_variable
 from gearlib.run.steady import steady_state
 from gearlib.run.zeros import can_be_solved, factors
-from gearlib.solvers.inputs.table import FunctionInput, Table, values
+from gearlib.solvers.inputs.table import FunctionInput, Table, as_table, values
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
@@ -271,6 +271,7 @@ class Translation:
                 bound = self.model.find(name) is not None
                 hint = "it is bound in the model, or no input" if bound else nearest(name, names)
                 raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
+            given[name] = value = as_table(value)
             if not (isinstance(value, Table) or callable(value)):
                 given[name] = real(f"input {name}", value, "a finite number, a function of time or a gl.Table")
         signals = [given.get(name, 0.0) for name in names]

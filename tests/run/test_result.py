@@ -92,6 +92,62 @@ def test_a_number_is_no_name() -> None:
         RESULT[0]  # type: ignore[index]
 
 
+def test_the_outputs_as_a_mapping() -> None:
+    assert RESULT.keys() == list(RESULT) == list(dict(RESULT.items()))
+    assert len(RESULT) == 1
+    assert [name for name, history in RESULT.items() if np.array_equal(history, RESULT[name])] == RESULT.keys()
+
+
+def test_values_at_a_time() -> None:
+    result = gl.compile(Drive(), outputs=["load.w", "load.phi"]).simulate(2.0, samples=5)
+    assert result.final == pytest.approx({"load.w": -4.0, "load.phi": -4.0})
+    assert result.at(0.5) == pytest.approx({"load.w": -1.0, "load.phi": -0.25})
+    assert result.at(0.7) == pytest.approx({"load.w": -1.4, "load.phi": -0.49})  # between samples, where lines would give -0.55
+    for t in (-0.1, 2.1):
+        with pytest.raises(ArgumentError, match=f"t is {t:g} s; the run goes from 0 to 2 s"):
+            result.at(t)
+    with pytest.raises(ArgumentError, match="t is None; expected a finite number of seconds"):
+        result.at(None)  # type: ignore[arg-type]
+
+
+def test_units() -> None:
+    assert [RESULT.unit(name) for name in ("load.w", "der(load.w)", "torque.tau")] == ["rad/s", "rad/s/s", "N.m"]
+    with pytest.raises(NameLookupError, match="no variable 'typo'"):
+        RESULT.unit("typo")
+
+
+def test_xarray() -> None:
+    found = RESULT.to_xarray(["load.w", "motor.w"])
+    assert found["load.w"].to_numpy() == pytest.approx(-2 * T)
+    assert found["load.w"].attrs == {"units": "rad/s", "long_name": "angular velocity"}
+    assert found["time"].to_numpy() == pytest.approx(T)
+    assert found.attrs["model"] == "Drive"
+    assert list(RESULT.to_xarray().data_vars) == RESULT.keys()
+    with pytest.raises(NameLookupError, match="no variable 'typo'"):
+        RESULT.to_xarray(["typo"])
+
+
+def test_what_a_notebook_shows() -> None:
+    text = gl.compile(Drive(), outputs=["load.w"]).simulate(2.0, samples=5)._repr_html_()
+    assert "&lt;Result: 5 samples" in text
+    assert "<tr><td>load.w</td><td>rad/s</td><td>0</td><td>-4</td><td>0</td><td>-4</td></tr>" in text.replace("-0<", "0<")
+    many = [f"{part}.{name}" for part in ("motor", "load") for name in ("w", "phi")] * 10
+    assert "and 10 more" in gl.compile(Drive(), outputs=many).simulate(1.0, samples=2)._repr_html_()
+
+
+def test_all_variables_are_computed_by_one_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gearlib.run import scene
+
+    result, built = gl.compile(Drive()).simulate(2.0, samples=5), []
+    usual = scene.build
+    monkeypatch.setattr(scene, "build", lambda *given, **options: built.append(1) or usual(*given, **options))
+    record = result.record()
+    assert len(built) <= 3  # of the run with the angle: its derivatives and the variables; of this run: the variables
+    for name, place, sign in zip(record.names, record.columns, record.signs, strict=True):
+        assert np.array_equal(sign * record.data[:, place], result[name]), name
+    assert record.data.shape[1] < len(record.names) / 1.5
+
+
 def test_data_frame() -> None:
     frame = RESULT.to_dataframe(["load.w", "der(motor.w)"])
     assert list(frame.columns) == ["load.w", "der(motor.w)"]

@@ -410,7 +410,7 @@ def finite(value: Any, deep: int = 3) -> bool:
     if deep and isinstance(value, dict):
         return all(finite(v, deep - 1) for v in value.values())
     if isinstance(value, gl.Result):
-        return finite(value.time) and finite(value.states)
+        return finite(value.time) and finite(value.record().data)
     if deep and is_dataclass(value) and not isinstance(value, type):
         return all(finite(getattr(value, f.name), deep - 1) for f in fields(value) if not f.name.startswith("_"))
     if type(value).__name__ == "StateSpace":

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import tempfile
 from collections.abc import Callable
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import sympy
@@ -15,6 +17,9 @@ from gearlib import bondgraph as bg
 from gearlib.flatten.flatten import flatten
 from gearlib.language.declarations import NO_VALUE
 from tests.stress.misuse import Call
+
+_TEMPORARY = tempfile.TemporaryDirectory(prefix="gearlib-misuse-", ignore_cleanup_errors=True)
+FOLDER = Path(_TEMPORARY.name)
 
 
 class Drive(gl.Component):
@@ -141,6 +146,25 @@ def analyses() -> list[Call]:
     ]
 
 
+def files() -> list[Call]:
+    """Functions that read and write files."""
+    run().save(FOLDER / "r.mat", names=["load.w"])
+    gl.save_parameters(FOLDER / "p.toml", {"load.J": 1.0})
+    (FOLDER / "t.csv").write_text("time,tau\n0,1\n1,2\n", encoding="utf-8")
+    return [
+        Call("Table.read", gl.Table.read, lambda: {"path": FOLDER / "t.csv", "column": "tau"}),
+        Call("Table.of", gl.Table.of, lambda: {"data": run().to_dataframe(["load.w"]), "column": "load.w"}),
+        Call("Table.over", gl.Table([0.0, 1.0], [0.0, 1.0], outside="periodic").over, lambda: {"t0": 0.0, "t1": 5.0}),
+        Call("load_result", gl.load_result, lambda: {"path": FOLDER / "r.mat"}),
+        Call("load_parameters", gl.load_parameters, lambda: {"path": FOLDER / "p.toml"}),
+        Call(
+            "save_parameters",
+            gl.save_parameters,
+            lambda: {"path": FOLDER / "q.ssv", "parameters": {"load.J": 1.0}, "units": {}},
+        ),
+    ]
+
+
 def plots() -> list[Call]:
     return [
         Call(name, getattr(gl, name), lambda: {"model": system(), "loop": LOOP})
@@ -207,6 +231,13 @@ def methods() -> list[Call]:
         Call("Result.plot", r.plot, positional=lambda: ["load.w"]),
         Call("Result.to_dataframe", r.to_dataframe),
         Call("Result.energy_balance", r.energy_balance),
+        Call("Result.at", r.at, lambda: {"t": 1.0}),
+        Call("Result.items", lambda: list(r.items())),
+        Call("Result.keys", r.keys),
+        Call("Result.record", r.record, lambda: {"names": ["load.w"]}),
+        Call("Result.save", r.save, lambda: {"path": FOLDER / "r.csv", "names": ["load.w"]}),
+        Call("Result.to_xarray", r.to_xarray, lambda: {"names": ["load.w"]}),
+        Call("Result.unit", r.unit, lambda: {"name": "load.w"}),
         Call("Result.check_energy", r.check_energy),
         Call("Modes.amplitudes", modes.amplitudes, lambda: {"mode": 0}),
         Call("Modes.animate", animated, lambda: {"mode": 0, "frames": 2}),
@@ -458,6 +489,7 @@ def _part(kind: type[gl.Component]) -> Callable[..., Any]:
 
 GROUPS: dict[str, Callable[[], list[Call]]] = {
     "analyses": analyses,
+    "files": files,
     "plots": plots,
     "formulas": formulas,
     "methods": methods,

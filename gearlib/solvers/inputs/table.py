@@ -1,37 +1,54 @@
-"""`Table`: an input as a piecewise linear function of time."""
+"""`Table`: an input as a piecewise polynomial function of time: straight lines, or cubics."""
 
 from __future__ import annotations
 
+import math
+import os
+import sys
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import finite, reals, shown
-from gearlib.errors import ArgumentError
+from gearlib.arguments import finite, one_name, one_of, real, reals, shown
+from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.optional import optional
 
 Floats = NDArray[np.float64]
 
 
+INTERPOLATIONS = ("linear", "previous", "monotone", "akima", "cubic")
+OUTSIDE = ("hold", "periodic")
+MOST_KNOTS = 10_000_000  # of a periodic table over a run
+
+
 class Table:
-    """Piecewise linear function of time; constant before the first and after the last point.
+    """Function of time through points.
 
     Parameters
     ----------
     t : sequence of float, shape (n,)
-        Increasing times, s. Two equal times make a step.
+        Increasing times, s. Two equal times make a step, which the smooth interpolations do not know.
     y : sequence of float, shape (n,)
         Values.
+    interpolation : {"linear", "previous", "monotone", "akima", "cubic"}
+        Straight lines; the value of the last point, held until the next; cubics with continuous slope that do not overshoot (PCHIP)
+        or follow the curve as by eye (Akima); cubics with continuous curvature (a spline, not-a-knot or periodic at its ends).
+    outside : {"hold", "periodic"}
+        Before the first and after the last point: their values, or the points again and again; the last value then is the first.
 
     Examples
     --------
     >>> Table([0, 1, 1, 2], [0, 1, 3, 3])(np.array([0.5, 1.0, 5.0]))
     array([0.5, 3. , 3. ])
+    >>> Table([0, 1, 2], [0, 1, 0], interpolation="cubic", outside="periodic")(np.array([0.5, 2.5, -1.0]))
+    array([0.5, 0.5, 1. ])
     """
 
-    def __init__(self, t: ArrayLike, y: ArrayLike) -> None:
+    def __init__(self, t: ArrayLike, y: ArrayLike, interpolation: str = "linear", outside: str = "hold") -> None:
         self.t = reals("Table(t, y): t", t, "an increasing sequence of finite numbers, s").copy()
         self.y = reals("Table(t, y): y", y, "a sequence of finite numbers").copy()
         if self.t.ndim != 1 or self.t.shape != self.y.shape or len(self.t) < 1:
@@ -40,25 +57,196 @@ class Table:
             )
         if (np.diff(self.t) < 0).any():
             raise ArgumentError("Table(t, y): the times must not decrease")
-        self.t.flags.writeable = self.y.flags.writeable = False  # what was made from them is kept
+        self.interpolation = one_of("Table(t, y): interpolation", interpolation, INTERPOLATIONS)
+        self.outside = one_of("Table(t, y): outside", outside, OUTSIDE)
+        if self.outside == "periodic":
+            self._check_period()
+        if self.interpolation == "previous":  # lines that step
+            self.t, self.y = np.repeat(self.t, 2)[1:], np.repeat(self.y, 2)[:-1]
+        self.coefficients = _cubics(self.t, self.y, self.interpolation, self.outside == "periodic")
+        self.origin: Table = self  # what `over` repeats
+        self._repeated: Table | None = None
+        for part in (self.t, self.y, self.coefficients):  # what was made from them is kept
+            part.flags.writeable = False
+
+    @classmethod
+    def read(
+        cls,
+        path: str | os.PathLike[str],
+        time: str = "time",
+        column: str = "",
+        interpolation: str = "linear",
+        outside: str = "hold",
+    ) -> Table:
+        r"""A table from two columns of a file.
+
+        Parameters
+        ----------
+        path : path
+            A text with a line of names (``.csv``, ``.txt``, ...), separated by commas, semicolons, tabs or blanks; a Parquet file; or
+            a result file.
+        time, column : str
+            Names of the columns with the times, s, and with the values.
+        interpolation, outside : str
+            As of `Table`.
+
+        Raises
+        ------
+        FileError, NameLookupError, ArgumentError
+            The file cannot be read, has no such column, or its numbers make no table; says where.
+
+        Examples
+        --------
+        >>> path = getfixture("tmp_path") / "torque.csv"
+        >>> _ = path.write_text("t,tau\n0,1\n2,5\n", encoding="utf-8")
+        >>> Table.read(path, time="t", column="tau")(1.0).item()
+        3.0
+        """
+        from gearlib.files.columns import read_columns
+        from gearlib.files.formats import as_path
+
+        source = as_path("path", path)
+        if not column:
+            raise ArgumentError(
+                "Table.read: name the column with the values, as in Table.read('torque.csv', time='t', column='tau')"
+            )
+        names = (one_name("time", time, "t"), one_name("column", column, "tau"))
+        t, y = read_columns(source, names)
+        return cls._of(f"{source}: ", t, y, interpolation, outside)
+
+    @classmethod
+    def of(cls, data: Any, column: str | None = None, interpolation: str = "linear", outside: str = "hold") -> Table:
+        """A table from a pandas Series, or from a column of a DataFrame; its index is the time, s.
+
+        >>> import pandas
+        >>> Table.of(pandas.Series([1.0, 5.0], index=[0.0, 2.0]))(1.0).item()
+        3.0
+        """
+        pandas = optional("pandas")
+        if isinstance(data, pandas.DataFrame):
+            names = [str(name) for name in data.columns]
+            column = one_name("column", column, "tau")
+            if column not in names:
+                raise NameLookupError(f"the table has no column '{column}'; {nearest(column, names)}")
+            data = data.iloc[:, names.index(column)]
+        if not isinstance(data, pandas.Series):
+            raise ArgumentError(f"Table.of(data): data is {shown(data)}; expected a pandas Series or DataFrame")
+        return cls._of("Table.of(data): ", data.index.to_numpy(), data.to_numpy(), interpolation, outside)
+
+    @classmethod
+    def _of(cls, said: str, t: Any, y: Any, interpolation: str, outside: str) -> Table:
+        try:
+            return cls(t, y, interpolation, outside)
+        except ArgumentError as problem:
+            raise ArgumentError(f"{said}{problem}") from None
+
+    def _check_period(self) -> None:
+        if len(self.t) < 2 or self.t[-1] == self.t[0]:
+            raise ArgumentError("Table(t, y): a periodic table needs two times or more")
+        if self.interpolation == "cubic" and self.y[0] != self.y[-1]:
+            raise ArgumentError(
+                f"Table(t, y): a periodic spline ends with the value that it begins with, got {self.y[0]:g} and {self.y[-1]:g}"
+            )
+
+    @property
+    def straight(self) -> bool:
+        """Whether it consists of straight lines."""
+        return self.interpolation in ("linear", "previous")
+
+    def over(self, t0: float, t1: float) -> Table:
+        """The table as it is from one time to another, s, without a period.
+
+        Raises
+        ------
+        ArgumentError
+            There are too many periods.
+        """
+        t0, t1 = real("t0", t0), real("t1", t1)
+        if not t0 <= t1:
+            raise ArgumentError(f"t1 is {t1:g}, before t0, which is {t0:g} s")
+        whole = self.origin
+        if whole.outside != "periodic":
+            return self
+        kept = whole._repeated
+        if kept is None or not kept.t[0] <= t0 <= t1 <= kept.t[-1]:
+            whole._repeated = kept = whole._unrolled(t0, t1)
+        return kept
+
+    def _unrolled(self, t0: float, t1: float) -> Table:
+        period = self.t[-1] - self.t[0]
+        first, last = math.floor((t0 - self.t[0]) / period), math.ceil((t1 - self.t[0]) / period)
+        if (last - first + 1) * len(self.t) > MOST_KNOTS:
+            raise ArgumentError(
+                f"a table with a period of {period:g} s comes {last - first} times from {t0:g} to {t1:g} s, which is too often; give a "
+                "function of time instead"
+            )
+        shifts = period * np.arange(first, last + 1)
+        found = copy(self)
+        found.t = np.maximum.accumulate((shifts[:, None] + self.t).ravel())  # where periods meet, rounding must not go back
+        found.y = np.tile(self.y, len(shifts))
+        found.coefficients = np.tile(self.coefficients, len(shifts))
+        found.outside = "hold"
+        return found
 
     def __call__(self, time: Any) -> Floats:
         t = reals("time", time, "finite numbers, s")
+        if self.outside == "periodic":
+            t = self.t[0] + (t - self.t[0]) % (self.t[-1] - self.t[0])
         k = np.searchsorted(self.t, t, side="right")
-        left, right = np.clip(k - 1, 0, None), np.clip(k, None, len(self.t) - 1)
-        width = self.t[right] - self.t[left]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(width > 0, (t - self.t[left]) / width, 0.0)
-        result: Floats = self.y[left] + np.clip(share, 0.0, 1.0) * (self.y[right] - self.y[left])
+        piece = np.maximum(k - 1, 0)
+        since = np.where(k > 0, t - self.t[piece], 0.0)
+        c0, c1, c2, c3 = self.coefficients[:, piece]
+        result: Floats = c0 + since * (c1 + since * (c2 + since * c3))
         return result
 
     def lines(self, starts: Floats, inside: Floats) -> tuple[Floats, Floats]:
         """Values and slopes of the straight lines that hold just after some times; ``inside`` (s) later they hold still."""
         k = np.searchsorted(self.t, starts + inside, side="right")
-        left, right = np.clip(k - 1, 0, None), np.clip(k, None, len(self.t) - 1)
-        width = self.t[right] - self.t[left]
-        slopes = np.divide(self.y[right] - self.y[left], width, out=np.zeros(len(starts)), where=width > 0.0)
-        return self.y[left] + slopes * (starts - self.t[left]), slopes
+        piece = np.maximum(k - 1, 0)
+        slopes = np.where(k > 0, self.coefficients[1, piece], 0.0)
+        return self.y[piece] + slopes * (starts - self.t[piece]), slopes
+
+
+def _cubics(t: Floats, y: Floats, interpolation: str, periodic: bool) -> Floats:
+    """Coefficients of the powers of the time since each point, shape (4, points); after the last one the value holds."""
+    found = np.zeros((4, len(t)))
+    found[0] = y
+    if interpolation in ("linear", "previous") or len(t) < 2:
+        width = np.diff(t)
+        np.divide(np.diff(y), width, out=found[1, :-1], where=width > 0.0)
+        return found
+    if (np.diff(t) == 0).any():
+        raise ArgumentError(f"Table(t, y): two equal times make a step, which interpolation={interpolation!r} does not know")
+    from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator
+
+    if interpolation == "cubic":
+        pieces = CubicSpline(t, y, bc_type="periodic" if periodic else "not-a-knot")
+        found[:, :-1] = pieces.c[::-1]
+        return found
+    made = PchipInterpolator if interpolation == "monotone" else Akima1DInterpolator
+    if not periodic:
+        pieces = made(t, y)
+        found[: len(pieces.c), :-1] = pieces.c[::-1]
+        return found
+    period, n = t[-1] - t[0], len(t) - 1
+    before = np.concatenate([t[:-1] - period, t[:-1], t + period])
+    pieces = made(before, np.concatenate([y[:-1], y[:-1], y]))  # what precedes and follows gives the slopes at the ends
+    found[: len(pieces.c), :-1] = pieces.c[::-1, n : 2 * n]
+    return found
+
+
+def as_table(value: Any) -> Any:
+    """A table of what stands for one as an input: a pair of sequences (times, values), or a pandas Series; else the value itself.
+
+    >>> as_table(([0.0, 2.0], [1.0, 5.0]))(1.0).item()
+    3.0
+    """
+    pandas = sys.modules.get("pandas")  # who has a Series has imported it
+    if pandas is not None and isinstance(value, pandas.Series):
+        return Table.of(value)
+    if isinstance(value, tuple) and len(value) == 2:
+        return Table(*value)
+    return value
 
 
 Signal = Any  # a number, a FunctionInput, or a Table

@@ -1,7 +1,8 @@
 """Table look-up in native code: trampolines that interpolate the tables and then call the model.
 
-The knots of the tables follow the model's numbers in ``data``. A block behind its integers, to which ``index[TABLES]`` points, holds
-the addresses of the model's functions, and of each table the input's place, the place of its knots and their number.
+The knots of the tables and the coefficients of their cubics follow the model's numbers in ``data``. A block behind its integers, to
+which ``index[TABLES]`` points, holds the addresses of the model's functions, and of each table the input's place, the place of its
+knots and their number.
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ def _look_up(t: float, data_address: int, index_address: int, kind: int) -> int:
                 low = middle + 1
             else:
                 high = middle
-        if low == 0 or low == n:
-            value = data[first + n + max(low - 1, 0)]
+        if low == 0:
+            value = data[first + n]
         else:
-            left, right = data[first + low - 1], data[first + low]
-            before, after = data[first + n + low - 1], data[first + n + low]
-            value = before + (t - left) / (right - left) * (after - before)
+            k = first + low - 1
+            since = t - data[k]
+            value = data[k + n] + since * (data[k + 2 * n] + since * (data[k + 3 * n] + since * data[k + 4 * n]))
         data[index[place]] = value
     return index[block + kind]
 
@@ -85,10 +86,10 @@ def fed(
     at = len(data)
     for k, table in tables:
         block += [scene.shared.inputs + k, at, len(table.t)]
-        at += 2 * len(table.t)
+        at += 5 * len(table.t)
     index = np.concatenate([scene.index, np.array(block, np.int64)])
     index[TABLES] = len(scene.index)
-    knots = [part for _, table in tables for part in (table.t, table.y)]
+    knots = [part for _, table in tables for part in (table.t, *table.coefficients)]
     addresses = native_functions(__name__).addresses
     shells = {name: None if f is None else Wrapped(addresses[name]) for name, f in zip(FUNCTIONS, functions, strict=True)}
     return shells, np.concatenate([data, *knots]), index

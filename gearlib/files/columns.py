@@ -1,0 +1,85 @@
+"""Columns of numbers by name, out of the files that measurements and other programs come in."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import FileError, NameLookupError, nearest
+from gearlib.files.formats import FORMATS, load_record
+from gearlib.optional import optional
+
+Floats = NDArray[np.float64]
+SEPARATORS = (";", "\t", ",")  # in the order in which they are looked for: a comma may be a decimal sign
+
+
+def read_columns(path: Path, names: tuple[str, ...]) -> tuple[Floats, ...]:
+    """Some columns of a file.
+
+    Parameters
+    ----------
+    path : Path
+        A result file, or any Parquet file, or a text with a line of names and lines of numbers, separated by commas, semicolons (the
+        decimal sign may be a comma then), tabs or blanks; lines that begin with "#" are passed over.
+    names : tuple of str
+        The columns wanted.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or a field is no number; says in which line.
+    NameLookupError
+        It has no such column.
+    """
+    try:
+        if path.suffix.lower() == ".parquet":
+            table = optional("pyarrow.parquet").read_table(path)
+            columns = {name: table[name].to_numpy() for name in _present(path, names, table.column_names)}
+        elif path.suffix.lower() in FORMATS and path.suffix.lower() != ".csv":
+            record = load_record(path)
+            known = {"time": record.time}
+            columns = {n: known[n] if n in known else record.history(n) for n in _present(path, names, ("time", *record.names))}
+        else:
+            columns = _text_columns(path, names)
+    except OSError as problem:
+        raise FileError(f"{path} cannot be read: {problem.strerror or problem}") from None
+    try:
+        return tuple(np.asarray(columns[name], float) for name in names)
+    except (TypeError, ValueError):
+        raise FileError(f"{path} holds something else than numbers in one of the columns {', '.join(names)}") from None
+
+
+def _present(path: Path, names: tuple[str, ...], there: object) -> tuple[str, ...]:
+    valid = list(map(str, there))  # type: ignore[call-overload]
+    for name in names:
+        if name not in valid:
+            raise NameLookupError(f"{path} has no column '{name}'; {nearest(name, valid)}")
+    return names
+
+
+def _text_columns(path: Path, names: tuple[str, ...]) -> dict[str, list[float]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise FileError(f"{path} is no text in UTF-8") from None
+    lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise FileError(f"{path} is empty; expected a line of names and lines of numbers")
+    separator = next((s for s in SEPARATORS if s in lines[0][1]), " ")
+    rows = csv.reader(io.StringIO("\n".join(line for _, line in lines)), delimiter=separator, skipinitialspace=True)
+    head, *body = ([field.strip() for field in row] for row in rows)
+    places = {name: head.index(name) for name in _present(path, names, head)}
+    columns: dict[str, list[float]] = {name: [] for name in names}
+    for (number, line), row in zip(lines[1:], body, strict=True):
+        for name, place in places.items():
+            field = row[place] if place < len(row) else ""
+            try:
+                columns[name].append(float(field.replace(",", ".") if separator == ";" else field))
+            except ValueError:
+                said = f"{field!r} in the column {name}" if field else f"nothing in the column {name}"
+                raise FileError(f"{path}, line {number}: {said}; expected a number: {line.strip()[:80]}") from None
+    return columns

@@ -1,0 +1,50 @@
+"""Result files as comma-separated values: a comment with what made them, a line of names, a line for each sample."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from gearlib.files.contents import Record, damaged, from_header, not_ours
+
+MARK = "# gearlib "
+
+
+def write(record: Record, path: Path) -> None:
+    """Write a record; the numbers with all their digits, in any locale with a point and in UTF-8."""
+    spread = record.spread
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"{MARK}{spread.header()}\n")
+        write_columns(spread, file)
+
+
+def write_columns(record: Record, file: TextIO) -> None:
+    """The line of names and the samples, to a file that is open."""
+    spread = record.spread
+    csv.writer(file, lineterminator="\n").writerow(["time", *spread.names])
+    rows = np.column_stack([spread.time, spread.data]).tolist()
+    for row in rows:
+        file.write(",".join(map(repr, row)) + "\n")
+
+
+def read(path: Path) -> Record:
+    """Read a record."""
+    with path.open(encoding="utf-8", newline="") as file:
+        try:
+            text = file.read()
+        except UnicodeDecodeError:
+            raise not_ours(path) from None
+    if not text.startswith(MARK):
+        raise not_ours(path)
+    header, _, rest = text.partition("\n")
+    if not rest.endswith("\n"):
+        raise damaged(path, "its last line has no end")
+    try:
+        rows = np.loadtxt(io.StringIO(rest.partition("\n")[2]), delimiter=",", comments=None, ndmin=2)
+    except ValueError as problem:
+        raise damaged(path, str(problem)) from None
+    return from_header(header.removeprefix(MARK), rows[:, 0], rows[:, 1:], path)

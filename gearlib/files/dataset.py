@@ -1,0 +1,54 @@
+"""`xarray.Dataset` of a record, and zarr, which xarray writes and reads: a variable for each history over the coordinate time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gearlib.errors import ArgumentError, FileError
+from gearlib.files.contents import Record, damaged, from_header, not_ours
+from gearlib.optional import optional
+
+if TYPE_CHECKING:
+    import xarray
+
+HEADER = "gearlib_header"  # the variable with what made the histories
+
+
+def dataset(record: Record) -> xarray.Dataset:
+    """A record as an `xarray.Dataset`: units and descriptions are attributes of its variables, what made it is one of its own."""
+    made, spread = optional("xarray").Dataset, record.spread
+    if taken := {"time", HEADER} & set(record.names):
+        raise ArgumentError(
+            f"a variable of the model is called {taken.pop()}, which the file has a use for; leave it out of names"
+        )
+    variables = {
+        name: ("time", spread.data[:, i], {"units": spread.units[i], "long_name": spread.descriptions[i]})
+        for i, name in enumerate(spread.names)
+    }
+    attributes = {"model": record.model, "method": str(record.stats.get("method", "")), **record.versions}
+    found: xarray.Dataset = made(variables, {"time": ("time", spread.time, {"units": "s", "long_name": "time"})}, attributes)
+    return found
+
+
+def write(record: Record, path: Path) -> None:
+    """Write a record as a folder of zarr's format 2."""
+    optional("zarr")
+    dataset(record).assign({HEADER: ((), record.spread.header())}).to_zarr(path, zarr_format=2)
+
+
+def read(path: Path) -> Record:
+    """Read a record."""
+    _, xarray = optional("zarr"), optional("xarray")
+    if not (path / ".zgroup").exists():
+        raise not_ours(path)
+    try:
+        with xarray.open_zarr(path, decode_times=False, chunks=None) as found:
+            if HEADER not in found:
+                raise not_ours(path)
+            columns = {str(name): found[name].to_numpy() for name in found.variables}
+    except FileError:
+        raise
+    except Exception as problem:  # whatever the library makes of files that are missing
+        raise damaged(path, f"{type(problem).__name__}: {problem}") from None
+    return from_header(str(columns.pop(HEADER)), columns.pop("time"), columns, path)

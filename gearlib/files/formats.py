@@ -1,0 +1,82 @@
+"""Which format a result file has: its suffix says so."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gearlib.arguments import shown
+from gearlib.errors import ArgumentError, FileError
+from gearlib.files import csv_text, dataset, mat, netcdf, parquet
+from gearlib.files.contents import Record
+from gearlib.files.replacing import replacing
+
+
+@dataclass(frozen=True)
+class Format:
+    """How a record is written to a path and read from one."""
+
+    write: Callable[[Record, Path], None]
+    read: Callable[[Path], Record]
+
+
+FORMATS = {
+    ".mat": Format(mat.write, mat.read),
+    ".csv": Format(csv_text.write, csv_text.read),
+    ".nc": Format(netcdf.write, netcdf.read),
+    ".zarr": Format(dataset.write, dataset.read),
+    ".parquet": Format(parquet.write, parquet.read),
+}
+
+
+def as_path(what: str, path: Any) -> Path:
+    """The path, or an `ArgumentError` where it is none.
+
+    >>> as_path("path", "run/r.mat").suffix
+    '.mat'
+    """
+    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str) or not os.fspath(path):
+        raise ArgumentError(f"{what} is {shown(path)}; expected the path of a file, such as 'r.mat'")
+    return Path(path)
+
+
+def _format(path: Path) -> Format:
+    found = FORMATS.get(path.suffix.lower())
+    if found is None:
+        raise ArgumentError(f"{path} has the suffix {path.suffix!r}; expected {', '.join(FORMATS)}")
+    return found
+
+
+def save_record(record: Record, path: Path) -> None:
+    """Write a record in the format that the suffix names; what was there stays until all is written.
+
+    Raises
+    ------
+    ArgumentError
+        No format has that suffix.
+    FileError
+        The file cannot be written there.
+    """
+    form = _format(path)
+    with replacing(path) as beside:
+        form.write(record, beside)
+
+
+def load_record(path: Path) -> Record:
+    """Read a record.
+
+    Raises
+    ------
+    ArgumentError
+        No format has that suffix.
+    FileError
+        There is no such file, it is of another kind, cut off or damaged.
+    """
+    form = _format(path)
+    try:
+        return form.read(path)
+    except OSError as problem:
+        raise FileError(f"{path} cannot be read: {problem.strerror or problem}") from None

@@ -1,0 +1,102 @@
+"""Dymola's and OpenModelica's result file: MATLAB's format 4 with the matrices of a trajectory.
+
+``name``, ``description`` and ``dataInfo`` say of each variable in which of two blocks it is, in which column and with which sign: an
+alias costs a name. ``data_1`` holds the parameters at the start and the end, ``data_2`` the samples. Another matrix, ``gearlib``,
+follows with what those programs have no place for; they do not look at it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.files.contents import Record, damaged, from_header, not_ours
+
+Floats = NDArray[np.float64]
+CLASS = ("Atrajectory", "1.1", "", "binTrans")
+
+
+def write(record: Record, path: Path) -> None:
+    """Write a record."""
+    from scipy.io import savemat
+
+    parameters = list(record.parameters)
+    names = ["time", *record.names, *parameters]
+    units = ["s", *record.units, *[""] * len(parameters)]
+    texts = ["time", *record.descriptions, *["parameter"] * len(parameters)]
+    info = np.zeros((4, len(names)), np.int32)
+    info[:, 0] = 0, 1, 0, -1
+    variables, rest = slice(1, 1 + len(record.names)), slice(1 + len(record.names), None)
+    info[0, variables], info[0, rest], info[3] = 2, 1, -1
+    info[1, variables] = np.array(record.signs, np.int32) * (np.array(record.columns, np.int32) + 2)
+    info[1, rest] = np.arange(2, 2 + len(parameters))
+    begin, end = (record.time[0], record.time[-1]) if len(record.time) else (0.0, 0.0)
+    numbers = list(record.parameters.values())
+    content = {
+        "Aclass": _characters(CLASS),
+        "name": _characters(names).T,
+        "description": _characters([f"{text} [{unit}]" if unit else text for text, unit in zip(texts, units, strict=True)]).T,
+        "dataInfo": info,
+        "data_1": np.array([[begin, *numbers], [end, *numbers]], float).T,
+        "data_2": np.column_stack([record.time, record.data]).T,
+        "gearlib": _characters([record.header()]),
+    }
+    with path.open("wb") as file:
+        savemat(file, content, format="4")
+
+
+def _characters(lines: Sequence[str]) -> NDArray[np.bytes_]:
+    """A matrix of characters with a line in each row, in UTF-8, one byte a character."""
+    coded = [line.encode() for line in lines]
+    width = max(1, *map(len, coded))
+    return np.array([line.ljust(width) for line in coded], f"S{width}").view("S1").reshape(len(coded), width)
+
+
+def _lines(characters: Any, transposed: bool = False) -> list[str]:
+    """The lines of a matrix of characters."""
+    matrix = np.asarray(characters)
+    matrix = matrix.T if transposed else matrix
+    return ["".join(row).rstrip(" \0").encode("latin-1").decode(errors="replace") for row in matrix]
+
+
+def read(path: Path) -> Record:
+    """Read a record, or what Dymola or OpenModelica wrote; those tell of no model, and mark units in the descriptions."""
+    from scipy.io import loadmat
+
+    with path.open("rb") as file:
+        begins = b"Aclass" in file.read(64)
+        file.seek(0)
+        try:
+            found = loadmat(file, chars_as_strings=False)
+        except Exception as problem:  # whatever the library makes of bytes that are missing
+            raise (damaged(path, str(problem)) if begins else not_ours(path)) from None
+    if "Aclass" not in found or _lines(found["Aclass"])[:1] != [CLASS[0]]:
+        raise not_ours(path)
+    missing = [name for name in ("name", "description", "dataInfo", "data_1", "data_2") if name not in found]
+    if missing:
+        raise damaged(path, f"it has no {missing[0]}")
+    if _lines(found["Aclass"])[3:] != [CLASS[3]]:
+        raise not_ours(path)
+    samples = np.asarray(found["data_2"], float).T
+    if "gearlib" in found:
+        return from_header(_lines(found["gearlib"])[0], samples[:, 0], samples[:, 1:], path)
+    return _foreign(found, samples)
+
+
+def _foreign(found: dict[str, Any], samples: Floats) -> Record:
+    names, texts = _lines(found["name"], True), _lines(found["description"], True)
+    block, column = np.asarray(found["dataInfo"], int)[:2]
+    moving = [i for i in range(len(names)) if block[i] == 2 and abs(column[i]) > 1]
+    constants = np.asarray(found["data_1"], float)[:, 0]
+    held = {names[i]: float(np.sign(column[i]) * constants[abs(column[i]) - 1]) for i in range(len(names)) if block[i] == 1}
+    parts = [texts[i].rpartition(" [") if texts[i].endswith("]") else (texts[i], "", "]") for i in moving]
+    used, columns = np.unique(np.abs(column[moving]), return_inverse=True)
+    return Record(
+        samples[:, 0].copy(), np.ascontiguousarray(samples[:, used - 1]), tuple(names[i] for i in moving), tuple(columns.tolist()),
+        tuple(np.sign(column[moving]).tolist()), tuple(unit[:-1].partition("|")[0] for _, _, unit in parts),
+        tuple(text for text, _, _ in parts), parameters=held,
+    )  # fmt: skip

@@ -1,0 +1,58 @@
+"""Result files as netCDF 3 with 64-bit offsets, which every netCDF library reads: a variable for each history over time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from gearlib.errors import ArgumentError, FileError
+from gearlib.files.contents import Record, damaged, from_header, not_ours
+
+HEADER = "gearlib_header"  # the attribute with what made the histories
+MAGIC = b"CDF"
+
+
+def write(record: Record, path: Path) -> None:
+    """Write a record."""
+    from scipy.io import netcdf_file
+
+    spread = record.spread
+    if wrong := [name for name in spread.names if name == "time" or "/" in name]:
+        raise ArgumentError(f"netCDF has no variable of the name {wrong[0]!r}; leave it out of names, or choose another format")
+    file = netcdf_file(path, "w", version=2)
+    try:
+        file.Conventions, file.model, file.gearlib_header = b"CF-1.8", spread.model.encode(), spread.header().encode()
+        file.createDimension("time", len(spread.time))
+        told = zip(["time", *spread.names], ["s", *spread.units], ["time", *spread.descriptions], strict=True)
+        for (name, unit, description), history in zip(told, (spread.time, *spread.data.T), strict=True):
+            variable = file.createVariable(name.encode().decode("latin-1"), "d", ("time",))  # it writes one byte a character
+            variable[:] = history
+            if unit:
+                variable.units = unit.encode()
+            if description:
+                variable.long_name = description.encode()
+    finally:
+        file.close()
+
+
+def read(path: Path) -> Record:
+    """Read a record."""
+    from scipy.io import netcdf_file
+
+    with path.open("rb") as raw:
+        if raw.read(3) != MAGIC:
+            raise not_ours(path)
+    try:
+        with netcdf_file(path, "r", mmap=False) as file:
+            header = getattr(file, HEADER, None)
+            if header is None:
+                raise not_ours(path)
+            columns = {n.encode("latin-1").decode(): np.array(v.data, float) for n, v in file.variables.items()}
+    except FileError:
+        raise
+    except Exception as problem:  # whatever the library makes of bytes that are missing
+        raise damaged(path, f"{type(problem).__name__}: {problem}") from None
+    if "time" not in columns:
+        raise damaged(path, "it has no time")
+    return from_header(header.decode(), columns.pop("time"), columns, path)

@@ -1,0 +1,125 @@
+"""Parameter sets in TOML, CSV and SSV: out, in, and read by a program that is not gearlib."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import gearlib as gl
+from gearlib.errors import ArgumentError, FileError
+from tests.files.scenes import run, system
+
+SUFFIXES = (".toml", ".csv", ".ssv")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_models_parameters_come_back(suffix: str, tmp_path: Path) -> None:
+    path, every = tmp_path / f"p{suffix}", system().parameters | {"J_load": 0.1 + 0.2, "ω.x": -1e-300}
+    gl.save_parameters(path, every, system().parameter_units)
+    assert gl.load_parameters(path) == every
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_run_with_parameters_from_a_file(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"p{suffix}"
+    gl.save_parameters(path, {"J_load": 1.5})
+    inputs = {"torque.tau": lambda t: 6.0 + t}
+    found = system().simulate(2.0, samples=41, parameters=gl.load_parameters(path), inputs=inputs)
+    assert found["load.w"] == pytest.approx(run()["load.w"], rel=1e-12)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_values_that_are_not_finite(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"p{suffix}"
+    gl.save_parameters(path, {"a": math.inf, "b": -math.inf, "c": math.nan})
+    found = gl.load_parameters(path)
+    assert (found["a"], found["b"], math.isnan(found["c"])) == (math.inf, -math.inf, True)
+
+
+def test_units_of_parameters() -> None:
+    assert system().parameter_units["J_load"] == "kg.m2"
+    assert system().parameter_units["gear.ratio"] == "1"
+
+
+def test_fmpy_reads_ssv(tmp_path: Path) -> None:
+    from fmpy.ssp.ssd import read_ssv
+
+    gl.save_parameters(tmp_path / "p.ssv", {"load.J": 1.25, "shaft.c": 4000.0}, {"load.J": "kg.m2", "shaft.c": "N.m/rad"})
+    found = read_ssv(str(tmp_path / "p.ssv"), validate=True)
+    assert {p.name: float(p.value) for p in found.parameters} == {"load.J": 1.25, "shaft.c": 4000.0}
+
+
+def test_python_reads_toml_and_tables_are_read(tmp_path: Path) -> None:
+    gl.save_parameters(tmp_path / "p.toml", {'a."b"[1]': 2.0}, {'a."b"[1]': "N.m"})
+    assert tomllib.loads((tmp_path / "p.toml").read_text(encoding="utf-8")) == {'a."b"[1]': 2.0}
+    (tmp_path / "q.toml").write_text('J_load = 3\n[load]\nJ = 1.5\n[gear.mesh]\n"c" = 1e6\n', encoding="utf-8")
+    assert gl.load_parameters(tmp_path / "q.toml") == {"J_load": 3.0, "load.J": 1.5, "gear.mesh.c": 1e6}
+
+
+def test_units_that_an_ssv_file_defines_are_converted(tmp_path: Path) -> None:
+    (tmp_path / "p.ssv").write_text(
+        """<?xml version="1.0" encoding="UTF-8"?>
+        <ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+          xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" version="1.0" name="p">
+          <ssv:Parameters>
+            <ssv:Parameter name="w"><ssv:Real value="60" unit="rpm"/></ssv:Parameter>
+            <ssv:Parameter name="T"><ssv:Real value="20" unit="degC"/></ssv:Parameter>
+            <ssv:Parameter name="n"><ssv:Integer value="3"/></ssv:Parameter>
+          </ssv:Parameters>
+          <ssv:Units>
+            <ssc:Unit name="rpm"><ssc:BaseUnit s="-1" rad="1" factor="0.10471975511965977"/></ssc:Unit>
+            <ssc:Unit name="degC"><ssc:BaseUnit K="1" offset="273.15"/></ssc:Unit>
+          </ssv:Units>
+        </ssv:ParameterSet>""",
+        encoding="utf-8",
+    )
+    assert gl.load_parameters(tmp_path / "p.ssv") == pytest.approx({"w": 2 * math.pi, "T": 293.15, "n": 3.0})
+
+
+SSV = '<ParameterSet xmlns="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><Parameters>{}</Parameters></ParameterSet>'
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("p.toml", "a = [1", r"p\.toml is no TOML: Unclosed array"),
+        ("p.toml", "[a]\nb = 'x'", r"parameter a\.b is 'x'; expected a number"),
+        ("p.toml", "a = true", "parameter a is True; expected a number"),
+        ("p.csv", "", "expected the columns name,value,unit"),
+        ("p.csv", "a,1\n", "begins with 'a,1'; expected the columns name,value,unit"),
+        ("p.csv", "name,value\na,1\nb,x\n", r"p\.csv, line 3: 'b,x'; expected a name and a number"),
+        ("p.csv", "name,value\na\n", "line 2: 'a'; expected a name and a number"),
+        ("p.csv", "name,value\na,1\na,2\n", "names the parameter a twice"),
+        ("p.csv", "name,value,unit\na,1,rpm\n", r"parameter a: the unit 'rpm' is not written so: declare 'rad/s'"),
+        ("p.ssv", "<a", r"p\.ssv is no XML"),
+        ("p.ssv", "<a/>", "no parameter set of the SSP standard: its root is a"),
+        (
+            "p.ssv",
+            SSV.format('<Parameter name="a"><String value="x"/></Parameter>'),
+            "parameter a is a String; expected a Real",
+        ),
+        ("p.ssv", SSV.format('<Parameter name="a"><Real value="x"/></Parameter>'), "parameter a is 'x'; expected a number"),
+        ("p.ssv", SSV.format('<Parameter name="a"><Real value="1" unit="rpm"/></Parameter>'), "parameter a: the unit 'rpm'"),
+        ("p.yaml", "", r"suffix '\.yaml'; expected \.toml, \.csv, \.ssv"),
+    ],
+)
+def test_other_files_are_refused(name: str, text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises((FileError, ArgumentError), match=message):
+        gl.load_parameters(tmp_path / name)
+
+
+def test_what_cannot_be_read_or_written(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"p\.toml cannot be read: No such file"):
+        gl.load_parameters(tmp_path / "p.toml")
+    (tmp_path / "p.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(FileError, match=r"p\.toml is no text in UTF-8"):
+        gl.load_parameters(tmp_path / "p.toml")
+    with pytest.raises(ArgumentError, match="parameter a is 'x'; expected a number"):
+        gl.save_parameters(tmp_path / "p.toml", {"a": "x"})  # type: ignore[dict-item]
+    with pytest.raises(ArgumentError, match="the unit 'rpm'"):
+        gl.save_parameters(tmp_path / "p.ssv", {"a": 1.0}, {"a": "rpm"})
