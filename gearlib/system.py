@@ -164,8 +164,9 @@ class System(Compiled):
             and friction. Its parameters and inputs stay as well, unless ``parameters`` or ``inputs`` are given.
         inputs : mapping, optional
             Of unbound inputs: a number, a function of time, a `Table`, or what makes one: times and values ``(t, y)``, a pandas
-            Series. Those that are not given are 0: ``stats["zero_inputs"]`` names them, and a run warns (`InputWarning`) of those that its outputs depend on, once for all of them. Without
-            ``outputs`` anything may be asked of a run, and it warns of all.
+            Series. Those that are not given are 0: ``stats["zero_inputs"]`` names them, and a run warns (`InputWarning`) of those
+            that its outputs depend on, once for all of them. Without ``outputs`` anything may be asked of a run, and it warns of
+            all.
         max_step : float, optional
             Longest step, s. No event that lasts longer is stepped over, and no pulse. By default a hundredth of the run where there are
             comparisons of variables; where time drives the scene, that or two sample intervals, whichever is less.
