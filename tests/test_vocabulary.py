@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from tests import vocabulary
+from tests import architecture, vocabulary
 
 TREES = dict(vocabulary.modules())
 
@@ -34,3 +34,15 @@ def test_word_is_used_no_more(word: str) -> None:
 
 def test_some_words_are_used_no_more() -> None:
     assert len(vocabulary.abandoned()) >= 3
+
+
+def test_representations_of_the_page_of_phases_exist_once() -> None:
+    page = (vocabulary.ROOT / "docs" / "phases.md").read_text(encoding="utf-8").split("## Every representation once")[1]
+    rows = re.findall(r"^\| `(\w+)` \| `([\w.]+)` \|", page, re.MULTILINE)
+    assert len(rows) == len({name for name, _ in rows}) >= 20
+    known = {
+        (c.name, ".".join(path.with_suffix("").parts[1:])) for path, tree in TREES.items() for c in vocabulary.classes(tree)
+    }
+    assert set(rows) - known == set()
+    forms = {form.removeprefix("gearlib.").rpartition(".")[::2] for form in architecture.FORMS}
+    assert {(module, name) for name, module in rows} >= forms

@@ -1,4 +1,4 @@
-"""`Loop`: one input and one output of a linear model, closed by feeding the output back: its frequency response and crossings.
+"""`Loop`: a feedback loop over one input and one output of a linear model; its frequency response and crossings.
 
 Everything is computed from matrices. Polynomials of a stiff train have coefficients from 1 to 1e40, and their roots, which
 python-control's `stability_margins` takes, are lost in rounding; on small well-scaled systems both agree (see the tests).

@@ -1,4 +1,4 @@
-"""For which gains a loop is stable: the intervals between the gains at which its curve meets -1, each tried by its eigenvalues."""
+"""Stable gains of a loop: intervals between the gains at which its Nyquist curve meets -1, decided by eigenvalues."""
 
 from __future__ import annotations
 

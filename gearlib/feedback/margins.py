@@ -1,4 +1,4 @@
-"""Margins of a loop: where its curve crosses the negative real axis and the unit circle, and how near it comes to -1."""
+"""Stability margins of a loop: gain, phase, delay and modulus margins."""
 
 from __future__ import annotations
 

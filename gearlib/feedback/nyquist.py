@@ -1,4 +1,4 @@
-"""The Nyquist count of a loop: how often the curve goes round -1, counted along a closed path in the s plane.
+"""Nyquist count of a loop: encirclements of -1 along a closed contour in the s plane.
 
 The path goes up the imaginary axis, round every pole on it through the right half-plane, and back through infinity. Its points are so
 dense that 1 + L cannot turn by half a turn between two of them, so that the count is the sum of the turns seen and nothing is

@@ -1,4 +1,4 @@
-"""What an operating point is, in words: which meshes are open, and on which states nothing depends there.
+"""Description of an operating point in words: open meshes, and states without influence.
 
 Components say what their state means where they declare it, ``gl.Variable(..., words={0: "open: mesh {}"})``.
 """

@@ -1,4 +1,4 @@
-"""Frequency responses: of any outputs to any inputs, and to transmission error."""
+"""Frequency responses of outputs to inputs and to transmission error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""States that a mode holds: the slip of a locked clutch, and the angle between its shafts.
+"""Held states: states fixed by a locked element, as the slip of a locked clutch, are eliminated from linear models.
 
 A locked friction element says ``der(v) = 0``, and its torque is whatever keeps that true. The slip v is a state in every mode, and a
 linear model with it would have a pole at 0 that is no motion: in this mode nothing can move it. Where ``v = c x`` with
@@ -36,7 +36,7 @@ RANK = 1e-11  # of rows that were scaled to 1
 
 @dataclass(frozen=True, eq=False)
 class Remaining:
-    """The states that are left of a linear model: ``x = basis @ x[keep]``."""
+    """Remaining states of a linear model: ``x = basis @ x[keep]``."""
 
     keep: Integers
     basis: Any  # (states, kept), sparse where A is

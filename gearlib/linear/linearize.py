@@ -1,4 +1,4 @@
-"""Exact linear models of a scene: symbolic partial derivatives, no differences."""
+"""Linearisation of a scene by exact partial derivatives (no finite differences)."""
 
 from __future__ import annotations
 

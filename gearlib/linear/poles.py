@@ -1,4 +1,4 @@
-"""Poles of a linear model: exact zeros with their chains, the others with the accuracy to which they are known.
+"""Poles of a linear model: exact zeros with their Jordan chains, the others with error bounds.
 
 A free-turning train has a pole at 0, and rounding would put it on either side of the imaginary axis. The zeros are therefore taken
 out first, by the ranks of the matrix on shrinking quotient spaces (the staircase of V. N. Kublanovskaya, "On a method of solving

@@ -1,4 +1,4 @@
-"""Pseudo-arclength continuation: follow the solutions of ``r(z, w) = 0`` over w, round folds."""
+"""Pseudo-arclength continuation of the solutions of ``r(z, w) = 0`` over w, through folds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHORTEST = 1e-6  # of the largest step
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Points of a branch in their order.
+    """A solution branch: its points in order.
 
     Attributes
     ----------

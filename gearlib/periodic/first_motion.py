@@ -1,4 +1,4 @@
-"""The forcing of a train, and the first periodic motion that harmonic balance starts from."""
+"""Periodic forcing of a train, and the initial periodic solution for harmonic balance."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SETTLE = 100  # periods of a run that looks for a first motion
 
 @dataclass(frozen=True, eq=False)
 class First:
-    """The equations, scaled, and a solution."""
+    """Scaled equations of harmonic balance, and an initial solution."""
 
     balance: HarmonicEquations
     z: Floats
@@ -35,7 +35,7 @@ class First:
 
 @dataclass(frozen=True, eq=False)
 class Forced:
-    """What a branch is asked for, with its forcing."""
+    """Request for a branch: forcing, frequencies and harmonics."""
 
     translation: Translation
     frequency: str | None

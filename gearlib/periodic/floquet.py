@@ -1,4 +1,4 @@
-"""Floquet multipliers: how small disturbances of a periodic motion grow over a period."""
+"""Floquet multipliers: stability of periodic motions."""
 
 from __future__ import annotations
 

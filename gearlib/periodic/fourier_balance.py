@@ -1,4 +1,4 @@
-"""The equations of harmonic balance of one system: Fourier coefficients of its states, and what is left of their rates."""
+"""Equations of harmonic balance: Fourier coefficients of the states, residuals of their rates, and the Jacobian."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNBALANCED = 1e-7  # of the sizes of the rates: a mean that nothing can balance
 
 @dataclass(frozen=True, eq=False)
 class Rigid:
-    """Sums of the rates that no state has an influence on, and what determines the means in their place.
+    """Rigid-body motions: sums of rates that no state influences, and the conditions that determine their means instead.
 
     Such a sum is a quantity that the train keeps: the momentum of one that turns freely, the preload of a loop of meshes. Its mean
     stays as it starts. Where that does not determine the means (an angle, the phase of a mesh), the motion that nothing holds back

@@ -1,4 +1,4 @@
-"""Harmonic balance of a periodically forced train: periodic motions followed over frequency, round folds and onto unstable branches."""
+"""Harmonic balance of a periodically forced train, continued over frequency through folds onto unstable branches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What harmonic balance finds: periodic motions along a branch."""
+"""Results of harmonic balance: periodic motions along a branch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Order analysis of a run: spectra over the angle of a shaft instead of time, and waterfalls over speed."""
+"""Order analysis: spectra over the angle of a shaft instead of time, and waterfall diagrams over speed."""
 
 from __future__ import annotations
 

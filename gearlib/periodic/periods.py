@@ -1,4 +1,4 @@
-"""Moments of a period at which a train is evaluated, and the weights that make Fourier integrals of them.
+"""Collocation points within a period, and the quadrature weights of Fourier integrals, piecewise between switches.
 
 Where nothing switches, the moments are equidistant, which is exact up to the harmonics that they resolve. Where a flank lifts off or
 touches, the period is cut there and each piece is integrated by itself (Gauss and Legendre), so that neither kinks nor jumps of a
@@ -86,7 +86,7 @@ class Driven:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Moments of a period, in pieces between which something switches.
+    """Collocation points of a period, in smooth pieces between switches.
 
     Attributes
     ----------
@@ -172,7 +172,7 @@ def _crossing(values: Floats, changed: Integers, k: int) -> tuple[float, int]:
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """Jumps of the rates where something switches.
+    """Jumps of the rates at switches.
 
     Attributes
     ----------

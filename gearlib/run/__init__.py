@@ -1,1 +1,1 @@
-"""A compiled model at work: scene, start values, linear form, request, segments, result."""
+"""Runs of a compiled model: translation, scene, start values, request, integration, segments, result."""

@@ -1,4 +1,4 @@
-"""The unknowns of nonlinear equations, followed along a run: which solution they take depends on the motion, not on the samples.
+"""Solution branches of nonlinear algebraic equations, tracked along a run independently of the samples.
 
 sin(b - a) = 0.3 sin(b) has many solutions b for one a. The run follows one of them from its start on; what is computed after the run
 must take the same. So the equations are solved along the run, at times that have nothing to do with the samples, in steps that are
@@ -31,7 +31,7 @@ MOST_EVENTS = 2000
 
 @dataclass(frozen=True)
 class Branch:
-    """Values and slopes of some unknowns at the ends of steps."""
+    """A tracked solution branch: values and slopes of algebraic unknowns at the ends of steps."""
 
     nodes: tuple[Node, ...]
     times: Floats

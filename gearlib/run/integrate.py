@@ -1,4 +1,4 @@
-"""One interface to the integrators: exact for linear scenes, Runge-Kutta and IDA for the others, and the choice between them."""
+"""Choice of the integrator, and one interface to all: exact for linear scenes, Runge-Kutta and IDA for the others."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ CALL, ADDITION, CALLBACK, LOOK_UP = 15.0, 0.3, 1500.0, 30.0
 
 @dataclass(frozen=True)
 class Run:
-    """What is to be integrated, from when to when, and how accurately."""
+    """One integration: scene, numbers, start, inputs, times and tolerances."""
 
     scene: Scene
     numbers: Numbers
@@ -106,7 +106,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Left:
-    """Where a run ended because its states do not determine the motion further on."""
+    """State of a run that stopped because its state set became singular."""
 
     t: float
     x: Floats

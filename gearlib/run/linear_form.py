@@ -1,4 +1,4 @@
-"""The linear time-invariant form of a scene, and what drives it: x' = A x + B u(t)."""
+"""Linear time-invariant form of a scene and its inputs: x' = A x + B u(t)."""
 
 from __future__ import annotations
 

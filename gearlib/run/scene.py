@@ -42,7 +42,7 @@ class Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is integrated.
+    """The states that are integrated and the outputs asked for, with programs and native code.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""`Part`: a stretch of a run in which the same states were integrated, and what follows from them."""
+"""`Part`: a segment of a run with one set of states, and the variables computed from them."""
 
 from __future__ import annotations
 

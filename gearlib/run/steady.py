@@ -1,4 +1,4 @@
-"""Steady states: what of a motion may grow, and the search for states in which nothing else changes.
+"""Steady states: the directions in which a motion may grow, and the search for states where all other rates vanish.
 
 A motion is steady if every state grows at a constant rate and the equations do not notice it: ``x(t) = x + v t`` with ``f(x) = v``
 where ``f`` is the same along ``v``. The directions along which it is (turning of the whole train, phases of meshes that nothing

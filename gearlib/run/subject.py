@@ -1,4 +1,4 @@
-"""What a user gives an analysis to look at, checked."""
+"""Validation of the subject of an analysis: a compiled system, or a model that can be compiled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of `System.summary`: what came in, what each phase did, what is integrated and why."""
+"""Text of `System.summary`: counts of each phase, states and the reasons for them."""
 
 from __future__ import annotations
 

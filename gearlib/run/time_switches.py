@@ -1,4 +1,4 @@
-"""When the conditions in time of a scene switch: symbols once per scene, numbers for each set of parameters.
+"""Switching times of a scene's time-dependent relations: symbolic once per scene, numeric per parameter set.
 
 Most conditions compare time with something that parameters give: g = a + b t is zero at -a / b, with a and b as functions of the
 parameters. The others go through `switches` whenever their parameters or the interval change.

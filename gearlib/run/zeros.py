@@ -1,4 +1,4 @@
-"""Parameters that are zero where an equation is solved by dividing by them.
+"""Zero parameters that would be divided by; equations without them are used instead.
 
 A body without inertia has no acceleration of its own to compute: ``J der(w) = tau_a + tau_b`` with ``J = 0`` says that its torques
 cancel. Which unknown an equation determines then is another question, so that the model is translated again with the coefficient

@@ -1,1 +1,1 @@
-"""Mobility, speed ratios, power flow: what holds without a simulation."""
+"""Statics and steady motion: mobility, speed ratios, power flow, load sharing."""

@@ -1,4 +1,4 @@
-"""Power that flows in a circle: cycles of the directed graph of powers between shafts and components."""
+"""Circulating power: cycles of the directed graph of power flow between shafts and components."""
 
 from __future__ import annotations
 

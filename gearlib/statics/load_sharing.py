@@ -1,4 +1,4 @@
-"""How parallel paths share the load of a train that turns steadily, where equilibrium leaves that open.
+"""Load sharing of parallel paths in steady motion, where equilibrium alone leaves it undetermined.
 
 With several planets each mesh may carry a preload that the others balance. A train that was put together without preload has none: of all
 deflections with the given loads it takes those in which self-balanced forces do no work (the theorem of Castigliano and Menabrea), which

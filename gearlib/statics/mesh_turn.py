@@ -1,4 +1,4 @@
-"""Means over the mesh phase: what a group of equations is over one turn of the phases that it repeats with.
+"""Averages of equations over one period of the mesh phases.
 
 A mesh's phase grows for ever, and its transmission error, stiffness and friction repeat with every turn of it. The speeds and torques
 of a steady motion are the means over that turn. An equation rarely holds the phase itself: a table holds the phase within its period,
@@ -27,7 +27,7 @@ REPEATS = 1e-9  # of the change over a part of a turn: what is left after the wh
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """Values over a turn of what the phases move, shape (moved variables, parts); ``place`` is the row of a variable, or -1."""
+    """Values of phase-dependent variables over one mesh period, shape (variables, points); ``place`` is a variable's row, or -1."""
 
     place: Integers
     values: Floats

@@ -1,4 +1,4 @@
-"""`PowerFlow`: speed, torque and power at every flange of a train, and what follows from them; printed as a table."""
+"""`PowerFlow`: speed, torque and power at every flange of a train, efficiency and circulating power."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mobility, speed ratios, and torque and power through every shaft of a train, from its equations and without a simulation."""
+"""Mobility, speed ratios and power flow of a train from its equations, without a simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steady motion of a model: every variable is ``a + b t``, and the coefficients solve the model's own equations.
+"""Steady motion: every variable is ``a + b t``, with coefficients from the model's own equations.
 
 A linear equation then splits into one for the constant part and one for the part that grows with time. Torques must not grow.
 With that, a spring that carries a constant torque keeps its deflection, so elastic trains turn as rigid ones do; derivatives of
@@ -49,7 +49,7 @@ class MotionEquations:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The steady motion, and how far each unknown is left open by the equations (0: not at all)."""
+    """A steady motion, and a measure of how undetermined each unknown is (0: determined)."""
 
     constants: Floats
     rates: Floats
@@ -61,7 +61,7 @@ class Motion:
 
 
 class MatrixAssembly:
-    """Rows of a sparse matrix that is being put together."""
+    """Incremental assembly of a sparse matrix in coordinate format."""
 
     def __init__(self) -> None:
         self.count = 0

@@ -1,1 +1,1 @@
-"""Natural frequencies, mode shapes and energies, Campbell diagrams."""
+"""Modal analysis: natural frequencies, mode shapes, modal energies, Campbell diagrams."""

@@ -1,4 +1,4 @@
-"""Animation of a mode: every body swings about its place as the mode has it."""
+"""Animation of a mode shape."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Campbell diagram: natural frequencies over speed, excitation orders, and the speeds where they meet."""
+"""Campbell diagram: natural frequencies over speed, excitation orders, critical speeds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drawing of a mode: how far each body moves, and where the energy is."""
+"""Drawing of a mode: amplitudes of the bodies and distribution of energy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many eigenvalues of a sparse matrix a disc holds, by the argument principle.
+"""Count of the eigenvalues of a sparse matrix in a disc, by the argument principle.
 
 The phase of det(z - A), from a sparse LU decomposition, turns by as many whole turns along the edge of the disc as there are eigenvalues
 inside. With the eigenvalues that are known divided out it changes slowly, and what is left counts those that are missing.

@@ -1,4 +1,4 @@
-"""The lowest eigenvalues of a large sparse matrix, none left out: a block Krylov search whose result is counted by another means.
+"""Lowest eigenvalues of a large sparse matrix: block Krylov iteration, with an independent count against missed ones.
 
 The search works on ``(A - s)^-1 (A - s)^-1 A`` with a real shift s, whose eigenvalues ``x / (x - s)^2`` are 0 for poles at 0 and fall as
 1/x beyond s; where that leaves some out, on ``A (A^2 + w^2)^-1``, which is largest near the frequency w. Several vectors at once start

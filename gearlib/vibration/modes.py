@@ -1,4 +1,4 @@
-"""`modes`: natural frequencies, damping, mode shapes, and where each mode keeps its energy."""
+"""`modes`: natural frequencies, damping, mode shapes and modal energy distribution."""
 
 from __future__ import annotations
 

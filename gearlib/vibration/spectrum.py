@@ -1,4 +1,4 @@
-"""Eigenvalues and eigenvectors of a train's matrix: all of a small one, the lowest of a large sparse one.
+"""Eigenvalues and eigenvectors of the state matrix: all of a small one, the lowest of a large sparse one.
 
 A train has poles at 0 in three ways: it turns freely, a loop of meshes carries a constant preload, or nothing depends on a position (the
 phase of a mesh, a place inside an open gap). They are told apart by whether anything moves, and by whether a force acts. In

@@ -1,4 +1,4 @@
-"""Integrate the powers of a run: the run is done again with the nodes of a quadrature as its samples, until that has converged.
+"""Energy audit: quadrature of the powers over a run, repeated with refined nodes as samples until it converges.
 
 Between breakpoints (the samples and the events) all powers are smooth. Each panel between them has the 15 nodes of Kronrod's rule, which
 hold the 7 of Gauss's: the difference of both tells which panels are cut into four. Stored energies at the ends of a panel follow from its

@@ -1,4 +1,4 @@
-"""Which variable, component and expression a run came to grief over: evaluated again with numpy, a little further on."""
+"""Diagnosis of failed runs: the variable, component and expression that could not be evaluated, found with NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Equations that are differentiated must not jump: where one does, the motion that it prescribes would take an infinite torque."""
+"""Refusal of discontinuities in differentiated equations, where a prescribed motion would need an infinite torque."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Variables that have a least value: a start below it, or a run that gets there, is refused by name.
+"""Refusal of runs in which a variable falls below its declared minimum.
 
 The equations of a one-sided element (a freewheel) rely on the value that its variable cannot have. Started there, they would stay
 there; nothing in them is wrong, so that nothing else would notice.
