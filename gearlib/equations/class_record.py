@@ -13,8 +13,8 @@ from gearlib.arguments import shown
 from gearlib.equations.discrete_updates import Update, split_equations
 from gearlib.equations.template import Template, template_of
 from gearlib.errors import BalanceError, DeclarationError, nearest
-from gearlib.language.component import PRIVATE, Component, Declared, check_declarations, declared_by, equations_of
-from gearlib.language.declarations import Connector, Discrete
+from gearlib.language.component import PRIVATE, Component, check_declarations, equations_of
+from gearlib.language.declarations import Connector, Declared, Discrete, declared_by
 from gearlib.language.dimensions import unit_errors, values_compared, values_given
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
 

@@ -10,8 +10,8 @@ import sympy
 
 from gearlib.equations.template import checked, parse_column, piecewise
 from gearlib.errors import DeclarationError, nearest
-from gearlib.language.component import Component, declared_by, energies_of
-from gearlib.language.declarations import Connector, Flow, Potential
+from gearlib.language.component import Component, energies_of
+from gearlib.language.declarations import Connector, Flow, Potential, declared_by
 from gearlib.language.expressions import time
 from gearlib.language.units import dimension
 

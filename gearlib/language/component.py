@@ -22,14 +22,10 @@ from gearlib.language.declarations import (
     NO_VALUE,
     Connector,
     Declaration,
-    Derivative,
-    Discrete,
     Input,
     Parameter,
-    Port,
     StatePreference,
     Structural,
-    Variable,
     as_tuple,
 )
 from gearlib.language.energy import Energy
@@ -58,6 +54,28 @@ PRIVATE = frozenset(
         "_read",
     }
 )
+
+
+@dataclass(frozen=True, repr=False)
+class Port:
+    """A connector of one component: what `connect` joins."""
+
+    component: Component
+    connector: Connector
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("component", "connector"):  # not there yet: a port is being unpickled
+            raise AttributeError(name)
+        if name.startswith("_") or name not in self.connector.variables:
+            raise AttributeNameError(
+                f"{type(self.connector).__name__} '{self.connector.name}' has no variable '{name}'; "
+                f"it has {', '.join(self.connector.variables)}"
+            )
+        return self.component._symbol(f"{self.connector.name}.{name}")
+
+    def __repr__(self) -> str:
+        path = self.component._path() or type(self.component).__name__
+        return f"<{type(self.connector).__name__} {path}.{self.connector.name}>"
 
 
 @dataclass(frozen=True)
@@ -451,6 +469,10 @@ class Component:
             return None if value is NO_VALUE else value
         return self._symbol(name)
 
+    def _choice(self, name: str) -> Any:
+        self._read.add(name)
+        return self._structural[name]
+
     def _port(self, connector: Connector) -> Port:
         if connector.when is not None and not self._structural[connector.when]:
             raise ConnectionError(
@@ -504,17 +526,6 @@ def _explained(where: str) -> Iterator[None]:
         raise DeclarationError(f"{where}: {advice} ({text})") from None
 
 
-@dataclass(frozen=True)
-class Declared:
-    """The variables and parameters that an instance has, given its structural choices, in the order of declaration."""
-
-    variables: dict[str, Variable]  # connectors' variables as "flange_a.phi"
-    parameters: dict[str, Parameter]
-    connectors: dict[str, Connector]
-    discretes: dict[str, Discrete]
-    derivatives: dict[str, str]  # names of derivatives, such as {"a": "der(w)"}
-
-
 def check_declarations(kind: type[Component]) -> None:
     """Declarations are read when the class is made; what took the place of one since then would go unnoticed.
 
@@ -547,26 +558,6 @@ def _has_members(base: type, members: list[Any]) -> bool:
     """Whether the members of a class are these very objects."""
     now = vars(base).values()
     return len(now) == len(members) and all(map(is_, now, members))
-
-
-def declared_by(component: Component) -> Declared:
-    """What `component` declares with its structural choices."""
-    variables: dict[str, Variable] = {}
-    parameters: dict[str, Parameter] = {}
-    connectors: dict[str, Connector] = {}
-    discretes: dict[str, Discrete] = {}
-    for name, declared in component._declarations.items():
-        if isinstance(declared, Parameter):
-            parameters[name] = declared
-        elif isinstance(declared, Discrete):
-            discretes[name] = declared
-        elif isinstance(declared, Variable):
-            variables[name] = declared
-        elif isinstance(declared, Connector) and (declared.when is None or component._structural[declared.when]):
-            connectors[name] = declared
-            variables.update({f"{name}.{inner}": v for inner, v in declared.variables.items()})
-    derivatives = {n: f"der({d.of})" for n, d in component._declarations.items() if isinstance(d, Derivative)}
-    return Declared(variables, parameters, connectors, discretes, derivatives)
 
 
 def _is_same(value: Any, choice: Any) -> bool:

@@ -6,20 +6,17 @@ A declaration is a descriptor: on the class it is itself, inside ``equations`` a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, overload
+from typing import Any, ClassVar, Literal, Protocol, Self, get_args, overload
 
 import numpy as np
 import sympy
 
 from gearlib.arguments import by_name, real, shown
-from gearlib.errors import ArgumentError, AttributeNameError, DeclarationError
+from gearlib.errors import ArgumentError, DeclarationError
 from gearlib.language.expressions import der
 from gearlib.language.units import dimension
-
-if TYPE_CHECKING:
-    from gearlib.language.component import Component
 
 StatePreference = Literal["never", "avoid", "default", "prefer"]
 NO_VALUE: Any = type("NoValue", (), {"__repr__": lambda self: "no value"})()
@@ -49,6 +46,32 @@ def offered(values: Mapping[str, float]) -> dict[str, float]:
     return {name: Offered(real(f"values: {name}", value)) for name, value in given.items()}
 
 
+class Owner(Protocol):
+    """A component, as its declarations and its diagram see it."""
+
+    @property
+    def icon(self) -> Any: ...
+    @property
+    def _name(self) -> str: ...
+    @property
+    def _declarations(self) -> Mapping[str, Declaration]: ...
+    @property
+    def _structural(self) -> Mapping[str, Any]: ...
+    @property
+    def _bindings(self) -> Mapping[str, Any]: ...
+    @property
+    def _given(self) -> Mapping[str, Any]: ...
+    @property
+    def _parts(self) -> Mapping[str, Owner]: ...
+    def _symbol(self, local: str) -> Any: ...
+    def _parameter(self, name: str) -> Any: ...
+    def _choice(self, name: str) -> Any: ...
+    def _port(self, connector: Connector) -> Any: ...
+    def _path(self, scope: Any = None) -> str: ...
+    def _assembled(self) -> Sequence[Any]: ...
+    def _forget(self) -> None: ...
+
+
 class Declaration:
     """Base of everything declared in a component class."""
 
@@ -60,8 +83,8 @@ class Declaration:
     @overload
     def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, instance: Component, owner: type) -> Any: ...
-    def __get__(self, instance: Component | None, owner: type) -> Any:
+    def __get__(self, instance: Owner, owner: type) -> Any: ...
+    def __get__(self, instance: Owner | None, owner: type) -> Any:
         return self if instance is None else instance._symbol(self.name)
 
 
@@ -127,7 +150,7 @@ class Parameter(Declaration):
             raise DeclarationError(f"Parameter: min is {self.min:g}, above max, which is {self.max:g}")
         _check_default(self)
 
-    def __get__(self, instance: Any, owner: type) -> Any:
+    def __get__(self, instance: Owner | None, owner: type) -> Any:
         return self if instance is None else instance._parameter(self.name)
 
 
@@ -220,7 +243,7 @@ class Derivative(Declaration):
     def __post_init__(self) -> None:
         _check_text(self, "of", "unit", "description")
 
-    def __get__(self, instance: Any, owner: type) -> Any:
+    def __get__(self, instance: Owner | None, owner: type) -> Any:
         return self if instance is None else der(instance._symbol(self.of))
 
 
@@ -288,11 +311,10 @@ class Structural(Declaration):
             return f"{shown(self.min)} or more"
         return f"{shown(self.max)} or less" if self.min == -float("inf") else f"{shown(self.min)} to {shown(self.max)}"
 
-    def __get__(self, instance: Any, owner: type) -> Any:
+    def __get__(self, instance: Owner | None, owner: type) -> Any:
         if instance is None:
             return self
-        instance._read.add(self.name)
-        return instance._structural[self.name]
+        return instance._choice(self.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,28 +325,6 @@ class Potential(Variable):
 @dataclass(frozen=True, eq=False)
 class Flow(Variable):
     """The variable of a connector that sums to zero over all connected ones, positive into the component."""
-
-
-@dataclass(frozen=True, repr=False)
-class Port:
-    """A connector of one component: what `connect` joins."""
-
-    component: Component
-    connector: Connector
-
-    def __getattr__(self, name: str) -> Any:
-        if name in ("component", "connector"):  # not there yet: a port is being unpickled
-            raise AttributeError(name)
-        if name.startswith("_") or name not in self.connector.variables:
-            raise AttributeNameError(
-                f"{type(self.connector).__name__} '{self.connector.name}' has no variable '{name}'; "
-                f"it has {', '.join(self.connector.variables)}"
-            )
-        return self.component._symbol(f"{self.connector.name}.{name}")
-
-    def __repr__(self) -> str:
-        path = self.component._path() or type(self.component).__name__
-        return f"<{type(self.connector).__name__} {path}.{self.connector.name}>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,7 +356,7 @@ class Connector(Declaration):
         if len({type(v) for v in cls.variables.values()}) == 1:
             raise DeclarationError(f"connector {cls.__name__} declares only one half; a Potential and a Flow are needed")
 
-    def __get__(self, instance: Any, owner: type) -> Any:
+    def __get__(self, instance: Owner | None, owner: type) -> Any:
         return self if instance is None else instance._port(self)
 
 
@@ -365,3 +365,34 @@ def as_tuple(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return as_tuple(value.tolist())
     return tuple(as_tuple(v) for v in value) if isinstance(value, (list, tuple)) else value
+
+
+@dataclass(frozen=True)
+class Declared:
+    """The variables and parameters that an instance has, given its structural choices, in the order of declaration."""
+
+    variables: dict[str, Variable]  # connectors' variables as "flange_a.phi"
+    parameters: dict[str, Parameter]
+    connectors: dict[str, Connector]
+    discretes: dict[str, Discrete]
+    derivatives: dict[str, str]  # names of derivatives, such as {"a": "der(w)"}
+
+
+def declared_by(component: Owner) -> Declared:
+    """What `component` declares with its structural choices."""
+    variables: dict[str, Variable] = {}
+    parameters: dict[str, Parameter] = {}
+    connectors: dict[str, Connector] = {}
+    discretes: dict[str, Discrete] = {}
+    for name, declared in component._declarations.items():
+        if isinstance(declared, Parameter):
+            parameters[name] = declared
+        elif isinstance(declared, Discrete):
+            discretes[name] = declared
+        elif isinstance(declared, Variable):
+            variables[name] = declared
+        elif isinstance(declared, Connector) and (declared.when is None or component._structural[declared.when]):
+            connectors[name] = declared
+            variables.update({f"{name}.{inner}": v for inner, v in declared.variables.items()})
+    derivatives = {n: f"der({d.of})" for n, d in component._declarations.items() if isinstance(d, Derivative)}
+    return Declared(variables, parameters, connectors, discretes, derivatives)

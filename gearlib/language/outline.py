@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import networkx as nx
 
@@ -11,15 +12,13 @@ from gearlib.arguments import flag, real, whole
 from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin, Terminal
 from gearlib.drawing.diagram import Diagram
 from gearlib.errors import ArgumentError, ModelError
-from gearlib.language.component import Component, declared_by
-from gearlib.language.declarations import Connector, Discrete, Input, Potential, Variable
-from gearlib.language.declarations import Port as DeclaredPort
+from gearlib.language.declarations import Connector, Discrete, Input, Owner, Potential, Variable, declared_by
 
 DOMAINS = {"rad": "rotation", "m": "translation", "K": "heat"}  # by the unit of a connector's potential
 DEEPEST = 200  # levels of components within components
 
 
-def drawn(component: Component, depth: int, fold: bool, width: float) -> Diagram:
+def drawn(component: Owner, depth: int, fold: bool, width: float) -> Diagram:
     """The diagram of a component, as `Component.diagram` describes it.
 
     Raises
@@ -33,7 +32,7 @@ def drawn(component: Component, depth: int, fold: bool, width: float) -> Diagram
     return Diagram(outline(component, deep), fold=flag("fold", fold), width=wide)
 
 
-def outline(component: Component, depth: int) -> Outline:
+def outline(component: Owner, depth: int) -> Outline:
     """What a diagram of a component shows, with the parts of its parts down to a depth; everything is assembled anew.
 
     Raises
@@ -45,7 +44,7 @@ def outline(component: Component, depth: int) -> Outline:
     return _outline(component, component._name or type(component).__name__, depth, 0, ())
 
 
-def _outline(component: Component, name: str, depth: int, level: int, more: tuple[Terminal, ...]) -> Outline:
+def _outline(component: Owner, name: str, depth: int, level: int, more: tuple[Terminal, ...]) -> Outline:
     """The outline of a component, with ports besides its own: signals, and ports of its parts that are joined from outside."""
     if level > DEEPEST:
         raise ModelError(
@@ -87,7 +86,7 @@ def domain(connector: Connector) -> str:
     return DOMAINS.get(units[0], "other") if len(units) == 1 else "other"
 
 
-def _pin(scope: Component, port: DeclaredPort) -> Pin:
+def _pin(scope: Owner, port: Any) -> Pin:
     """A connected port as a pin; that of a part's part belongs to the part, with its path from there."""
     if port.component is scope:
         return Pin(OWN, port.connector.name)
@@ -111,7 +110,7 @@ def joined(nets: list[Net]) -> list[Net]:
     return [Net(tuple(pins), graph.nodes[pins[0]]["domain"]) for pins in sorted(sets, key=lambda pins: place[pins[0]])]
 
 
-def _signals(component: Component) -> list[Net]:
+def _signals(component: Owner) -> list[Net]:
     """Inputs of parts that are bound to a variable of another part, or to an input of the component's own."""
     targets: dict[Pin, list[Pin]] = {}
     for name, part in component._parts.items():
@@ -123,7 +122,7 @@ def _signals(component: Component) -> list[Net]:
     return [Net((source, *ends), "signal") for source, ends in targets.items()]
 
 
-def _sources(component: Component, value: object) -> Iterator[Pin]:
+def _sources(component: Owner, value: object) -> Iterator[Pin]:
     symbols = getattr(value, "free_symbols", ())
     for symbol in sorted(str(s) for s in symbols):
         part, _, variable = symbol.partition(".")
@@ -133,7 +132,7 @@ def _sources(component: Component, value: object) -> Iterator[Pin]:
             yield Pin(OWN, part)
 
 
-def _note(component: Component) -> str:
+def _note(component: Owner) -> str:
     """What the mouse shows: the class, and the values that the part was given."""
     values = [f"{name} = {value}" for name, value in {**component._given, **component._bindings}.items()]
     return "\n".join([type(component).__name__, *(v if len(v) <= 80 else v[:77] + "..." for v in values)])

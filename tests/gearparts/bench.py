@@ -8,8 +8,7 @@ from typing import Any
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.language.component import declared_by
-from gearlib.language.declarations import NO_VALUE
+from gearlib.language.declarations import NO_VALUE, declared_by
 
 # At each kind of connector: a body, its connector to the part, its other connector, and a force on that.
 ENDS: dict[type[gl.Connector], tuple[Any, str, str, Any]] = {

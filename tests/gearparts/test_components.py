@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 import gearlib as gl
 import gearparts as gp
 from gearlib.flatten.flatten import flatten
-from gearlib.language.component import declared_by, equations_of
+from gearlib.language.component import equations_of
+from gearlib.language.declarations import declared_by
 from tests.gearparts.bench import bench, needed_values, structural_choices
 from tests.gearparts.conftest import Probe
 
