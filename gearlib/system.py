@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,10 @@ from gearlib.run.summary import summary
 from gearlib.run.translation import Compiled, Translation, translate
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from gearlib.statics.power_flow import PowerFlow
+    from gearlib.vibration.campbell import Campbell
 
 
 def compile(component: Component, outputs: Sequence[str] | None = None) -> System:
@@ -263,6 +267,43 @@ class System(Compiled):
         from gearlib.statics.statics import power_flow
 
         return power_flow(self, speeds, torques, parameters=parameters)
+
+    def report(
+        self, path: str | os.PathLike[str], *, result: Result | Mapping[str, Result] | None = None,
+        names: Sequence[str] | None = None, campbell: Campbell | None = None, power_flow: PowerFlow | None = None,
+        units: Mapping[str, str] | None = None, depth: int = 2,
+    ) -> Path:  # fmt: skip
+        """Write a page of HTML with the diagram, parameters, states, histories that can be zoomed, modes, and more.
+
+        The file needs no network and no other file.
+
+        Parameters
+        ----------
+        path : path
+            Such as ``"train.html"``.
+        result : Result or mapping of str to Result, optional
+            Runs whose histories are shown.
+        names : sequence of str, optional
+            Variables to show; by default the outputs.
+        campbell : Campbell, optional
+            Critical speeds, as `gearlib.campbell` gives them.
+        power_flow : PowerFlow, optional
+        units : mapping of str to str, optional
+            Units of the histories, as for `Result.plot`.
+        depth : int
+            Levels of parts within parts in the diagram.
+
+        Returns
+        -------
+        Path
+            Of the file.
+        """
+        from gearlib.report import write_report
+
+        return write_report(
+            self, self.translation.component, self.translation.model, path, result=result, names=names, campbell=campbell,
+            power_flow=power_flow, units=units, depth=depth,
+        )  # fmt: skip
 
     def __reduce__(self) -> tuple[Any, ...]:
         return System, (self.translation,)

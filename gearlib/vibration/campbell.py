@@ -95,6 +95,13 @@ class Campbell:
         lines = lines if self.crossings else ["no order meets a natural frequency in this range of speed"]
         return "\n".join([*lines, *([f"Operating point: {'; '.join(self.conditions)}."] if self.conditions else [])])
 
+    @property
+    def highest(self) -> float:
+        """Upper end of the diagram, Hz: what the excitations reach, and one natural frequency at least."""
+        excited = max((order * float(self.speeds[-1]) / (2 * np.pi) for order in self.orders.values()), default=np.inf)
+        lowest = float(self.frequencies.min(axis=0).min(initial=np.inf))
+        return 1.1 * min(max(excited, lowest), float(self.frequencies.max(initial=0.0))) or 1.0
+
     def plot(self, *, axes: Any = None) -> Any:
         """Draw the diagram; returns the matplotlib axes."""
         plt = optional("matplotlib.pyplot")
@@ -103,10 +110,6 @@ class Campbell:
             _, axes = plt.subplots(figsize=(9, 5.5), layout="constrained")
         check_axes(axes, 1)
         rpm = self.speeds * RPM
-        # As high as the excitations reach, and one natural frequency at least: what lies above is excited by none of them.
-        excited = max((order * float(self.speeds[-1]) / (2 * np.pi) for order in self.orders.values()), default=np.inf)
-        lowest = float(self.frequencies.min(axis=0).min(initial=np.inf))
-        top = 1.1 * min(max(excited, lowest), float(self.frequencies.max(initial=0.0)))
         for k in range(self.frequencies.shape[1]):
             axes.plot(rpm, self.frequencies[:, k], color="black", lw=1.2, label="natural frequencies" if not k else None)
             start = (rpm[0], self.frequencies[0, k])
@@ -129,7 +132,7 @@ class Campbell:
                     color=MARK,
                 )
         axes.set_xlim(rpm[0] - 0.02 * np.ptp(rpm), rpm[-1])
-        axes.set_ylim(0, top or 1.0)
+        axes.set_ylim(0, self.highest)
         axes.set_xlabel("speed of the reference shaft, 1/min")
         axes.set_ylabel("frequency, Hz")
         axes.set_title("Campbell diagram")

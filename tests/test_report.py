@@ -1,0 +1,143 @@
+"""Reports: everything is in the file, nothing is loaded from elsewhere, and the script has what it draws."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.drawing.page import MOST_POINTS, thinned
+from gearlib.errors import ArgumentError, NameLookupError
+
+VOID = {"meta", "link", "br", "img"}
+
+
+class Read(HTMLParser):
+    """Elements with their attributes, and whether all are closed in their order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.found: list[tuple[str, dict[str, str]]] = []
+        self.text: dict[str, list[str]] = {}
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open:
+            self.text.setdefault(self.open[-1], []).append(data)
+
+
+@pytest.fixture(scope="module")
+def system():
+    return gl.compile(gp.ZhouCui2022())
+
+
+@pytest.fixture(scope="module")
+def runs(system):
+    return {
+        "": system.simulate(0.2, samples=301, inputs={"tau_in": 100.0}),
+        "damped": system.simulate(0.2, samples=101, inputs={"tau_in": 100.0}, parameters={"C_g": 6000.0}),
+    }
+
+
+@pytest.fixture(scope="module")
+def report(system, runs, tmp_path_factory):
+    return system.report(
+        tmp_path_factory.mktemp("report") / "train.html", result=runs, names=["w_in", "q_sun"], units={"m": "µm"},
+        campbell=gl.campbell(system, [0.0, 300.0], {"ring < 1": 31}), power_flow=system.power_flow(torques={"tau_in": 100.0}),
+    )  # fmt: skip
+
+
+def specs(path):
+    read = Read()
+    text = path.read_text(encoding="utf-8")
+    read.feed(text)
+    assert not read.open
+    return read, [json.loads(t) for t in re.findall(r'<script type="application/json">(.*?)</script>', text, re.DOTALL)]
+
+
+def test_a_report_holds_everything(report, system, runs):
+    read, charts = specs(report)
+    assert [t for t in read.text["h2"]] == [
+        "Diagram", "Summary", "Parameters", "States", "Histories", "Modes", "Critical speeds", "Power flow",
+    ]  # fmt: skip
+    cells = read.text["td"]
+    assert set(system.parameters) <= set(cells)
+    assert set(system.states) <= set(cells)
+    assert "kg·m²" in cells
+    assert "929.687" in "".join(read.text["pre"])
+    assert [c["y"] for c in charts] == ["angular velocity, rad/s", "displacement, µm", "frequency, Hz"]
+    assert [c["name"] for c in charts[1]["curves"]] == ["q_sun", "q_sun (damped)"]
+    assert charts[1]["curves"][0]["y"] == pytest.approx(runs[""]["q_sun"] * 1e6, rel=1e-6)
+    assert charts[2]["curves"][-1]["name"] == "ring < 1 (order 31)"
+    assert len(charts[2]["points"]) == len(gl.campbell(system, [0.0, 300.0], [31]).crossings)
+
+
+def test_a_report_needs_no_network(report):
+    read, _ = specs(report)
+    for tag, attributes in read.found:
+        for name in ("src", "href", "xlink:href", "action"):
+            assert attributes.get(name, "#").startswith(("#", "data:")), (tag, attributes)
+    text = report.read_text(encoding="utf-8").replace("http://www.w3.org/2000/svg", "")
+    assert not re.search(r"https?://|@import|url\((?!#)", text)
+
+
+def test_the_script_is_given_what_it_reads(report):
+    """Curves of equal lengths, numbers only, and every field that the script asks for."""
+    _, charts = specs(report)
+    text = report.read_text(encoding="utf-8")
+    script = text[text.rindex("<script>") :]
+    assert set(re.findall(r"spec\.(\w+)", script)) <= {*charts[0], "xlim"}
+    for chart in charts:
+        assert all(len(c["x"]) == len(c["y"]) > 1 for c in chart["curves"])
+        assert set(re.findall(r"curve\.(\w+)", script)) - {"hidden"} == set(chart["curves"][0])
+
+
+def test_a_report_of_little(tmp_path):
+    """Without runs and parameters; modes that cannot be given say why."""
+
+    class Spin(gl.Component):
+        def assemble(self):
+            self.body, self.brake = gp.Inertia(J=1.0, start={"w": 1.0}), gp.BearingFriction()
+            return [gl.connect(self.body.flange_b, self.brake.flange_a)]
+
+    system = gl.compile(Spin())
+    read, charts = specs(system.report(tmp_path / "spin.html"))
+    assert "Histories" not in read.text["h2"]
+    assert charts == []
+
+
+def test_wrong_arguments_are_refused(system, runs, tmp_path):
+    with pytest.raises(ArgumentError, match=r"name it \.\.\.\.html"):
+        system.report(tmp_path / "train.pdf")
+    with pytest.raises(ArgumentError, match="result is 3"):
+        system.report(tmp_path / "a.html", result=3)
+    with pytest.raises(ArgumentError, match="campbell is 3; expected a Campbell"):
+        system.report(tmp_path / "a.html", campbell=3)
+    with pytest.raises(NameLookupError):
+        system.report(tmp_path / "a.html", result=runs, names=["w_inn"])
+    assert not list(tmp_path.iterdir())
+
+
+def test_thinned_curves_keep_their_peaks():
+    rng = np.random.default_rng(3)
+    x, y = np.linspace(0, 1, 50_000), rng.normal(size=50_000)
+    y[[77, 40_000]] = 50.0, -60.0
+    a, b = thinned(x, y)
+    assert len(a) <= MOST_POINTS
+    assert (b.max(), b.min()) == (50.0, -60.0)
+    assert (a[0], a[-1]) == (0.0, 1.0)
+    assert np.isin(b, y).all()
