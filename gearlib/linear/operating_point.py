@@ -13,6 +13,7 @@ from gearlib.arguments import is_real, shown
 from gearlib.errors import ArgumentError
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
+from gearlib.run.refusals.limits import refuse_start
 from gearlib.run.result import SimulatedResult
 from gearlib.run.scene import Scene
 from gearlib.run.translation import Translation
@@ -48,6 +49,7 @@ def operating_point(
     if not (at is None or (isinstance(at, str) and at == "steady") or isinstance(at, Mapping)):
         raise ArgumentError(f"at is {shown(at)}; expected start values by path, 'steady', or (result, time)")
     begin = translation.start(scene, numbers, 0.0, at, signals)
+    refuse_start(scene, numbers, 0.0, np.array(signals, float), begin)
     known = dict(zip(states, begin.states.tolist(), strict=True))
     return scene, numbers, Point(0.0, known, np.array(signals, float), begin.guess)
 

@@ -11,14 +11,14 @@ from gearlib.arguments import real
 from gearlib.errors import ArgumentError
 from gearlib.run.integrate import Run
 from gearlib.run.refusals.jumps import refuse_jumps
-from gearlib.run.refusals.limits import refuse_too_small
+from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Part
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.translation import Translation
-from gearlib.solvers.inputs.table import Table
+from gearlib.solvers.inputs.table import Table, values
 
 
 def run(translation: Translation, asked: Request, scene: Scene | None = None) -> SimulatedResult:
@@ -41,6 +41,7 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         begin = earlier[0].moment(scene, earlier[1])
     else:
         begin = translation.start(scene, parameters, float(grid[0]), asked.start, signals, discrete=True)
+        refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
     absolute = absolute_tolerance(asked.atol, len(scene.states))
     first = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step)
     if asked.progress:

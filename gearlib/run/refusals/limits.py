@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError, StartError
 from gearlib.flatten.model import FlatModel
-from gearlib.program.build import build
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.run.scene import Numbers, Scene
 from gearlib.run.segment import Part
@@ -49,22 +48,50 @@ def refuse_too_small(parts: Sequence[Part], rtol: float) -> None:
                 )
 
 
+def refuse_start(scene: Scene, parameters: Floats, t: float, inputs: Floats, begin: Start) -> None:
+    """Check a start, whether or not a run has a sample there.
+
+    Raises
+    ------
+    StartError
+        A variable starts below its least value.
+    """
+    found = _too_small(scene, scene.prepared(parameters), t, begin.states, inputs, begin) if scene.model.bounded else None
+    if found is not None:
+        v, value, least = found
+        text = _text(scene.model, v, value, least)
+        raise StartError(f"{text} at t = {t:g} s; {_fix(scene.model, v, least, at_start=True)}")
+
+
 def too_small(scene: Scene, numbers: Numbers, t: float, x: Floats, inputs: Floats, begin: Start) -> str:
     """Which variable is below its least value in a state; nothing where none is."""
+    found = _too_small(scene, numbers, t, x, inputs, begin)
+    return "" if found is None else _text(scene.model, *found)
+
+
+def _too_small(
+    scene: Scene, numbers: Numbers, t: float, x: Floats, inputs: Floats, begin: Start
+) -> tuple[int, float, float] | None:
+    """The variable that is below its least value in a state, its value and that least one."""
     bounded = list(_bounded(scene))
     if not bounded:
-        return ""
-    program = build(scene.structure, [node for _, _, node in bounded], scene.states, dynamic=False)
+        return None
     now, column = np.array([t]), x[:, None]
-    given = np.concatenate([inputs, np.zeros(max(0, len(program.inputs) - len(inputs)))])[: len(program.inputs), None]
-    flags = scene.modes(numbers, now, column, inputs[:, None], start=begin.guess)
-    prepared = prepare(program, scene.structure, numbers.parameters)
-    slots = evaluate(prepared, now, column, given, flags, scene.guess(program, begin.guess))
+    width = len(scene.program.inputs)
+    given = np.concatenate([inputs, np.zeros(max(0, width - len(inputs)))])[:width, None]
+    flags = scene.modes(numbers, now, column, given, start=begin.guess)
     for v, least, node in bounded:
-        value = int(scene.model.sign[v]) * slots[program.slots[node]]
+        if node in scene.place_of:
+            value = int(scene.model.sign[v]) * column[scene.place_of[node]]
+        else:
+            program = scene.computing(node)
+            known = np.concatenate([given, np.zeros((max(0, len(program.inputs) - width), 1))])[: len(program.inputs)]
+            prepared = prepare(program, scene.structure, numbers.parameters)
+            slots = evaluate(prepared, now, column, known, flags, scene.guess(program, begin.guess))
+            value = int(scene.model.sign[v]) * slots[program.slots[node]]
         if value[0] < least - MISSED * ACCURATE * _size(scene, node, column.T, value):
-            return _text(scene.model, v, float(value[0]), least)
-    return ""
+            return v, float(value[0]), least
+    return None
 
 
 def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:

@@ -70,6 +70,25 @@ def test_start_in_the_forbidden_sense_is_refused(method: str, pressed: float) ->
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_a_start_is_checked_without_a_sample_there(method: str) -> None:
+    """Whatever the samples and the tolerance are."""
+    system = gl.compile(Overrun(), outputs=["clutch.w_rel"])
+    for options in ({"times": [0.5, 1.0]}, {"times": [1.0], "rtol": 0.1}, {"samples": 3, "rtol": 0.1}):
+        for start in ({"a.w": 5.0, "b.w": 0.0}, {"a.w": 1e-6, "b.w": 0.0}):
+            with pytest.raises(StartError, match=r"clutch\.w_rel is -\S+ rad/s .* at t = 0 s; choose start values"):
+                system.simulate(1.0, method=method, start=start, **options)
+        system.simulate(1.0, method=method, start={"a.w": 5.0, "b.w": 5.5}, **options)
+
+
+def test_an_operating_point_is_checked() -> None:
+    system = gl.compile(Overrun(), outputs=["clutch.w_rel"])
+    for analysis in (system.linearize, lambda **options: gl.stability(system, **options)):
+        analysis(at={"a.w": 1.0, "b.w": 3.0})
+        with pytest.raises(StartError, match=r"clutch\.w_rel is -2 rad/s .*; choose start values"):
+            analysis(at={"a.w": 3.0, "b.w": 1.0})
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_reinit_in_the_forbidden_sense_is_refused(method: str) -> None:
     system = gl.compile(Kicked(blow=2.0))
     assert system.simulate(1.0, samples=5, method=method)["clutch.w_rel"] == pytest.approx([1.0, 1.0, 2.0, 2.0, 2.0])
