@@ -43,7 +43,8 @@ def as_path(what: str, path: Any) -> Path:
     return Path(path)
 
 
-def _format(path: Path) -> Format:
+def format_of(path: Path) -> Format:
+    """The format that a path's suffix names, or an `ArgumentError` where none has it."""
     found = FORMATS.get(path.suffix.lower())
     if found is None:
         raise ArgumentError(f"{path} has the suffix {path.suffix!r}; expected {', '.join(FORMATS)}")
@@ -60,7 +61,7 @@ def save_record(record: Record, path: Path) -> None:
     FileError
         The file cannot be written there.
     """
-    form = _format(path)
+    form = format_of(path)
     with replacing(path) as beside:
         form.write(record, beside)
 
@@ -75,7 +76,7 @@ def load_record(path: Path) -> Record:
     FileError
         There is no such file, it is of another kind, cut off or damaged.
     """
-    form = _format(path)
+    form = format_of(path)
     try:
         return form.read(path)
     except OSError as problem:

@@ -1,0 +1,257 @@
+"""The command `gearlib`: models in files are described, run and analysed without a script."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from gearlib.errors import ArgumentError, FileError, GearlibError, NameLookupError, nearest
+
+OK, USERS_FAULT, INTERRUPTED = 0, 2, 130
+
+MODEL = "FILE.py:CLASS, a component class in a file, or PACKAGE.MODULE:CLASS"
+EXAMPLES = {
+    "info": "gearlib info drive.py:Drive",
+    "run": "gearlib run drive.py:Drive --t-end 2 --set J_load=3 --input torque.tau=torque.csv:t,tau --out r.mat --plot load.w",
+    "modes": "gearlib modes drive.py:Drive --set J_load=3",
+    "plot": "gearlib plot r.mat load.w shaft.tau --out r.png",
+    "check": "gearlib check drive.py:Drive",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Carry out a command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Of the command line, without the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        0; 2 where the user is at fault, after one line on the standard error stream; 130 after an interrupt.
+    """
+    asked = _parser().parse_args(arguments)
+
+    def warned(message: Any, *where: Any) -> None:
+        print(f"gearlib {asked.name}: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = warned
+            asked.command(asked)
+        sys.stdout.flush()
+    except BrokenPipeError:  # who read the output has seen enough; nothing more can be written there, at the exit either
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    except GearlibError as problem:
+        print(f"gearlib {asked.name}: {' '.join(str(problem).split())}", file=sys.stderr)
+        return USERS_FAULT
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    return OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    from gearlib import __version__
+
+    parser = argparse.ArgumentParser(prog="gearlib", description="Dynamics of gear trains, from the command line.")
+    parser.add_argument("--version", action="version", version=f"gearlib {__version__}")
+    commands = parser.add_subparsers(dest="name", required=True, metavar="COMMAND")
+
+    def command(name: str, function: Callable[[argparse.Namespace], None], text: str) -> argparse.ArgumentParser:
+        made = commands.add_parser(name, help=text, description=text, epilog=f"example: {EXAMPLES[name]}")
+        made.set_defaults(command=function)
+        return made
+
+    info = command("info", _info, "say what a model consists of, its states, inputs and parameters")
+    run = command("run", _run, "simulate a model")
+    modes = command("modes", _modes, "natural frequencies and damping of a model")
+    check = command("check", _check, "check the units of a model, and that it compiles and starts")
+    for each in (info, run, modes, check):
+        each.add_argument("model", metavar="MODEL", help=MODEL)
+        each.add_argument("--set", action="append", default=[], metavar="NAME=NUMBER", help="a parameter's value")
+        each.add_argument("--parameters", metavar="FILE", help="values of parameters: .toml, .csv or .ssv")
+    run.add_argument("--t-end", type=float, required=True, metavar="S", help="end of the run, s")
+    run.add_argument("--samples", type=int, metavar="N", help="number of output times (501)")
+    run.add_argument("--method", default="auto", help="auto, exact, ida, rk, rk5 or rk8")
+    run.add_argument("--rtol", type=float, default=1e-6, help="relative tolerance (1e-6)")
+    run.add_argument("--start", action="append", default=[], metavar="NAME=NUMBER", help="a start value")
+    run.add_argument(
+        "--input", action="append", default=[], metavar="NAME=VALUE", help="an input: a number, or FILE:TIME,COLUMN for a table"
+    )
+    run.add_argument("--outputs", metavar="NAME,NAME", help="variables to compute and save (all)")
+    run.add_argument(
+        "--out", metavar="FILE", help="save the result: .mat, .csv, .nc, .zarr or .parquet; - for CSV on the screen"
+    )
+    run.add_argument("--plot", metavar="NAME,NAME", help="show these variables")
+    plot = command("plot", _plot, "plot variables of a result file")
+    plot.add_argument("result", metavar="RESULT", help="a file that `gearlib run --out` or result.save() wrote")
+    plot.add_argument("names", nargs="*", metavar="NAME", help="variables (the first eight)")
+    plot.add_argument("--out", metavar="FILE", help="save the picture: .png, .svg or .pdf; else it is shown")
+    return parser
+
+
+# ---------------------------------------------------------------- commands
+
+
+def _info(asked: argparse.Namespace) -> None:
+    from gearlib.system import compile
+
+    system = compile(_component(asked.model))
+    print(system.summary())
+    for title, names in (("inputs", system.inputs), ("states", system.states)):
+        print(f"{title}: {', '.join(names) or 'none'}")
+    print("parameters:")
+    values, units = system.parameters | _parameters(asked), system.parameter_units
+    for name in (name for name in values if "#" not in name):
+        unit = units.get(name, "")
+        print(f"  {name} = {values[name]:.6g}{'' if unit in ('', '1') else ' ' + unit}")
+
+
+def _run(asked: argparse.Namespace) -> None:
+    from gearlib.files.csv_text import write_columns
+    from gearlib.files.formats import as_path, format_of
+    from gearlib.system import compile
+
+    if asked.out not in (None, "-"):
+        format_of(as_path("--out", asked.out))  # before the run
+    outputs = None if asked.outputs is None else asked.outputs.split(",")
+    system = compile(_component(asked.model), outputs)
+    result = system.simulate(
+        asked.t_end, samples=asked.samples, method=asked.method, rtol=asked.rtol, parameters=_parameters(asked),
+        start=dict(_assigned("--start", text) for text in asked.start) or None, inputs=_inputs(asked.input),
+    )  # fmt: skip
+    if asked.out == "-":
+        write_columns(result.record(), sys.stdout)
+    else:
+        print(result)
+        print("\n".join(f"{name} = {value:.6g} {result.unit(name)}".rstrip() for name, value in result.final.items()))
+        if asked.out is not None:
+            result.save(asked.out)
+    if asked.plot is not None:
+        _shown(result.plot(*asked.plot.split(",")), None)
+
+
+def _modes(asked: argparse.Namespace) -> None:
+    from gearlib.system import compile
+    from gearlib.vibration.modes import modes
+
+    print(modes(compile(_component(asked.model)), parameters=_parameters(asked)))
+
+
+def _plot(asked: argparse.Namespace) -> None:
+    from gearlib.stored_result import load_result
+
+    result = load_result(asked.result)
+    _shown(result.plot(*(asked.names or result.keys()[:8])), asked.out)
+
+
+def _check(asked: argparse.Namespace) -> None:
+    from gearlib.language.dimensions import check_units
+    from gearlib.system import compile
+
+    component = _component(asked.model)
+    check_units(component)
+    system = compile(component)
+    system.simulate(1e-9, samples=2, parameters=_parameters(asked), inputs=dict.fromkeys(system.inputs, 0.0))
+    print(f"{system.name}: units agree, {len(system.states)} states, it starts")
+
+
+def _shown(axes: Any, path: str | None) -> None:
+    import numpy as np
+
+    from gearlib.optional import optional
+
+    figure = np.ravel(axes)[0].figure
+    if path is None:
+        optional("matplotlib.pyplot").show()
+        return
+    try:
+        figure.savefig(path)
+    except (OSError, ValueError) as problem:
+        raise FileError(f"{path} cannot be written: {problem}") from None
+
+
+# ---------------------------------------------------------------- what the arguments stand for
+
+
+def _component(model: str) -> Any:
+    """An instance of the class that a model's name stands for."""
+    from gearlib.language.component import Component
+
+    place, colon, name = model.rpartition(":")
+    if not colon or not name:
+        raise ArgumentError(f"the model is '{model}'; expected {MODEL}")
+    try:
+        module = _module(place)
+    except GearlibError:
+        raise
+    except Exception as problem:  # whatever the user's file does
+        raise ArgumentError(f"{place} cannot be loaded: {type(problem).__name__}: {problem}") from None
+    classes = {n: c for n, c in vars(module).items() if isinstance(c, type) and issubclass(c, Component) and c is not Component}
+    if name not in classes:
+        raise NameLookupError(f"{place} has no component class {name}; {nearest(name, classes)}")
+    return classes[name]()
+
+
+def _module(place: str) -> Any:
+    if not place.endswith(".py"):
+        return importlib.import_module(place)
+    path = Path(place).resolve()
+    if not path.is_file():
+        raise FileError(f"{place} cannot be read: there is no such file")
+    sys.path.insert(0, str(path.parent))  # what it imports may lie beside it
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise FileError(f"{place} cannot be read as a Python module")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _assigned(option: str, text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        found = f"'{value}', which is no number" if equals else "no '='"
+        raise ArgumentError(f"{option} {text}: there is {found}; expected NAME=NUMBER, as in {option} load.J=3") from None
+
+
+def _parameters(asked: argparse.Namespace) -> dict[str, float]:
+    from gearlib.files.parameter_sets import load_parameters
+
+    found = {} if asked.parameters is None else load_parameters(asked.parameters)
+    return found | dict(_assigned("--set", text) for text in asked.set)
+
+
+def _inputs(given: Sequence[str]) -> dict[str, Any] | None:
+    from gearlib.solvers.inputs.table import Table
+
+    found: dict[str, Any] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        path, colon, columns = value.rpartition(":")
+        time, comma, column = columns.partition(",")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            if not (equals and colon and comma and column):
+                raise ArgumentError(
+                    f"--input {text}: expected NAME=NUMBER or NAME=FILE:TIME,COLUMN, as in --input torque.tau=torque.csv:t,tau"
+                ) from None
+            found[name] = Table.read(path, time=time, column=column)
+    return found or None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,151 @@
+"""The command `gearlib`: what it prints, what it writes, and one line for a user's fault."""
+
+from __future__ import annotations
+
+import csv
+import io
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+import gearlib as gl
+from gearlib.command_line import EXAMPLES, main
+
+DRIVE = textwrap.dedent('''
+    import gearlib as gl
+    import gearparts as gp
+
+
+    class Drive(gl.Component):
+        """A motor turns a load."""
+
+        J_load = gl.Parameter("kg.m2", "load inertia", default=2.0, min=0)
+
+        def assemble(self):
+            self.torque, self.shaft = gp.Torque(), gp.SpringDamper(c=100.0, d=0.1)
+            self.motor, self.load = gp.Inertia(J=1.0), gp.Inertia(J=self.J_load)
+            return [
+                gl.connect(self.torque.flange, self.motor.flange_a),
+                gl.connect(self.motor.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.load.flange_a),
+            ]
+''')
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> str:
+    (tmp_path / "drive.py").write_text(DRIVE, encoding="utf-8")
+    (tmp_path / "torque.csv").write_text("t,tau\n0,6\n9,6\n", encoding="utf-8")
+    (tmp_path / "bad.py").write_text("1 / 0\n", encoding="utf-8")
+    return f"{tmp_path / 'drive.py'}:Drive"
+
+
+def test_run_saves_what_was_asked_for(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["run", drive, "--t-end", "2", "--set", "J_load=3", "--input", f"torque.tau={tmp_path / 'torque.csv'}:t,tau"]
+    assert (
+        main([*asked, "--out", str(tmp_path / "r.mat"), "--samples", "5", "--start", "motor.w=1", "--start", "load.w=1"]) == 0
+    )
+    printed = capsys.readouterr().out
+    assert printed.startswith("<Result: 5 samples, 0 .. 2 s")
+    found = gl.load_result(tmp_path / "r.mat")
+    momentum = found["motor.w"] + 3.0 * found["load.w"]
+    assert momentum == pytest.approx(4.0 + 6.0 * found.time)
+    assert found.parameters["load.J"] == 3.0
+    assert main(["plot", str(tmp_path / "r.mat"), "load.w", "--out", str(tmp_path / "r.png")]) == 0
+    assert (tmp_path / "r.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_run_prints_csv_and_nothing_else(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "p.toml").write_text("J_load = 2.0\n", encoding="utf-8")
+    asked = [
+        "run",
+        drive,
+        "--t-end",
+        "2",
+        "--samples",
+        "3",
+        "--input",
+        "torque.tau=6",
+        "--outputs",
+        "load.w,motor.w",
+        "--out",
+        "-",
+    ]
+    assert main([*asked, "--parameters", str(tmp_path / "p.toml")]) == 0
+    head, *rows = csv.reader(io.StringIO(capsys.readouterr().out))
+    assert head == ["time", "load.w", "motor.w"]
+    assert [2 * float(load) + float(motor) for _, load, motor in rows] == pytest.approx([0.0, 6.0, 12.0])
+
+
+def test_info_modes_and_check(drive: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert [main([name, drive, "--set", "J_load=3"]) for name in ("info", "modes", "check")] == [0, 0, 0]
+    printed = capsys.readouterr().out
+    assert "inputs: torque.tau" in printed
+    assert "  J_load = 3 kg.m2" in printed
+    assert "1.83" in printed  # Hz, sqrt(100 (1 + 1/3)) / (2 pi)
+    assert "Drive: units agree, " in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["info", "{drive}x"], "has no component class Drivex; did you mean 'Drive'?"),
+        (["info", "drive"], "the model is 'drive'; expected FILE.py:CLASS"),
+        (["info", "nowhere.py:Drive"], "nowhere.py cannot be read: there is no such file"),
+        (["info", "no_such_module:Drive"], "no_such_module cannot be loaded: ModuleNotFoundError"),
+        (["info", "{folder}/bad.py:Drive"], "bad.py cannot be loaded: ZeroDivisionError: division by zero"),
+        (["run", "{drive}", "--t-end", "-1"], "t_end (-1) must be greater than t_start (0)"),
+        (["run", "{drive}", "--t-end", "1", "--set", "J_lod=3"], "no parameter 'J_lod'; did you mean 'J_load'"),
+        (["run", "{drive}", "--t-end", "1", "--set", "J_load"], "--set J_load: there is no '='; expected NAME=NUMBER"),
+        (["run", "{drive}", "--t-end", "1", "--set", "J_load=x"], "--set J_load=x: there is 'x', which is no number"),
+        (["run", "{drive}", "--t-end", "1", "--input", "torque.tau=t.csv"], "expected NAME=NUMBER or NAME=FILE:TIME,COLUMN"),
+        (["run", "{drive}", "--t-end", "1", "--input", "torque.tau={folder}/torque.csv:t,x"], "torque.csv has no column 'x'"),
+        (["run", "{drive}", "--t-end", "1", "--out", "r.xls"], "r.xls has the suffix '.xls'; expected .mat"),
+        (["plot", "{folder}/drive.py"], "drive.py has the suffix '.py'"),
+    ],
+)
+def test_a_users_fault_is_one_line(arguments: list[str], message: str, drive: str, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = Path(drive.rpartition(":")[0]).parent
+    assert main([a.format(drive=drive, folder=folder) for a in arguments]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+    assert said.startswith(f"gearlib {arguments[0]}: ")
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_help_shows_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main([name, "--help"])
+    assert stopped.value.code == 0
+    assert " ".join(EXAMPLES[name].split()) in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_warning_is_one_line(drive: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", drive, "--t-end", "1", "--outputs", "load.w"]) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("gearlib run: warning: Drive: nobody gave the input torque.tau")
+    assert said.count("\n") == 1
+
+
+def test_wrong_usage_ends_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in ([], ["nonsense"], ["run", "drive.py:Drive"]):
+        with pytest.raises(SystemExit) as stopped:
+            main(arguments)
+        assert stopped.value.code == 2
+    assert "usage: gearlib" in capsys.readouterr().err
+
+
+def test_who_reads_the_output_may_stop(drive: str) -> None:
+    asked = [sys.executable, "-m", "gearlib.command_line", "run", drive, "--t-end", "1", "--samples", "20000", "--out", "-"]
+    with subprocess.Popen([*asked, "--input", "torque.tau=1"], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline().startswith(b"time,")
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
