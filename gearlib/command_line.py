@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = warned
+            warnings.showwarning = warned  # type: ignore[assignment]
             asked.command(asked)
         sys.stdout.flush()
     except BrokenPipeError:  # who read the output has seen enough; nothing more can be written there, at the exit either
@@ -197,9 +197,11 @@ def _component(model: str) -> Any:
     except Exception as problem:  # whatever the user's file does
         raise ArgumentError(f"{place} cannot be loaded: {type(problem).__name__}: {problem}") from None
     classes = {n: c for n, c in vars(module).items() if isinstance(c, type) and issubclass(c, Component) and c is not Component}
-    if name not in classes:
-        raise NameLookupError(f"{place} has no component class {name}; {nearest(name, classes)}")
-    return classes[name]()
+    found = classes.get(name) or (getattr(module, name) if name in getattr(module, "__all__", ()) else None)
+    if not (isinstance(found, type) and issubclass(found, Component)):
+        valid = [*classes, *getattr(module, "__all__", ())]
+        raise NameLookupError(f"{place} has no component class {name}; {nearest(name, valid)}")
+    return found()
 
 
 def _module(place: str) -> Any:

@@ -80,6 +80,16 @@ def test_run_prints_csv_and_nothing_else(drive: str, tmp_path: Path, capsys: pyt
     assert [2 * float(load) + float(motor) for _, load, motor in rows] == pytest.approx([0.0, 6.0, 12.0])
 
 
+def test_models_of_a_package(capsys: pytest.CaptureFixture[str]) -> None:
+    assert (
+        main(["run", "gearparts:ZhouCui2022", "--t-end", "0.1", "--samples", "2", "--input", "tau_in=100", "--outputs", "w_in"])
+        == 0
+    )
+    assert "w_in = " in capsys.readouterr().out
+    assert main(["info", "gearparts:ZhouCui2021"]) == 2
+    assert "did you mean 'ZhouCui2022'" in capsys.readouterr().err
+
+
 def test_info_modes_and_check(drive: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert [main([name, drive, "--set", "J_load=3"]) for name in ("info", "modes", "check")] == [0, 0, 0]
     printed = capsys.readouterr().out
