@@ -154,8 +154,11 @@ def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
 
 
 def _norm(matrix: Floats) -> float:
-    """About the largest singular value, from below."""
-    x = np.ones(len(matrix))
+    """About the largest singular value, from below: at least the largest row's norm.
+
+    The iteration begins with that row, since the matrix of a train that turns freely takes equal speeds to zero.
+    """
+    x = matrix[int(np.argmax(np.linalg.norm(matrix, axis=1)))] if len(matrix) else np.ones(0)
     for _ in range(20):
         x = matrix.T @ (matrix @ (x / max(float(np.linalg.norm(x)), 1e-300)))
     return float(np.sqrt(np.linalg.norm(x)))

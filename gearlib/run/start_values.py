@@ -23,6 +23,7 @@ from gearlib.structure.incidence import Node
 Floats = NDArray[np.float64]
 ROUNDING = 1e-10  # of the terms of a start value: what it may miss, as values that another program computed or printed do
 NOTHING = 1e-12  # the most that computing start values leaves where zero is right
+LEAST = 1e-15  # of a variable's nominal value: a start value up to that stands for zero
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,11 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
     for v, value in [*given, *overrides.items()]:
         rep, sign = int(model.representative[v]), int(model.sign[v])
         if sign == 0:
-            if abs(value) > nothing:
+            if abs(value) > max(nothing, LEAST * model.nominal[rep]):
                 raise StartError(f"start of {model.name(v)} is {value:g}, but it is always zero")
             continue
-        if rep in fixed and abs(fixed[rep][0] - sign * value) > ROUNDING * abs(value) + nothing:
+        apart = abs(fixed[rep][0] - sign * value) if rep in fixed else 0.0
+        if apart > max(ROUNDING * abs(value) + nothing, 0.0 if value else LEAST * model.nominal[rep]):
             other = fixed[rep][1]
             raise StartError(
                 f"start values contradict each other: {other} and {model.name(v)} are one variable (up to its sign), but are "
@@ -176,6 +178,7 @@ def _satisfy(
     scale = here.nominal[free] if free else np.empty(0)
     moved: set[int] = set()
     nothing = _rounding(value for value, _ in fixed.values())
+    least = LEAST * structure.model.nominal[[v for v, _ in others]]
     last = np.inf
     for _ in range(30):
         slots = evaluate(prepared, now, x[:, None], u, flags, start)
@@ -185,7 +188,7 @@ def _satisfy(
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
         # an error is measured by the terms that it is left of, not by other values: at 1e9 rad, 3 rad are no rounding
         terms = np.abs(gradient) @ np.abs(x) + np.abs(found - gradient @ x) + np.abs(wanted)
-        wrong = ~(np.abs(error) <= ROUNDING * terms + nothing)
+        wrong = ~(np.abs(error) <= ROUNDING * terms + nothing + least * (np.abs(wanted) <= least))
         worst = float(np.abs(error).max())
         if (not wrong.any() and not worst < 0.1 * last) or not free:
             break

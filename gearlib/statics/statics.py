@@ -45,6 +45,7 @@ def power_flow(
     a turn of it. Where loads that depend on speed allow several motions, it is the one that the
     train comes to from its start values, or the one near these. Parallel paths that could be preloaded against each
     other, such as planets with meshes of their own, share the load by their stiffness, equal planets equally (`PowerFlow.shared`).
+    Where all torques are given, gaps are closed, or open, as they are in the steady state that the train comes to.
 
     Parameters
     ----------
@@ -125,11 +126,11 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
     values = {g.variable: g.value for g in given if g.order == VALUE}
     if not any(g.order for g in given) and set(values) == set(inputs):
         try:
-            reached = _steady_speeds(translation, numbers, [values[v] * sign for v, sign in inputs.items()])
+            reached, twisted = _steady_state(translation, numbers, [values[v] * sign for v, sign in inputs.items()])
         except (StartError, SolverError, ModelError):
-            reached = []
+            reached, twisted = [], []
         if reached:
-            found = solve(model, numbers, given, reached)
+            found = solve(model, numbers, given, [*reached, *twisted])
             if not (found.residual > CONTRADICTION).any() and _agree(found, reached):
                 return found
     if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
@@ -146,16 +147,18 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
     )
 
 
-def _steady_speeds(translation: Translation, numbers: Floats, inputs: Sequence[float]) -> list[Given]:
-    """The speeds in the steady state that the train comes to."""
-    scene = translation.scene
+def _steady_state(translation: Translation, numbers: Floats, inputs: Sequence[float]) -> tuple[list[Given], list[Given]]:
+    """The speeds in the steady state that the train comes to, and the deflections, which say where gaps are closed."""
+    scene, model = translation.scene, translation.model
     begin = translation.start(scene, numbers, 0.0, "steady", list(inputs))
-    model, found = translation.model, []
+    speeds, deflections = [], []
     for (v, k), value in zip(scene.states, begin.states.tolist(), strict=True):
         declared = model.declaration(v)
         if (k == 0 and declared is not None and declared.unit in ("rad/s", "m/s")) or (k == 1 and model.potential[v]):
-            found.append(Given("speed", v, k, value))
-    return found
+            speeds.append(Given("speed", v, k, value))
+        elif k == 0 and not model.potential[v]:
+            deflections.append(Given("deflection", v, k, value))
+    return speeds, deflections
 
 
 def _agree(motion: Motion, speeds: Sequence[Given]) -> bool:

@@ -58,6 +58,8 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats 
     inner, coupling = zero.T @ balanced @ zero, zero.T @ balanced @ others
     full = np.zeros((n, len(values)), complex)
     for k, value in enumerate(values):
+        if value.imag <= 0:
+            continue  # a decay, which is given without a shape, or the other of a pair
         w = vectors[:, k]
         at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
         full[:, k] = others @ w + zero @ at_zero

@@ -31,6 +31,16 @@ def test_zeros_are_exact_and_their_chains_are_known() -> None:
     assert found.values[2:] == pytest.approx(np.roots([1, 0.1, 9.0])[::-1], abs=1e-12)
 
 
+def test_a_matrix_that_takes_equal_speeds_to_zero() -> None:
+    """Two bodies and a damper: equal entries, of which no rank tells that they cancel unless the matrix's size is known."""
+    a, b = 0.00321352195939963, 0.00968580166410944
+    found = poles([[-a, a, 0.0], [b, -b, 0.0], [0.0, 0.0, 0.0]])
+    assert found.chains == (2,)
+    assert found.values[2].real == pytest.approx(-(a + b), rel=1e-12)
+    shaken = poles([[-a, a * (1 + 1e-15), 0.0], [b, -b, 0.0], [0.0, 0.0, 0.0]])
+    assert shaken.chains == (2,)
+
+
 @pytest.mark.parametrize("zeros", [0, 1, 3, 12])
 @pytest.mark.parametrize("open_", [False, True])
 def test_null_spaces_are_those_of_singular_values(zeros: int, open_: bool) -> None:

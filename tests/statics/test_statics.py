@@ -550,3 +550,29 @@ def test_speeds_that_nothing_tells_apart_are_named() -> None:
         gl.GearlibError, match=r"several steady motions have the given motor\.tau: der\(.*\) is .* in one and .* in another"
     ):
         gl.power_flow(system, torques={"motor.tau": 50.0})
+
+
+@pytest.mark.parametrize("tau", [3.0, -3.0])
+@pytest.mark.parametrize("mesh", [False, True])
+def test_a_gap_that_the_torque_closes(tau: float, mesh: bool) -> None:
+    """From inside an open gap the train comes to turn with it closed, at the side of the torque: w = tau w_n / tau_n, as a long run."""
+
+    class Train(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.a, self.b = gp.Torque(tau=tau), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+            flanks = gp.DetailedExternalMesh(r_a=0.05, r_b=0.05, c=1e7, d=3e5, backlash=True, b=1e-4)
+            self.gap = flanks if mesh else gp.ElastoBacklash(c=1e3, d=10.0, b=0.1)
+            self.load = gp.LinearSpeedDependentTorque(tau_nominal=-2.0, w_nominal=4.0, torque_direction=False)
+            return [
+                gl.connect(self.drive.flange, self.a.flange_a),
+                gl.connect(self.a.flange_b, self.gap.flange_a),
+                gl.connect(self.gap.flange_b, self.b.flange_a),
+                gl.connect(self.b.flange_b, self.load.flange),
+            ]
+
+    flow = gl.power_flow(gl.compile(Train()))
+    sense = -1.0 if mesh else 1.0
+    assert flow["b.flange_a"].speed == pytest.approx(sense * 2.0 * tau, rel=1e-6)
+    assert flow["gap.flange_a"].torque == pytest.approx(tau, rel=1e-6)
+    run = gl.simulate(Train(), 150.0, samples=2)
+    assert run["b.w"][-1] == pytest.approx(flow["b.flange_a"].speed, rel=1e-4)

@@ -49,8 +49,16 @@ def judge_analyses(train: Train, seed: int = 0) -> Verdict:
         return Verdict(UNCLEAR, "no unique motion: judged among the linear trains")
     verdicts: list[Verdict] = []
 
+    compiled: list[gl.System] = []
+    order = rng.choice([0, seed + 1])
+
+    def system() -> gl.System:
+        if not compiled:
+            compiled.append(gl.compile(Model(train=train, order=order)))
+        return compiled[0]
+
     def asked(what: str, refusal: str | None, action: Callable[[gl.System], Verdict]) -> None:
-        verdict = attempted(lambda: action(gl.compile(Model(train=train, order=rng.choice([0, seed + 1])))), refusal)
+        verdict = attempted(lambda: action(system()), refusal or solved.differentiated)
         verdicts.append(Verdict(verdict.kind, f"{what}: {verdict.detail}"))
 
     asked("mobility", None, lambda system: mobility(system, solved))

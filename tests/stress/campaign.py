@@ -1,8 +1,9 @@
 """The differential campaign: `python -m tests.stress.campaign linear 1000` judges a thousand random trains, each within a time limit.
 
 Prints every train that falls short, reduced to as few parts as still do, and counts at the end. ``--first`` sets the first seed,
-``--seconds`` the limit of processor time, ``--keep`` leaves the trains as they were drawn, ``--into`` adds the counts to a JSON
-file, and ``page --into FILE`` puts the counts of such a file on docs/stability.md.
+``--seconds`` the limit of processor time, ``--keep`` leaves the trains as they were drawn, ``--into`` adds the counts, and the seeds
+that fell short, to a JSON file. ``again --into FILE`` judges these seeds once more, after a mend, and ``page --into FILE`` puts the
+counts of such a file on docs/stability.md.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ from tests.stress.hybrid_campaign import judge_hybrid
 from tests.stress.hybrid_draw import hybrid_train
 from tests.stress.linear_campaign import judge_linear
 from tests.stress.linear_draw import linear_train
+from tests.stress.order import judge_order, ordered_train
 from tests.stress.verdicts import HANG, REFUSED, RIGHT, SHORT, UNCLEAR, Verdict
 
 FAMILIES: dict[str, tuple[Callable[[int], Train], Callable[[Train, int], Verdict]]] = {
     "linear": (linear_train, judge_linear),
     "hybrid": (hybrid_train, judge_hybrid),
     "analyses": (analysed_train, judge_analyses),
+    "order": (ordered_train, judge_order),
 }
 
 
@@ -94,6 +97,7 @@ def campaign(family: str, first: int, count: int, seconds: float, keep: bool, in
     """Judge trains and print those that fall short."""
     counts: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
+    fallen: dict[str, str] = {}
     worker, begin = Worker(seconds), time.perf_counter()
     for seed in range(first, first + count):
         verdict = worker(family, seed)
@@ -101,6 +105,7 @@ def campaign(family: str, first: int, count: int, seconds: float, keep: bool, in
         if verdict.kind == REFUSED:
             reasons[verdict.reason] += 1
         if verdict.short:
+            fallen[str(seed)] = verdict.kind
             print(f"\n{family} {seed}: {verdict.kind}: {verdict.detail}", flush=True)
             if not keep:
                 train = FAMILIES[family][0](seed)
@@ -113,11 +118,38 @@ def campaign(family: str, first: int, count: int, seconds: float, keep: bool, in
     worker.process.kill()
     print(f"\n{family}: {dict(counts)} in {time.perf_counter() - begin:.0f} s")
     if into is not None:
-        whole: dict[str, Any] = json.loads(into.read_text()) if into.exists() else {"verdicts": {}, "refusals": {}}
+        whole = kept(into)
         for title, found in (("verdicts", counts), ("refusals", reasons)):
             whole[title][family] = dict(Counter(whole[title].get(family, {})) + found)
+        whole["short"].setdefault(family, {}).update(fallen)
         into.write_text(json.dumps(whole, indent=1))
     return counts
+
+
+def kept(counted: Path) -> dict[str, Any]:
+    """Counts of verdicts and of reasons for refusals, and the seeds that fell short, by family."""
+    empty: dict[str, Any] = {"verdicts": {}, "refusals": {}, "short": {}}
+    return {**empty, **(json.loads(counted.read_text()) if counted.exists() else {})}
+
+
+def again(counted: Path, seconds: float) -> int:
+    """Judge once more the seeds that fell short, and count them as they are judged now; how many still fall short."""
+    whole, worker = kept(counted), Worker(seconds)
+    for family, fallen in whole["short"].items():
+        verdicts, reasons = Counter(whole["verdicts"][family]), Counter(whole["refusals"].get(family, {}))
+        for seed, before in list(fallen.items()):
+            verdict = worker(family, int(seed))
+            verdicts[before] -= 1
+            verdicts[verdict.kind] += 1
+            reasons[verdict.reason] += verdict.kind == REFUSED
+            del fallen[seed]
+            if verdict.short:
+                fallen[seed] = verdict.kind
+                print(f"\n{family} {seed}: {verdict.kind}: {verdict.detail}", flush=True)
+        whole["verdicts"][family], whole["refusals"][family] = dict(+verdicts), dict(+reasons)
+    worker.process.kill()
+    counted.write_text(json.dumps(whole, indent=1))
+    return sum(map(len, whole["short"].values()))
 
 
 def page(counted: Path) -> None:
@@ -142,7 +174,7 @@ def page(counted: Path) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("family", choices=[*sorted(FAMILIES), "page"])
+    parser.add_argument("family", choices=[*sorted(FAMILIES), "again", "page"])
     parser.add_argument("count", type=int, nargs="?", default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=60.0)
@@ -152,6 +184,8 @@ def main() -> int:
     if given.family == "page":
         page(given.into)
         return 0
+    if given.family == "again":
+        return min(again(given.into, given.seconds), 1)
     counts = campaign(given.family, given.first, given.count, given.seconds, given.keep, given.into)
     return int(any(Verdict(kind).short for kind in counts)) if counts[RIGHT] else 1
 

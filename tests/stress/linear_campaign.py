@@ -29,8 +29,7 @@ def judge_linear(train: Train, seed: int = 0) -> Verdict:
         refusal = "one prescribed motion follows from others"
     if refusal is None and solved.struck:
         refusal = "a step of torque acts on what has neither inertia nor damping"
-    if refusal is None and solved.differentiated:
-        refusal = "an input that is bound to nothing would have to be differentiated"
+    refusal = refusal or solved.differentiated
     return attempted(lambda: _run(train, solved, random.Random(seed), refusal), refusal)
 
 
@@ -93,8 +92,7 @@ def _run(train: Train, solved: LinearTrain, rng: random.Random, refusal: str | N
     other = Model(train=train, order=order)
     for verdict in (
         lambda: compared(system, "auto", times, names),
-        lambda: compared(system, method, times, names, method=method),
-        lambda: compared(gl.compile(other), f"order {order}", times, names),
+        lambda: compared(gl.compile(other, names), f"{method}, order {order}", times, names, method=method),
         lambda: compared(gl.compile(other, chosen), f"order {order}, outputs {chosen} at {coarse.tolist()}", coarse, chosen),
     ):
         found = verdict()

@@ -289,15 +289,21 @@ class LinearTrain:
         return bool(steps.size and self.T3.size and np.abs(steps @ self.T3).max() > 1e-9)
 
     @property
-    def differentiated(self) -> bool:
-        """Whether an input that is bound to nothing acts on what has no inertia: speeds or accelerations need its derivative."""
+    def differentiated(self) -> str | None:
+        """Whether an input that is bound to nothing acts on what has no inertia: speeds or accelerations need its derivative.
+
+        Where it acts between what is rigidly one, the derivative cancels, which an analysis of structure does not see.
+        """
         massless = np.hstack([self.T2, self.T3])
+        found: str | None = None
         for part in self.train.parts:
             if part.kind in ("Torque", "Torque2") and any(not s.bound for _, s in part.signals()):
                 row = self.spread(part, (-1.0, 1.0) if part.kind == "Torque2" else (1.0, -1.0)[: len(part.at)])
                 if np.abs(row @ massless).max(initial=0.0) > 1e-9:
-                    return True
-        return False
+                    return "an input that is bound to nothing would have to be differentiated"
+                if np.abs(massless[row != 0]).max(initial=0.0) > 1e-9:
+                    found = "an input that is bound to nothing acts within what has no inertia"
+        return found
 
     @property
     def moments(self) -> list[float]:

@@ -2,25 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 import gearlib as gl
+from tests.stress.analyses_campaign import analysed_train
 from tests.stress.described import Model, Train
+from tests.stress.linear_draw import linear_train
+from tests.stress.verdicts import RIGHT, WRONG, Verdict, attempted
 
 TIMES = np.linspace(0.0, 0.5, 4)
+METHODS = ("rk", "ida", "exact", "auto")
 
 
-def answers(train: Train, order: int) -> dict[str, Any]:
-    """What each analysis says; of a refusal, its kind."""
+def ordered_train(seed: int) -> Train:
+    """A linear train, every second one under constant torques."""
+    return (analysed_train if seed % 2 else linear_train)(seed)
+
+
+def judge_order(train: Train, seed: int = 0) -> Verdict:
+    """Whether all answers, and the kinds of refusals, are the same in another order."""
+
+    def compared() -> Verdict:
+        wrong = differences(train, seed + 1, [METHODS[seed // 2 % 3], "auto"])
+        return Verdict(WRONG, wrong[0]) if wrong else Verdict(RIGHT)
+
+    return attempted(compared, None)
+
+
+def answers(train: Train, order: int, methods: Sequence[str] = METHODS) -> dict[str, Any]:
+    """What each method and each analysis says; of a refusal, its kind."""
     try:
         system = gl.compile(Model(train=train, order=order))
     except gl.GearlibError as refusal:
         return {"compile": type(refusal).__name__}
     found: dict[str, Any] = {"redundant": redundant(system)}
-    for name, action in questions(system, train):
+    for name, action in questions(system, train, methods):
         try:
             found |= {f"{name}: {what}": value for what, value in action().items()}
         except gl.GearlibError as refusal:
@@ -33,7 +52,7 @@ def redundant(system: gl.System) -> list[str]:
     return [line for line in system.summary().split("\n") if line.startswith("  redundant")]
 
 
-def questions(system: gl.System, train: Train) -> Iterator[tuple[str, Callable[[], dict[str, Any]]]]:
+def questions(system: gl.System, train: Train, methods: Sequence[str]) -> Iterator[tuple[str, Callable[[], dict[str, Any]]]]:
     """Names of analyses, and what gives their answers."""
     given = train.unbound()
     names = sorted(system.variables)
@@ -78,7 +97,7 @@ def questions(system: gl.System, train: Train) -> Iterator[tuple[str, Callable[[
         parts = {"work": balance.work, "stored": balance.stored, "heat": balance.heat}
         return {f"{what} {path}": values for what, by_path in parts.items() for path, values in by_path.items()}
 
-    for method in ("rk", "ida", "exact", "auto"):
+    for method in methods:
         yield method, run(method)
     yield "mobility", lambda: {"freedoms": gl.mobility(system)}
     for a, b in shafts:
@@ -102,9 +121,9 @@ def moving(values: Any) -> Any:
     return np.array(sorted(kept, key=lambda v: (round(float(v.real / size), 7), round(float(v.imag / size), 7))))
 
 
-def differences(train: Train, order: int, tolerance: float = 1e-6) -> list[str]:
+def differences(train: Train, order: int, methods: Sequence[str] = METHODS, tolerance: float = 1e-6) -> list[str]:
     """Where the answers depend on the order."""
-    one, other = answers(train, 0), answers(train, order)
+    one, other = answers(train, 0, methods), answers(train, order, methods)
     wrong = [f"only once: {name}" for name in sorted(one.keys() ^ other.keys())]
     sizes: dict[str, float] = {}
     for name in one.keys() & other.keys():
