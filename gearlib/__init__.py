@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from gearlib.periodic.order_analysis import order_waterfall as order_waterfall
     from gearlib.run.energy.energy_balance import EnergyBalance as EnergyBalance
     from gearlib.run.result import Result as Result
+    from gearlib.run.stepping.stepped_run import SteppedRun as SteppedRun
     from gearlib.solvers.inputs.table import Table as Table
     from gearlib.statics.power_flow import PowerFlow as PowerFlow
     from gearlib.statics.statics import mobility as mobility
@@ -133,6 +134,7 @@ _HOME = {
     "Result": "gearlib.run.result",
     **dict.fromkeys(["load_parameters", "save_parameters"], "gearlib.files.parameter_sets"),
     "load_result": "gearlib.stored_result",
+    "SteppedRun": "gearlib.run.stepping.stepped_run",
     "Table": "gearlib.solvers.inputs.table",
     **dict.fromkeys(["System", "compile", "simulate"], "gearlib.system"),
 }  # fmt: skip

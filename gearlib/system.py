@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from gearlib.arguments import flag, name_list, real
-from gearlib.errors import InputWarning, warn
+from gearlib.errors import ArgumentError, InputWarning, warn
 from gearlib.language.component import Component
 from gearlib.reduce.rows import some
 from gearlib.run.request import Request, check_options, output_times
@@ -21,6 +21,7 @@ from gearlib.run.translation import Compiled, Translation, translate
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from gearlib.run.stepping.stepped_run import SteppedRun
     from gearlib.statics.power_flow import PowerFlow
     from gearlib.vibration.campbell import Campbell
 
@@ -220,6 +221,68 @@ class System(Compiled):
         if audit:
             result.check_energy()
         return result
+
+    def stepper(
+        self, *, t_start: float | None = None, method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
+        parameters: Mapping[str, float] | None = None,
+        start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
+        inputs: Mapping[str, Any] | None = None, max_step: float | None = None,
+    ) -> SteppedRun:  # fmt: skip
+        """Begin a run that is advanced from outside: to control it, to couple it with another program, to watch and stop it.
+
+        Parameters
+        ----------
+        t_start : float, optional
+            s; 0 unless given, or where a run that goes on had got to.
+        method : {"auto", "ida", "rk", "rk5", "rk8"}
+            As in `simulate`; ``"auto"`` takes Runge-Kutta, and IDA where that gets on faster.
+        rtol, atol, parameters, start
+            As in `simulate`.
+        inputs : mapping, optional
+            Of unbound inputs to begin with: numbers, functions of time, or tables; 0 unless given. They can be set between two steps.
+        max_step : float, optional
+            Longest step, s: no event that lasts longer is stepped over, and no pulse. By default a step may be as long as an advance.
+
+        Returns
+        -------
+        SteppedRun
+
+        Raises
+        ------
+        ArgumentError, NameLookupError, BoundError, StartError, SolverError
+            Each names what was found and what was expected.
+
+        Examples
+        --------
+        A torque that depends on what has been measured:
+
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Drive(gl.Component):
+        ...     def assemble(self):
+        ...         self.torque, self.load = gp.Torque(), gp.Inertia(J=2.0)
+        ...         return [gl.connect(self.torque.flange, self.load.flange_a)]
+        >>> run = gl.compile(Drive()).stepper()
+        >>> while run["load.w"] < 1.0:
+        ...     run.inputs["torque.tau"] = 4.0
+        ...     run.advance(run.t + 0.125)
+        >>> run.t, run["load.w"]
+        (0.5, 1.0)
+        """
+        from gearlib.run.stepping.stepped_run import SteppedRun
+
+        earlier = earlier_run(self.translation, start)
+        t_start = real(
+            "t_start", (earlier[1] if earlier else 0.0) if t_start is None else t_start, "a finite number of seconds"
+        )
+        check_options(method, rtol, max_step)
+        if method == "exact":
+            raise ArgumentError("a stepper cannot take method='exact'; use method='auto', 'rk' or 'ida'")
+        if parameters is None and earlier:
+            numbers = earlier[0].request.parameters
+            translation = self.translation.fitting(numbers)
+        else:
+            translation, numbers = self.translation.fitted(parameters)
+        return SteppedRun(translation, numbers, t_start, start, inputs, method, float(rtol), atol, max_step)
 
     def linearize(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, *, at: Any = None,

@@ -29,6 +29,7 @@ from gearlib.solvers.inputs.table import Table, breakpoints, values
 from gearlib.solvers.problem import Effort, Native, Problem, Solution
 
 Floats = NDArray[np.float64]
+BY_TURNS = "rk and ida"  # as "auto" does where a scene is not linear
 METHODS = ("auto", "exact", "ida", "rk", "rk5", "rk8")
 MOST_STEPS = 100_000_000
 MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints: near a point where these are singular the steps shrink for ever
@@ -38,11 +39,9 @@ LATE = 100.0  # times its length after zero a run has a clock that is coarse bes
 COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work")  # over the legs of a run
 LEAST_STEPS = 100  # that a run is thought to take before it is known how many
 ORDERS = {"rk5": 5, "rk8": 8}
-MANY_CORNERS, PILOT, CUT = (
-    1000,
-    100,
-    0.6,
-)  # steps that show what order 5 does; the wanted step over what corners leave of it, from which on it suffices
+# Of tables: points from which on a pilot of so many steps of order 5 shows whether that suffices, and what its wanted step must then
+# be beside the steps that the points leave
+MANY_CORNERS, PILOT, CUT = 1000, 100, 0.6
 FEW_CORNERS = 50  # of tables, up to which nothing is to be gained by a choice
 SLOW_CORNER = 3e-4  # s, of a table that drives more states
 # Measured, s: a step of Runge-Kutta and its part for each slot of the program; and how many radians of the fastest motion it spans
@@ -139,6 +138,8 @@ def integrate(run: Run, method: str) -> Outcome:
     begin = clock.perf_counter()
     if method == "auto":
         outcome = _automatic(run)
+    elif method == BY_TURNS:
+        outcome = _native(run, "rk", "asked for", hand_over=True)
     elif method == "exact":
         form = None if run.still else _exact_form(run)
         if isinstance(form, str):

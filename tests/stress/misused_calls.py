@@ -213,6 +213,9 @@ def methods() -> list[Call]:
         oscillator(), 1.5, 0.5, frequency="w", harmonics=1, samples=16, outputs=["x"], step=0.1, points=50
     )
 
+    def steps() -> gl.SteppedRun:
+        return s.stepper(inputs={"torque.tau": 1.0}, method="rk")
+
     def animated(mode: Any, frames: Any = 2, degrees: Any = 40.0) -> None:
         modes.animate(mode, frames=frames, degrees=degrees)._draw_was_started = True  # else it warns that it was not drawn
 
@@ -225,7 +228,12 @@ def methods() -> list[Call]:
         Call("System.linearize", s.linearize),
         Call("System.linearize sparsely", s.linearize, lambda: {"sparse": True}),
         Call("System.power_flow", s.power_flow, lambda: {"speeds": {"load.w": 1.0}}),
-        Call("System.fitting", s.fitting, lambda: {"parameters": None}),
+        Call("System.stepper", s.stepper, lambda: {"t_start": 0.0, "inputs": {"torque.tau": 1.0}}),
+        Call("SteppedRun[]", steps().__getitem__, lambda: {"name": "load.w"}),
+        Call("SteppedRun.advance", lambda t: steps().advance(t), lambda: {"t": 0.1}),
+        Call("SteppedRun.inputs", lambda value: steps().inputs.__setitem__("torque.tau", value), lambda: {"value": 1.0}),
+        Call("SteppedRun.restore", lambda state: steps().restore(state), lambda: {"state": steps().state()}),
+        Call("SteppedRun.state", lambda: steps().state()),
         Call("Result[]", r.__getitem__, lambda: {"name": "load.w"}),
         Call("in Result", r.__contains__, lambda: {"name": "load.w"}),
         Call("Result.plot", r.plot, positional=lambda: ["load.w"]),

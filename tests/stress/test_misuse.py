@@ -41,7 +41,16 @@ def test_everything_public_is_misused() -> None:
 
 def test_methods_of_what_comes_back_are_misused() -> None:
     names = {call.name for call in GROUPS["methods"]()}
-    for kind in (gl.Result, gl.Modes, gl.Campbell, gl.FrequencyResponse, gl.HarmonicBalance, gl.OrderSpectrum, gl.PowerFlow):
+    for kind in (
+        gl.Result,
+        gl.Modes,
+        gl.Campbell,
+        gl.FrequencyResponse,
+        gl.HarmonicBalance,
+        gl.OrderSpectrum,
+        gl.PowerFlow,
+        gl.SteppedRun,
+    ):
         own = {name for name, value in vars(kind).items() if callable(value) and not name.startswith("_")}
         assert {f"{kind.__name__}.{name}" for name in own} <= names, kind
 

@@ -1,0 +1,200 @@
+"""A run that is advanced from outside, step by step: watched, controlled by what it gave so far, stopped and begun again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, MutableMapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearlib.arguments import real, shown
+from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.run.integrate import BY_TURNS, Run
+from gearlib.run.refusals.limits import refuse_too_small
+from gearlib.run.request import LONGEST, SHORTEST, absolute_tolerance
+from gearlib.run.scene import Numbers, Scene
+from gearlib.run.segment import Part
+from gearlib.run.simulate import earlier_run
+from gearlib.run.start_values import Start
+from gearlib.run.state_switching import integrate_through
+from gearlib.run.translation import Translation
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """All that a run goes on from: `SteppedRun.state` gives it, `SteppedRun.restore` takes it.
+
+    Attributes
+    ----------
+    t : float
+        s.
+    states : array
+        What is integrated, in the order of ``scene.state_names``.
+    """
+
+    t: float
+    states: Floats
+    modes: Floats | None  # relations and discrete variables, with their values before the last event
+    guess: Floats  # where iterations start
+    scene: Scene
+    numbers: Numbers
+    atol: Floats | None
+    signals: tuple[Any, ...]
+    n_events: int
+
+
+class Inputs(MutableMapping[str, Any]):
+    """The unbound inputs of a run that is advanced from outside, by path: numbers, functions of time, or tables."""
+
+    def __init__(self, translation: Translation, given: Mapping[str, Any] | None) -> None:
+        self._translation = translation
+        self.signals = tuple(translation.input_signals(given))
+
+    def _number(self, name: str) -> int:
+        names = self._translation.inputs
+        if name not in names:
+            self._translation.input_signals({name: 0.0})  # raises what there is to be said
+        return names.index(name)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.signals[self._number(name)]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        k = self._number(name)
+        signal = self._translation.input_signals({name: value})[k]
+        self.signals = (*self.signals[:k], signal, *self.signals[k + 1 :])
+
+    def __delitem__(self, name: str) -> None:
+        raise ArgumentError(f"the input {name} cannot be taken away; set it to 0 instead")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._translation.inputs)
+
+    def __len__(self) -> int:
+        return len(self.signals)
+
+
+class SteppedRun:
+    """A run at a time; `System.stepper` begins one.
+
+    ``run.advance(t)`` integrates up to a time, ``run["load.w"]`` is a variable's value there, ``run.inputs["torque.tau"] = 3.0``
+    sets an input from there on. Between two calls the run keeps all of its state: integrated states, discrete variables, and the
+    modes of clutches and friction.
+
+    Attributes
+    ----------
+    t : float
+        Where it is, s.
+    inputs : mapping
+        The unbound inputs, by path.
+    events : list of (float, str)
+        Time, and component with equation, of each event so far.
+    """
+
+    def __init__(
+        self, translation: Translation, parameters: Floats, t_start: float, start: Any, inputs: Mapping[str, Any] | None,
+        method: str, rtol: float, atol: ArrayLike | None, max_step: float | None,
+    ) -> None:  # fmt: skip
+        self._translation, self._rtol, self._max_step = translation, rtol, max_step
+        self._method = BY_TURNS if method == "auto" else method
+        structure = translation.structure
+        scene = translation.scene if translation.outputs is not None else translation.with_states(structure.states)
+        self.inputs = Inputs(translation, inputs)
+        earlier = earlier_run(translation, start)
+        if earlier:
+            begin = earlier[0].moment(scene, earlier[1])
+            if inputs is None:
+                self.inputs.signals = tuple(earlier[0].request.signals)
+        else:
+            begin = translation.start(scene, parameters, t_start, start, self.inputs.signals, discrete=True)
+        self.events: list[Any] = []
+        self._now = Moment(
+            t_start, begin.states, begin.modes, begin.guess, scene, scene.prepared(parameters),
+            absolute_tolerance(atol, len(scene.states)), self.inputs.signals, 0,
+        )  # fmt: skip
+        self._go_to(np.array([t_start]))
+
+    @property
+    def t(self) -> float:
+        return self._now.t
+
+    def advance(self, t: float) -> None:
+        """Integrate up to a time, s, with the inputs as they are now.
+
+        Raises
+        ------
+        ArgumentError
+            A time that is not later than the present one.
+        SolverError
+            The integration failed; the run stays where it was.
+        """
+        t = real("t", t, "a finite number of seconds")
+        if not SHORTEST <= t - self.t <= LONGEST:
+            raise ArgumentError(f"advance({t!r}): expected a time later than the run's, {self.t!r} s, by {LONGEST:g} s at most")
+        self._go_to(np.array([self.t, t]))
+
+    def _go_to(self, times: Floats) -> None:
+        now, signals = self._now, self.inputs.signals
+        start = Start(now.states, now.guess, ())
+        longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
+        run = Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.modes, longest)
+        parts = integrate_through(run, self._method, self._translation.charts)
+        run, outcome = parts[-1]
+        refuse_too_small([Part.of(part, found) for part, found in parts], self._rtol)
+        modes = outcome.relations[-1].copy() if run.scene.n_modes else None
+        here = replace(
+            now, t=float(times[-1]), states=outcome.states[-1].copy(), modes=modes, scene=run.scene, numbers=run.numbers,
+            atol=run.atol, signals=signals, guess=run.start.guess,
+        )  # fmt: skip
+        program = run.scene.program
+        if program.iterated:  # on the branch on which the run is
+            part, guess = _part(here, signals), run.start.guess.copy()
+            for v in program.undifferentiated[0].tolist():
+                guess[v] = part.history((v, 0))[0]
+            here = replace(here, guess=guess)
+        self.events += [event for _, found in parts for event in found.events]
+        self._now = replace(here, n_events=len(self.events))
+
+    def __getitem__(self, name: str) -> float:
+        """The value of a variable, a derivative or a discrete variable, now."""
+        if not isinstance(name, str):
+            raise ArgumentError(f"run[{shown(name)}]: expected one name, such as run['load.w']")
+        now, part = self._now, _part(self._now, self.inputs.signals)
+        if name in now.scene.model.discretes.names:
+            return float(part.discrete(name)[0])
+        node, sign = now.scene.named(name)
+        if sign == 0:
+            return 0.0
+        if now.scene.missing(node):
+            raise NameLookupError(f"{name} is not known in this run: its states are not integrated; name it in outputs=[...]")
+        return float(sign * part.history(node)[0])
+
+    def state(self) -> Moment:
+        """All that the run goes on from, to come back to it with `restore`."""
+        return replace(self._now, signals=self.inputs.signals)
+
+    def restore(self, state: Moment) -> None:
+        """Go back to a state that the run, or another one of the same system, was in: the same steps give the same numbers again.
+
+        Raises
+        ------
+        ArgumentError
+            Not such a state.
+        """
+        if not isinstance(state, Moment) or state.scene.structure is not self._translation.structure:
+            raise ArgumentError(f"restore({shown(state)}): expected what state() of a run of {self._translation.name} gave")
+        self._now, self.inputs.signals = state, state.signals
+        del self.events[state.n_events :]
+
+    def __repr__(self) -> str:
+        return f"<SteppedRun of {self._translation.name} at {self.t:g} s>"
+
+
+def _part(now: Moment, signals: tuple[Any, ...]) -> Part:
+    """The moment as a run of one sample, from which other variables are computed."""
+    modes = np.zeros((1, 0)) if now.modes is None else now.modes[None, :]
+    return Part(now.scene, np.array([now.t]), now.states[None, :], modes, now.numbers.parameters, signals, now.guess, now.t)

@@ -1,0 +1,206 @@
+"""Runs that are advanced from outside, against whole runs and closed forms."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, NameLookupError, SolverError
+from tests.benchmarks.users import ElectricVehicle, Planets, Servo, TwoStageGearbox
+from tests.run.test_continued_runs import Thermostat, temperature
+
+METHODS = ["auto", "rk5", "rk8", "ida"]
+
+
+class Drive(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.torque, self.load, self.drag, self.ground = gp.Torque(), gp.Inertia(J=2.0), gp.Damper(d=0.5), gp.Fixed()
+        return [
+            gl.connect(self.torque.flange, self.load.flange_a), gl.connect(self.load.flange_b, self.drag.flange_a),
+            gl.connect(self.drag.flange_b, self.ground.flange),
+        ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def drive() -> gl.System:
+    return gl.compile(Drive())
+
+
+# ---------------------------------------------------------------- the same as a whole run
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("dt", [0.05, 0.5, 1.0, 3.0])
+def test_discrete_state_is_carried(method: str, dt: float) -> None:
+    """Switched at 1, 5 and 7 s, on which some of the steps end."""
+    run = gl.compile(Thermostat()).stepper(method=method)
+    for k in range(1, round(12.0 / dt) + 1):
+        run.advance(k * dt)
+        assert run["T"] == pytest.approx(temperature(np.array([run.t]))[0], abs=1e-8)
+    assert run["cycles"] == 2.0
+    assert sorted({round(t, 6) for t, _ in run.events}) == [1.0, 5.0, 7.0, 11.0]
+
+
+@pytest.mark.parametrize(
+    ("component", "end", "name", "share"),
+    [
+        (ElectricVehicle, 0.8, "vehicle.w", 1e-5), (ElectricVehicle, 0.8, "motor.w", 1e-5), (Servo, 0.4, "load.phi", 1e-5),
+        (Planets, 0.03, "sun.w", 1e-4), (TwoStageGearbox, 0.05, "load.w", 1e-5),
+    ],
+)  # fmt: skip
+def test_stepped_is_simulated(component: type[gl.Component], end: float, name: str, share: float) -> None:
+    system = gl.compile(component(), outputs=[name])
+    times = np.linspace(0.0, end, 41)
+    whole = system.simulate(end, times=times, rtol=1e-8)[name]
+    run, found = system.stepper(rtol=1e-8), []
+    found.append(run[name])
+    for t in times[1:].tolist():
+        run.advance(t)
+        found.append(run[name])
+    assert np.array(found) == pytest.approx(whole, abs=share * np.abs(whole).max())
+
+
+# ---------------------------------------------------------------- inputs
+
+
+def test_inputs_act_from_one_step_to_the_next(drive: gl.System) -> None:
+    """2 w' + 0.5 w = tau, held for each step: exact from step to step."""
+    run, w = drive.stepper(rtol=1e-10), 0.0
+    for k in range(20):
+        tau = math.sin(1.0 + k)
+        run.inputs["torque.tau"] = tau
+        assert run["load.a"] == pytest.approx((tau - 0.5 * w) / 2.0, abs=1e-8)
+        run.advance(0.2 * (k + 1))
+        w = tau / 0.5 + (w - tau / 0.5) * math.exp(-0.25 * 0.2)
+        assert run["load.w"] == pytest.approx(w, rel=1e-8)
+        assert run["der(load.w)"] == pytest.approx((tau - 0.5 * w) / 2.0, abs=1e-8)
+
+
+def test_functions_and_tables_are_inputs_too(drive: gl.System) -> None:
+    signals: list[Any] = [math.cos, gl.Table([0.0, 1.0, 2.0], [1.0, 3.0, 0.0]), 2.0]
+    for signal in signals:
+        run = drive.stepper(inputs={"torque.tau": signal}, rtol=1e-9)
+        for t in (0.7, 1.3, 2.0):
+            run.advance(t)
+        whole = drive.simulate(2.0, samples=2, inputs={"torque.tau": signal}, rtol=1e-10)
+        assert run["load.w"] == pytest.approx(whole["load.w"][-1], rel=1e-6)
+
+
+def test_a_controller_in_python(drive: gl.System) -> None:
+    """Stopped by what it shows."""
+    run = drive.stepper()
+    while run["load.w"] < 3.0:
+        run.inputs["torque.tau"] = 4.0 * (4.0 - run["load.w"])
+        run.advance(run.t + 0.01)
+    assert 0.5 < run.t < 1.2
+
+
+# ---------------------------------------------------------------- coming back
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("component", [Thermostat, ElectricVehicle, Servo])
+def test_restored_it_goes_on_bit_for_bit(component: type[gl.Component], method: str) -> None:
+    run = gl.compile(component()).stepper(method=method)
+    run.advance(0.11)
+    state = run.state()
+    assert state.t == 0.11
+
+    def rest() -> list[Any]:
+        found: list[Any] = []
+        for t in (0.13, 0.2, 0.31):
+            run.advance(t)
+            found += [run.state().states.tolist(), run.t, list(run.events)]
+        return found
+
+    first = rest()
+    run.restore(state)
+    assert run.t == 0.11
+    assert rest() == first
+
+
+def test_restored_with_its_inputs(drive: gl.System) -> None:
+    run = drive.stepper(inputs={"torque.tau": 3.0})
+    run.advance(1.0)
+    state = run.state()
+    run.inputs["torque.tau"] = -7.0
+    run.advance(2.0)
+    run.restore(state)
+    assert dict(run.inputs) == {"torque.tau": 3.0}
+    other = drive.stepper()
+    other.restore(state)  # of another run of the same system
+    run.advance(2.0)
+    other.advance(2.0)
+    assert other["load.w"] == run["load.w"] == pytest.approx(6.0 * (1 - math.exp(-0.5)), rel=1e-5)
+
+
+def test_a_step_that_fails_leaves_the_run_where_it_was() -> None:
+    class Escape(gl.Component):
+        x = gl.Variable("1", "", start=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.x**2)]
+
+    run = gl.compile(Escape()).stepper(rtol=1e-9)
+    run.advance(0.5)
+    with pytest.raises(SolverError):
+        run.advance(2.0)
+    assert (run.t, run["x"]) == (0.5, pytest.approx(2.0, rel=1e-7))
+    run.advance(0.75)
+    assert run["x"] == pytest.approx(4.0, rel=1e-7)
+
+
+# ---------------------------------------------------------------- where it begins
+
+
+def test_begins_as_a_simulation_does(drive: gl.System) -> None:
+    run = drive.stepper(t_start=3.0, start={"load.w": 5.0}, parameters={"drag.d": 1.0})
+    assert (run.t, run["load.w"]) == (3.0, 5.0)
+    run.advance(5.0)
+    assert run["load.w"] == pytest.approx(5.0 * math.exp(-1.0), rel=1e-5)
+    run = drive.stepper(start="steady", inputs={"torque.tau": 2.0})
+    assert run["load.w"] == pytest.approx(4.0)
+    half = drive.simulate(1.0, inputs={"torque.tau": 2.0})
+    run = drive.stepper(start=half)
+    assert (run.t, dict(run.inputs)) == (1.0, {"torque.tau": 2.0})
+    run.advance(2.0)
+    assert run["load.w"] == pytest.approx(4.0 * (1 - math.exp(-0.5)), rel=1e-5)
+
+
+def test_angles_are_there(drive: gl.System) -> None:
+    run = drive.stepper(start={"load.w": 1.0, "load.phi": 2.0})
+    run.advance(1.0)
+    assert run["load.phi"] == pytest.approx(2.0 + 4.0 * (1 - math.exp(-0.25)), rel=1e-6)
+    run = gl.compile(Drive(), outputs=["load.w"]).stepper()
+    with pytest.raises(NameLookupError, match=r"load\.phi is not known in this run.*outputs"):
+        run["load.phi"]
+
+
+# ---------------------------------------------------------------- refusals
+
+
+def test_refusals(drive: gl.System) -> None:
+    run = drive.stepper()
+    run.advance(1.0)
+    for t in (1.0, 0.5, float("nan"), "2"):
+        with pytest.raises(ArgumentError):
+            run.advance(t)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="exact"):
+        drive.stepper(method="exact")
+    with pytest.raises(NameLookupError, match=r"torque\.tau"):
+        run.inputs["torque.tu"] = 1.0
+    with pytest.raises(ArgumentError, match=r"torque\.tau"):
+        run.inputs["torque.tau"] = "1.0"
+    with pytest.raises(ArgumentError, match="cannot be taken away"):
+        del run.inputs["torque.tau"]
+    with pytest.raises(ArgumentError, match="restore"):
+        run.restore(gl.compile(Thermostat()).stepper().state())
+    with pytest.raises(ArgumentError, match="one name"):
+        run[0]  # type: ignore[index]
+    with pytest.raises(NameLookupError, match=r"load\.w"):
+        run["load.ww"]
