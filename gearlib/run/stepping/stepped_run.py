@@ -142,7 +142,7 @@ class SteppedRun:
         start = Start(now.states, now.guess, ())
         longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
         run = Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.modes, longest)
-        parts = integrate_through(run, self._method, self._translation.charts)
+        parts = integrate_through(run, self._method, self._translation.switched)
         run, outcome = parts[-1]
         refuse_too_small([Part.of(part, found) for part, found in parts], self._rtol)
         modes = outcome.relations[-1].copy() if run.scene.n_modes else None
