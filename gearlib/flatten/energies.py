@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import sympy
@@ -157,14 +156,7 @@ def _term(component: Component, path: str, expression: Any, label: str) -> Term:
                 f"{label} holds '{base}', which is not declared; {nearest(base, declared_by(component).variables)}"
             )
         names.append("time" if symbol == time else "der(" * order + prefix + base + ")" * order)
-    return Term(tuple(names), _function(tuple(symbols), plain))
-
-
-@lru_cache(maxsize=1000)
-def _function(symbols: tuple[Any, ...], expression: Any) -> Callable[..., Any]:
-    """One for all components of a class, which write the same expression."""
-    function: Callable[..., Any] = sympy.lambdify(symbols, expression, "numpy")
-    return function
+    return Term(tuple(names), sympy.lambdify(symbols, plain, "numpy"))
 
 
 def _declared(component: Component, name: str) -> bool:
