@@ -147,10 +147,11 @@ def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
     try:
         if isinstance(data, Mapping):
             data = np.array([data[name] for name in found["names"]], float).reshape(-1, len(time)).T
+        stats = {k: tuple(v) if isinstance(v, list) else v for k, v in found["stats"].items()}  # JSON has no tuples
         record = Record(
             np.ascontiguousarray(time, float), np.ascontiguousarray(data, float), tuple(found["names"]), tuple(found["columns"]),
             tuple(found["signs"]), tuple(found["units"]), tuple(found["descriptions"]), found["model"], found["parameters"],
-            {k: tuple(v) if isinstance(v, list) else v for k, v in found["stats"].items()}, tuple((t, where) for t, where in found["events"]), found["options"], found["versions"],
+            stats, tuple((t, where) for t, where in found["events"]), found["options"], found["versions"],
         )  # fmt: skip
         samples, checksum = found["samples"], found["checksum"]
     except KeyError as problem:
