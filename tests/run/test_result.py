@@ -161,12 +161,11 @@ def test_data_frame() -> None:
 def test_plot() -> None:
     import matplotlib.pyplot as plt
 
-    axes = RESULT.plot("load.w", "der(load.w)")
-    assert [line.get_label() for line in axes.lines] == ["load.w", "der(load.w)"]
-    assert axes.lines[0].get_ydata() == pytest.approx(-2 * T)
-    assert axes.get_xlabel() == "time, s"
-    assert "rad/s" in axes.get_ylabel()
-    assert RESULT.plot("motor.w", axes=axes) is axes
+    speed, acceleration = RESULT.plot("load.w", "der(load.w)")  # an axis for each unit
+    assert speed.lines[0].get_ydata() == pytest.approx(-2 * T)
+    assert acceleration.get_xlabel() == "time, s"
+    assert "rad/s" in speed.get_ylabel()
+    assert RESULT.plot("motor.w", axes=speed) is speed
     plt.close("all")
     with pytest.raises(NameLookupError, match="no variable 'typo'"):
         RESULT.plot("typo")
