@@ -198,9 +198,9 @@ class ZhouCui2022(XPSymbols):
     )
     tau_in = gl.Input("N.m", "driving torque on the ring (Se1)")
     e_rate = gl.Input("m/s", "rate of the transmission error in Table 4", default=lambda train: train.excitation())
-    e_rate_ring = gl.Input("m/s", "rate of the ring's transmission error (Sf8)", default=lambda train: train.e_rate)
-    e_rate_sun = gl.Input("m/s", "rate of the sun's transmission error (Sf32)", default=lambda train: train.e_rate)
-    e_rate_pair = gl.Input("m/s", "rate of the P unit's transmission error (Sf72)", default=lambda train: train.e_rate)
+    e_rate_ring = gl.Input("m/s", "rate of the ring's transmission error (Sf8)", default=lambda train: train.train.e_rate)
+    e_rate_sun = gl.Input("m/s", "rate of the sun's transmission error (Sf32)", default=lambda train: train.train.e_rate)
+    e_rate_pair = gl.Input("m/s", "rate of the P unit's transmission error (Sf72)", default=lambda train: train.train.e_rate)
     e_amplitude = gl.Parameter("m/s", "amplitude of the transmission error's rate", default=0.0027)
     e_omega = gl.Parameter("rad/s", "angular frequency of the transmission error", default=28.0)
     e_phase = gl.Parameter("rad", "phase of the transmission error's rate", default=21 * gl.pi)
@@ -223,8 +223,8 @@ class ZhouCui2022(XPSymbols):
     def assemble(self) -> list[Connection]:
         self.drive = Torque(tau=self.tau_in)
         self.train = XPTrain(
-            **self.symbols(), planet_meshes=self.planet_meshes, e_rate_ring=self.e_rate_ring, e_rate_sun=self.e_rate_sun,
-            e_rate_pair=self.e_rate_pair,
+            **self.symbols(), planet_meshes=self.planet_meshes, e_rate=self.e_rate, e_rate_ring=self.e_rate_ring,
+            e_rate_sun=self.e_rate_sun, e_rate_pair=self.e_rate_pair,
         )  # fmt: skip
         self.load = Damper(d=self.C_v * self.R_h**2)
         self.ground = Fixed()
