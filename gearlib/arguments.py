@@ -7,8 +7,10 @@ expected.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -141,6 +143,17 @@ def one_of(what: str, value: Any, valid: Sequence[str]) -> str:
     if not isinstance(value, str) or value not in valid:
         raise ArgumentError(f"{what} is {shown(value)}; expected {', '.join(map(repr, valid))}")
     return value
+
+
+def as_path(what: str, path: Any, example: str = "r.mat") -> Path:
+    """The path, or an `ArgumentError` where it is none.
+
+    >>> as_path("path", "run/r.mat").suffix
+    '.mat'
+    """
+    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str) or not os.fspath(path):
+        raise ArgumentError(f"{what} is {shown(path)}; expected the path of a file, such as {example!r}")
+    return Path(path)
 
 
 def name_list(what: str, values: Any, example: str) -> list[str]:

@@ -117,8 +117,9 @@ def _info(asked: argparse.Namespace) -> None:
 
 
 def _run(asked: argparse.Namespace) -> None:
+    from gearlib.arguments import as_path
     from gearlib.files.csv_text import write_columns
-    from gearlib.files.formats import as_path, format_of
+    from gearlib.files.formats import format_of
     from gearlib.system import compile
 
     if asked.out not in (None, "-"):

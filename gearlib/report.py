@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearlib.arguments import name_list, shown
+from gearlib.arguments import as_path, name_list, shown
 from gearlib.drawing.histories import shown_units
 from gearlib.drawing.page import Curve, Section, chart, page, paragraph, picture, preformatted, table
 from gearlib.drawing.quantities import NAMES, axis_label, spelled
@@ -35,7 +35,7 @@ def write_report(
     units: Mapping[str, str] | None = None, depth: int = 2,
 ) -> Path:  # fmt: skip
     """Write the report of a system, as `System.report` describes it."""
-    target = Path(path)
+    target = as_path("path", path, "train.html")
     if target.suffix.lower() not in (".html", ".htm"):
         raise ArgumentError(f"report({shown(str(path))}): a report is a page of HTML; name it ....html")
     for what, given, kind in (("campbell", campbell, Campbell), ("power_flow", power_flow, PowerFlow)):

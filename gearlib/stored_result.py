@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import name_list, real, shown
+from gearlib.arguments import as_path, name_list, real, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.files.contents import Record
-from gearlib.files.formats import as_path, load_record
+from gearlib.files.formats import load_record
 from gearlib.run.result import Result
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import real
+from gearlib.arguments import one_of, real
 from gearlib.drawing.histories import History
 from gearlib.drawing.quantities import Shown, axis_label, spelled
 from gearlib.drawing.style import COLOURS, figure, legend
@@ -110,8 +110,7 @@ def spectrum(history: History, window: str = "hann", t_start: float | None = Non
     """
     from scipy.signal import get_window
 
-    if window not in WINDOWS:
-        raise ArgumentError(f"window is {window!r}; expected one of {', '.join(map(repr, WINDOWS))}")
+    one_of("window", window, WINDOWS)
     kept = history.time >= (history.time[0] if t_start is None else real("t_start", t_start, "a finite number of seconds"))
     time, values = history.time[kept], history.values[kept]
     steps = np.diff(time)

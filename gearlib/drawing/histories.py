@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import by_name
+from gearlib.arguments import by_name, one_name
 from gearlib.drawing.quantities import NAMES, Shown, axis_label, in_unit, spelled
 from gearlib.drawing.style import COLOURS, MARK, figure, legend
 from gearlib.errors import ArgumentError
@@ -48,6 +48,8 @@ def shown_units(histories: Sequence[History], units: Mapping[str, str] | None) -
         A unit that does not fit, or a choice for something that is not shown.
     """
     chosen = {} if units is None else by_name("units", units, "units by name or by SI unit, such as {'m': 'µm'}", "m")
+    for key, wanted in chosen.items():
+        one_name(f"units[{key!r}]", wanted, "kN.m")
     by_unit = {spelled(key): value for key, value in chosen.items()}
     known = {h.name for h in histories} | {spelled(h.unit) for h in histories} | {"s"}
     for key in chosen:

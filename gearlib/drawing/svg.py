@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from gearlib.arguments import shown
+from gearlib.arguments import as_path, shown
 from gearlib.errors import ArgumentError
 
 FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
@@ -111,7 +111,7 @@ class Picture:
         ArgumentError
             The name ends differently: no other format is written.
         """
-        target = Path(path)
+        target = as_path("path", path, "train.svg")
         if target.suffix.lower() != ".svg":
             raise ArgumentError(f"save({shown(str(path))}): the picture is SVG; name it ....svg (a browser prints it to PDF)")
         target.write_text(self.svg, encoding="utf-8")

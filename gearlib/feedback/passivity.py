@@ -113,7 +113,8 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
         form = _quadratic(part.stored, numbers)
         if form is None:
             return Passivity(model.states, nothing, nothing, f"the energy of {part.path} ({part.kind}) is not quadratic")
-        own = np.array([rows[name] for name in part.stored.names if name in rows]).reshape(-1, n)
+        read = [rows[name] for name in part.stored.names if name in rows]
+        own = np.array(read).reshape(len(read), n)
         Q += 2 * own.T @ form @ own
     W = -(Q @ A + A.T @ Q) / 2
     return Passivity(model.states, Q, W, _doubt(Q, W))

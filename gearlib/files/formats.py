@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from gearlib.arguments import shown
 from gearlib.errors import ArgumentError, FileError
 from gearlib.files import csv_text, dataset, mat, netcdf, parquet
 from gearlib.files.contents import Record
@@ -30,17 +27,6 @@ FORMATS = {
     ".zarr": Format(dataset.write, dataset.read),
     ".parquet": Format(parquet.write, parquet.read),
 }
-
-
-def as_path(what: str, path: Any) -> Path:
-    """The path, or an `ArgumentError` where it is none.
-
-    >>> as_path("path", "run/r.mat").suffix
-    '.mat'
-    """
-    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str) or not os.fspath(path):
-        raise ArgumentError(f"{what} is {shown(path)}; expected the path of a file, such as 'r.mat'")
-    return Path(path)
 
 
 def format_of(path: Path) -> Format:

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from gearlib.arguments import by_name, shown
+from gearlib.arguments import as_path, by_name, shown
 from gearlib.errors import ArgumentError, DeclarationError, FileError
-from gearlib.files.formats import as_path
 from gearlib.files.replacing import replacing
 from gearlib.language.units import BASE, dimension
 

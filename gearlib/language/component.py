@@ -298,7 +298,7 @@ class Component:
         >>> import gearparts as gp
         >>> picture = gp.ZhouCui2022().diagram(depth=2)
         >>> picture
-        <Diagram of ZhouCui2022: 4 boxes, 4 wires; save('train.svg') writes it>
+        <Diagram of ZhouCui2022: 4 boxes, 8 wires; save('train.svg') writes it>
         """
         from gearlib.language.outline import drawn
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import by_name, flag, name_list, one_name, real, shown
+from gearlib.arguments import as_path, by_name, flag, name_list, one_name, real, shown
 from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.files.contents import Record, versions
 from gearlib.optional import optional
@@ -163,7 +163,7 @@ class Result(ABC):
         >>> gl.load_result(path)["body.flange_a.phi"]
         array([0., 2.])
         """
-        from gearlib.files.formats import as_path, save_record
+        from gearlib.files.formats import save_record
 
         save_record(self.record(names), as_path("path", path))
 

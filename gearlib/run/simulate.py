@@ -70,7 +70,7 @@ def earlier_run(translation: Translation, start: Any) -> tuple[SimulatedResult, 
     if isinstance(start, SimulatedResult):
         start = (start, float(start.time[-1]))
     if not (isinstance(start, tuple) and len(start) == 2 and isinstance(start[0], SimulatedResult)):
-        if isinstance(start, Result) or (isinstance(start, tuple) and start and isinstance(start[0], Result)):
+        if isinstance(start[0] if isinstance(start, tuple) and len(start) == 2 else start, Result):
             raise ArgumentError(
                 "start is a result from a file, which does not hold all of the run's state; start from values in it: "
                 "start={'load.w': result['load.w'][-1]}"

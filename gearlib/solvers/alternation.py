@@ -18,10 +18,10 @@ from typing import Protocol
 from gearlib.errors import SolverError
 from gearlib.solvers.problem import Solution
 
-WORTH_DECAY, WORTH_VIBRATION = 2.0, 10.0  # trials that must be left, where a decay limits the steps, and where a vibration does
+WORTH_DECAY, WORTH_VIBRATION = 2.0, 4.0  # trials that must be left, where a decay limits the steps, and where a vibration does
 SETTLE, WINDOW = 60, 40  # steps of a trial before its pace is looked at, and over which that is taken
-GROWING = 1.1  # from one window to the next: a trial goes on as long as the pace grows so
-SHARE = 0.1  # of all work so far that a trial may take then, and of what is left, at most, between two trials
+SHARE = 0.1  # of all work so far that a trial may take, and of what is left, at most, between two trials
+EARLY = 0.03  # of what is left, by the explicit method's pace, that a trial may take: IDA must let a fast vibration die before it gets on
 APART = 10.0  # trials' work between two trials, at least
 LOST = 2.0  # trials' work that the implicit method may lose against the explicit one's pace before it hands back
 
@@ -102,7 +102,7 @@ def alternate(
         here, spent = Leg("explicit", stepper.solution()), before + stepper.work
         other = implicit([*legs, here])
         try:
-            faster = _tried(other, pace, max(trial, SHARE * min(spent, left / 2)))
+            faster = _tried(other, pace, max(trial, SHARE * min(spent, left / 2), EARLY * left))
         except SolverError:
             other.close()
             wait = max(2.0 * wait, APART * trial)
@@ -138,17 +138,12 @@ def _tried(other: Implicit, pace: float, most: float) -> bool:
     """Whether the implicit method gets on faster than the explicit one did, after no more than some work."""
     if other.advance(SETTLE) != "more":
         return True
-    last = 0.0
     while other.work <= most:
         t, work = other.t, other.work
         if other.advance(WINDOW) != "more":
             return True
-        reached = (other.t - t) / (other.work - work)
-        if reached >= pace:
+        if (other.t - t) / (other.work - work) >= pace:
             return True
-        if reached < GROWING * last:
-            return False
-        last = reached
     return False
 
 

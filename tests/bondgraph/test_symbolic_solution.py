@@ -8,8 +8,8 @@ import pytest
 import sympy as sp
 
 from gearlib.bondgraph import state_equations
-from gearlib.bondgraph.paper import PREFERENCE, planetary_unit, single_loop_train
 from gearlib.bondgraph.symbolic_solution import solved_by_blocks
+from gearparts.trains.paper_graphs import PREFERENCE, planetary_unit, single_loop_train
 
 
 def at_random(symbols: set[sp.Symbol], seed: int) -> dict[sp.Symbol, sp.Rational]:

@@ -170,7 +170,7 @@ def test_spectrum_of_a_cosine(window):
     assert f[a.argmax()] == pytest.approx(1.0, abs=0.13)
     assert a.max() == pytest.approx(6.0, rel=0.02 if window != "rectangular" else 0.05)
     assert axes.get_ylabel() == "amplitude of damper.tau, N·m"
-    with pytest.raises(ArgumentError, match="expected one of 'hann'"):
+    with pytest.raises(ArgumentError, match="expected 'hann'"):
         run.plot_spectrum("damper.tau", window="hamming")
     uneven = gl.compile(Damped()).simulate(8.0, times=np.geomspace(1, 9, 100) - 1)
     with pytest.raises(ArgumentError, match="equally spaced"):

@@ -123,7 +123,7 @@ def test_where_each_is_the_better_one_for_a_time_both_are_used() -> None:
 
 
 def test_a_short_rest_is_not_worth_a_trial() -> None:
-    pace = 1.0 / (5 * TRIAL)
+    pace = 1.0 / (3 * TRIAL)
     book = Book(lambda t: pace, lambda t: 100 * pace)
     assert [leg.method for leg in book.run()] == ["explicit"]
     assert book.trials == 0

@@ -21,10 +21,13 @@ from tests.stress.misused_calls import GROUPS, run, system
 NO_ARGUMENTS = {"GearlibError", "GearlibWarning", "InputWarning", "pi", "time"}  # an exception, warnings and two symbols
 MADE_BY_ANALYSES = {
     "Campbell", "EnergyBalance", "FrequencyResponse", "HarmonicBalance", "Modes", "OrderSpectrum", "OrderWaterfall", "PowerFlow",
-    "Result", "StabilityReport", "System", "Bond", "Causality", "StateEquations", "PlanetPhasing", "StiffnessPattern", "StiffnessLaw",
+    "Result", "Passivity",
+    "StabilityReport", "System", "Bond", "Causality", "StateEquations", "PlanetPhasing", "StiffnessPattern", "StiffnessLaw",
 }  # fmt: skip
 CONNECTORS = {"Flange", "HeatPort", "PlanarFlange", "TranslationalFlange"}  # as Connector
 ABSTRACT = {"BondGraphPart"}
+
+pytestmark = pytest.mark.filterwarnings("ignore::gearlib.errors.InputWarning")  # of inputs that nobody gave, among all else
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import finite, one_name, one_of, real, reals, shown
+from gearlib.arguments import as_path, finite, one_name, one_of, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.optional import optional
 
@@ -103,7 +103,6 @@ class Table:
         3.0
         """
         from gearlib.files.columns import read_columns
-        from gearlib.files.formats import as_path
 
         source = as_path("path", path)
         if not column:
