@@ -53,8 +53,7 @@ IMPLEMENTATIONS = {
     "event iteration": (
         "gearlib.run.scene.settle_once",
         "gearlib.native.events.update_body",
-        "gearlib.solvers.ida.callbacks.settle",
-        "gearlib.solvers.ida.sksundae_backend._Driver._settle",
+        "gearlib.solvers.drive.drive_loop.settle",
     ),
     "sparse elimination": (
         "gearlib.structure.sparse_elimination.factorise",
@@ -62,10 +61,8 @@ IMPLEMENTATIONS = {
         "gearlib.structure.rigid_loops.null_space",
     ),
     "integration driver": (
-        "gearlib.solvers.rungekutta.rungekutta.integrate",
+        "gearlib.solvers.drive.driver.Driver",
         "gearlib.solvers.exponential.exact.integrate",
-        "gearlib.solvers.ida.native_backend.run",
-        "gearlib.solvers.ida.sksundae_backend.run",
     ),
     "Newton's method": (
         "gearlib.program.interpret._newton",

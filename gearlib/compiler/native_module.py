@@ -17,7 +17,7 @@ from typing import Any
 
 from gearlib.compiler.cache import COMPILING, kept_bytes
 from gearlib.compiler.object_code import compiler_digest, linked, optimised
-from gearlib.compiler.translate import Environment, Prototype, is_record, translated
+from gearlib.compiler.translate import Environment, Prototype, fields_of, is_record, translated
 
 _loaded: list[Any] = []  # libraries; addresses of their functions are kept in many places, so they stay in memory
 
@@ -72,4 +72,4 @@ def _values(environment: Environment) -> Iterator[tuple[str, str]]:
         if isinstance(value, (bool, int, float, Prototype)):
             yield name, repr(value)
         elif is_record(value):
-            yield name, repr(value._fields_)  # type: ignore[attr-defined]
+            yield name, repr(fields_of(value))

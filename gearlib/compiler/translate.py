@@ -142,6 +142,12 @@ def is_record(value: object) -> bool:
     return isinstance(value, type) and issubclass(value, ctypes.Structure)
 
 
+def fields_of(record: object) -> list[tuple[str, object]]:
+    """Names and kinds of a record's fields: those of the record that it extends come first."""
+    bases = reversed(record.__mro__) if isinstance(record, type) else ()
+    return [field for base in bases for field in vars(base).get("_fields_", ())]
+
+
 def _refusal(node: ast.AST) -> Unsupported:
     return Unsupported(f"`{ast.unparse(node)}` is not in the language of generated functions")
 
@@ -494,7 +500,7 @@ class _Function:
             vector = self.vector if self.lane and grows_with(node.slice, self.lane) else ""
             return self.write.at(self.value(node.value), self.value(node.slice), vector)
         record = self.value(node.value)
-        fields = getattr(self.environment.get(record.kind.removesuffix("*")), "_fields_", [])
+        fields = fields_of(self.environment.get(record.kind.removesuffix("*")))
         for i, (name, kind) in enumerate(fields):
             if name == node.attr and kind in FIELDS:
                 return self.write.field(record, 8 * i, FIELDS[kind])

@@ -24,9 +24,12 @@ from gearlib.run.linear_form import linear_form
 from gearlib.run.scene import Numbers, Scene, settle_once
 from gearlib.run.start_values import Start
 from gearlib.solvers.alternation import Leg, alternate
+from gearlib.solvers.drive.driver import Driver
+from gearlib.solvers.drive.driver import integrate as to_the_end
 from gearlib.solvers.inputs.callback import Keep, feed
 from gearlib.solvers.inputs.table import Table, breakpoints, values
 from gearlib.solvers.problem import Effort, Native, Problem, Solution
+from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
 Floats = NDArray[np.float64]
 BY_TURNS = "rk and ida"  # as "auto" does where a scene is not linear
@@ -279,8 +282,7 @@ def _native(run: Run, method: str, why: str, hand_over: bool = False) -> Outcome
             if hand_over:
                 outcome = _alternating(run, keep, why)
             else:
-                solution = _solved(run, _problem(run, keep, jacobian=method == "ida"), method)
-                outcome = _outcome(run, solution, method, why)
+                outcome = _outcome(run, to_the_end(_driver(run, keep, method)), method, why)
     except SolverError as problem_:
         raise keep.failure() or _explained(problem_, scene) from None
     failure = keep.failure()
@@ -293,25 +295,14 @@ def _is_function(signal: Any) -> bool:
     return callable(signal) and not isinstance(signal, Table)
 
 
-def _solved(run: Run, problem: Problem, method: str) -> Solution:
-    """Hand a problem to an integrator."""
-    options = _options(run)
+def _driver(run: Run, keep: Keep, method: str) -> Driver:
+    """A run on its way with a method."""
     if method == "ida":
-        from gearlib.solvers.ida import ida
+        from gearlib.solvers.ida.ida import ida
 
-        return ida.integrate(problem, run.times, **options)
-    from gearlib.solvers.rungekutta import rungekutta
-
-    return rungekutta.integrate(problem, run.times, order=_order(run, problem, method), **options)
-
-
-def _options(run: Run) -> dict[str, Any]:
-    """What every integrator is told of a run."""
-    iterated = run.scene.program.iterated
-    return {
-        "rtol": run.rtol, "atol": run.atol if run.scene.states else None,
-        "max_steps": MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, "may_leave": any(s.constrained for s in iterated),
-    }  # fmt: skip
+        return Driver(_problem(run, keep, jacobian=True), ida())
+    problem = _problem(run, keep, jacobian=False)
+    return Driver(problem, RungeKutta(_order(run, problem, method)))
 
 
 def _order(run: Run, problem: Problem, method: str) -> int:
@@ -320,33 +311,28 @@ def _order(run: Run, problem: Problem, method: str) -> int:
         return ORDERS.get(method, 5)
     if len(problem.time_events) < MANY_CORNERS:
         return 8
-    from gearlib.solvers.rungekutta.rungekutta import RungeKutta
-
-    pilot = RungeKutta(problem, run.times, order=5, **_options(run))
+    stepper = RungeKutta(5)
+    pilot = Driver(problem, stepper)
     pilot.advance(PILOT)
-    return 5 if pilot.wanted >= CUT * (pilot.t - run.times[0]) / PILOT else 8
+    return 5 if stepper.wanted >= CUT * (pilot.t - run.times[0]) / PILOT else 8
 
 
 def _alternating(run: Run, keep: Keep, why: str) -> Outcome:
     """Integrate with Runge-Kutta, and with IDA where that gets on faster."""
-    from gearlib.solvers.ida import ida
-    from gearlib.solvers.rungekutta import rungekutta
+    from gearlib.solvers.ida.ida import ida
+    from gearlib.solvers.ida.ida_stepper import trial
 
     start = _problem(run, keep, jacobian=False)
-
     order = _order(run, start, "rk")
 
-    def explicit(legs: Sequence[Leg]) -> rungekutta.RungeKutta:
-        part = _rest(run, legs)
-        problem = _problem(part, keep, jacobian=False) if legs else start
-        return rungekutta.RungeKutta(problem, part.times, order=order, **_options(run))
+    def explicit(legs: Sequence[Leg]) -> tuple[Driver, RungeKutta]:
+        stepper = RungeKutta(order)
+        return Driver(_problem(_rest(run, legs), keep, jacobian=False) if legs else start, stepper), stepper
 
-    def implicit(legs: Sequence[Leg]) -> ida.Ida:
-        part = _rest(run, legs)
-        return ida.Ida(_problem(part, keep, jacobian=True), part.times, **_options(run))
+    def implicit(legs: Sequence[Leg]) -> Driver:
+        return Driver(_problem(_rest(run, legs), keep, jacobian=True), ida())
 
-    legs = alternate(explicit, implicit, ida.trial(start), float(run.times[-1]))
-    return _joined(run, legs, why)
+    return _joined(run, alternate(explicit, implicit, trial(start), float(run.times[-1])), why)
 
 
 def _wanted(run: Run, legs: Sequence[Leg]) -> list[slice]:
@@ -440,7 +426,7 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
         "method": method,
         "why": why,
         "states": len(run.scene.states),
-        **{k: v for k, v in solution.stats.items() if k != "data"},
+        **solution.stats,
     }
     if said := run.coarse_clock(int(stats.get("steps") or 0)):
         warnings.warn(said, RuntimeWarning, stacklevel=2)
@@ -457,7 +443,7 @@ def _outcome(run: Run, solution: Solution, method: str, why: str) -> Outcome:
 
 def _memory(scene: Scene, native: NativeScene, solution: Solution) -> tuple[Floats, Floats]:
     """Slots and modes where a run ended: its branch of nonlinear equations, and friction's mode, are not forgotten."""
-    data = solution.stats["data"]
+    data = solution.data
     slots = data[native.rhs.layout.slots :][: scene.program.n_slots]
     modes = data[native.shared.relations :][: native.shared.n_relations]
     return slots.copy(), modes.copy()
@@ -533,6 +519,8 @@ def _problem(run: Run, keep: Keep, jacobian: bool) -> Problem:
         time_events=_time_events(run, t0, float(run.times[-1])), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
         culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
+        times=run.times, rtol=run.rtol, atol=run.atol if scene.states else None,
+        max_steps=MOST_STEPS_CONSTRAINED if program.iterated else MOST_STEPS, may_leave=any(s.constrained for s in program.iterated),
     )  # fmt: skip
     return problem
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from gearlib.errors import SolverError
+from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.problem import Solution
 
 WORTH_DECAY, WORTH_VIBRATION = 2.0, 4.0  # trials that must be left, where a decay limits the steps, and where a vibration does
@@ -26,24 +27,8 @@ APART = 10.0  # trials' work between two trials, at least
 LOST = 2.0  # trials' work that the implicit method may lose against the explicit one's pace before it hands back
 
 
-class Stepper(Protocol):
-    """A method on its way through a problem."""
-
-    status: str
-
-    @property
-    def t(self) -> float: ...
-
-    @property
-    def work(self) -> float: ...
-
-    def advance(self, steps: int = ...) -> str: ...
-
-    def solution(self) -> Solution: ...
-
-
-class Explicit(Stepper, Protocol):
-    """One that knows when stability limits its steps: it then stops with the status "stiff", if it was told to watch."""
+class Watchful(Protocol):
+    """A stepper that knows when stability limits its steps: it then stops with the status "stiff", if it was told to watch."""
 
     @property
     def pace(self) -> float: ...
@@ -52,12 +37,6 @@ class Explicit(Stepper, Protocol):
     def damped(self) -> bool: ...
 
     def watch(self, work_first: float = ...) -> None: ...
-
-
-class Implicit(Stepper, Protocol):
-    """One that is freed after use."""
-
-    def close(self) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -70,14 +49,18 @@ class Leg:
 
 
 def alternate(
-    explicit: Callable[[Sequence[Leg]], Explicit], implicit: Callable[[Sequence[Leg]], Implicit], trial: float, t_end: float
+    explicit: Callable[[Sequence[Leg]], tuple[Driver, Watchful]],
+    implicit: Callable[[Sequence[Leg]], Driver],
+    trial: float,
+    t_end: float,
 ) -> list[Leg]:
     """Integrate to the end, or to where a method leaves what its states describe.
 
     Parameters
     ----------
     explicit, implicit : callable
-        Make a method's stepper, which goes on from where the last of some legs ended; from the start of the run where there is none.
+        Make a method's run, which goes on from where the last of some legs ended, from the start where there is none; the explicit one
+        with its stepper.
     trial : float
         The work of the shortest trial, with all that it takes to begin one.
     t_end : float
@@ -89,17 +72,17 @@ def alternate(
         The method that was at work failed. If one on trial does, the explicit one goes on.
     """
     legs: list[Leg] = []
-    stepper, wait, before = explicit(legs), 0.0, 0.0
+    (run, stepper), wait, before = explicit(legs), 0.0, 0.0
     stepper.watch()
     while True:
-        if _to_the_end(stepper):
-            return [*legs, Leg("explicit", stepper.solution())]
+        if _to_the_end(run):
+            return [*legs, Leg("explicit", run.solution())]
         pace = max(stepper.pace, 1e-300)
-        left = (t_end - stepper.t) / pace
+        left = (t_end - run.t) / pace
         if left < (WORTH_DECAY if stepper.damped else WORTH_VIBRATION) * trial:
             stepper.watch(left / 2)  # what is left becomes less; it may also become harder
             continue
-        here, spent = Leg("explicit", stepper.solution()), before + stepper.work
+        here, spent = Leg("explicit", run.solution()), before + run.work
         other = implicit([*legs, here])
         try:
             faster = _tried(other, pace, max(trial, SHARE * min(spent, left / 2), EARLY * left))
@@ -118,7 +101,7 @@ def alternate(
             wait = APART * trial if faster else _longer(wait, max(trial, other.work), left)
         finally:
             other.close()
-        stepper = explicit(legs)
+        run, stepper = explicit(legs)
         stepper.watch(wait)
 
 
@@ -127,14 +110,14 @@ def _longer(wait: float, trial: float, left: float) -> float:
     return max(min(2.0 * wait, SHARE * left), APART * trial)
 
 
-def _to_the_end(stepper: Explicit) -> bool:
+def _to_the_end(run: Driver) -> bool:
     """Go on until stability limits the steps (False), or to the end."""
-    while stepper.advance() == "more":
+    while run.advance() == "more":
         pass
-    return stepper.status != "stiff"
+    return run.status != "stiff"
 
 
-def _tried(other: Implicit, pace: float, most: float) -> bool:
+def _tried(other: Driver, pace: float, most: float) -> bool:
     """Whether the implicit method gets on faster than the explicit one did, after no more than some work."""
     if other.advance(SETTLE) != "more":
         return True
@@ -147,7 +130,7 @@ def _tried(other: Implicit, pace: float, most: float) -> bool:
     return False
 
 
-def _stays(other: Implicit, pace: float, spent: float, trial: float) -> bool:
+def _stays(other: Driver, pace: float, spent: float, trial: float) -> bool:
     """Go on as long as not too much is lost against a pace in one stretch; whether that was to the end.
 
     After an event the implicit method is slow for a while, which is no reason to leave it.

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gearlib.compiler.translate import Prototype
 
@@ -81,6 +81,16 @@ class Problem:
     unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing
     culprit: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what cannot be evaluated from there on
     effort: Effort = field(default_factory=lambda: Effort(100.0, 300.0, 50.0, 100.0))
+    times: Floats = field(default_factory=lambda: np.zeros(1))  # of the samples, s, not decreasing: the first is the start
+    rtol: float = 1e-6
+    atol: ArrayLike | None = None  # one number, or one for each state in its unit
+    max_steps: int = 100_000_000  # after which to give up
+    may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated further on
+
+    @property
+    def absolute_tolerance(self) -> Floats:
+        """``rtol * nominal`` unless given."""
+        return self.rtol * self.nominal if self.atol is None else np.asarray(self.atol, dtype=np.float64)
 
     def state_name(self, k: int) -> str:
         return self.state_names[k] if k < len(self.state_names) else f"state {k}"
@@ -108,6 +118,7 @@ class Solution:
     status: str  # "done" | "stiff" (explicit run that met stiffness) | "left" (refused further on): stopped at t_last
     t_last: float
     x_last: Floats
+    data: Floats  # the model's block of numbers there
     event_times: Floats  # (events,)
     event_roots: Integers  # (events,) index of the root that fired, -1 for a time event
     stats: Mapping[str, Any]  # steps, rhs, jac, events, rejected, ...

@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 import gearlib as gl
+from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.exponential import exact
-from gearlib.solvers.ida import ida
-from gearlib.solvers.ida.ida_request import SAFETY
+from gearlib.solvers.ida.ida_stepper import SAFETY
 from gearlib.solvers.problem import Floats, Problem
-from gearlib.solvers.rungekutta import rungekutta
 from tests.benchmarks import floor_ida, floor_rk
 from tests.benchmarks.competitors import Competitor, RunAt, Unavailable
 from tests.benchmarks.equations import shown
@@ -35,8 +34,7 @@ def clocked() -> Iterator[list[float]]:
     places: list[tuple[Any, str]] = [
         (exact, "prepare"),
         (exact.ExactRun, "solve"),
-        (ida, "integrate"),
-        (rungekutta, "integrate"),
+        *((Driver, name) for name in ("__init__", "advance", "solution")),
     ]
     originals = [getattr(owner, name) for owner, name in places]
 

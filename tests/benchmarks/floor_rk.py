@@ -21,8 +21,8 @@ from numba import cfunc, njit, types
 from scipy.linalg import expm
 
 from gearlib.solvers.problem import Floats, Problem
-from gearlib.solvers.rungekutta.rungekutta import integrate
 from gearlib.solvers.rungekutta.tableaux import TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
+from tests.run.python_problem import rk
 
 _D, _L, _I = (types.CPointer(t) for t in (types.float64, types.int64, types.int32))
 RHS = types.int32(types.float64, _D, _D, _D, _L)
@@ -353,7 +353,7 @@ def main() -> None:
         (f"M1 N={n}", chain(n), CHAIN_TIMES, chain_exact(n), chain_floor(), 1e-5, slice(None)) for n in (10, 100, 1000)
     ]
     pair = backlash()
-    exact = integrate(pair, BACKLASH_TIMES, rtol=1e-13, order=8).x
+    exact = rk(pair, BACKLASH_TIMES, rtol=1e-13, order=8).x
     cases.append(("M3", pair, BACKLASH_TIMES, exact, backlash_floor(), 1e-6, slice(0, 1)))
     with tempfile.TemporaryDirectory() as directory:
         in_c = c_chain(directory)
@@ -375,7 +375,7 @@ def main() -> None:
 
 
 def _general(problem: Problem, times: Floats, rtol: float, order: int) -> tuple[Floats, int]:
-    solution = integrate(problem, times, rtol=rtol, order=order)
+    solution = rk(problem, times, rtol=rtol, order=order)
     return solution.x, solution.stats["steps"]
 
 

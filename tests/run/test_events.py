@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -367,8 +368,7 @@ def test_short_events_are_found_at_every_tolerance_that_lets_the_solution_get_th
 def test_short_events_are_found_along_both_roads_to_ida(peak, native, monkeypatch):
     from gearlib.solvers.ida import ida
 
-    integrate = ida.integrate
-    monkeypatch.setattr(ida, "integrate", lambda *a, **k: integrate(*a, **k, native=native))
+    monkeypatch.setattr(ida, "ida", partial(ida.ida, native=native))
     result = peak.simulate(30.0, samples=2, method="ida", rtol=1e-8)
     assert result.stats["backend"].startswith("native" if native else "scikit-sundae")
     assert (result["above"][-1], result["below"][-1]) == (5.0, 5.0)

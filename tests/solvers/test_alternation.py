@@ -13,9 +13,12 @@ from hypothesis import strategies as st
 
 from gearlib.errors import SolverError
 from gearlib.solvers.alternation import Leg, alternate
-from gearlib.solvers.ida import ida
+from gearlib.solvers.drive.driver import Driver, Stepper
+from gearlib.solvers.ida.ida import ida
+from gearlib.solvers.ida.ida_stepper import trial
 from gearlib.solvers.problem import Problem, Solution
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+from tests.run.python_problem import driver
 from tests.solvers.rungekutta.test_rungekutta import problem, van_der_pol
 
 STEP = 1000.0  # work of a step of either method
@@ -57,7 +60,7 @@ class Method:
 
     def solution(self) -> Solution:
         none = np.empty(0)
-        return Solution(none, none, none, self.status, self.t, none, none, np.empty(0, np.int64), {})
+        return Solution(none, none, none, self.status, self.t, none, none, none, np.empty(0, np.int64), {})
 
     def close(self) -> None:
         self.book.closed += 1
@@ -75,7 +78,8 @@ class Book:
 
     def run(self) -> list[Leg]:
         def first(legs: Sequence[Leg]) -> Any:
-            return Method(self, self.paces[0], legs[-1].solution.t_last if legs else 0.0)
+            method = Method(self, self.paces[0], legs[-1].solution.t_last if legs else 0.0)
+            return method, method
 
         def second(legs: Sequence[Leg]) -> Any:
             self.trials += 1
@@ -158,19 +162,20 @@ def test_a_method_that_fails_when_it_was_chosen_is_an_error() -> None:
 def legs_of(p: Problem, t_end: float, rtol: float, order: int) -> list[Leg]:
     """Legs of a run whose problem has no memory but its states."""
 
-    def begin(method: Any, legs: Sequence[Leg], **options: Any) -> Any:
+    def begin(legs: Sequence[Leg], stepper: Stepper) -> Driver:
         if not legs:
-            return method(p, np.array([0.0, t_end]), rtol=rtol, **options)
+            return driver(p, [0.0, t_end], stepper, rtol=rtol)
         last = legs[-1].solution
-        return method(replace(p, x0=last.x_last), np.array([last.t_last, t_end]), rtol=rtol, **options)
+        return driver(replace(p, x0=last.x_last), [last.t_last, t_end], stepper, rtol=rtol)
 
-    def explicit(legs: Sequence[Leg]) -> Any:
-        return begin(RungeKutta, legs, order=order)
+    def explicit(legs: Sequence[Leg]) -> tuple[Driver, RungeKutta]:
+        stepper = RungeKutta(order)
+        return begin(legs, stepper), stepper
 
-    def implicit(legs: Sequence[Leg]) -> Any:
-        return begin(ida.Ida, legs)
+    def implicit(legs: Sequence[Leg]) -> Driver:
+        return begin(legs, ida())
 
-    return alternate(explicit, implicit, ida.trial(p), t_end)
+    return alternate(explicit, implicit, trial(p), t_end)
 
 
 @pytest.mark.parametrize("order", [5, 8])

@@ -1,4 +1,4 @@
-"""Compiled part of the native IDA backend: SUNDIALS callbacks, and the integration loop that calls SUNDIALS.
+"""Compiled part of the native IDA backend: SUNDIALS' callbacks, and the steps of `gearlib.solvers.drive.drive_loop`.
 
 All of it is generic. A model enters by the addresses of its native functions, written into an `IdaRecord` that SUNDIALS hands
 back to every callback as its user data; hence this module, which is in the small language, is compiled once per machine.
@@ -13,25 +13,11 @@ import math
 
 from gearlib.compiler.small_language import floats, floats_at, int32, int32s_at, ints_at, native
 from gearlib.compiler.translate import Prototype
-from gearlib.solvers.ida.ida_request import (
-    CHATTER,
-    CHUNK,
-    PROBES,
-    REACH,
-    RHS_FAILED,
-    ROOTS_FAILED,
-    SLOPE_OVER,
-    STALLED,
-    START_FAILED,
-    STEP_LIMIT,
-    UNSETTLED,
-    UPDATE_FAILED,
-)  # fmt: skip
+from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, START, STEPPED, TIMED
+from gearlib.solvers.ida.ida_stepper import CHUNK, PROBES, REACH, ROOTS_FAILED, SLOPE_OVER, STALLED, START_FAILED
 from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import MODEL
 
-# How `drive` ends, beside the failures of `ida_request`: all samples taken, back for a breath, event log full.
-DONE, PAUSE, LOG_FULL = 0, 1, 2
 IDA_ONE_STEP, IDA_STOP_RETURN, IDA_ROOT_RETURN, IDA_YA_YDP_INIT = 2, 1, 2, 1
 NEGATIVE_ZERO = -1e-300  # what an event function that is exactly zero is taken for: zero belongs to the negative side
 
@@ -86,14 +72,21 @@ def refuse(s: IdaRecord, t: float, values: floats, n: int) -> int:
 
 
 @native
+def to_natural(s: IdaRecord, y: int, x: int) -> None:
+    """States from IDA's order to the model's, by address."""
+    if y != x:
+        source, target, order = floats_at(y), floats_at(x), ints_at(s.order)
+        for i in range(s.n):
+            target[i if s.order == 0 else order[i]] = source[i]
+
+
+@native
 def natural(s: IdaRecord, y: int) -> int:
     """The address of the states in the model's order, from a vector in IDA's order."""
     if s.order == 0:
         return y
-    source, target, order = floats_at(y), floats_at(s.x), ints_at(s.order)
-    for i in range(s.n):
-        target[order[i]] = source[i]
-    return s.x
+    to_natural(s, y, s.natural)
+    return s.natural
 
 
 @native
@@ -108,13 +101,13 @@ def residual(t: float, yy: int, yp: int, rr: int, user: int) -> int32:
     r_address = array_of(s, rr)
     f_address = r_address if s.order == 0 else s.f
     x = natural(s, array_of(s, yy))
-    status = MODEL(s.rhs, s.epoch + (s.origin + t), x, f_address, s.data, s.index)
+    status = MODEL(s.rhs, s.origin + (s.since + t), x, f_address, s.data, s.index)
     f = floats_at(f_address)
     if status < 0:
-        refuse(s, s.origin + t, f, 0)
+        refuse(s, s.since + t, f, 0)
         return -1
     if status > 0 or not all_finite(f, n):
-        return refuse(s, s.origin + t, f, n)
+        return refuse(s, s.since + t, f, n)
     r, dy, d = floats_at(r_address), floats_at(array_of(s, yp)), floats_at(s.differential)
     if s.order == 0:
         for i in range(n):
@@ -132,12 +125,12 @@ def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int,
     s = IdaRecord(user)
     s.n_jac += 1
     x = natural(s, array_of(s, yy))
-    status = MODEL(s.jac, s.epoch + (s.origin + t), x, s.values, s.data, s.index)
+    status = MODEL(s.jac, s.origin + (s.since + t), x, s.values, s.data, s.index)
     values = floats_at(s.values)
     if status < 0:
         return -1
     if status > 0 or not all_finite(values, s.nnz):
-        return refuse(s, s.origin + t, values, 0)
+        return refuse(s, s.since + t, values, 0)
     position, diagonal = ints_at(s.position), ints_at(s.diagonal)
     matrix = floats_at(s.matrix)  # the bound is not looked at
     for k in range(s.nnz):
@@ -155,7 +148,7 @@ def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int,
 
 @native
 def event_values(s: IdaRecord, t: float, y: int, g: int) -> int:
-    status = MODEL(s.roots, s.epoch + t, natural(s, y), g, s.data, s.index)
+    status = MODEL(s.roots, s.origin + t, natural(s, y), g, s.data, s.index)
     values = floats_at(g)
     for k in range(s.n_roots):
         if values[k] == 0.0:
@@ -186,7 +179,7 @@ def turning(s: IdaRecord, t: float, y: int, dy: int, g: int) -> None:
     if s.attempt_time > s.step_end:
         s.step_begin, s.step_end = s.step_end, s.attempt_time
     h = s.step_end - s.step_begin if s.step_end > s.step_begin else 1e-3 * s.first_guess
-    dt = max(SLOPE_OVER * h, 64 * EPS * abs(s.epoch))  # the clock's rounding has no slope
+    dt = max(SLOPE_OVER * h, 64 * EPS * abs(s.origin))  # the clock's rounding has no slope
     values, sides, later = floats_at(g), int32s_at(s.sides), floats_at(s.later)
     for k in range(s.n_roots):
         values[s.n_roots + k] = NEGATIVE_ZERO
@@ -211,16 +204,16 @@ def roots(t: float, yy: int, yp: int, g: int, user: int) -> int32:
     """
     s = IdaRecord(user)
     y = array_of(s, yy)
-    status = event_values(s, s.origin + t, y, g)
+    status = event_values(s, s.since + t, y, g)
     if status == 0:
-        turning(s, s.origin + t, y, array_of(s, yp), g)
+        turning(s, s.since + t, y, array_of(s, yp), g)
     return status
 
 
 @native
 def steps_so_far(s: IdaRecord) -> int:
     GET_STEPS(s.get_steps, s.mem, s.counter)
-    return s.steps + ints_at(s.counter)[0]
+    return s.earlier + ints_at(s.counter)[0]
 
 
 @native
@@ -231,10 +224,10 @@ def restart(s: IdaRecord, t: float) -> int:
     were wrong: with t = 0.2 s and 500 000 steps by 1e-13 s. It locates roots to a hundred roundings of its time.
     """
     n = s.n
-    s.steps = steps_so_far(s)
+    s.earlier = steps_so_far(s)
     s.restarts += 1
     s.n_rhs += 1
-    status = MODEL(s.rhs, s.epoch + t, natural(s, s.y), s.f, s.data, s.index)
+    status = MODEL(s.rhs, s.origin + t, natural(s, s.y), s.f, s.data, s.index)
     f, dy, d = floats_at(s.f), floats_at(s.dy), floats_at(s.differential)
     if status != 0 or not all_finite(f, n):
         refuse(s, t, f, n)
@@ -242,26 +235,18 @@ def restart(s: IdaRecord, t: float) -> int:
     order = ints_at(s.order)
     for i in range(n):
         dy[i] = d[i] * f[i if s.order == 0 else order[i]]
-    s.origin, s.attempt_time, s.step_begin, s.step_end = t, 0.0, 0.0, 0.0
-    s.flag = REINIT(s.reinit, s.mem, 0.0, s.yy, s.yp)
-    if s.flag < 0:
-        return s.flag
+    s.since, s.attempt_time, s.step_begin, s.step_end = t, 0.0, 0.0, 0.0
+    flag = REINIT(s.reinit, s.mem, 0.0, s.yy, s.yp)
+    if flag < 0:
+        return flag
     if s.n_algebraic > 0:
-        s.flag = CALC_IC(s.calc_ic, s.mem, IDA_YA_YDP_INIT, s.ic_span)
+        flag = CALC_IC(s.calc_ic, s.mem, IDA_YA_YDP_INIT, s.ic_span)
         s.attempt_time = 0.0
-        if s.flag < 0:
+        if flag < 0:
             return START_FAILED
         GET_IC(s.get_ic, s.mem, s.yy, s.yp)
     s.first_reach = s.first_guess = 1000.0 * first_step(s, t)  # of which IDA takes a thousandth
     return take_sides(s, t)
-
-
-@native
-def next_stop(s: IdaRecord) -> float:
-    """The next time event, or the end."""
-    if s.next_event < s.n_time_events:
-        return min(floats_at(s.time_events)[s.next_event], s.t_end)
-    return s.t_end
 
 
 @native
@@ -271,17 +256,17 @@ def first_step(s: IdaRecord, t: float) -> float:
     IDA's own first step knows x' only. A model at rest has none, and is stepped over its whole excitation: a sine whose period
     divides the step is never seen.
     """
-    n, span = s.n, next_stop(s) - t
+    n, span = s.n, floats_at(s.stops)[s.stop] - t
     f, probe, d, y, atol = floats_at(s.f), floats_at(s.probe), floats_at(s.differential), floats_at(s.y), floats_at(s.atol)
     order = ints_at(s.order)
     x = natural(s, s.y)
     step = span * PROBES[0]
     s.n_rhs += 1 + len(PROBES)
-    if MODEL(s.rhs, s.epoch + t, x, s.f, s.data, s.index) != 0:
+    if MODEL(s.rhs, s.origin + t, x, s.f, s.data, s.index) != 0:
         return step
     for share in PROBES:
         delta = share * span
-        if s.epoch + (t + delta) > s.epoch + t and MODEL(s.rhs, s.epoch + (t + delta), x, s.probe, s.data, s.index) == 0:
+        if s.origin + (t + delta) > s.origin + t and MODEL(s.rhs, s.origin + (t + delta), x, s.probe, s.data, s.index) == 0:
             total = 0.0
             for i in range(n):
                 k = i if s.order == 0 else order[i]
@@ -296,184 +281,110 @@ def first_step(s: IdaRecord, t: float) -> float:
 
 
 @native
-def settle(s: IdaRecord, t: float, forced: bool) -> int:
-    """Event iteration at t and, where something changed or it is forced, a consistent restart."""
-    fired, sides, before = int32s_at(s.fired), int32s_at(s.sides), int32s_at(s.before)
-    for _ in range(100):
-        if s.update != 0:
-            outcome = MODEL(s.update, s.epoch + t, natural(s, s.y), s.fired, s.data, s.index)
-            if outcome < 0:
-                return UPDATE_FAILED
-            if outcome == 2 and s.order != 0:
-                x, y, order = floats_at(s.x), floats_at(s.y), ints_at(s.order)
-                for i in range(s.n):
-                    y[i] = x[order[i]]
-            if outcome == 0 and not forced:
-                return 0
-        elif not forced:
-            return 0
-        watch = s.n_algebraic > 0 and s.n_roots > 0 and s.update != 0
-        if watch:
-            if take_sides(s, t) != 0:
-                return ROOTS_FAILED
-            for k in range(s.n_roots):
-                before[k] = sides[k]
-        status = restart(s, t)
-        if status < 0 or not watch:
-            return status
-        # The algebraic unknowns jump at an event; what they carry across zero is an event of the same instant.
-        flips = 0
+def ida_restart(address: int, changed: int, why: int) -> int32:
+    """Start IDA anew where something changed; how many event functions the algebraic unknowns carried across zero by it."""
+    s = IdaRecord(address)
+    if changed == 0 and why != START and not (why == TIMED and s.update == 0):
+        return 0
+    n, fired, sides, before = s.n, int32s_at(s.fired), int32s_at(s.sides), int32s_at(s.before)
+    x, y, order = floats_at(s.x), floats_at(s.y), ints_at(s.order)
+    if s.order != 0:
+        for i in range(n):
+            y[i] = x[order[i]]
+    watch = s.n_algebraic > 0 and s.n_roots > 0 and s.update != 0
+    if watch:
+        if take_sides(s, s.t) != 0:
+            return ROOTS_FAILED
+        for k in range(s.n_roots):
+            before[k] = sides[k]
+    status = restart(s, s.t)
+    if status < 0:
+        return status
+    to_natural(s, s.y, s.x)
+    crossed = 0
+    if watch:  # the algebraic unknowns jump at an event; what they carry across zero is an event of the same instant
         for k in range(s.n_roots):
             fired[k] = sides[k] if sides[k] != before[k] else 0
-            flips += sides[k] != before[k]
-        if flips == 0:
-            return 0
-        forced = False
-    return UNSETTLED
+            crossed += sides[k] != before[k]
+    return crossed
 
 
 @native
-def log_event(s: IdaRecord, t: float, root: int) -> None:
-    ints_at(s.event_roots)[s.events] = root
-    floats_at(s.event_times)[s.events] = t
-    s.events += 1
-    times = floats_at(s.times)
-    while s.sample > 0 and times[s.sample - 1] >= t - s.slack:  # a sample on an event holds the right-hand limit
-        s.sample -= 1
-
-
-@native
-def happened(s: IdaRecord, t: float) -> int:
-    """Handle the events at t: of the event functions that ``fired``."""
-    if t - s.burst_start > s.window:
-        s.burst_start, s.burst = t, 0
-    s.burst += 1
-    fired, sides = int32s_at(s.fired), int32s_at(s.sides)
-    for k in range(s.n_roots):
-        if fired[k] != 0:
-            sides[k] = fired[k]
-            log_event(s, t, k)
-    if s.burst > s.burst_limit:
-        return CHATTER
-    return settle(s, t, False)
-
-
-@native
-def located(s: IdaRecord, t: float) -> int:
-    """Handle the roots that IDA found at t."""
-    ROOT_INFO(s.root_info, s.mem, s.fired)
-    fired = int32s_at(s.fired)
-    for k in range(s.n_roots):
-        if fired[k] != 0:
-            return happened(s, t)
-    return 0  # a function has come near to zero, and turns away
-
-
-@native
-def just_beyond(s: IdaRecord, t: float) -> int:
-    """Handle the event functions that change their sign within rounding of the end, as one does that is meant to do so there."""
+def just_beyond(s: IdaRecord, t: float) -> bool:
+    """Whether event functions change their sign within rounding of the end, as one does that is meant to do so there."""
     y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
     for i in range(s.n):
         ahead[i] = y[i] + s.slack * dy[i]
     if event_values(s, t + s.slack, s.probe, s.g) != 0:
-        return 0
+        return False
     fired, sides, g, found = int32s_at(s.fired), int32s_at(s.sides), floats_at(s.g), False
     for k in range(s.n_roots):
         fired[k] = 0
         if g[k] * sides[k] < 0.0:
             fired[k] = -sides[k]
             found = True
-    return happened(s, t) if found else 0
+    return found
 
 
 @native
-def arrived(s: IdaRecord, t: float) -> int:
-    """Handle the time event at t."""
-    fired = int32s_at(s.fired)
-    for k in range(s.n_roots):
-        fired[k] = 0
-    log_event(s, t, -1)
-    s.next_event += 1
-    return settle(s, t, s.update == 0)
+def ida_interpolate(address: int, t: float, out: int) -> int32:
+    """The states at a time within the last step: they have no part in how IDA goes on."""
+    s = IdaRecord(address)
+    flag = GET_DKY(s.get_dky, s.mem, t - s.since, 0, s.yd)
+    if flag >= 0:
+        to_natural(s, s.between, out)
+    return flag
 
 
 @native
-def store_sample(s: IdaRecord, state: int) -> None:
-    """A sample: states, in IDA's order at an address, and the discrete state."""
-    n, row = s.n, s.sample
-    y, out = floats_at(state), floats_at(s.out + 8 * row * n)
-    order = ints_at(s.order)
-    for i in range(n):
-        out[i if s.order == 0 else order[i]] = y[i]
-    data, modes = floats_at(s.data), floats_at(s.modes_out + 8 * row * s.n_modes)
-    for k in range(s.n_modes):
-        modes[k] = data[s.first_mode + k]
-    s.sample += 1
+def take_states(s: IdaRecord) -> None:
+    to_natural(s, s.y, s.x)
+    s.done = steps_so_far(s)
 
 
 @native
-def record_before(s: IdaRecord, t: float) -> int:
-    """The samples of the last step that lie before t, interpolated: they have no part in how IDA goes on."""
-    times = floats_at(s.times)
-    while s.sample < s.n_times and times[s.sample] < t:
-        flag = GET_DKY(s.get_dky, s.mem, times[s.sample] - s.origin, 0, s.yd)
-        if flag < 0:
-            return flag
-        store_sample(s, s.between)
+def ida_accept(address: int) -> int32:
+    """The states at the end of the step, in the model's order."""
+    take_states(IdaRecord(address))
     return 0
 
 
 @native
-def drive(user: int) -> int32:
-    """Integrate until all samples are taken, something fails, or Python is needed; call again to go on."""
-    s = IdaRecord(user)
-    times, time_events = floats_at(s.times), floats_at(s.time_events)
-    reached = floats_at(s.scratch)
-    if s.started == 0:
-        s.started = 1
-        status = settle(s, s.t, True)
-        if status < 0:
-            return status
-    while True:
-        tiny = 10 * EPS * abs(s.t)
-        while s.sample < s.n_times and times[s.sample] <= s.t + tiny:
-            store_sample(s, s.y)
-        done = steps_so_far(s)
-        s.done = done
-        if s.sample == s.n_times:
-            s.steps = done
-            return DONE
-        if s.events + s.n_roots + 1 > s.event_capacity:
-            return LOG_FULL
-        if done >= s.look_at:
-            if s.t - s.looked_t <= CHUNK * EPS * abs(s.t):
-                return STALLED
-            s.looked_t, s.look_at = s.t, done + CHUNK
-        if done >= s.pause_at:
-            return STEP_LIMIT if done >= s.max_steps else PAUSE
-        if s.next_event < s.n_time_events and time_events[s.next_event] > s.t_end:
-            s.next_event = s.n_time_events
-        stop = next_stop(s)
-        if s.next_event < s.n_time_events and stop <= s.t + tiny:
-            status = arrived(s, s.t)
-        else:
-            SET_STOP(s.set_stop, s.mem, stop - s.origin)
-            target = stop
-            if s.first_reach > 0.0:
-                target = min(target, s.t + max(s.first_reach, 1000 * EPS * abs(s.t)))
-                s.first_reach = 0.0
-            s.flag = SOLVE(s.solve, s.mem, target - s.origin, s.scratch, s.yy, s.yp, IDA_ONE_STEP)
-            status, s.t = min(s.flag, 0), s.origin + reached[0]
-            if s.flag >= 0:
-                if s.flag == IDA_STOP_RETURN:
-                    s.t = stop
-                status = record_before(s, s.t - 10 * EPS * abs(s.t))
-                if status >= 0 and s.flag == IDA_ROOT_RETURN:
-                    status = located(s, s.t)
-                elif status >= 0 and s.flag == IDA_STOP_RETURN and s.next_event < s.n_time_events:
-                    status = arrived(s, stop)
-            if status >= 0 and s.flag != IDA_ROOT_RETURN and s.n_roots > 0 and s.t >= s.t_end - tiny:
-                status = just_beyond(s, s.t)
-        if status < 0:
-            s.steps = steps_so_far(s)
-            return status
+def ida_step(address: int, stop: float) -> int32:
+    """One step of IDA, up to an event in it."""
+    s = IdaRecord(address)
+    tiny = 10 * EPS * abs(s.t)
+    s.reached = stop
+    if stop <= s.t + tiny:
+        return STEPPED
+    if s.done >= s.look_at:
+        if s.t - s.looked_t <= CHUNK * EPS * abs(s.t):
+            return STALLED
+        s.looked_t, s.look_at = s.t, s.done + CHUNK
+    SET_STOP(s.set_stop, s.mem, stop - s.since)
+    target = stop
+    if s.first_reach > 0.0:
+        target = min(target, s.t + max(s.first_reach, 1000 * EPS * abs(s.t)))
+        s.first_reach = 0.0
+    flag = SOLVE(s.solve, s.mem, target - s.since, s.scratch, s.yy, s.yp, IDA_ONE_STEP)
+    t = s.since + floats_at(s.scratch)[0]
+    if flag < 0:
+        s.t = t
+        take_states(s)
+        return flag
+    if flag != IDA_STOP_RETURN:
+        s.reached = min(t, stop)
+    found = False
+    fired, sides = int32s_at(s.fired), int32s_at(s.sides)
+    if flag == IDA_ROOT_RETURN:
+        ROOT_INFO(s.root_info, s.mem, s.fired)
+        for k in range(s.n_roots):  # none of these: a function has come near to zero, and turns away
+            found = found or fired[k] != 0
+    elif s.n_roots > 0 and s.stop == s.n_stops - 1 and s.reached >= stop - tiny:
+        found = just_beyond(s, s.reached)
+    if not found:
+        return STEPPED
+    for k in range(s.n_roots):
+        if fired[k] != 0:
+            sides[k] = fired[k]
+    return FOUND

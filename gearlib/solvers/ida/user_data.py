@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
-
 from gearlib.compiler.small_language import record
+from gearlib.solvers.drive.drive_record import DriveRecord
 
 
 @record
-class IdaRecord(ctypes.Structure):
-    """Addresses, whole numbers, reals; every field is zero at first."""
+class IdaRecord(DriveRecord):
+    """IDA's own part of a run's record; every field is zero at first."""
 
     # addresses: of the model
-    rhs: int
     jac: int
-    roots: int
-    update: int
     # addresses: of SUNDIALS
     array_pointer: int
     solve: int
@@ -32,12 +28,10 @@ class IdaRecord(ctypes.Structure):
     yp: int
     yd: int
     # addresses: numbers and work space
-    data: int
-    index: int
-    x: int
     f: int
-    y: int
+    y: int  # the states in IDA's order
     dy: int
+    natural: int  # work space for states in the model's order
     differential: int
     order: int
     atol: int
@@ -53,58 +47,30 @@ class IdaRecord(ctypes.Structure):
     starts: int
     starts_source: int
     # addresses: events
-    fired: int
     sides: int
     before: int
     g: int
     later: int
-    # addresses: samples and logs
-    times: int
-    out: int
-    modes_out: int
-    time_events: int
-    event_times: int
-    event_roots: int
     scratch: int
     counter: int
     # whole numbers
-    n: int
     nnz: int
     n_diagonal: int
     n_pattern: int
-    n_roots: int
     n_algebraic: int
-    n_times: int
-    n_time_events: int
-    n_modes: int
-    first_mode: int
-    event_capacity: int
-    started: int
-    sample: int
-    next_event: int
-    events: int
-    burst: int
-    burst_limit: int
-    max_steps: int
-    pause_at: int
     done: int  # steps
     look_at: int
-    flag: int
     n_rhs: int
     n_jac: int
-    steps: int
+    earlier: int  # steps before IDA was started anew
     attempts: int
     restarts: int
     refused: int
     patience: int
     bad_state: int
     # reals
-    t: float
-    epoch: float  # s; all other times count from here, so that a late start takes no digits from them
-    origin: float
-    t_end: float
-    window: float
-    burst_start: float
+    since: float  # where IDA was started last: its own time counts from there
+    span: float
     ic_span: float
     attempt_time: float
     step_begin: float
@@ -113,5 +79,4 @@ class IdaRecord(ctypes.Structure):
     rtol: float
     first_reach: float
     first_guess: float
-    slack: float
     looked_t: float

@@ -1,29 +1,21 @@
-"""State record of the Runge-Kutta loop, filled in by Python.
+"""State record of the explicit Runge-Kutta stepper, filled in by Python.
 
-Passing an array to compiled code takes a microsecond, and a run of a small model takes fifty: the loop gets one address instead.
+Passing an array to compiled code takes a microsecond, and a run of a small model takes fifty: it gets one address instead.
 """
 
 from __future__ import annotations
 
-import ctypes
-
 from gearlib.compiler.small_language import record
+from gearlib.solvers.drive.drive_record import DriveRecord
 
 __all__ = ["LoopRecord"]
 
 
 @record
-class LoopRecord(ctypes.Structure):
-    """State of the loop; every field is zero at first."""
+class LoopRecord(DriveRecord):
+    """The stepper's own part; every field is zero at first."""
 
-    # addresses of the model's functions (0: none) and of its numbers
-    rhs: int
-    roots: int
-    update: int
-    data: int
-    index: int
-    # addresses of states; rows: stages, coefficients of the dense output
-    x: int
+    # addresses of vectors; rows: stages, coefficients of the dense output
     x_new: int
     y: int
     atol: int
@@ -33,36 +25,14 @@ class LoopRecord(ctypes.Structure):
     phases: int
     g: int
     side: int
-    fired: int
-    # addresses of output times, of times to stop at, of the samples and of the event log
-    times: int
-    stops: int
-    out: int
-    modes: int
-    log_t: int
-    log_root: int
     order: int
-    n: int  # states
-    size: int  # the same in whole blocks
-    n_roots: int
-    n_times: int
-    n_stops: int
-    n_timed: int  # the first stops are time events, a last one may be an end
-    n_modes: int
-    first_mode: int
-    capacity: int  # of the event log
-    budget: int  # steps to take before returning
+    size: int  # states in whole blocks
     detect: int  # whether to look for stiffness, and
     detect_from: int  # after so many steps
     stiff_first: int  # the step with which the present stiffness began, the number of events and (`stiff_t`) the time there
     stiff_events: int
-    started: int
-    sample: int
-    stop: int
-    steps: int
     rejected: int
     evaluations: int
-    events: int
     stiff_steps: int
     calm_steps: int
     retry: int
@@ -74,9 +44,8 @@ class LoopRecord(ctypes.Structure):
     rtol: float
     span: float
     h_max: float
-    origin: float  # s; all other times count from here, so that a late start takes no digits from them
-    t: float
     h: float
+    h_step: float  # of the step that was taken last
     h_before_event: float
     h_cut: float
     log_error: float

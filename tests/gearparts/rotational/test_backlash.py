@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.solvers.rungekutta.rungekutta import integrate
 from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh, mesh_damping
 from gearparts.rotational.backlash import ElastoBacklash, ElastoBacklash2
 from tests.benchmarks import floor_rk
@@ -19,6 +18,7 @@ from tests.gearparts import msl_hybrid_examples as msl
 from tests.gearparts.rotational.scenes_backlash import BacklashPair
 from tests.gearparts.rotational.test_friction import METHODS, check_against_reference, run
 from tests.gearparts.test_msl_examples import agree
+from tests.run.python_problem import rk
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -71,7 +71,7 @@ def test_what_a_coupling_with_backlash_loses_heats_it(kind: type[gl.Component]) 
 
 
 def test_the_hammering_pair_agrees_with_equations_by_hand() -> None:
-    by_hand = integrate(floor_rk.backlash(), floor_rk.BACKLASH_TIMES, rtol=1e-12, order=8).x
+    by_hand = rk(floor_rk.backlash(), floor_rk.BACKLASH_TIMES, rtol=1e-12, order=8).x
     system = gl.compile(BacklashPair(), outputs=["mesh.q", "pinion.w", "wheel.w"])
     assert set(system.states) == {"mesh.q", "mesh.turned", "pinion.w", "wheel.w"}
     result = system.simulate(0.2, times=floor_rk.BACKLASH_TIMES, method="rk", rtol=1e-9)

@@ -14,8 +14,8 @@ from scipy.linalg import expm
 from gearlib.errors import ArgumentError, SolverError
 from gearlib.solvers.problem import Floats
 from gearlib.solvers.rungekutta import tableaux
-from gearlib.solvers.rungekutta.rungekutta import RungeKutta, _prepare, integrate, work
-from tests.run.python_problem import problem
+from gearlib.solvers.rungekutta.rungekutta import RungeKutta, work
+from tests.run.python_problem import driver, problem, rk
 
 
 def oscillator(t: float, x: Any, dx: Any, data: Any) -> None:
@@ -83,7 +83,7 @@ def test_error_falls_with_the_order_of_the_method(order: int, steps: int, end: b
     for n in (steps, 2 * steps):
         grid = np.linspace(0.0, 2.0, n + 1)
         times = np.array([0.0, theta * grid[1 if not end else -1], 2.0])
-        run = integrate(problem(orbit, ORBIT_START, time_events=grid), times, rtol=1e-3, atol=1e9, order=order, first_step=1.0)
+        run = rk(problem(orbit, ORBIT_START, time_events=grid), times, rtol=1e-3, atol=1e9, order=order, first_step=1.0)
         assert run.stats["steps"] == n
         errors.append(np.abs(run.x[1, :2] - orbit_exact(times)[1]).max())
     assert order - 0.3 < math.log2(errors[0] / errors[1]) < order + 1.1
@@ -92,8 +92,8 @@ def test_error_falls_with_the_order_of_the_method(order: int, steps: int, end: b
 @pytest.mark.parametrize("order", [5, 8])
 def test_dense_output_is_as_accurate_as_the_steps(order: int) -> None:
     few, many = np.array([0.0, 20.0]), np.linspace(0.0, 20.0, 2001)
-    at_end = integrate(problem(oscillator, [1.0, 0.0]), few, rtol=1e-7, order=order)
-    dense = integrate(problem(oscillator, [1.0, 0.0]), many, rtol=1e-7, order=order)
+    at_end = rk(problem(oscillator, [1.0, 0.0]), few, rtol=1e-7, order=order)
+    dense = rk(problem(oscillator, [1.0, 0.0]), many, rtol=1e-7, order=order)
     error = np.abs(dense.x - np.column_stack((np.cos(many), -np.sin(many))))
     assert dense.stats["steps"] == at_end.stats["steps"]
     assert dense.x[-1] == pytest.approx(at_end.x[-1], rel=1e-13)
@@ -106,7 +106,7 @@ def test_dense_output_is_as_accurate_as_the_steps(order: int) -> None:
 def test_error_is_proportional_to_the_tolerance(order: int, rtol: float) -> None:
     """One revolution on Kepler's ellipse, whose closed form multiplies an error of the period."""
     times = np.linspace(0.0, 2.0 * math.pi, 41)
-    solution = integrate(problem(orbit, ORBIT_START), times, rtol=rtol, order=order)
+    solution = rk(problem(orbit, ORBIT_START), times, rtol=rtol, order=order)
     error = np.abs(solution.x[:, :2] - orbit_exact(times)).max()
     assert 0.02 * rtol < error < 50.0 * rtol
 
@@ -117,7 +117,7 @@ def test_relative_tolerance_counts_where_a_state_is_large(order: int) -> None:
         dx[0] = x[0]
 
     times = np.array([0.0, 30.0])
-    solution = integrate(problem(growth, [1.0], nominal=np.array([1e-20])), times, rtol=1e-6, order=order)
+    solution = rk(problem(growth, [1.0], nominal=np.array([1e-20])), times, rtol=1e-6, order=order)
     assert (5e-9 if order == 5 else 1e-7) < abs(solution.x[-1, 0] / math.exp(30.0) - 1.0) < 1e-5
 
 
@@ -128,9 +128,9 @@ def test_absolute_tolerance_counts_where_a_state_is_small() -> None:
         dx[0] = -x[0]
 
     times = np.array([0.0, 30.0])
-    loose = integrate(problem(decay, [1.0]), times, rtol=1e-6, order=8)
-    tight = integrate(problem(decay, [1.0]), times, rtol=1e-6, atol=1e-25, order=8)
-    tiny = integrate(problem(decay, [1.0], nominal=np.array([1e-19])), times, rtol=1e-6, order=8)
+    loose = rk(problem(decay, [1.0]), times, rtol=1e-6, order=8)
+    tight = rk(problem(decay, [1.0]), times, rtol=1e-6, atol=1e-25, order=8)
+    tiny = rk(problem(decay, [1.0], nominal=np.array([1e-19])), times, rtol=1e-6, order=8)
     assert tight.x[-1, 0] == pytest.approx(math.exp(-30.0), rel=1e-4)
     assert tight.x[-1, 0] == tiny.x[-1, 0]
     assert loose.stats["rhs"] < tight.stats["rhs"]
@@ -158,7 +158,7 @@ def test_chain_agrees_with_the_matrix_exponential(order: int) -> None:
     start = np.zeros(2 * n - 1)
     start[n - 1] = 1.0
     exact = np.array([expm(matrix * t) @ start for t in times])
-    solution = integrate(problem(rhs, start), times, rtol=1e-9, order=order)
+    solution = rk(problem(rhs, start), times, rtol=1e-9, order=order)
     assert solution.x == pytest.approx(exact, abs=2e-8)
 
 
@@ -170,7 +170,7 @@ def test_run_leaves_the_problem_alone_and_repeats_itself() -> None:
 
     p = problem(oscillator, [1.0, 0.0], update=update, time_events=np.array([0.5]), modes=slice(0, 1))
     times = np.linspace(0.0, 1.0, 5)
-    first, second = integrate(p, times, rtol=1e-6), integrate(p, times, rtol=1e-6)
+    first, second = rk(p, times, rtol=1e-6), rk(p, times, rtol=1e-6)
     assert np.array_equal(first.x, second.x)
     assert np.array_equal(first.modes, second.modes)
     assert np.all(p.data == 0.0)
@@ -179,9 +179,9 @@ def test_run_leaves_the_problem_alone_and_repeats_itself() -> None:
 
 def test_long_run_is_done_in_several_calls_of_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     times = np.linspace(0.0, 10.0, 11)
-    whole = integrate(problem(pendulum, [2.0, 0.0]), times, rtol=1e-8)
-    monkeypatch.setattr("gearlib.solvers.rungekutta.rungekutta._STEPS_PER_CALL", 3)
-    parts = integrate(problem(pendulum, [2.0, 0.0]), times, rtol=1e-8)
+    whole = rk(problem(pendulum, [2.0, 0.0]), times, rtol=1e-8)
+    monkeypatch.setattr("gearlib.solvers.drive.driver.STEPS_PER_CALL", 3)
+    parts = rk(problem(pendulum, [2.0, 0.0]), times, rtol=1e-8)
     assert np.array_equal(whole.x, parts.x)
     assert whole.stats == parts.stats
 
@@ -197,12 +197,12 @@ def test_a_kink_does_not_slip_through(order: int) -> None:
     kink = 2.0 / 3.0 * math.log(8.5)
     exact = 2.0 * np.exp(-0.5 * (times[1:] - kink)) - 1.0
     for rtol in np.logspace(-10, -4, 61):
-        solution = integrate(problem(rhs, [6.0]), times, rtol=float(rtol), order=order)
+        solution = rk(problem(rhs, [6.0]), times, rtol=float(rtol), order=order)
         assert np.abs(solution.x[1:, 0] - exact).max() < 500.0 * rtol
 
 
 def test_single_sample_is_the_start() -> None:
-    solution = integrate(problem(oscillator, [1.0, 2.0]), np.array([3.0]), rtol=1e-6)
+    solution = rk(problem(oscillator, [1.0, 2.0]), np.array([3.0]), rtol=1e-6)
     assert solution.x.tolist() == [[1.0, 2.0]]
     assert (solution.t_last, solution.status, solution.stats["steps"]) == (3.0, "done", 0)
 
@@ -213,7 +213,7 @@ def test_quantities_near_underflow_become_zero() -> None:
     def decay(t: float, x: Any, dx: Any, data: Any) -> None:
         dx[0] = -x[0]
 
-    solution = integrate(problem(decay, [1e-240]), np.linspace(0.0, 60.0, 4), rtol=1e-6, atol=1e-260)
+    solution = rk(problem(decay, [1e-240]), np.linspace(0.0, 60.0, 4), rtol=1e-6, atol=1e-260)
     assert solution.x[1, 0] == pytest.approx(1e-240 * math.exp(-20.0), rel=1e-5)
     assert solution.x[-1, 0] == 0.0
 
@@ -237,11 +237,11 @@ def test_right_hand_side_that_asks_for_smaller_steps(order: int, how: str) -> No
         return 0
 
     times = np.linspace(0.0, 0.99, 100)
-    solution = integrate(problem(rhs, [1.0]), times, rtol=1e-5, order=order, first_step=30.0)
+    solution = rk(problem(rhs, [1.0]), times, rtol=1e-5, order=order, first_step=30.0)
     assert solution.x[:, 0] == pytest.approx((1.0 - times) ** 2, abs=1e-4)
     longer = problem(rhs, [1.0])
     with pytest.raises(SolverError, match=r"too small at t = (1|0\.99\d*|1\.0\d*) s"):
-        integrate(longer, np.array([0.0, 1.5]), rtol=1e-5, order=order)
+        rk(longer, np.array([0.0, 1.5]), rtol=1e-5, order=order)
 
 
 def test_solution_that_goes_to_infinity_is_reported() -> None:
@@ -249,7 +249,7 @@ def test_solution_that_goes_to_infinity_is_reported() -> None:
         dx[0] = x[0] * x[0]
 
     with pytest.raises(SolverError, match=r"too small at t = (1|0\.9999\d*|1\.0000\d*) s after \d+ steps"):
-        integrate(problem(rhs, [1.0]), np.array([0.0, 2.0]), rtol=1e-6)
+        rk(problem(rhs, [1.0]), np.array([0.0, 2.0]), rtol=1e-6)
 
 
 @pytest.mark.parametrize("at_once", [True, False])
@@ -259,12 +259,12 @@ def test_right_hand_side_that_stops_the_run(at_once: bool) -> None:
         return -1 if at_once or t > 0.5 else 0
 
     with pytest.raises(SolverError, match="right-hand side cannot be evaluated at t = 0"):
-        integrate(problem(rhs, [0.0]), np.array([0.0, 1.0]), rtol=1e-6)
+        rk(problem(rhs, [0.0]), np.array([0.0, 1.0]), rtol=1e-6)
 
 
 def test_update_that_fails() -> None:
     with pytest.raises(SolverError, match=r"event could not be handled at t = 0\.25 s"):
-        integrate(
+        rk(
             problem(oscillator, [1.0, 0.0], update=lambda t, *_: -1 if t > 0.0 else 0, time_events=np.array([0.25])),
             np.array([0.0, 1.0]),
             rtol=1e-6,
@@ -273,9 +273,9 @@ def test_update_that_fails() -> None:
 
 def test_number_of_steps_is_limited() -> None:
     with pytest.raises(SolverError, match=r"after 20 steps .* max_steps is 20"):
-        integrate(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1e4]), rtol=1e-6, max_steps=20)
-    enough = integrate(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1.0]), rtol=1e-6).stats["steps"]
-    assert integrate(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1.0]), rtol=1e-6, max_steps=enough).status == "done"
+        rk(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1e4]), rtol=1e-6, max_steps=20)
+    enough = rk(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1.0]), rtol=1e-6).stats["steps"]
+    assert rk(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1.0]), rtol=1e-6, max_steps=enough).status == "done"
 
 
 @pytest.mark.parametrize(
@@ -292,14 +292,14 @@ def test_number_of_steps_is_limited() -> None:
 def test_bad_arguments(arguments: dict[str, Any], message: str) -> None:
     times = np.array(arguments.pop("times", [0.0, 1.0]))
     with pytest.raises(ArgumentError, match=message):
-        integrate(problem(oscillator, [1.0, 0.0]), times, **{"rtol": 1e-6, **arguments})
+        rk(problem(oscillator, [1.0, 0.0]), times, **{"rtol": 1e-6, **arguments})
 
 
 def test_algebraic_unknowns_are_refused() -> None:
     p = problem(oscillator, [1.0, 0.0])
     p.differential[1] = False
     with pytest.raises(ArgumentError, match="algebraic unknowns"):
-        integrate(p, np.array([0.0, 1.0]), rtol=1e-6)
+        rk(p, np.array([0.0, 1.0]), rtol=1e-6)
 
 
 # ---------------------------------------------------------------- stiffness
@@ -313,11 +313,11 @@ def van_der_pol(t: float, x: Any, dx: Any, data: Any) -> None:
 def test_stiffness_is_detected(order: int) -> None:
     """Van der Pol's oscillator with mu = 1000 on its slow branch, x' = x / (mu (1 - x^2)): stopped early, near that branch."""
     times = np.linspace(0.0, 500.0, 50001)
-    stepper = RungeKutta(problem(van_der_pol, [2.0, 0.0]), times, rtol=1e-4, order=order)
+    run = driver(problem(van_der_pol, [2.0, 0.0]), times, stepper := RungeKutta(order), rtol=1e-4)
     stepper.watch()
-    while stepper.advance() == "more":
+    while run.advance() == "more":
         pass
-    solution = stepper.solution()
+    solution = run.solution()
     assert solution.status == "stiff"
     assert stepper.damped
     assert solution.stats["steps"] < 200
@@ -325,7 +325,7 @@ def test_stiffness_is_detected(order: int) -> None:
     x = solution.x_last[0]
     # the slow branch is reached from rest after some time constants of 1/3000 s, which its formula leaves out
     assert solution.t_last == pytest.approx(1000.0 * (math.log(x / 2.0) - (x * x - 4.0) / 2.0), rel=0.02, abs=5e-4)
-    assert solution.stats["data"].shape == (4,)
+    assert solution.data.shape == (4,)
 
 
 @pytest.mark.parametrize("order", [5, 8])
@@ -336,9 +336,9 @@ def test_pace_is_that_of_the_limit_of_stability(order: int) -> None:
         dx[0] = -1000.0 * (x[0] - math.cos(t))
 
     p = problem(rhs, [1.0])
-    stepper = RungeKutta(p, np.array([0.0, 10.0]), rtol=1e-4, order=order)
+    run = driver(p, [0.0, 10.0], stepper := RungeKutta(order), rtol=1e-4)
     stepper.watch()
-    while stepper.advance() == "more":
+    while run.advance() == "more":
         pass
     assert stepper.damped
     step = stepper.pace * work(p, order, 1, 0)
@@ -347,24 +347,24 @@ def test_pace_is_that_of_the_limit_of_stability(order: int) -> None:
 
 def test_watching_begins_after_some_work() -> None:
     p = problem(van_der_pol, [2.0, 0.0])
-    stepper = RungeKutta(p, np.array([0.0, 500.0]), rtol=1e-4)
+    run = driver(p, [0.0, 500.0], stepper := RungeKutta(), rtol=1e-4)
     stepper.watch()
-    while stepper.advance() == "more":
+    while run.advance() == "more":
         pass
     first = stepper.work
     stepper.watch(50 * work(p, 5, 1, 0))
-    while stepper.advance() == "more":
+    while run.advance() == "more":
         pass
     assert stepper.work - first == pytest.approx(50 * work(p, 5, 1, 0))
 
 
 def test_a_run_that_stopped_for_stiffness_goes_on_as_if_it_had_not() -> None:
     times, p = np.linspace(0.0, 0.5, 11), problem(van_der_pol, [2.0, 0.0])
-    stepper = RungeKutta(p, times, rtol=1e-4)
+    run = driver(p, times, stepper := RungeKutta(), rtol=1e-4)
     stepper.watch()
-    while stepper.advance(7) != "done":
+    while run.advance(7) != "done":
         pass
-    np.testing.assert_array_equal(stepper.solution().x, integrate(p, times, rtol=1e-4).x)
+    np.testing.assert_array_equal(run.solution().x, rk(p, times, rtol=1e-4).x)
 
 
 # ---------------------------------------------------------------- memory
@@ -375,7 +375,7 @@ def test_a_run_that_stopped_for_stiffness_goes_on_as_if_it_had_not() -> None:
     [(5, len(tableaux.TSIT5_A), len(tableaux.TSIT5_R[0])), (8, len(tableaux.DOP853_A), 3 + len(tableaux.DOP853_D))],
 )
 def test_memory_of_a_run_has_a_row_for_each_stage_and_polynomial(order: int, stages: int, polynomials: int) -> None:
-    record = _prepare(problem(oscillator, [1.0, 0.0]), np.array([0.0, 1.0]), order, 1e-6, np.ones(2)).record
+    record = driver(problem(oscillator, [1.0, 0.0]), [0.0, 1.0], RungeKutta(order)).stepper.record
     row = 8 * record.size
     assert [(record.c - record.k) / row, (record.phases - record.c) / row] == [stages, polynomials]
 

@@ -10,8 +10,7 @@ import pytest
 
 from gearlib.errors import SolverError
 from gearlib.solvers.problem import Floats, Problem, Solution
-from gearlib.solvers.rungekutta.rungekutta import integrate
-from tests.run.python_problem import problem
+from tests.run.python_problem import problem, rk
 
 
 def oscillator(t: float, x: Any, dx: Any, data: Any) -> None:
@@ -43,7 +42,7 @@ def bouncing(**more: Any) -> Problem:
 def test_bouncing_ball(order: int, place: dict[str, float]) -> None:
     """Impacts at t1 (1 + 2 (0.8 + 0.8^2 + ...)), also where the new position is exactly on the root."""
     times = np.linspace(0.0, 3.0, 301)
-    solution = integrate(bouncing(**place), times, rtol=1e-8, order=order)
+    solution = rk(bouncing(**place), times, rtol=1e-8, order=order)
     first = math.sqrt(2.0 / 9.81)
     powers = np.concatenate(([0.0], 2.0 * np.cumsum(0.8 ** np.arange(1, 9))))
     impacts = first * (1.0 + powers)
@@ -92,7 +91,7 @@ def test_backlash_oscillator(order: int, rtol: float) -> None:
     speed = 12.0
     p = problem(backlash, [0.0, speed], roots=backlash_roots, n_roots=2, update=backlash_update, modes=slice(0, 1))
     times = np.linspace(0.0, 3.0, 311)
-    solution = integrate(p, times, rtol=rtol, order=order)
+    solution = rk(p, times, rtol=rtol, order=order)
     assert solution.x[:, 0] == pytest.approx(backlash_exact(times, speed), abs=300.0 * rtol)
     half_period = 2.0 / speed + math.pi / 30.0
     enter = 1.0 / speed + half_period * np.arange(12)
@@ -109,7 +108,7 @@ def test_backlash_oscillator(order: int, rtol: float) -> None:
 def test_a_phase_that_comes_again_begins_with_the_step_that_suited_it(order: int, rtol: float, most: float) -> None:
     """Evaluations from one event to the next, few of them for steps that are rejected or too small."""
     p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=backlash_update, modes=slice(0, 1))
-    stats = integrate(p, np.array([0.0, 30.0]), rtol=rtol, order=order).stats
+    stats = rk(p, np.array([0.0, 30.0]), rtol=rtol, order=order).stats
     assert stats["events"] == 221
     assert stats["rhs"] < most * stats["events"]
     assert stats["rejected"] < 10
@@ -126,7 +125,7 @@ def test_events_are_located_to_rounding() -> None:
         return backlash_update(t, x, fired, data)
 
     p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=update)
-    integrate(p, np.array([0.0, 3.0]), rtol=1e-3)
+    rk(p, np.array([0.0, 3.0]), rtol=1e-3)
     assert len(found) == 22
     assert min(found) > 0.0
     assert max(found) < 3e-14
@@ -136,7 +135,7 @@ def test_late_times_cost_no_accuracy() -> None:
     """What rounding takes from the time, 1e-11 s here, is not lost at each step and event, but only in the samples' times."""
     p = problem(backlash, [0.0, 12.0], roots=backlash_roots, n_roots=2, update=backlash_update, modes=slice(0, 1))
     times = 1e5 + np.linspace(0.0, 30.0, 311)
-    solution = integrate(p, times, rtol=1e-11, order=8)
+    solution = rk(p, times, rtol=1e-11, order=8)
     assert solution.x[:, 0] == pytest.approx(backlash_exact(times - 1e5, 12.0), abs=1e-9)
 
 
@@ -153,7 +152,7 @@ def test_roots_that_cross_together_are_handled_together() -> None:
         calls.append([fired[k] for k in range(4)])
         return 0
 
-    solution = integrate(problem(rhs, [0.0], roots=roots, n_roots=4, update=update), np.array([0.0, 2.0]), rtol=1e-6)
+    solution = rk(problem(rhs, [0.0], roots=roots, n_roots=4, update=update), np.array([0.0, 2.0]), rtol=1e-6)
     assert calls == [[0, 0, 0, 0], [1, -1, 0, 0], [0, 0, 1, 0]]
     assert solution.event_roots.tolist() == [0, 1, 2]
     assert solution.event_times[0] == solution.event_times[1]
@@ -170,7 +169,7 @@ def passes(times: list[float], **more: Any) -> Solution:
             g[k] = x[0] - (4.0 - d * d)
 
     p = problem(rhs, [-100.0 + 0.0 + 4.0, 20.0], roots=roots, n_roots=len(times))
-    return integrate(p, np.array([-8.0, 12.0]), rtol=1e-6, **more)
+    return rk(p, np.array([-8.0, 12.0]), rtol=1e-6, **more)
 
 
 @pytest.mark.parametrize("order", [5, 8])
@@ -191,7 +190,7 @@ def test_root_without_update_is_only_recorded() -> None:
     def roots(t: float, x: Any, g: Any, data: Any) -> None:
         g[0] = x[0]
 
-    solution = integrate(problem(oscillator, [1.0, 0.0], roots=roots, n_roots=1), np.array([0.0, 20.0]), rtol=1e-10)
+    solution = rk(problem(oscillator, [1.0, 0.0], roots=roots, n_roots=1), np.array([0.0, 20.0]), rtol=1e-10)
     assert solution.event_times == pytest.approx(math.pi * (np.arange(6) + 0.5), abs=1e-8)
 
 
@@ -204,7 +203,7 @@ def test_event_log_grows(order: int) -> None:
         dx[0] = math.cos(t)
 
     p = problem(rhs, [0.0], roots=roots, n_roots=2)
-    solution = integrate(p, np.linspace(0.0, 1000.3, 7), rtol=1e-6, order=order)
+    solution = rk(p, np.linspace(0.0, 1000.3, 7), rtol=1e-6, order=order)
     assert solution.event_times == pytest.approx(0.5 * math.pi * np.arange(1, 637), abs=1e-9)
     assert solution.event_roots.tolist() == [1, 0] * 318
     assert solution.x[:, 0] == pytest.approx(np.sin(solution.t), abs=1e-3)
@@ -224,7 +223,7 @@ def test_root_that_leaves_zero_is_an_event() -> None:
         return int(before != data[0])
 
     p = problem(rhs, [0.0], roots=roots, n_roots=1, update=update, modes=slice(0, 1))
-    solution = integrate(p, np.array([0.0, 1.0]), rtol=1e-6)
+    solution = rk(p, np.array([0.0, 1.0]), rtol=1e-6)
     assert solution.modes[:, 0].tolist() == [1.0, 1.0], "a sample on an event holds the right-hand limit"
     assert solution.x[-1, 0] == pytest.approx(2.0, abs=1e-12)
     assert solution.event_times == pytest.approx([0.0], abs=1e-14)
@@ -249,7 +248,7 @@ def test_time_events_are_met_exactly_and_samples_there_hold_the_limit_from_the_r
         return 0
 
     p = problem(rhs, [0.0], update=update, modes=slice(0, 1), time_events=np.array([0.7, 0.1, -1.0, 1.0, 8.0]))
-    solution = integrate(p, np.array([0.0, 0.0999999, 0.1, 0.4, 0.7, 1.0]), rtol=1e-6)
+    solution = rk(p, np.array([0.0, 0.0999999, 0.1, 0.4, 0.7, 1.0]), rtol=1e-6)
     assert seen == [0.0, 0.1, 0.7, 1.0]
     assert solution.x[:, 0] == pytest.approx([0.0, 0.0, 5.0, 5.3, 5.6, 5.6], abs=1e-12)
     assert solution.modes[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
@@ -258,9 +257,9 @@ def test_time_events_are_met_exactly_and_samples_there_hold_the_limit_from_the_r
 
 
 def test_sample_on_a_root_holds_the_limit_from_the_right() -> None:
-    first = integrate(bouncing(), np.array([0.0, 1.0]), rtol=1e-8)
+    first = rk(bouncing(), np.array([0.0, 1.0]), rtol=1e-8)
     impact = first.event_times[0]
-    solution = integrate(bouncing(), np.array([0.0, impact - 1e-9, impact, 1.0]), rtol=1e-8)
+    solution = rk(bouncing(), np.array([0.0, impact - 1e-9, impact, 1.0]), rtol=1e-8)
     assert solution.x[1, 1] == pytest.approx(-9.81 * impact, rel=1e-6)
     assert solution.x[2, 1] == pytest.approx(0.8 * 9.81 * impact, rel=1e-9)
 
@@ -285,7 +284,7 @@ def test_samples_within_rounding_of_a_root_hold_the_limit_from_the_right(order: 
     events = (np.arange(40) + 0.5) / 7.0
     for share, passed in ((-1e-12, 0.0), (-1e-15, 1.0), (0.0, 1.0), (1e-15, 1.0)):
         times = np.concatenate(([0.0], events * (1.0 + share), [6.0]))
-        solution = integrate(p, times, rtol=1e-6, order=order)
+        solution = rk(p, times, rtol=1e-6, order=order)
         assert solution.modes[1:-1, 0].tolist() == (np.arange(40) + passed).tolist()
 
 
@@ -303,4 +302,4 @@ def test_chattering_is_reported() -> None:
         return 1
 
     with pytest.raises(SolverError, match=r"chatter at t = 1(\.0+\d*)? s .* of root 0"):
-        integrate(problem(rhs, [1.0], roots=roots, n_roots=1, update=update), np.array([0.0, 2.0]), rtol=1e-6)
+        rk(problem(rhs, [1.0], roots=roots, n_roots=1, update=update), np.array([0.0, 2.0]), rtol=1e-6)

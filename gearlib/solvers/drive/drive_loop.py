@@ -1,0 +1,167 @@
+"""The loop of all runs: steps, samples, events. Written in the small language, and compiled once per machine.
+
+It calls the functions of a stepper by their addresses, with the address of the run's record::
+
+    int32 step(address, stop)               one step from t, by no means beyond ``stop``; says in ``reached`` how far, and in
+                                            ``fired`` which event functions crossed zero there. STEPPED, FOUND, RETRY or a failure
+    int32 interpolate(address, t, out)      the states at a time within that step
+    int32 accept(address)                   ``x`` becomes the states at ``reached``
+    int32 restart(address, changed, why)    begin anew at ``x``. ``changed`` is what the event iteration did; ``why`` is ROOT, TIMED
+                                            or START. How many event functions crossed zero by it (``fired`` says which), or a failure
+
+The loop keeps its state in the record and returns after a given number of steps, so that Python can look after interrupts, grow the
+event log and call again.
+"""
+
+from __future__ import annotations
+
+from gearlib.compiler.small_language import floats_at, int32, int32s_at, ints_at, native
+from gearlib.compiler.translate import Prototype
+from gearlib.solvers.drive.drive_record import DriveRecord
+from gearlib.solvers.problem import MODEL
+
+STEPPED, FOUND, RETRY = 0, 1, 2  # what a step returns
+ROOT, TIMED, START = 0, 1, 2  # why a stepper begins anew
+DONE, MORE, LOG_FULL, STIFF = 0, 1, 2, 3  # what ``advance`` returns, beside failures:
+RHS_FAILED, UPDATE_FAILED, UNSETTLED, CHATTER, STEP_LIMIT = -101, -102, -103, -104, -105
+
+STEP = Prototype("int32", ("int", "float"))
+INTERPOLATE = Prototype("int32", ("int", "float", "int"))
+ACCEPT = Prototype("int32", ("int",))
+RESTART = Prototype("int32", ("int", "int", "int"))
+
+BURST = 1000  # so many instants with events within ``window`` are a chattering model, not a rattling gear
+ROUNDING = 8.9e-16
+PASSES = 100  # of event iteration and restart at one instant
+
+
+@native
+def store(s: DriveRecord, t: float, interpolated: bool) -> int:
+    """The next sample: states and discrete state."""
+    i = s.sample
+    target = s.out + 8 * i * s.n
+    if interpolated:
+        code = INTERPOLATE(s.interpolate, s.address, t, target)
+        if code < 0:
+            return code
+    else:
+        x, out = floats_at(s.x), floats_at(target)
+        for j in range(s.n):
+            out[j] = x[j]
+    held, modes = floats_at(s.data + 8 * s.first_mode), floats_at(s.modes + 8 * i * s.n_modes)
+    for j in range(s.n_modes):
+        modes[j] = held[j]
+    s.sample = i + 1
+    return 0
+
+
+@native
+def log(s: DriveRecord, root: int) -> None:
+    floats_at(s.log_t)[s.events] = s.t
+    ints_at(s.log_root)[s.events] = root
+    s.events += 1
+
+
+@native
+def settle(s: DriveRecord, why: int) -> int:
+    """Event iteration and restart, until nothing crosses zero by them; what changed, or a failure."""
+    changed = 0
+    for _ in range(PASSES):
+        did = 0
+        if s.update != 0:
+            did = MODEL(s.update, s.origin + s.t, s.x, s.fired, s.data, s.index)
+            if did < 0:
+                return UPDATE_FAILED
+        if did > changed:
+            changed = did
+        crossed = RESTART(s.restart, s.address, did, why)
+        if crossed < 0:
+            return crossed
+        if crossed == 0:
+            return changed
+        why = ROOT
+    return UNSETTLED
+
+
+@native
+def handle(s: DriveRecord, found: bool, timed: bool) -> int:
+    """Log what happened at ``t``, and begin anew there."""
+    if s.t - s.burst_start > s.window:
+        s.burst_start, s.burst = s.t, 0
+    s.burst += 1
+    before = s.events
+    fired = int32s_at(s.fired)
+    if timed:
+        log(s, -1)
+    logged = s.events
+    for k in range(s.n_roots):  # before the update, which may forget what fired
+        if not found:
+            fired[k] = 0
+        elif fired[k] != 0:
+            log(s, k)
+    if s.burst > BURST:
+        return CHATTER
+    changed = settle(s, TIMED if timed else ROOT)
+    if changed < 0:
+        return changed
+    if changed == 0 and s.from_zero != 0:
+        s.events = logged
+    s.from_zero = 0
+    if s.events > before:
+        times, on = floats_at(s.times), s.t - max(s.slack, s.slack_share * abs(s.t))
+        while s.sample > 0 and times[s.sample - 1] >= on:  # a sample on an event holds the right-hand limit
+            s.sample -= 1
+    return 0
+
+
+@native
+def one_step(s: DriveRecord) -> int:
+    """A step, with its samples and what happens at its end."""
+    stop = floats_at(s.stops)[s.stop]
+    s.steps += 1
+    code = STEP(s.step, s.address, stop)
+    if code < 0:
+        return code
+    if code == RETRY:
+        return 0
+    times, found, reached = floats_at(s.times), code == FOUND, s.reached >= stop
+    timed = reached and s.stop < s.n_timed
+    share = s.slack_share if found or timed else ROUNDING
+    before = s.reached - max(s.slack if found or timed else 0.0, share * abs(s.reached))
+    while s.sample < s.n_times and times[s.sample] < before:
+        code = store(s, times[s.sample], True)
+        if code < 0:
+            return code
+    s.t = s.reached
+    code = ACCEPT(s.accept, s.address)
+    if code < 0:
+        return code
+    if reached and s.stop < s.n_stops - 1:
+        s.stop += 1
+    return handle(s, found, timed) if found or timed else 0
+
+
+@native
+def advance(address: int) -> int32:
+    """Integrate for ``budget`` steps, or until something happens that Python must see to."""
+    s = DriveRecord(address)
+    times, end = floats_at(s.times), floats_at(s.stops)[s.n_stops - 1]
+    if s.started == 0:
+        s.started = 1
+        code = settle(s, START)
+        if code < 0:
+            return code
+    for _ in range(s.budget):
+        while s.sample < s.n_times and times[s.sample] <= s.t:
+            store(s, s.t, False)
+        if s.t >= end:
+            return DONE
+        if s.capacity - s.events < s.n_roots + 2:
+            return LOG_FULL
+        code = one_step(s)
+        if code < 0:
+            return code
+        if s.pause != 0:
+            code, s.pause = s.pause, 0
+            return code
+    return MORE

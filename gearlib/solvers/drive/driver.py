@@ -1,0 +1,260 @@
+"""`Driver`: carries out a run with any `Stepper`; `integrate` does so to the end."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import shown
+from gearlib.compiler.instructions import BLOCK
+from gearlib.compiler.native_module import native_functions
+from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
+from gearlib.solvers.drive import drive_loop
+from gearlib.solvers.drive.drive_record import DriveRecord
+from gearlib.solvers.problem import Floats, Problem, Solution, late_start
+
+__all__ = ["Driver", "Stepper", "address_of", "integrate"]
+
+STEPS_PER_CALL = 1000  # Python looks after interrupts in between
+PATIENCE = 12  # refused evaluations that are borne before a run is said to have left what its states describe
+_EVENTS_AT_FIRST = 256
+_STATUS = {drive_loop.DONE: "done", drive_loop.MORE: "more", drive_loop.LOG_FULL: "more", drive_loop.STIFF: "stiff"}
+
+
+class Stepper(ABC):
+    """A method on its way through a problem: what it does between two samples or events, and what it says of it.
+
+    `attach` writes the addresses of its functions into the run's record; `drive_loop` says what these do.
+    """
+
+    Record: type[DriveRecord] = DriveRecord
+    raised: BaseException | None = None  # what one of its functions raised, where these are Python's
+
+    def memory(self, size: int, n_roots: int) -> dict[str, int]:
+        """Names of the record's fields that point to numbers of the stepper's own, and how many; ``size``: states in whole blocks."""
+        return {}
+
+    @abstractmethod
+    def attach(self, driver: Driver, memory: dict[str, Floats]) -> None:
+        """Get ready to begin; the run's record is complete but for the stepper's part."""
+
+    @property
+    @abstractmethod
+    def work(self) -> float:
+        """What was done so far, ns: estimated from counted operations."""
+
+    @abstractmethod
+    def stats(self) -> dict[str, Any]:
+        """What is counted."""
+
+    @abstractmethod
+    def failure(self, code: int) -> GearlibError:
+        """The exception that tells why a run ended with a code of the stepper's own."""
+
+    def recovers(self, code: int) -> bool:
+        """Whether the run may go on after a failure, since the stepper has found a way."""
+        return False
+
+    def leaves(self, code: int) -> bool:
+        """Whether a failure means that the right-hand side does not exist further on."""
+        return False
+
+    def close(self) -> None:  # noqa: B027  (most have nothing to free)
+        """Free what Python does not."""
+
+
+class Driver:
+    """A run on its way: a problem, and the stepper that takes it there.
+
+    Attributes
+    ----------
+    status : str
+        ``"more"``, ``"done"``; ``"left"`` where the right-hand side does not exist further on and the problem allows that; ``"stiff"``
+        where stability limits the steps of an explicit method that was told to look.
+    """
+
+    def __init__(self, problem: Problem, stepper: Stepper) -> None:
+        _check(problem)
+        self.problem, self.stepper, self.status = problem, stepper, "more"
+        times = problem.times
+        n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
+        stops, n_timed = _stops(problem.time_events, times)
+        first, last = float(times[0]), float(times[-1])
+        origin = late_start(first, last)
+        first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
+        n_modes, size = max(last_mode - first_mode, 0), BLOCK * max(1, -(-n // BLOCK))
+        capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
+        # memory in one piece: a call of numpy takes as long as some steps of a small model
+        own = stepper.memory(size, n_roots)
+        lengths = {
+            "x": size, **own, "fired": n_roots, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
+            "times": n_times, "out": n_times * n, "modes": n_times * n_modes, "log_t": capacity, "log_root": capacity,
+        }  # fmt: skip
+        self.record, whole = stepper.Record(), np.empty(sum(lengths.values()))
+        record, start, at, parts = self.record, address_of(whole), 0, {}
+        for name, length in lengths.items():
+            setattr(record, name, start + 8 * at)
+            parts[name] = whole[at : at + length]
+            at += length
+        whole[: (record.data - start) // 8] = 0.0
+        parts["x"][:n] = problem.x0
+        parts["data"][:], parts["stops"][:], parts["times"][:] = problem.data, stops - origin, times - origin
+        parts["index"].view(np.int64)[:] = problem.index
+        record.address = ctypes.addressof(record)
+        record.rhs = problem.rhs.address
+        record.roots = problem.roots.address if problem.roots is not None else 0
+        record.update = problem.update.address if problem.update is not None else 0
+        record.n, record.n_roots, record.n_times, record.n_stops, record.n_timed = n, n_roots, n_times, stops.size, n_timed
+        record.capacity, record.n_modes, record.first_mode = capacity, n_modes, first_mode
+        record.origin, record.t, record.burst_start = origin, first - origin, first - origin
+        record.window = max(1e-9 * (last - first), 1e6 * 2.2e-16 * max(abs(first - origin), abs(last - origin)))
+        self.x, self.data, self.fired = parts["x"][:n], parts["data"], parts["fired"].view(np.int32)[:n_roots]
+        self.times, self.stops = parts["times"], parts["stops"]  # from the record's origin on
+        self._out, self._modes = parts["out"].reshape(n_times, n), parts["modes"].reshape(n_times, n_modes)
+        self._log_t, self._log_root = parts["log_t"], parts["log_root"].view(np.int64)
+        stepper.attach(self, {name: parts[name] for name in own})
+
+    @property
+    def t(self) -> float:
+        """Where it is, s."""
+        return self.record.origin + self.record.t
+
+    @property
+    def work(self) -> float:
+        """What was done so far, ns: estimated from counted operations."""
+        return self.stepper.work
+
+    @property
+    def event_times(self) -> Floats:
+        """s."""
+        return self.record.origin + self._log_t[: self.record.events]
+
+    @property
+    def event_roots(self) -> NDArray[np.int64]:
+        """Which event function crossed zero, -1 for a time event."""
+        return self._log_root[: self.record.events].copy()
+
+    def advance(self, steps: int = STEPS_PER_CALL) -> str:
+        """Go on by so many steps, or until something happens; returns the status."""
+        record, left = self.record, self.problem.max_steps - self.record.steps
+        if left <= 0 and self.t < self.problem.times[-1]:
+            raise self._failure(drive_loop.STEP_LIMIT)
+        if record.capacity < record.events + record.n_roots + 2:
+            self._make_room()
+        record.budget = max(1, min(steps, left))
+        code = _loop()(record.address)
+        if code >= 0:
+            self.status = _STATUS[code]
+        elif self.stepper.raised is not None:
+            raise self.stepper.raised
+        elif self.stepper.recovers(code):
+            self.status = "more"
+        elif self.problem.may_leave and self.stepper.leaves(code):
+            self.status = "left"
+        else:
+            raise self._failure(code)
+        return self.status
+
+    def _failure(self, code: int) -> GearlibError:
+        """The exception that tells why the run ended with a negative code."""
+        problem, where = self.problem, f"at t = {self.t:.9g} s after {self.record.steps} steps"
+        if code == drive_loop.CHATTER:
+            last = self.event_roots[self.event_times >= self.t - self.record.window]
+            names = "; ".join(dict.fromkeys(problem.root_name(int(k)) for k in np.unique(last) if k >= 0))
+            return SolverError(
+                f"events chatter {where}: more than {drive_loop.BURST} of them within {self.record.window:.3g} s, of {names}"
+            )
+        if code == drive_loop.UPDATE_FAILED:
+            return SolverError(f"an event could not be handled {where}{problem.not_settled(self.t, self.x, self.data)}")
+        if code == drive_loop.UNSETTLED:
+            return SolverError(
+                f"the event iteration does not settle {where}: the algebraic unknowns carry event functions to and fro"
+            )
+        if code == drive_loop.STEP_LIMIT:
+            return SolverError(f"gave up {where} towards t = {problem.times[-1]:.9g} s: max_steps is {problem.max_steps}")
+        return self.stepper.failure(code)
+
+    def _make_room(self) -> None:
+        """Let the event log grow."""
+        record = self.record
+        record.capacity = 2 * record.capacity + record.n_roots
+        self._log_t, self._log_root = np.resize(self._log_t, record.capacity), np.resize(self._log_root, record.capacity)
+        record.log_t, record.log_root = address_of(self._log_t), address_of(self._log_root)
+
+    def solution(self) -> Solution:
+        """What has been found so far."""
+        samples = self.record.sample
+        return Solution(
+            t=self.problem.times[:samples], x=self._out[:samples], modes=self._modes[:samples], status=self.status, t_last=self.t,
+            x_last=self.x.copy(), data=self.data, event_times=self.event_times, event_roots=self.event_roots,
+            stats={**self.stepper.stats(), "events": self.record.events, "work": self.stepper.work},
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Free what Python does not."""
+        self.stepper.close()
+
+
+def integrate(driver: Driver) -> Solution:
+    """Go on to the end, or to where the stepper stops.
+
+    Raises
+    ------
+    SolverError
+        The integration failed; says when, and in which state or event function.
+    """
+    try:
+        while driver.advance() == "more":
+            pass
+        return driver.solution()
+    finally:
+        driver.close()
+
+
+@cache
+def _loop() -> Callable[[int], int]:
+    """The compiled loop; ctypes releases Python's lock while it runs."""
+    functions = native_functions(drive_loop.__name__)
+    advance: Any = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64)(functions.addresses["advance"])
+    return lambda address: int(advance(address))
+
+
+def address_of(array: NDArray[Any]) -> int:
+    """Where an array's numbers are."""
+    buffer: Any = array
+    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))  # a third of the time of ``array.ctypes.data``
+
+
+def _stops(time_events: Floats, times: Floats) -> tuple[Floats, int]:
+    """Times to step to exactly: the time events within the span, and the end. How many of them are time events."""
+    if time_events.size == 0:
+        return times[-1:], 0
+    inside = np.unique(time_events[(time_events > times[0]) & (time_events <= times[-1])])
+    if inside.size == 0 or inside[-1] < times[-1]:
+        return np.append(inside, times[-1]), inside.size
+    return inside, inside.size
+
+
+def _check(problem: Problem) -> None:
+    """Raise `ArgumentError` for times or tolerances that make no sense, and `StartError` for a start that is no number."""
+    times, tolerance = problem.times, problem.absolute_tolerance
+    sorted_ = times.ndim == 1 and times.size > 0 and bool((times[1:] >= times[:-1]).all())
+    if not sorted_ or not math.isfinite(times[0]) or not math.isfinite(times[-1]):
+        raise ArgumentError("times must be finite and not decrease, and there must be one at least")
+    if not 0.0 < problem.rtol < 1.0:
+        raise ArgumentError(f"rtol must lie between 0 and 1, not {shown(problem.rtol)}")
+    if tolerance.shape not in ((), (1,), problem.x0.shape):
+        raise ArgumentError(f"atol is one number or {problem.x0.size} of them")
+    if not (tolerance.min() > 0.0 and tolerance.max() < math.inf):
+        raise ArgumentError("absolute tolerances must be positive and finite")
+    if problem.max_steps < 1:
+        raise ArgumentError(f"max_steps must be at least 1, not {problem.max_steps}")
+    if not math.isfinite(np.vdot(problem.x0, problem.x0)) and not np.isfinite(problem.x0).all():
+        raise StartError(f"{problem.state_name(int(np.argmin(np.isfinite(problem.x0))))} starts at a value that is not finite")

@@ -1,0 +1,112 @@
+"""`ExplicitStepper`: what a one-step method written in Python needs besides its formula: events, dense output, evaluations."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+import numpy as np
+
+from gearlib.errors import SolverError
+from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, STEPPED
+from gearlib.solvers.drive.driver import Driver
+from gearlib.solvers.drive.python_stepper import FailedError, PythonStepper
+from gearlib.solvers.problem import Floats
+
+__all__ = ["ExplicitStepper"]
+
+HALVINGS = 60  # of the step in which an event function crosses zero: to rounding
+
+
+class ExplicitStepper(PythonStepper):
+    """An explicit one-step method in Python. A subclass gives `advance`.
+
+    Between the ends of a step the states follow the cubic with the values and slopes at both ends; events are located on it. An event
+    function that crosses zero twice within a step goes unnoticed.
+    """
+
+    def attach(self, driver: Driver, memory: dict[str, Floats]) -> None:
+        super().attach(driver, memory)
+        self._evaluations = 0
+        self._sides = np.zeros(self.record.n_roots)
+        self._fired: Floats = self._sides
+
+    @abstractmethod
+    def advance(self, t: float, x: Floats, stop: float) -> tuple[float, Floats]:
+        """Time and states after one step from ``(t, x)``, by no means beyond ``stop``."""
+
+    def f(self, t: float, x: Floats) -> Floats:
+        """Derivatives of the states."""
+        self._evaluations += 1
+        out = np.empty(len(x))
+        if self.rhs(t, np.ascontiguousarray(x), out) != 0 or not np.isfinite(out).all():
+            raise FailedError(RHS_FAILED)
+        return out
+
+    def _crossed(self, t: float, x: Floats) -> Floats:
+        """Directions in which event functions have left their sides."""
+        g = np.empty(len(self._sides))
+        self.root_values(t, np.ascontiguousarray(x), g)
+        directions: Floats = np.where(g * self._sides < 0.0, -self._sides, np.where(self._sides == 0.0, np.sign(g), 0.0))
+        return directions
+
+    def restart(self, changed: int, why: int) -> None:
+        self._t, self._x = self.record.t, self.driver.x.copy()
+        self._slope = self.f(self._t, self._x)
+        g = np.empty(len(self._sides))
+        self.root_values(self._t, self._x, g)
+        told = self.driver.fired  # the side of each event function, where the event iteration says it
+        self._sides = np.where(np.abs(told) == 2, told // 2, np.sign(g))
+
+    def step(self, stop: float) -> int:
+        t, record = self._t, self.record
+        end, x = self.advance(t, self._x, stop)
+        if stop - end <= 4e-16 * abs(stop):
+            end = stop
+        self._ends = end, x, self.f(end, x)
+        self._reached = end, x
+        record.reached = end
+        if not len(self._sides) or not self._crossed(end, x).any():
+            return STEPPED
+        low, high = t, end
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            low, high = (low, middle) if self._crossed(middle, self.interpolate(middle)).any() else (middle, high)
+        if high < end:
+            self._reached = high, self.interpolate(high)
+        record.reached = self._reached[0]
+        self._fired = self._crossed(*self._reached)
+        self.driver.fired[:] = self._fired
+        record.from_zero = int(not (self._sides[self._fired != 0] != 0).any())
+        return FOUND
+
+    def interpolate(self, t: float) -> Floats:
+        (end, x, slope), h = self._ends, self._ends[0] - self._t
+        s = (t - self._t) / h
+        u = 1.0 - s
+        value: Floats = (
+            self._x * u**2 * (1 + 2 * s) + x * s**2 * (3 - 2 * s) + h * s * u * (u * self._slope - s * slope)
+        )
+        return value
+
+    def accept(self) -> None:
+        end, _, slope = self._ends
+        (self._t, self._x), whole = self._reached, self._reached[0] == end
+        self.driver.x[:] = self._x
+        self._slope = slope if whole else self.f(self._t, self._x)
+
+    @property
+    def work(self) -> float:
+        return self._evaluations * self.problem.effort.rhs
+
+    def stats(self) -> dict[str, Any]:
+        return {"steps": self.record.steps, "rejected": 0, "rhs": self._evaluations}
+
+    def leaves(self, code: int) -> bool:
+        return code == RHS_FAILED
+
+    def failure(self, code: int) -> SolverError:
+        t, x = self.driver.t, self.driver.x
+        return SolverError(f"the right-hand side cannot be evaluated beyond t = {t:.9g} s{self.problem.blamed(t, x, self.driver.data)}")
