@@ -83,12 +83,11 @@ class ExplicitStepper(PythonStepper):
         return FOUND
 
     def interpolate(self, t: float) -> Floats:
-        (end, x, slope), h = self._ends, self._ends[0] - self._t
+        end, x, slope = self._ends
+        h = end - self._t
         s = (t - self._t) / h
         u = 1.0 - s
-        value: Floats = (
-            self._x * u**2 * (1 + 2 * s) + x * s**2 * (3 - 2 * s) + h * s * u * (u * self._slope - s * slope)
-        )
+        value: Floats = self._x * u**2 * (1 + 2 * s) + x * s**2 * (3 - 2 * s) + h * s * u * (u * self._slope - s * slope)
         return value
 
     def accept(self) -> None:
@@ -109,4 +108,6 @@ class ExplicitStepper(PythonStepper):
 
     def failure(self, code: int) -> SolverError:
         t, x = self.driver.t, self.driver.x
-        return SolverError(f"the right-hand side cannot be evaluated beyond t = {t:.9g} s{self.problem.blamed(t, x, self.driver.data)}")
+        return SolverError(
+            f"the right-hand side cannot be evaluated beyond t = {t:.9g} s{self.problem.blamed(t, x, self.driver.data)}"
+        )

@@ -144,6 +144,7 @@ class IdaStepper(Stepper):
             -4: f"the step size became too small {when}{step}: Newton's iteration does not converge{worst}",
             -6: f"the Jacobian could not be evaluated or factorised {when}",
             -7: f"the linear equations of a step could not be solved {when}",
+            -22: f"an absolute tolerance is too small to divide by, or times lie too close together, {when}",
             -10: f"the event functions could not be evaluated {when}",
         }
         text = texts.get(code, f"IDA failed {when} (its return value: {code})")

@@ -33,6 +33,7 @@ from gearlib.solvers.ida.ida_stepper import (
     START_FAILED,
     IdaStepper,
 )
+from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import Floats
 
 _ROOT_RETURN, _TOO_MUCH_WORK, _ILL_INPUT = 2, -1, -22
@@ -56,6 +57,8 @@ class SundaeIda(IdaStepper, PythonStepper):
         If scikit-sundae is not installed.
     """
 
+    record: IdaRecord
+
     def __init__(self, reason: str, linear_solver: str | None = None) -> None:
         super().__init__(linear_solver)
         self.backend = f"scikit-sundae: {reason}"
@@ -73,7 +76,9 @@ class SundaeIda(IdaStepper, PythonStepper):
         self.y, self.dy, self.x, self.f = driver.x[self.permuted].copy(), np.zeros(n), np.zeros(n), np.zeros(n)
         self.values, self.g, self.sides = np.zeros(len(self.matrix.position)), np.zeros(n_roots), np.zeros(n_roots)
         jac = self.problem.jac
-        self.jac = None if jac is None else ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(_pointer,) * 4)(jac.address)
+        self.jac: Any = (
+            None if jac is None else ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(_pointer,) * 4)(jac.address)
+        )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a sparse pattern with a Jacobian needs no differences
             self.ida = self._interface(self._caught(self._residual), **self._options())

@@ -1,0 +1,123 @@
+"""The one driver: whatever takes the steps, events, samples and the log are the same."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gearlib.errors import ArgumentError, SolverError, StartError
+from gearlib.solvers.drive.driver import Stepper, integrate
+from gearlib.solvers.drive.explicit_stepper import ExplicitStepper
+from gearlib.solvers.ida.ida import ida
+from gearlib.solvers.problem import Floats, Problem
+from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+from tests.run.python_problem import driver, problem
+
+
+class Heun(ExplicitStepper):
+    """Of order 2, with steps of 1/1000 s."""
+
+    def advance(self, t: float, x: Floats, stop: float) -> tuple[float, Floats]:
+        h = min(1e-3, stop - t)
+        k = self.f(t, x)
+        return t + h, x + 0.5 * h * (k + self.f(t + h, x + h * k))
+
+
+STEPPERS: dict[str, Callable[[], Stepper]] = {
+    "rk5": RungeKutta, "rk8": lambda: RungeKutta(8), "ida": ida, "scikit-sundae": lambda: ida(native=False), "Python": Heun,
+}  # fmt: skip
+steppers = pytest.mark.parametrize("name", STEPPERS)
+
+
+def ball() -> Problem:
+    """Falls with 10 m/s2 from 1 m, bounces with restitution 1/2; time events at 0.1 and 0.2 s turn a counter on."""
+
+    def rhs(t: float, x: Any, dx: Any, data: Any) -> None:
+        dx[0], dx[1] = x[1], -10.0
+
+    def roots(t: float, x: Any, g: Any, data: Any) -> None:
+        g[0] = x[0]
+
+    def update(t: float, x: Any, fired: Any, data: Any) -> int:
+        if fired[0] == -1:
+            x[1] *= -0.5
+            data[0] += 1.0
+            fired[0] = 2
+            return 2
+        return 0
+
+    return problem(rhs, [1.0, 0.0], roots=roots, n_roots=1, update=update, modes=slice(0, 1), time_events=np.array([0.1, 0.2]))
+
+
+FIRST = math.sqrt(0.2)  # s, of the first bounce
+
+
+@steppers
+def test_events_samples_and_log(name: str) -> None:
+    times = np.array([0.0, 0.05, 0.1, 0.3, FIRST, 0.6, 0.8])
+    found = integrate(driver(ball(), times, STEPPERS[name](), rtol=1e-9))
+    flight = 0.6 - FIRST
+    assert found.status == "done"
+    apart = np.diff(found.event_times, prepend=0.0) > 1e-6  # IDA may see the ball leave the floor as well
+    assert found.event_roots[apart].tolist() == [-1, -1, 0]
+    assert found.event_times[apart] == pytest.approx([0.1, 0.2, FIRST], abs=1e-7)
+    assert found.x[:4, 0] == pytest.approx(1.0 - 5.0 * times[:4] ** 2, abs=1e-7)
+    assert found.x[5, 0] == pytest.approx(0.5 * 10.0 * FIRST * flight - 5.0 * flight**2, abs=1e-6)
+    assert found.modes[:, 0].tolist()[:4] == [0.0] * 4
+    assert found.modes[-1, 0] == 1.0
+    assert found.data[0] == 1.0
+
+
+@steppers
+def test_a_run_can_be_left_and_gone_on_with(name: str) -> None:
+    """Step by step, it is the same run."""
+    times = np.linspace(0.0, 0.8, 9)
+    whole = integrate(driver(ball(), times, STEPPERS[name](), rtol=1e-8))
+    run = driver(ball(), times, STEPPERS[name](), rtol=1e-8)
+    while run.advance(1) == "more":
+        pass
+    np.testing.assert_array_equal(run.solution().x, whole.x)
+    run.close()
+
+
+@steppers
+def test_late_runs_lose_no_digits(name: str) -> None:
+    """1e6 s after zero: events are known to the clock's resolution, states as exactly as in a run from zero."""
+    late, times = ball(), np.array([0.0, 0.3, 0.8])
+    early = integrate(driver(ball(), times, STEPPERS[name](), rtol=1e-8))
+    found = integrate(driver(late, 1e6 + times, STEPPERS[name](), rtol=1e-8, time_events=1e6 + late.time_events))
+    assert found.t.tolist() == (1e6 + times).tolist()
+    assert found.x == pytest.approx(early.x, abs=1e-7)
+    assert found.event_times[-1] - 1e6 == pytest.approx(FIRST, abs=1e-6)
+
+
+@steppers
+def test_one_word_for_one_failure(name: str) -> None:
+    oscillator = problem(lambda t, x, dx, data: dx.__setitem__(0, -x[0]), [1.0])
+    with pytest.raises(SolverError, match=r"gave up at t = .* after 3 steps towards t = 1 s: max_steps is 3"):
+        integrate(driver(oscillator, [0.0, *np.linspace(0.5, 1.0, 9)], STEPPERS[name](), rtol=1e-6, max_steps=3))
+    for asked in ({"rtol": 0.0}, {"atol": -1.0}, {"max_steps": 0}):
+        with pytest.raises(ArgumentError):
+            driver(oscillator, [0.0, 1.0], STEPPERS[name](), **asked)
+    with pytest.raises(StartError, match="state 0 starts at a value that is not finite"):
+        driver(problem(lambda *_: 0, [math.nan]), [0.0, 1.0], STEPPERS[name]())
+
+    def failing(t: float, x: Any, dx: Any, data: Any) -> int:
+        dx[0] = 1.0
+        return -1 if t > 0.5 else 0
+
+    with pytest.raises(SolverError, match=r"right-hand side .*evaluated"):
+        integrate(driver(problem(failing, [0.0]), [0.0, 1.0], STEPPERS[name](), rtol=1e-6))
+
+
+def test_what_a_method_in_python_raises_comes_out() -> None:
+    class Wrong(Heun):
+        def advance(self, t: float, x: Floats, stop: float) -> tuple[float, Floats]:
+            raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        integrate(driver(ball(), [0.0, 1.0], Wrong(), rtol=1e-6))
