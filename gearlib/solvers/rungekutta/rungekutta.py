@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any
 
 from gearlib.arguments import shown
@@ -149,7 +148,6 @@ def work(problem: Problem, order: int, steps: int, events: int) -> float:
     return steps * (step + 2.0 * looks) + events * (effort.rhs + effort.update + 10.0 * looks)
 
 
-@cache
 def _functions() -> tuple[int, int, int, int]:
     """Addresses of the compiled functions."""
     found = native_functions(*loop.MODULES).addresses
