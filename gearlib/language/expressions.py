@@ -155,7 +155,8 @@ def _function(kind: Any, count: int = 1) -> Callable[..., Any]:
         if len(arguments) != count:
             raise TypeError(f"{name}() takes {count} argument{'s' if count > 1 else ''}, got {len(arguments)}")
         numbers = [as_number(a, f"the argument of {name}()") for a in arguments]
-        return as_number(kind(*numbers), f"{name}({', '.join(map(shown, numbers))})")
+        found = kind(*numbers)
+        return found if found.args else as_number(found, f"{name}({', '.join(map(shown, numbers))})")
 
     call.__name__ = call.__qualname__ = name
     call.__doc__ = f"{name} of {'a number or an expression' if count == 1 else 'numbers or expressions'}."

@@ -190,7 +190,7 @@ def test_a_new_value_that_is_given_by_itself_points_to_pre() -> None:
 def test_an_expression_that_is_nested_too_deeply() -> None:
     def deep(s: Any) -> list[Any]:
         law = s.x
-        for _ in range(3000):
+        for _ in range(1000):
             law = gl.sin(law) + 1
         return [gl.Eq(s.n, 0), gl.Eq(s.m, law)]
 
