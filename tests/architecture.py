@@ -32,7 +32,6 @@ FORMS = (
     "gearlib.flatten.specialise.Raw",
     "gearlib.flatten.model.EquationGroup",
     "gearlib.reduce.rows.Rows",
-    "gearlib.structure.incidence.Incidence",
     "gearlib.equations.kernel.Kernel",
     "gearlib.program.program.Batch",
     "gearlib.native.source.Body",
@@ -44,9 +43,7 @@ FORMS = (
 # Where one concept is implemented. One that went counts no more; a new one is to be listed.
 IMPLEMENTATIONS = {
     "differentiating a program": (
-        "gearlib.program.sensitivity.sensitivity",
-        "gearlib.program.state_derivatives.state_derivatives",
-        "gearlib.native.jacobian.jacobian_body",
+        "gearlib.program.derivatives.entries",
         "gearlib.reduce.coefficients.coefficients_of",
         "gearlib.statics.steady_motion.assemble",
     ),
@@ -57,8 +54,7 @@ IMPLEMENTATIONS = {
     ),
     "sparse elimination": (
         "gearlib.structure.sparse_elimination.factorise",
-        "gearlib.structure.rigid_loops.examine",
-        "gearlib.structure.rigid_loops.null_space",
+        "gearlib.structure.sparse_rows.eliminate",
     ),
     "integration driver": (
         "gearlib.solvers.drive.driver.Driver",

@@ -9,6 +9,7 @@ import statistics
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,33 @@ def test_one_shaft_with_many_parts_is_compiled_in_linear_time(model: Any) -> Non
             sys.setprofile(None)
         spent.append(calls)
     assert spent[2] < 8.5 * spent[1]
+
+
+def spent_on(model: gl.Component) -> tuple[int, int]:
+    """Lines that `gearlib.structure` and `gearlib.reduce` carry out when a model is compiled, and the most memory in use, bytes."""
+    lines = 0
+    folders = tuple(os.path.join(os.path.dirname(gl.__file__), folder, "") for folder in ("structure", "reduce"))
+
+    def local(frame: Any, event: str, argument: Any) -> Any:
+        nonlocal lines
+        lines += event == "line"
+        return local
+
+    sys.settrace(lambda frame, event, argument: local if frame.f_code.co_filename.startswith(folders) else None)
+    tracemalloc.start()
+    try:
+        gl.compile(model)
+        return lines, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+        sys.settrace(None)
+
+
+def test_rigid_gears_side_by_side_cost_work_and_memory_in_proportion() -> None:
+    """Each has a redundant equation, and a torque that nothing determines. The exponents of growth are 1."""
+    spent_on(SideBySide(N=20))  # meets the classes
+    small, large = (np.array(spent_on(SideBySide(N=n))) for n in (100, 800))
+    assert (np.log(large / small) / np.log(8) < 1.05).all()
 
 
 # ---------------------------------------------------------------- source and states

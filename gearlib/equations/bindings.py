@@ -16,7 +16,7 @@ import numpy as np
 import sympy
 
 from gearlib.arguments import shown
-from gearlib.equations.template import Relation, Template, checked, lift_relations, make_template, parse_column
+from gearlib.equations.template import Relation, Template, checked, lift_relations, make_template, parse_column, piecewise
 from gearlib.errors import BindingError, BoundError
 from gearlib.language.expressions import check_depth, real_symbol, time, value_of
 
@@ -54,8 +54,10 @@ def is_expression(value: Any) -> bool:
 
 
 @lru_cache(maxsize=10_000)
-def parameter_function(expression: Any, arguments: tuple[str, ...]) -> Callable[..., Any]:
-    """A function of arrays for an expression of parameters."""
+def parameter_function(expression: Any, arguments: tuple[str, ...], by: str | None = None) -> Callable[..., Any]:
+    """A function of arrays for an expression of parameters, or for its derivative with respect to one of them."""
+    if by is not None:
+        expression = sympy.diff(piecewise(expression), real_symbol(by))
     symbols = [real_symbol(a) for a in arguments]
     function: Callable[..., Any] = sympy.lambdify(symbols, expression, "numpy")
     return function

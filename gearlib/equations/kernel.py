@@ -180,9 +180,9 @@ def relation_kernel(template: Template, relation: int) -> Kernel:
 
 
 @cache
-def derivative_of(kernel: Kernel, column: int) -> Kernel:
-    """The derivative of a kernel with respect to one of its columns."""
-    return _part(kernel, sympy.diff(kernel.expression, sympy.Symbol(f"x{column}", real=True)))
+def derivative_of(kernel: Kernel, name: str) -> Kernel:
+    """Derivative of a kernel with respect to one of its columns, such as x0, or of its parameters, such as p0."""
+    return _part(kernel, sympy.diff(kernel.expression, sympy.Symbol(name, real=True)))
 
 
 def _divisors(expression: Any) -> list[Any]:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from gearlib.arguments import shown
-from gearlib.equations.bindings import parameter_function
 from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
@@ -197,11 +196,7 @@ def _parameter_table(tree: Tree) -> ParameterTable:
             rows.append(arguments)
             targets.append(target)
     dependents = tuple(
-        Dependent(
-            parameter_function(expression, tuple(f"a{i}" for i in range(len(rows[0])))),
-            np.array(rows, np.int64),
-            np.array(targets, np.int64),
-        )
+        Dependent(expression, np.array(rows, np.int64), np.array(targets, np.int64))
         for (_, expression), (rows, targets) in sorted(steps.items(), key=lambda item: item[0][0])
     )
     values = np.array(tree.parameter_values, float)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import shown
+from gearlib.equations.bindings import parameter_function
 from gearlib.equations.template import Column, Template, parse_column
 from gearlib.errors import NameLookupError, nearest
 from gearlib.language.declarations import Connector, Parameter, Variable
@@ -59,9 +60,22 @@ class EquationGroup:
 class Dependent:
     """Parameters that are the same function of other parameters."""
 
-    function: Callable[..., Any]
+    expression: Any  # over a0, a1, ...
     arguments: Integers  # (instances, arguments)
     targets: Integers  # (instances,)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(f"a{i}" for i in range(self.arguments.shape[1]))
+
+    @cached_property
+    def function(self) -> Callable[..., Any]:
+        """The function of arrays, one for each argument."""
+        return parameter_function(self.expression, self._names)
+
+    def derivative(self, argument: int) -> Callable[..., Any]:
+        """Its derivative with respect to one argument."""
+        return parameter_function(self.expression, self._names, self._names[argument])
 
 
 @dataclass(frozen=True)
@@ -98,6 +112,33 @@ class ParameterTable:
             self._affected[changed] = self._depending_on(changed)
         return self._computed(values, self._affected[changed], list(changed))
 
+    def derivatives(self, values: Floats, seeds: Sequence[int], given: Collection[int] = ()) -> list[tuple[int, int, float]]:
+        """How parameters change with some of them: (parameter, which of the seeds, derivative), the seeds themselves among them.
+
+        Parameters
+        ----------
+        values : array
+            The complete vector, as `evaluate` returns it.
+        seeds : sequence of int
+            Parameters to differentiate with respect to.
+        given : collection of int
+            Those that were given to `evaluate`, so that they do not follow from others.
+        """
+        fixed = {*seeds, *given}
+        rows: dict[int, dict[int, float]] = {p: {k: 1.0} for k, p in enumerate(seeds)}
+        for d in self._depending_on(tuple(seeds)):
+            with np.errstate(all="ignore"):
+                found = [d.derivative(a)(*values[d.arguments.T]) for a in range(d.arguments.shape[1])]
+            slopes = [np.broadcast_to(np.asarray(f, float), len(d.targets)).tolist() for f in found]
+            for r, (target, arguments) in enumerate(zip(d.targets.tolist(), d.arguments.tolist(), strict=True)):
+                if target in fixed:
+                    continue
+                row = rows[target] = {}
+                for slope, argument in zip(slopes, arguments, strict=True):
+                    for k, weight in rows.get(argument, {}).items():
+                        row[k] = row.get(k, 0.0) + slope[r] * weight
+        return [(p, k, weight) for p, row in rows.items() for k, weight in row.items()]
+
     @staticmethod
     def _computed(values: Floats, dependents: Sequence[Dependent], given: list[int]) -> Floats:
         result = values.copy()
@@ -115,7 +156,7 @@ class ParameterTable:
         for d in self.dependents:
             rows = reached[d.arguments].any(axis=1)
             if rows.any():
-                found.append(Dependent(d.function, d.arguments[rows], d.targets[rows]))
+                found.append(Dependent(d.expression, d.arguments[rows], d.targets[rows]))
                 reached[d.targets[rows]] = True
         return tuple(found)
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.program.build import build
-from gearlib.program.interpret import Prepared, assemble, evaluate, prepare
+from gearlib.program.derivatives import At, derivatives, newton_matrix, slopes
+from gearlib.program.interpret import Prepared, evaluate, prepare
 from gearlib.program.program import Newton
-from gearlib.program.sensitivity import entries, sensitivity
 from gearlib.reduce.reduction import Structure, integrals
 from gearlib.structure.incidence import Node
 
@@ -102,14 +102,13 @@ def _held_speeds(prepared: Prepared, t: float, slots: Floats, flags: Floats) -> 
 def _held_in(
     step: Newton, changing: list[Any], nodes: dict[int, Node], prepared: Prepared, t: float, slots: Floats, flags: Floats
 ) -> list[Node]:
-    n, now, here, modes = len(step.unknowns), np.array([t]), slots[:, None], flags[:, None]
-    matrix = assemble(step.jacobian, now, here, prepared.parameters, modes, n * n)[:, 0].reshape(n, n)
+    at = At(prepared, np.array([t]), slots[:, None], flags[:, None])
     place = {int(slot): i for i, slot in enumerate(step.unknowns)}
     found = []
     answers: Floats | None = None
     for batch in changing:
         terms: dict[int, dict[int, float]] = {}
-        for rows, columns, values in entries(batch, now, here, prepared.parameters, modes):
+        for rows, columns, values in slopes(batch, at):
             for r, c, value in zip(rows.tolist(), columns.tolist(), np.abs(values).tolist(), strict=True):
                 terms.setdefault(r, {})[c] = value
         for r, sizes in terms.items():
@@ -118,7 +117,7 @@ def _held_in(
             if slot not in place or slot not in nodes:
                 continue
             others = [place[c] for c in batch.arguments[r].tolist() if c in place and c != slot]
-            answers = _answers(matrix) if answers is None else answers
+            answers = _answers(newton_matrix(step, at)[0]) if answers is None else answers
             answer = answers[:, batch.targets[r]]
             if others and (answer[others] > REACTION * answer.max()).any():
                 v, k = nodes[slot]
@@ -152,7 +151,7 @@ def _functionals(
             inputs = np.zeros(m)
             inputs[: len(prepared.program.inputs)] = slots[n : n + len(prepared.program.inputs)][:m]
             values = evaluate(ready, np.array([t]), slots[:n, None], inputs[:, None], flags[:, None])[:, 0]
-            d = sensitivity(ready, t, values, flags, range(n))[program.output_slots]
+            d = derivatives(ready, t, values, flags, range(n), wanted=program.output_slots)
             rows += list(d.toarray() if hasattr(d, "toarray") else d)
     return np.array(rows).reshape(-1, len(states))
 

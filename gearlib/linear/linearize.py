@@ -17,9 +17,9 @@ from gearlib.linear.held_states import remaining
 from gearlib.linear.linear_model import LinearModel
 from gearlib.linear.operating_point import Point, fitting, operating_point, slots_at
 from gearlib.program.build import build
+from gearlib.program.derivatives import derivatives, undetermined
 from gearlib.program.interpret import prepare
 from gearlib.program.program import Program
-from gearlib.program.sensitivity import sensitivity, undetermined
 from gearlib.run.scene import Scene, needed_states, node_name
 from gearlib.run.translation import Translation
 
@@ -96,15 +96,15 @@ def linearize(
         else:
             position.append(("added", len(added)))
             added.append(slot)
-    d = sensitivity(prepared, point.t, slots, flags, seeds, [(slot, i, 1.0) for i, slot in enumerate(added)])
-    _refuse_undetermined(scene, program, undetermined(prepared, point.t, slots, flags))
-    if not d.shape[0]:  # nothing has to be computed: all outputs are always zero
-        d = np.zeros((1, len(seeds) + len(added)))
     n = len(states)
+    wanted = [*(program.slots[v, k + 1] for v, k in states), *(program.slots.get(t, 0) for t in targets)]
+    if not program.n_slots:  # nothing has to be computed: all outputs are always zero
+        d: Any = np.zeros((len(wanted), len(seeds) + len(added)))
+    else:
+        d = derivatives(prepared, point.t, slots, flags, seeds, [(slot, i, 1.0) for i, slot in enumerate(added)], wanted)
+    _refuse_undetermined(scene, program, undetermined(prepared, point.t, slots, flags))
     columns = [{"seed": i, "added": len(seeds) + i, "none": -1}[kind] for kind, i in position]
-    rates = d[[program.slots[v, k + 1] for v, k in states]] if n else d[:0]
-    present = [program.slots.get(t, 0) for t in targets]
-    rows = d[present]
+    rates, rows = d[:n], d[n:]
     sign_out = np.array(signs, float)
     full = isinstance(d, np.ndarray)
     B, D = _columns(rates, columns, np.array(scale), full), _columns(rows, columns, np.array(scale), full)

@@ -7,12 +7,10 @@ linear equation depend on parameters only, so they are computed once per run of 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel, derivative_of, rest_of
+from gearlib.equations.kernel import rest_of
 from gearlib.program.program import Batch
 
 Integers = NDArray[np.int64]
@@ -35,34 +33,18 @@ def has_runs(batch: Batch) -> bool:
     if len(batch) < SHORTEST or not kernel.columns or kernel.relations or (batch.argument_signs == 0).any():
         return False
     rest = rest_of(kernel)
-    if rest.on_time or rest.relations or any(k.columns or k.relations or k.on_time for k in _coefficients(kernel)):
+    slopes = [batch.derivative(a).kernel for a in range(len(kernel.columns))]
+    if rest.on_time or rest.relations or any(k.columns or k.relations or k.on_time for k in slopes):
         return False
     starts = starts_of_runs(np.column_stack([batch.targets, batch.arguments]))
     return len(batch) >= SHORTEST * len(starts)
 
 
-def _coefficients(kernel: Kernel) -> list[Kernel]:
-    return [derivative_of(kernel, c) for c in kernel.columns]
-
-
 def coefficient_batches(batch: Batch) -> list[Batch]:
     """Batches for the parameter-dependent coefficients and the constant part, computed before a run."""
-    found = []
-    for a, kernel in enumerate(_coefficients(batch.kernel)):
-        if kernel.number is None:
-            found.append(_of_parameters(batch, kernel, batch.signs * batch.argument_signs[:, a]))
-    rest = rest_of(batch.kernel)
-    if not rest.is_zero:
-        found.append(_of_parameters(batch, rest, batch.signs))
-    return found
-
-
-def _of_parameters(batch: Batch, kernel: Kernel, signs: Integers) -> Batch:
-    parameters = batch.parameters[:, [batch.kernel.parameters.index(p) for p in kernel.parameters]]
-    none = np.empty((len(batch), 0), np.int64)
-    return replace(
-        batch, kernel=kernel, signs=signs, arguments=none, argument_signs=none, parameters=parameters, relations=none
-    )
+    slopes = (batch.derivative(a) for a in range(len(batch.kernel.columns)))
+    found = [slope for slope in slopes if slope.kernel.number is None]
+    return found if rest_of(batch.kernel).is_zero else [*found, batch.rest]
 
 
 def run_lines(batch: Batch, place: str) -> list[str]:
@@ -70,12 +52,13 @@ def run_lines(batch: Batch, place: str) -> list[str]:
     n_x, n_q = batch.arguments.shape[1], len(coefficient_batches(batch))
     width = 2 + n_x + n_q
     terms, q = [], 0
-    for a, kernel in enumerate(_coefficients(batch.kernel)):
-        if kernel.number is None:
+    for a in range(n_x):
+        slope = batch.derivative(a)
+        if slope.kernel.number is None:
             terms.append(f"+ data[q{q} + k] * data[x{a} + k]")
             q += 1
         else:
-            number = kernel.number * int(batch.signs[0] * batch.argument_signs[0, a])
+            number = slope.kernel.number * int(slope.signs[0])
             factor = "" if abs(number) == 1.0 else f"{abs(number)!r} * "
             terms.append(f"{'-' if number < 0 else '+'} {factor}data[x{a} + k]")
     if not rest_of(batch.kernel).is_zero:

@@ -59,10 +59,12 @@ class Layout:
         return self.shared.inputs
 
 
-def lay_out(program: Program, shared: Shared, base: int) -> Layout:
-    """The layout of one program, beginning at ``base``."""
+def lay_out(program: Program, shared: Shared, base: int, also: Integers | None = None) -> Layout:
+    """The layout of one program, beginning at ``base``; slots that ``also`` are used must be computed, too."""
     used = np.zeros(program.n_slots, bool)
     used[program.output_slots] = True
+    if also is not None:
+        used[also] = True
     for step in program.steps:
         if isinstance(step, Batch):
             used[step.arguments[step.argument_signs != 0]] = True

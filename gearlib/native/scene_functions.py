@@ -15,6 +15,7 @@ from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of
 from gearlib.native.layout import Layout, Shared, lay_out
 from gearlib.native.linear_solve import SOLVE
 from gearlib.native.source import HEADER, Body, function, is_small, looped, written_out
+from gearlib.program.derivative_plan import DerivativePlan
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations
 
@@ -65,7 +66,7 @@ def rhs_source(
 
 def compile_scene(
     program: Program, relations: Relations | None, names: Callable[[], Sequence[str]], parameter_names: Sequence[str],
-    n_relations: int, n_discrete: int, jacobian: bool,
+    n_relations: int, n_discrete: int, jacobian: DerivativePlan | None,
 ) -> NativeScene:  # fmt: skip
     """Compile what a run needs.
 
@@ -80,8 +81,8 @@ def compile_scene(
     parameter_names : sequence of str
     n_relations, n_discrete : int
         Of the whole model.
-    jacobian : bool
-        Whether the analytic Jacobian is wanted.
+    jacobian : DerivativePlan, optional
+        The derivatives of the outputs with respect to the states, where the analytic Jacobian is wanted.
     """
     n_modes = n_relations + (2 * n_discrete + 1 if n_discrete else 0)
     shared = Shared(len(parameter_names), n_modes, len(program.inputs))
@@ -90,10 +91,10 @@ def compile_scene(
     rhs = _compile("rhs", text, body, layout)
     end, guards = layout.size + body.n_coefficients, (layout.guards, program.n_guards)
     jac = pattern = roots = update = None
-    if jacobian:
-        layout = lay_out(program, shared, end)
-        pattern = pattern_of(program)
-        body, end = jacobian_body(program, layout, pattern)
+    if jacobian is not None:
+        layout = lay_out(program, shared, end, jacobian.multiplied)
+        pattern = pattern_of(jacobian)
+        body, end = jacobian_body(program, layout, jacobian)
         jac = _compile("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
     if relations is not None:
         layout = lay_out(relations.program, shared, end)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import batch_values, evaluate
-from gearlib.program.state_derivatives import state_derivatives
 from gearlib.run.scene import Numbers, Scene
 
 Floats = NDArray[np.float64]
@@ -69,7 +69,8 @@ class Driven:
         """Rates, and their derivatives by the states, shape (phases, states, states)."""
         t = phase / self.omega
         slots = evaluate(self.numbers.main, t, x, self.inputs(phase, self.omega), modes)
-        return slots[self.scene.program.output_slots], state_derivatives(self.numbers.main, t, slots, modes)
+        plan = self.scene.jacobian
+        return slots[self.scene.program.output_slots], dense(plan, entries(plan, At(self.numbers.main, t, slots, modes)))
 
     def roots(self, phase: Floats, x: Floats, modes: Floats) -> Floats:
         """What the relations compare with zero, by number of the relation, shape (modes, phases)."""

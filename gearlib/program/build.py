@@ -65,7 +65,7 @@ class Builder:
         self.inputs = (*inputs, *sorted(extra))
         self.slots: dict[Node, int] = {n: i for i, n in enumerate((*states, *self.inputs))}
         for block in blocks:
-            for node in block.unknowns:
+            for node in block:
                 self.slots.setdefault(node, len(self.slots))
         self.n_slots = len(self.slots)
         self.table = np.full((1 + max((k for _, k in self.slots), default=0), self.model.n_variables), -1)
@@ -81,7 +81,7 @@ class Builder:
         pivots: Found = defaultdict(list)
         others: list[Linear | Newton] = []
         for block in self.blocks:
-            done = len(block.unknowns) == 1 and self._assign(block, scalar, pivots)
+            done = len(block) == 1 and self._assign(block, scalar, pivots)
             if not done:
                 others.append(self._block(block, scalar))
         batches = self._batches(scalar)
@@ -162,7 +162,7 @@ class Builder:
 
     def _assign(self, block: Block, scalar: Found, pivots: Found) -> bool:
         """Emit an explicit assignment; False where the equation is not linear in the unknown."""
-        node, (e, k) = block.unknowns[0], block.equations[0]
+        node, (e, k) = block[0], self.structure.choice.solved_by[block[0]]
         template, g, i = self._template(e, k)
         mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
         if len(mine) != 1:
@@ -192,11 +192,12 @@ class Builder:
 
     def _block(self, block: Block, scalar: Found) -> Linear | Newton:
         """Emit a block of several unknowns: linear with constant matrix, or torn, for Newton's method."""
-        position = {node: c for c, node in enumerate(block.unknowns)}
+        position = {node: c for c, node in enumerate(block)}
+        solving = [self.structure.choice.solved_by[node] for node in block]
         rows = []
         safe: list[dict[int, bool]] = []
         constant = linear = True
-        for e, k in block.equations:
+        for e, k in solving:
             template, g, i = self._template(e, k)
             inside = [(c, position[node], sign) for c, node, sign in self._positions(template, g, i) if node in position]
             columns = frozenset(c for c, _, _ in inside)
@@ -208,8 +209,8 @@ class Builder:
         order = tear(safe) if not (constant and linear) else Tearing(tuple(range(len(rows))), tuple(range(len(rows))), 0)
         place = {column: c for c, column in enumerate(order.columns)}
         rows = [rows[r] for r in order.rows]
-        unknowns = np.array([self.slots[block.unknowns[u]] for u in order.columns], np.int64)
-        equations = np.array([block.equations[r][0] for r in order.rows], np.int64)
+        unknowns = np.array([self.slots[block[u]] for u in order.columns], np.int64)
+        equations = np.array([solving[r][0] for r in order.rows], np.int64)
         matrix: Found = defaultdict(list)
         for r, (template, g, i, k, _, inside) in enumerate(rows):
             for c, u, sign in inside:
@@ -220,7 +221,7 @@ class Builder:
             for r, (template, g, i, k, _, _) in enumerate(rows):
                 residual[residual_kernel(template), g, k].append((i, r, 1))
             counts = self.structure.differentiation.counts
-            constrained = not linear and any(k < counts[e] for e, k in block.equations)
+            constrained = not linear and any(k < counts[e] for e, k in solving)
             return Newton(unknowns, self._batches(residual), entries, linear, equations, order.lead, constrained)
         known, known_rows = [], []
         for r, (template, g, i, k, columns, _) in enumerate(rows):

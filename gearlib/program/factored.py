@@ -35,12 +35,16 @@ class Factored:
 
     def __matmul__(self, right: Floats) -> Floats:
         """The product with an array of shape (known, anything)."""
-        result = np.empty((self.shape[0], right.shape[1]))
+        full = np.zeros((self.shape[0], right.shape[1]))
+        full[self.known] = -right
+        return self.solve(full)
+
+    def solve(self, right: Floats) -> Floats:
+        """``inverse(A) @ right``."""
+        result = np.empty_like(right)
         for first in range(0, right.shape[1], CHUNK):
             part = slice(first, first + CHUNK)
-            full = np.zeros((self.shape[0], right[:, part].shape[1]))
-            full[self.known] = -right[:, part]
-            result[:, part] = self.factors.solve(full)
+            result[:, part] = self.factors.solve(np.ascontiguousarray(right[:, part]))
         return result
 
     def __getitem__(self, rows: Sequence[int] | Integers) -> Floats:

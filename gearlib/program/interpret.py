@@ -133,6 +133,18 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | 
     return Factored(factors, block.known_rows)
 
 
+def block_solve(prepared: Prepared, block: int, right: Floats) -> Floats:
+    """``inverse(A) @ right`` of a linear block, by its number; the solution at hand has only the columns of what is known."""
+    step = [s for s in prepared.program.steps if isinstance(s, Linear)][block]
+    solution = prepared.solutions[block]
+    if isinstance(solution, Factored):
+        return solution.solve(right)
+    entries = np.concatenate([constant_values(b, prepared.parameters) for b in step.matrix])
+    inverse = _inverse(len(step.unknowns), step.places.tobytes(), entries.tobytes())
+    assert inverse is not None, "the block was prepared with these parameters"
+    return np.asarray(inverse @ right, float)
+
+
 @lru_cache(maxsize=4)
 def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
     """Inverse of a matrix, None of a singular one; memoised, since the programs of a scene share blocks."""

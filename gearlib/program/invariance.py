@@ -2,7 +2,7 @@
 
 A train looks the same however far it has turned, so that nothing but its angles may grow when it turns steadily. A change ``dx`` is
 such a symmetry if the linear parts of all equations pass on nothing of it, and if no argument that an equation is nonlinear in changes.
-This is carried forward through the program as `gearlib.program.sensitivity` carries derivatives, with constant coefficients only. What
+This is carried forward through the program as `gearlib.program.derivatives` carries derivatives, with constant coefficients only. What
 comes out holds for all states at once: a spring inside its gap does not look free.
 """
 
@@ -13,8 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel, derivative_of
-from gearlib.program.interpret import Prepared
+from gearlib.program.interpret import Prepared, constant_values
 from gearlib.program.program import Batch, Linear, Newton
 from gearlib.program.relations import Relations
 
@@ -102,15 +101,12 @@ class _Carried:
         """Change of a batch's values, as far as its coefficients are constant; the arguments of others go to the constraints."""
         result = np.zeros((len(batch), self.width))
         varying: list[int] = []
-        for a, c in enumerate(batch.kernel.columns):
-            slope = derivative_of(batch.kernel, c)
-            if slope.is_zero:
-                continue
-            if slope.columns or slope.relations or slope.on_time:
+        for a in batch.active:
+            slope = batch.derivative(a)
+            if slope.kernel.columns or slope.kernel.relations or slope.kernel.on_time:
                 varying.append(a)
-                continue
-            value = self._values(batch, slope, None, None) * batch.signs * batch.argument_signs[:, a]
-            result += np.broadcast_to(value, (len(batch),))[:, None] * self.slots[batch.arguments[:, a]]
+            else:
+                result += constant_values(slope, self._prepared.parameters)[:, None] * self.slots[batch.arguments[:, a]]
         if varying:
             moves = self.slots[batch.arguments[:, varying]] * batch.argument_signs[:, varying, None]
             if len(varying) > 1:
@@ -124,11 +120,7 @@ class _Carried:
         shape = (LOOKS, len(batch.kernel.columns))
         points = np.where(random.random(shape) < 0.5, -1, 1) * 10.0 ** random.uniform(*DECADES, shape)
         flags = (random.random((LOOKS, len(batch.kernel.relations))) < 0.5).astype(float)
-        slopes = [
-            self._values(batch, derivative_of(batch.kernel, batch.kernel.columns[a]), points, flags)
-            * np.ones((len(batch), LOOKS))
-            for a in varying
-        ]
+        slopes = [self._slope(batch, a, points, flags) * np.ones((len(batch), LOOKS)) for a in varying]
         table = np.stack(slopes, axis=2)  # (rows, looks, arguments)
         size = np.abs(table).max(axis=2, keepdims=True)
         with np.errstate(all="ignore"):
@@ -138,16 +130,14 @@ class _Carried:
             return np.broadcast_to(np.eye(table.shape[2]), (len(batch), *table.shape[2:] * 2))
         return np.asarray(right * (sizes > INDEPENDENT * sizes[:, :1].clip(1e-300))[:, :, None], float)
 
-    def _values(self, batch: Batch, slope: Kernel, points: Floats | None, flags: Floats | None) -> Floats:
-        """A derivative of the batch's kernel, with the parameters of each row, at some points."""
-        kernel, parameters = batch.kernel, self._prepared.parameters
-        arguments = [] if points is None else [points[:, kernel.columns.index(c)] for c in slope.columns]
-        constants = [parameters[batch.parameters[:, kernel.parameters.index(p)]] for p in slope.parameters]
-        modes = [] if flags is None else [flags[:, kernel.relations.index(r)] for r in slope.relations]
-        if points is not None:
-            constants = [c[:, None] for c in constants]
+    def _slope(self, batch: Batch, argument: int, points: Floats, flags: Floats) -> Floats:
+        """The derivative with respect to one argument, with the parameters of each row, at some points."""
+        kernel, slope = batch.kernel, batch.derivative(argument)
+        arguments = [points[:, kernel.columns.index(c)] for c in slope.kernel.columns]
+        constants = [self._prepared.parameters[slope.parameters[:, [p]]] for p in range(slope.parameters.shape[1])]
+        modes = [flags[:, kernel.relations.index(r)] for r in slope.kernel.relations]
         with np.errstate(all="ignore"):
-            return np.asarray(slope.function(0.0, *arguments, *constants, *modes), float)
+            return np.asarray(slope.kernel.function(0.0, *arguments, *constants, *modes), float)
 
 
 def _null_space(matrix: Floats) -> Floats:

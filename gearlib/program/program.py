@@ -14,10 +14,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel
+from gearlib.equations.kernel import Kernel, derivative_of, rest_of
 from gearlib.structure.incidence import Node
 
 Integers = NDArray[np.int64]
+Floats = NDArray[np.float64]
 
 
 LOST = 1e6  # times its solution, the change of a linear block leaves too few digits of it: it is solved once more from there
@@ -51,7 +52,48 @@ class Batch:
         """The signs as a column, None where all are plus."""
         return None if (self.signs == 1).all() else self.signs[:, None].copy()
 
+    def derivative(self, argument: int) -> Batch:
+        """The derivatives with respect to the slots that one argument is read from; its sign is among the factors."""
+        slope = derivative_of(self.kernel, f"x{self.kernel.columns[argument]}")
+        return self.part(slope, self.signs * self.argument_signs[:, argument])
+
+    def parameter_derivative(self, parameter: int) -> Batch:
+        """The derivatives with respect to the entries of the parameter table that one parameter is read from."""
+        return self.part(derivative_of(self.kernel, f"p{self.kernel.parameters[parameter]}"), self.signs)
+
+    @cached_property
+    def active(self) -> tuple[int, ...]:
+        """The arguments that the value depends on; relations, which hold between events, do not count."""
+        return tuple(a for a, c in enumerate(self.kernel.columns) if not derivative_of(self.kernel, f"x{c}").is_zero)
+
+    @property
+    def rest(self) -> Batch:
+        """The values with all arguments set to zero."""
+        return self.part(rest_of(self.kernel), self.signs)
+
+    def part(self, kernel: Kernel, signs: Integers) -> Batch:
+        """The same instances with a kernel over what this one's holds, or some of it."""
+        x = [self.kernel.columns.index(c) for c in kernel.columns]
+        p = [self.kernel.parameters.index(c) for c in kernel.parameters]
+        r = [self.kernel.relations.index(c) for c in kernel.relations]
+        return Batch(
+            kernel, self.equations, self.targets, signs, self.arguments[:, x], self.argument_signs[:, x],
+            self.parameters[:, p], self.relations[:, r],
+        )  # fmt: skip
+
+    @cached_property
+    def of_parameters(self) -> bool:
+        """Whether the values are constant during a run."""
+        return not (self.kernel.columns or self.kernel.relations or self.kernel.on_time)
+
+    @cached_property
+    def numbers(self) -> Floats | None:
+        """The values where they are plain numbers."""
+        value = self.kernel.number
+        return None if value is None else np.asarray(value * self.signs, float)
+
     def take(self, rows: Integers) -> Batch:
+        """Some of the rows, in the order that is given."""
         return Batch(
             self.kernel, self.equations[rows], self.targets[rows], self.signs[rows], self.arguments[rows],
             self.argument_signs[rows], self.parameters[rows], self.relations[rows],

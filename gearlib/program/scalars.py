@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gearlib.equations.kernel import derivative_of
-from gearlib.program.program import Batch, Linear, Newton, Program
-from gearlib.program.text import expression
+from gearlib.program.derivative_plan import DerivativePlan, Sums
+from gearlib.program.program import Batch, Linear, Program
+from gearlib.program.text import expression, unsigned
 
 MOST = 1500  # numbers up to which a function is written out
 NAMES: dict[str, Any] = {name: getattr(math, name) for name in dir(math) if not name.startswith("_")}
@@ -50,83 +51,82 @@ def _compiled(source: str) -> Callable[..., Any]:
 
 
 Term = tuple[int, str]  # sign, and a factor or a name; "" is one
-_NAME = re.compile(r"\bd\d+_\d+\b")
+_NAME = re.compile(r"\bd\d+\b")
 
 
-def linear_function(program: Program, added: Sequence[int]) -> Callable[[list[float], list[float]], Any] | None:
-    """For a linear program: the derivatives of its outputs with respect to states, inputs and terms added to slots.
+def linear_function(program: Program, plan: DerivativePlan) -> Callable[[list[float], list[float]], Any] | None:
+    """The derivatives that a plan lists, for a linear program, written out.
 
     Returns
     -------
     callable or None
-        ``f(parameters, solutions)`` gives the values, ``f.places`` their rows (outputs) and columns (seeds); ``solutions`` are the
-        numbers of all blocks' solutions one after the other. None where writing it out would be too long.
+        ``f(parameters, solutions)`` gives the values; ``solutions`` are the numbers of all blocks' solutions one after the other.
+        None where writing it out would be too long.
     """
-    n_seeds = len(program.states) + len(program.inputs)
-    rows: dict[int, dict[int, Term]] = {i: {i: (1, "")} for i in range(n_seeds)}
-    extra = {slot: n_seeds + k for k, slot in enumerate(added)}
+    sizes = [len(s.unknowns) * len(s.known) for s in program.steps if isinstance(s, Linear)]
+    before = np.cumsum([0, *sizes]).tolist()
+    terms: dict[int, Term] = {entry: (1, "") for entry in range(1, 1 + len(plan.order))}
     lines: dict[str, str] = {}
-    first = 0
 
-    def store(slot: int, sums: dict[int, list[tuple[Term, Term]]]) -> None:
-        rows[slot] = {}
-        for seed, terms in sums.items():
-            (sign, factor), (other, name) = terms[0]
-            if len(terms) == 1 and not factor:  # plus or minus what has a name already
-                rows[slot][seed] = sign * other, name
-            else:
-                lines[f"d{slot}_{seed}"] = " ".join(_product(*term) for term in terms)
-                rows[slot][seed] = 1, f"d{slot}_{seed}"
-        if slot in extra:
-            rows[slot][extra[slot]] = 1, ""
-
-    for step in program.steps:
-        if isinstance(step, Newton):
-            return None
-        if isinstance(step, Linear):
-            for unknown in step.unknowns.tolist():
-                sums: dict[int, list[tuple[Term, Term]]] = {}
-                for j, known in enumerate(step.known.tolist(), first):
-                    for seed, term in rows[known].items():
-                        sums.setdefault(seed, []).append(((1, f"s[{j}]"), term))
-                store(unknown, sums)
-                first += len(step.known)
+    def store(entry: int, products: list[tuple[Term, Term]]) -> None:
+        (sign, factor), (other, name) = products[0]
+        if len(products) == 1 and not factor:  # plus or minus what has a name already
+            terms[entry] = sign * other, name
         else:
-            for i, target in enumerate(step.targets.tolist()):
-                store(target, _chain(step, i, rows))
+            lines[f"d{entry}"] = " ".join(_product(*pair) for pair in products)
+            terms[entry] = 1, f"d{entry}"
+
+    for step in plan.steps:
+        if isinstance(step, Sums):
+            for entry, products in zip(step.to.tolist(), _products(step), strict=True):
+                store(entry, [(factor, terms[source]) for factor, source in products])
+        elif not isinstance(step.step, Linear) or step.implicit:
+            return None
+        else:
+            known = len(step.step.known)
+            by_column: dict[int, list[tuple[int, Term]]] = {}
+            for place, ((_, source),) in zip(step.sums.to.tolist(), _products(step.sums), strict=True):
+                by_column.setdefault(place % step.width, []).append((place // step.width, terms[source]))
+            entering = dict(zip(step.added.tolist(), step.added_sources.tolist(), strict=True))
+            if len(entering) < len(step.added):
+                return None
+            for k, row in enumerate(step.rows.tolist()):
+                at = before[step.block] + row * known
+                for c in range(step.width):
+                    place = k * step.width + c
+                    sums: list[tuple[Term, Term]] = [((1, f"s[{at + j}]"), term) for j, term in by_column.get(c, [])]
+                    sums += [((1, ""), terms[entering[place]])] if place in entering else []
+                    if sums:
+                        store(step.first + place, sums)
         if len(lines) > 4 * MOST:
             return None
-    outputs = [(i, seed, term) for i, slot in enumerate(program.output_slots.tolist()) for seed, term in rows[slot].items()]
-    values = ", ".join(_product((1, ""), term) for *_, term in outputs)
+    values = ", ".join(_product((1, ""), terms[entry]) if entry in terms else "0.0" for entry in plan.sources.tolist())
     needed = set(_NAME.findall(values))
     kept: list[str] = []
     for name, text in reversed(lines.items()):
         if name in needed:
             needed.update(_NAME.findall(text))
             kept.append(f"    {name} = {text}\n")
-    function: Any = _compiled(f"def f(p, s):\n{''.join(reversed(kept))}    return [{values}]\n")
-    function.places = tuple(np.array([place for *place, _ in outputs], np.int64).reshape(-1, 2).T)
-    return function  # type: ignore[no-any-return]
+    return _compiled(f"def f(p, s):\n{''.join(reversed(kept))}    return [{values}]\n")
+
+
+def _products(sums: Sums) -> Iterator[list[tuple[Term, int]]]:
+    """Of each sum its factors, and the entries that they multiply."""
+    factors = [term for f in sums.factors for term in _factors(f)]
+    factors.append((1, ""))  # the one that -1 stands for
+    ends = [*sums.starts.tolist(), len(sums.which)]
+    pairs = [(factors[w], source) for w, source in zip(sums.which.tolist(), sums.sources.tolist(), strict=True)]
+    for start, end in itertools.pairwise(ends):
+        yield pairs[start:end]
+
+
+def _factors(batch: Batch) -> Iterator[Term]:
+    for i in range(len(batch)):
+        parameters = batch.parameters[i].tolist()
+        text = unsigned(batch, i, lambda a: "0.0", lambda a, p=parameters: f"p[{p[a]}]", lambda a: "0.0")  # type: ignore[misc]
+        sign = int(batch.signs[i])
+        yield {"1": (sign, ""), "-1": (-sign, "")}.get(text, (sign, f"({text})"))
 
 
 def _product(a: Term, b: Term) -> str:
     return f"{'+-'[a[0] != b[0]]} {'*'.join(filter(None, (a[1], b[1]))) or '1.0'}"
-
-
-def _chain(batch: Batch, i: int, rows: dict[int, dict[int, Term]]) -> dict[int, list[tuple[Term, Term]]]:
-    """The terms of a row of a batch by the chain rule: factors and what they multiply, for each seed."""
-    sums: dict[int, list[tuple[Term, Term]]] = {}
-    for a, c in enumerate(batch.kernel.columns):
-        sign = int(batch.argument_signs[i, a] * batch.signs[i])
-        kernel = derivative_of(batch.kernel, c)
-        if not sign or kernel.is_zero:
-            continue
-        parameters = [int(batch.parameters[i, batch.kernel.parameters.index(p)]) for p in kernel.parameters]
-        text = kernel.scalar
-        for k, slot in sorted(zip(kernel.parameters, parameters, strict=True), reverse=True):
-            text = text.replace(f"p{k}", f"@[{slot}]")
-        text = text.replace("@", "p")
-        factor = {"1": (sign, ""), "-1": (-sign, "")}.get(text, (sign, f"({text})"))
-        for seed, term in rows[int(batch.arguments[i, a])].items():
-            sums.setdefault(seed, []).append((factor, term))
-    return sums

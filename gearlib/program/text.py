@@ -14,6 +14,14 @@ def expression(
     batch: Batch, row: int, argument: Callable[[int], str], parameter: Callable[[int], str], flag: Callable[[int], str]
 ) -> str:
     """The kernel's text with each placeholder replaced; ``row`` tells the signs."""
+    text = unsigned(batch, row, argument, parameter, flag)
+    return text if batch.signs[row] > 0 else f"-({text})"
+
+
+def unsigned(
+    batch: Batch, row: int, argument: Callable[[int], str], parameter: Callable[[int], str], flag: Callable[[int], str]
+) -> str:
+    """The same without the sign of the whole."""
     kernel = batch.kernel
     position = {("x", c): a for a, c in enumerate(kernel.columns)}
     position |= {("p", c): a for a, c in enumerate(kernel.parameters)}
@@ -31,5 +39,4 @@ def expression(
             return "0.0"
         return argument(a) if signs[a] > 0 else f"(-{argument(a)})"
 
-    text = _TOKEN.sub(replace, kernel.scalar)
-    return text if batch.signs[row] > 0 else f"-({text})"
+    return _TOKEN.sub(replace, kernel.scalar)

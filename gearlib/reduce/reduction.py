@@ -16,7 +16,7 @@ from gearlib.flatten.model import FlatModel
 from gearlib.reduce.redundancy import alphabetical, balanced, flows_beside, redundant_rows, shifted, without
 from gearlib.reduce.rows import Coefficients, Rows
 from gearlib.structure.defining_equations import Determined
-from gearlib.structure.incidence import Entries, Node
+from gearlib.structure.incidence import Entry, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
 from gearlib.structure.sorting import Dependence, sinks
 from gearlib.structure.states import StateChoice, choose_states
@@ -247,10 +247,10 @@ def integrals(model: FlatModel) -> set[int]:
     return found
 
 
-def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coefficients) -> Entries:
+def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coefficients) -> list[Entry]:
     """Partial derivatives of every equation that is differentiated."""
     counts = np.array(result.counts)
-    e_all, v_all, o_all, a_all = [], [], [], []
+    found: list[Entry] = []
     for g, group in enumerate(model.groups):
         first = int(rows.first[g])
         differentiated = np.flatnonzero(counts[first : first + len(group)])
@@ -258,15 +258,10 @@ def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coe
             continue
         for c, (j, order) in enumerate(group.template.local_columns):
             values = np.asarray(numbers.partial(g, c))[differentiated] * group.signs[differentiated, j]
-            e_all.append(first + differentiated)
-            v_all.append(group.variables[differentiated, j])
-            o_all.append(np.full(len(differentiated), order))
-            a_all.append(values)
-    empty = [np.empty(0, np.int64)]
-    return Entries(
-        np.concatenate(e_all or empty), np.concatenate(v_all or empty), np.concatenate(o_all or empty),
-        np.concatenate(a_all or [np.empty(0)]),
-    )  # fmt: skip
+            variables = group.variables[differentiated, j].tolist()
+            equations = (first + differentiated).tolist()
+            found += [(e, v, order, a) for e, v, a in zip(equations, variables, values.tolist(), strict=True)]
+    return found
 
 
 def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[float, ...]]:

@@ -18,7 +18,8 @@ from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.reduce.imbalance import explained
 from gearlib.reduce.rows import Coefficients, Rows, listed, some
 from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn
-from gearlib.structure.rigid_loops import core, determining, examine, null_space
+from gearlib.structure.rigid_loops import TOLERANCE, core, examine
+from gearlib.structure.states import select_columns
 
 
 def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[int, tuple[int, ...]]:
@@ -48,8 +49,8 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[
             constants.append(-float(rest[i]))
     order, coefficients, standing = _by_name(model, rows, candidates, coefficients)
     candidates, constants = [candidates[r] for r in order], [constants[r] for r in order]
-    loops = examine(coefficients, constants, frozenset())
-    for found in loops.contradictory:
+    redundant, contradictory = examine(coefficients, constants, frozenset())
+    for found in contradictory:
         alone = [r for r in found.rows if len(coefficients[r]) == 1]
         if len(alone) > 1:
             variables = dict.fromkeys(model.name(v) for r in alone for v, _ in rows.columns(candidates[r], 0))
@@ -57,7 +58,7 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[
                 f"the model is not balanced. over-determined: held twice by {listed(model, rows, [candidates[r] for r in alone])}. "
                 f"The variables: {'; '.join(variables)}. Remove one of them, or make a connection between them elastic"
             )
-    for bad in loops.contradictory:
+    for bad in contradictory:
         owners = list(dict.fromkeys(model.owner(*rows.place[candidates[r]]) for r in bad.rows))
         if len(owners) == 1:
             raise BalanceError(
@@ -70,7 +71,7 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[
             f"the rigid loop through {', '.join(owners)} cannot turn: its ratios {what}; check the ratios of these components, or "
             "make one of the connections elastic"
         )
-    return {candidates[found.last]: tuple(candidates[r] for r in found.rows) for found in loops.redundant}
+    return {candidates[found.last]: tuple(candidates[r] for r in found.rows) for found in redundant}
 
 
 def _by_name(
@@ -143,18 +144,40 @@ def balanced(
             return model, tuple(last_names(model, closed).values())
         if balance.surplus == 0 and candidates is None and model.redundant:
             flows = [v for v in unknown if model.flow[v]]  # some of which are in no equation: what runs round in a body
-            values = null_space(_flow_rows(model, rows, numbers), flows)
-            candidates = determining(values, _last_first(model, values, wanted))
-        free = [v for v in candidates or () if v not in closed and v in balance.undetermined]
+            candidates = left_open(_flow_rows(model, rows, numbers), _last_first(model, flows, wanted))
+        undetermined = set(balance.undetermined).difference(closed)
+        free = [v for v in candidates or () if v in undetermined]
         if balance.surplus or len(closed) >= model.redundant or not free:
             if balance.surplus == 0 and balance.deficit <= model.redundant - len(closed) and wanted & set(balance.undetermined):
                 raise BalanceError(_split(loops))
             raise BalanceError(explained(model, rows, balance))
         closing = free[: balance.deficit]
         closed += closing
-        for v in closing:
-            model = _zeroed(model, v)
+        model = _zeroed(model, closing)
         rows = Rows(model)
+
+
+def left_open(rows: Sequence[dict[int, float]], order: Sequence[int]) -> list[int]:
+    """Columns that leave only x = 0 of ``sum(row[v] * x[v]) = 0`` when they are set to zero: the first ones of an order that will do.
+
+    The others are a basis of the columns that prefers the last ones of the order: of a matroid's bases, the complement of the one of
+    least weight is that of greatest weight of its dual.
+
+    Examples
+    --------
+    Of the torques x1, x2 of two gears side by side, which share the known torque x0, the second one is wanted:
+
+    >>> left_open([{0: 1.0}, {0: 1.0, 1: 1.0, 2: 1.0}], [2, 1])
+    [2]
+    >>> left_open([{0: 1.0, 1: 1.0, 2: 1.0}, {2: 1.0}], [2, 1, 0])
+    [1]
+    """
+    weight = {(v, 0): (float(k),) for k, v in enumerate(order)}
+    first = (float(len(order)),)  # what cannot be set to zero
+    nodes = {(r, 0): {(v, 0): c for v, c in row.items()} for r, row in enumerate(rows)}
+    weight.update({v: first for row in nodes.values() for v in row if v not in weight})
+    follow, _ = select_columns(nodes, weight, zero=TOLERANCE)
+    return [v for v in order if (v, 0) not in follow]
 
 
 def _last_first(model: FlatModel, variables: Collection[int], wanted: Collection[int]) -> list[int]:
@@ -223,16 +246,18 @@ def _flow_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> list[dict
     return result
 
 
-def _zeroed(model: FlatModel, variable: int) -> FlatModel:
-    sign = np.where(model.representative == variable, 0, model.sign)
+def _zeroed(model: FlatModel, variables: Sequence[int]) -> FlatModel:
+    gone = np.zeros(model.n_variables, bool)
+    gone[list(variables)] = True
+    sign = np.where(gone[model.representative], 0, model.sign)
 
     def zeroed(group: EquationGroup) -> EquationGroup:
-        return replace(group, signs=np.where(group.variables == variable, 0, group.signs))
+        return replace(group, signs=np.where(gone[group.variables], 0, group.signs))
 
     updates = tuple(replace(u, equations=zeroed(u.equations)) for u in model.discretes.updates)
     return replace(
         model, sign=sign, groups=tuple(zeroed(g) for g in model.groups), discretes=replace(model.discretes, updates=updates),
-        closed=(*model.closed, variable),
+        closed=(*model.closed, *variables),
     )  # fmt: skip
 
 

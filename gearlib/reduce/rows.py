@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gearlib.flatten.model import EquationGroup, FlatModel
-from gearlib.structure.incidence import Floats, Node
+from gearlib.structure.incidence import Node
 
+Floats = NDArray[np.float64]
 # (group, column of its template) -> that partial derivative of each row
 PartialValues = Callable[[int, int], Floats]
 # group -> the constant part of each row, NaN where it varies with time

@@ -11,14 +11,14 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel, derivative_of
+from gearlib.equations.kernel import rest_of
 from gearlib.equations.template import Relation
 from gearlib.errors import SingularError
-from gearlib.program.interpret import owner_of
-from gearlib.program.linear_plan import LinearPlan, linear_plan
-from gearlib.program.program import Batch
+from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
+from gearlib.program.derivatives import At, entries
+from gearlib.program.interpret import constant_values, owner_of
+from gearlib.program.program import Batch, Program
 from gearlib.program.scalars import linear_function
-from gearlib.program.sensitivity import affine_seeds, rest_expression, sensitivity
 from gearlib.run.scene import Numbers, Scene
 from gearlib.solvers.inputs.table import Table
 
@@ -42,8 +42,8 @@ class _Plan:
 
     seeds: list[tuple[Batch, int]]
     added: list[int]
-    written: Any  # a function that gives the matrices quickly, or None
-    sparse: LinearPlan | None  # how larger ones come about, or None
+    derivatives: DerivativePlan  # of the rates with respect to states, inputs, and terms added to slots
+    written: Any  # a function that gives them quickly, or None
     slots: NDArray[np.int64]  # parameters in the driving expressions
     last: tuple[Any, ...] = ()  # key, expressions
     form: tuple[Any, ...] = ()  # numbers, key, the linear form
@@ -61,10 +61,10 @@ def _plan(scene: Scene) -> _Plan:
         for batch, i in seeds:
             g, row = scene.structure.rows[int(batch.equations[i])]
             slots.append(scene.model.groups[g].parameters[row])
-        once = len(set(added)) == len(added)
-        written = linear_function(program, added) if once and len(scene.states) < MOST_WRITTEN else None
-        sparse = linear_plan(program, added) if written is None else None
-        _plans[scene] = _Plan(seeds, added, written, sparse, np.unique(np.concatenate(slots)))
+        entering = [(slot, k) for k, slot in enumerate([*range(len(program.states) + len(program.inputs)), *added])]
+        derivatives = derivative_plan(program, entering, program.output_slots)
+        written = linear_function(program, derivatives) if len(scene.states) < MOST_WRITTEN else None
+        _plans[scene] = _Plan(seeds, added, derivatives, written, np.unique(np.concatenate(slots)))
     return _plans[scene]
 
 
@@ -120,65 +120,54 @@ def _drives(scene: Scene, numbers: Numbers, signals: Sequence[Any], plan: _Plan)
 
 def _matrices(scene: Scene, numbers: Numbers, plan: _Plan, mix: Floats) -> tuple[Any, Floats]:
     """A and B."""
-    program = scene.program
-    n, m = len(program.states), len(program.inputs)
+    program, table = scene.program, plan.derivatives
+    n = len(program.states)
     if plan.written is not None:
         try:
-            entries = plan.written(numbers.parameters.tolist(), numbers.main.listed)
+            written = plan.written(numbers.parameters.tolist(), numbers.main.listed)
         except (ArithmeticError, ValueError):
             raise not_finite(scene, numbers) from None
-        written = np.zeros((n, n + len(mix)))
-        written[plan.written.places] = entries
-        return written[:, :n], written[:, n:] @ mix
-    if plan.sparse is not None:
-        entries = plan.sparse.entries(numbers.main)
-        if not np.isfinite(entries).all():
-            raise not_finite(scene, numbers)
-        return _sorted(entries, plan.sparse, n, mix)
-    slots, flags = np.zeros(program.n_slots), np.zeros(scene.n_modes)
-    shares = zip(*(x.tolist() for x in np.nonzero(mix[m:])), strict=True)
-    added = [(plan.added[k], column - m, float(mix[m + k, column])) for k, column in shares]
-    d = sensitivity(numbers.main, 0.0, slots, flags, range(n + m), added)[program.output_slots]
-    B = np.zeros((n, mix.shape[1]))
-    B[:, : d.shape[1] - n] = d[:, n:] if isinstance(d, np.ndarray) else d[:, n:].toarray()
-    return d[:, :n], B
+        full = np.zeros((n, n + len(mix)))
+        full[table.rows, table.seeds] = written
+        return full[:, :n], full[:, n:] @ mix
+    nowhere = At(numbers.main, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((scene.n_modes, 1)))
+    values = entries(table, nowhere)[:, 0]
+    if not np.isfinite(values).all():
+        raise not_finite(scene, numbers)
+    return _sparse(values, table, n, mix)
 
 
-def _sorted(entries: Floats, plan: LinearPlan, n: int, mix: Floats) -> tuple[Any, Floats]:
+def _sparse(values: Floats, plan: DerivativePlan, n: int, mix: Floats) -> tuple[Any, Floats]:
     """A, sparse, and B from the entries of a plan."""
     from scipy.sparse import csr_array
 
     inner = plan.seeds < n
     starts = np.concatenate([[0], np.cumsum(np.bincount(plan.rows[inner], minlength=n))])
-    A = csr_array((entries[inner], plan.seeds[inner], starts), shape=(n, n))
+    A = csr_array((values[inner], plan.seeds[inner], starts), shape=(n, n))
     seeds = plan.seeds[~inner] - n
     column = np.abs(mix).argmax(axis=1)[seeds]  # each goes into one column
     places, width = plan.rows[~inner] * mix.shape[1] + column, mix.shape[1]
-    B = np.asarray(np.bincount(places, entries[~inner] * mix[seeds, column], n * width), float)
+    B = np.asarray(np.bincount(places, values[~inner] * mix[seeds, column], n * width), float)
     return A, B.reshape(n, width)
 
 
 def not_finite(scene: Scene, numbers: Numbers) -> SingularError:
     """The error that names an equation with a coefficient that cannot be evaluated, and its parameters."""
-    for step in scene.program.steps:
-        if isinstance(step, Batch):
-            for c in step.kernel.columns:
-                kernel = derivative_of(step.kernel, c)
-                with np.errstate(all="ignore"):
-                    values = kernel.function(0.0, *numbers.parameters[step.parameters[:, _places(step, kernel)].T])
-                bad = np.flatnonzero(~np.isfinite(np.broadcast_to(np.asarray(values, float), (len(step),))))
-                if len(bad):
-                    i = int(bad[0])
-                    names = ", ".join(
-                        f"{scene.model.parameters.names[p]} = {numbers.parameters[p]:g}" for p in step.parameters[i]
-                    )
-                    owner = owner_of(scene.structure, int(step.equations[i]))
-                    return SingularError(f"{owner}: {step.kernel.template.label} cannot be evaluated with {names}")
+    for step in (s for s in scene.program.steps if isinstance(s, Batch)):
+        for a in step.active:
+            bad = np.flatnonzero(~np.isfinite(constant_values(step.derivative(a), numbers.parameters)))
+            if len(bad):
+                i = int(bad[0])
+                names = ", ".join(f"{scene.model.parameters.names[p]} = {numbers.parameters[p]:g}" for p in step.parameters[i])
+                owner = owner_of(scene.structure, int(step.equations[i]))
+                return SingularError(f"{owner}: {step.kernel.template.label} cannot be evaluated with {names}")
     return SingularError("the linear equations cannot be evaluated with these parameters: something is divided by zero")
 
 
-def _places(step: Batch, kernel: Kernel) -> list[int]:
-    return [step.kernel.parameters.index(p) for p in kernel.parameters]
+def affine_seeds(program: Program) -> list[tuple[Batch, int]]:
+    """Rows of batches whose value does not vanish with all their arguments: what drives a linear program."""
+    driving = [step for step in program.steps if isinstance(step, Batch) and not rest_of(step.kernel).is_zero]
+    return [(step, i) for step in driving for i in range(len(step))]
 
 
 def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats) -> Any:
@@ -196,7 +185,7 @@ def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats)
     for r in kernel.relations:
         flag = sympy.Ne(sympy.Symbol(f"r{r}", real=True), 0)
         table[flag] = _condition(template.relations[r]).xreplace(by_name)
-    return int(batch.signs[row]) * rest_expression(batch).xreplace(table)
+    return int(batch.signs[row]) * rest_of(kernel).expression.xreplace(table)
 
 
 def _condition(relation: Relation) -> Any:

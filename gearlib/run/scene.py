@@ -14,6 +14,7 @@ from gearlib.native.events import relation_of
 from gearlib.native.layout import Shared, fill, lay_out
 from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_source
 from gearlib.program.build import build
+from gearlib.program.derivative_plan import DerivativePlan, state_plan
 from gearlib.program.interpret import Prepared, batch_values, evaluate, owner_of, prepare
 from gearlib.program.program import Batch, Newton, Program
 from gearlib.program.relations import Relations, relations_of
@@ -72,6 +73,11 @@ class Scene:
     def program(self) -> Program:
         """Computes the derivatives of the states."""
         return build(self.structure, [(v, k + 1) for v, k in self.states], self.states, dynamic=True)
+
+    @cached_property
+    def jacobian(self) -> DerivativePlan:
+        """How the derivatives of the rates with respect to the states come about."""
+        return state_plan(self.program)
 
     @cached_property
     def place_of(self) -> dict[Node, int]:
@@ -159,7 +165,8 @@ class Scene:
 
     def _compiled(self, jacobian: bool) -> NativeScene:
         return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model.parameters.names,
-                             self.model.n_relations, len(self.model.discretes), jacobian)  # fmt: skip
+                             self.model.n_relations, len(self.model.discretes),
+                             self.jacobian if jacobian else None)  # fmt: skip
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:

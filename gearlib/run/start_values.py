@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from gearlib.errors import NameLookupError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.program.build import build
+from gearlib.program.derivative_plan import derivative_plan
+from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.program import Program
 from gearlib.program.relations import relations_of
-from gearlib.program.sensitivity import sensitivity
 from gearlib.reduce.coefficients import start_guess
 from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import Scene, modes_at_start, node_name
@@ -165,8 +166,11 @@ def _satisfy(
     settle = _modes_of(here, program, parameters, now, u, guess, discretes)
     flags = settle(x)
 
+    plan = derivative_plan(program, [(i, i) for i in range(len(x))], slots_of, len(x))
+
     def gradients(slots: Floats) -> Floats:
-        return _dense(sensitivity(prepared, t, slots[:, 0], flags[:, 0], range(len(x)))[slots_of])
+        gradient: Floats = dense(plan, entries(plan, At(prepared, now, slots, flags)))[0]
+        return gradient
 
     if own:
         rows = gradients(evaluate(prepared, now, x[:, None], u, flags, start))
@@ -262,7 +266,3 @@ def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
     if len(chosen):
         result[chosen] = np.linalg.lstsq(matrix[:, chosen], rhs, rcond=None)[0]
     return result
-
-
-def _dense(matrix: object) -> Floats:
-    return matrix.toarray() if hasattr(matrix, "toarray") else matrix  # type: ignore[return-value]

@@ -26,11 +26,12 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError, StartError
 from gearlib.program.build import build
+from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
+from gearlib.program.derivatives import At, entries
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.invariance import symmetries
 from gearlib.program.program import Newton
 from gearlib.program.relations import relations_of
-from gearlib.program.sensitivity import sensitivity
 from gearlib.run.integrate import Run, integrate
 from gearlib.run.refusals.limits import too_small
 from gearlib.run.scene import Numbers, Scene, node_name
@@ -97,6 +98,15 @@ class Search:
         stationary[~moving, whole.shape[1] :] = np.eye(n - int(moving.sum()))
         return stationary
 
+    @cached_property
+    def _plan(self) -> DerivativePlan:
+        """Derivatives of the rates with respect to the states, and to what is added to each slot that is computed."""
+        program = self.scene.program
+        n = len(program.states)
+        computed = range(n + len(program.inputs), program.n_slots)
+        entering = [*((i, i) for i in range(n)), *((slot, n + k) for k, slot in enumerate(computed))]
+        return derivative_plan(program, entering, program.output_slots, n + len(computed))
+
     def rates(self, x: Floats) -> tuple[Floats, Floats]:
         """Scaled rates of all states, zero where they are rounding, and their derivatives.
 
@@ -118,13 +128,15 @@ class Search:
         for step in program.steps:
             if isinstance(step, Newton):  # solved to the accuracy of the largest
                 size[step.unknowns] = size[step.unknowns].max()
-        first = n + len(program.inputs)
-        places = first + np.flatnonzero(size[first:])
-        added = [(k, i, w) for i, (k, w) in enumerate(zip(places.tolist(), size[places].tolist(), strict=True))]
-        slopes = sensitivity(self.numbers.main, self.t, slots, flags[:, 0], range(n), added)[program.output_slots]
-        slopes = np.asarray(slopes.toarray() if hasattr(slopes, "toarray") else slopes, float)
-        terms = np.abs(slopes[:, :n]) @ np.abs(x) + np.abs(slopes[:, n:]).sum(axis=1)
-        f, gradient = slots[program.output_slots] / self.scale, slopes[:, :n] * self.scale / self.scale[:, None]
+        plan, first = self._plan, n + len(program.inputs)
+        weights = np.concatenate([np.ones(n), size[first:]])
+        found = entries(plan, At(self.numbers.main, now, slots[:, None], flags), weights)[:, 0]
+        inner = plan.seeds < n
+        slopes = np.zeros((n, n))
+        slopes[plan.rows[inner], plan.seeds[inner]] = found[inner]
+        others = ~inner & (weights[plan.seeds] > 0)
+        terms = np.abs(slopes) @ np.abs(x) + np.bincount(plan.rows[others], np.abs(found[others]), n)
+        f, gradient = slots[program.output_slots] / self.scale, slopes * self.scale / self.scale[:, None]
         if not (np.isfinite(f).all() and np.isfinite(gradient).all()):
             worst = int(np.argmin(np.isfinite(f) & np.isfinite(gradient).all(axis=1)))
             raise SolverError(f"der({node_name(scene.model, scene.states[worst])}) cannot be computed")

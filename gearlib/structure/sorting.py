@@ -14,13 +14,7 @@ import networkx as nx
 from gearlib.structure.incidence import Columns, Node
 from gearlib.structure.states import StateChoice
 
-
-@dataclass(frozen=True)
-class Block:
-    """Unknowns that are computed together, and the equations that they are computed from."""
-
-    unknowns: tuple[Node, ...]
-    equations: tuple[Node, ...]
+Block = tuple[Node, ...]  # unknowns that are computed together
 
 
 @dataclass(frozen=True)
@@ -77,12 +71,7 @@ def sort_blocks(dependence: Dependence, unknowns: Collection[Node]) -> tuple[Blo
     graph.add_nodes_from(ordered)
     for node in ordered:
         graph.add_edges_from((node, other) for other in dependence.of(node) if other in inside)
-    solved_by = dependence.choice.solved_by
-    blocks = []
-    for component in nx.strongly_connected_components(graph):  # dependences come first
-        members = tuple(sorted(component))
-        blocks.append(Block(members, tuple(solved_by[m] for m in members)))
-    return tuple(blocks)
+    return tuple(tuple(sorted(c)) for c in nx.strongly_connected_components(graph))  # dependences come first
 
 
 def sinks(dependence: Dependence, states: Iterable[Node], position: Callable[[Node], bool]) -> frozenset[Node]:

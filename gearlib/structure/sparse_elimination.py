@@ -13,12 +13,15 @@ H. M. Markowitz, "The elimination form of the inverse and its application to lin
 from __future__ import annotations
 
 import heapq
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gearlib.structure.sparse_rows import eliminate, holders_of
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -145,12 +148,9 @@ def _scales(matrix: Any) -> tuple[Floats, Floats]:
 def independent(scaled: Any) -> tuple[Integers, Integers]:
     """Rows and columns of a largest square part that is not singular, of a matrix with entries up to about 1."""
     lines = _lines(scaled)
-    users: list[set[int]] = [set() for _ in range(scaled.shape[1])]
-    for i, line in enumerate(lines):
-        for j in line:
-            users[j].add(i)
+    users = holders_of(lines)
     chosen: list[tuple[int, int]] = []
-    waiting = [(len(line), i) for i, line in enumerate(lines) if line]
+    waiting = [(len(line), i) for i, line in lines.items() if line]
     heapq.heapify(waiting)
     done: set[int] = set()
     while waiting:
@@ -161,30 +161,25 @@ def independent(scaled: Any) -> tuple[Integers, Integers]:
         pivot = _pivot(line, users)
         if pivot is None or (length - 1) * (len(users[pivot]) - 1) > DENSE:
             continue
-        j = pivot
         done.add(i)
-        chosen.append((i, j))
+        chosen.append((i, pivot))
         for k in line:
             users[k].discard(i)
-        for other in list(users[j]):
-            _subtract(other, lines[other], line, j, users)
+        for other, _ in eliminate(lines, users, i, pivot, users[pivot], rounding=CANCELLED):
             heapq.heappush(waiting, (len(lines[other]), other))
-    core = [i for i, line in enumerate(lines) if line and i not in done]
-    chosen += _core(core, lines)
+    chosen += _core([i for i, line in lines.items() if line and i not in done], lines)
     rows, columns = np.array(chosen, np.int64).reshape(-1, 2).T
     return rows, columns
 
 
-def _lines(scaled: Any) -> list[dict[int, float]]:
+def _lines(scaled: Any) -> dict[int, dict[int, float]]:
     """Rows as dictionaries, column -> entry."""
     starts, columns, values = scaled.indptr.tolist(), scaled.indices.tolist(), scaled.data.tolist()
-    return [
-        {j: v for j, v in zip(columns[start:end], values[start:end], strict=True) if v != 0.0}
-        for start, end in zip(starts[:-1], starts[1:], strict=True)
-    ]
+    ends = zip(starts[:-1], starts[1:], strict=True)
+    return {i: dict(zip(columns[start:end], values[start:end], strict=True)) for i, (start, end) in enumerate(ends)}
 
 
-def _pivot(line: dict[int, float], users: list[set[int]]) -> int | None:
+def _pivot(line: dict[int, float], users: Mapping[int, set[int]]) -> int | None:
     """The column to eliminate with a row: of those with large entries, the one that stands in fewest rows."""
     largest = max(map(abs, line.values()), default=0.0)
     if largest < SAFE:
@@ -193,24 +188,7 @@ def _pivot(line: dict[int, float], users: list[set[int]]) -> int | None:
     return min((j for j, v in line.items() if abs(v) >= least), key=lambda j: len(users[j]))
 
 
-def _subtract(number: int, line: dict[int, float], pivot_line: dict[int, float], j: int, users: list[set[int]]) -> None:
-    """Take a multiple of the pivot's row from another one, so that column j vanishes from it."""
-    factor = line.pop(j) / pivot_line[j]
-    users[j].discard(number)
-    for k, v in pivot_line.items():
-        if k == j:
-            continue
-        old = line.get(k, 0.0)
-        new = old - factor * v
-        if abs(new) > CANCELLED * max(abs(old), abs(factor * v)):
-            line[k] = new
-            users[k].add(number)
-        elif k in line:
-            del line[k]
-            users[k].discard(number)
-
-
-def _core(rows: list[int], lines: list[dict[int, float]]) -> list[tuple[int, int]]:
+def _core(rows: list[int], lines: Mapping[int, Mapping[int, float]]) -> list[tuple[int, int]]:
     """Independent rows and columns of what the elimination left."""
     from scipy.linalg import qr
 

@@ -14,14 +14,14 @@ Scientific Computing 14 (1993) 677-692, doi 10.1137/0914043.
 from __future__ import annotations
 
 from bisect import insort
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from gearlib.structure.dulmage_mendelsohn import maximum_matching
-from gearlib.structure.incidence import Entries, Node
+from gearlib.structure.incidence import Entry, Node
 from gearlib.structure.pantelides import Differentiation
+from gearlib.structure.sparse_rows import eliminate, holders_of, sizes_of
 
 ZERO = 1e-11  # of a row's largest coefficient
 FILLED = 8  # times as many entries as a column had: it has filled up
@@ -40,7 +40,10 @@ class StateChoice:
 
 
 def choose_states(
-    result: Differentiation, entries: Entries, badness: Mapping[Node, tuple[float, ...]], varying: frozenset[int] = frozenset()
+    result: Differentiation,
+    entries: Iterable[Entry],
+    badness: Mapping[Node, tuple[float, ...]],
+    varying: frozenset[int] = frozenset(),
 ) -> StateChoice:
     """Select the states.
 
@@ -48,7 +51,7 @@ def choose_states(
     ----------
     result : Differentiation
         Of Pantelides' algorithm.
-    entries : Entries
+    entries : iterable of (equation, variable, order, value)
         Partial derivatives of the differentiated equations (as written) with respect to each variable and order.
     badness : mapping
         Of each candidate node (v, k), how little it is wanted as a state; larger is worse.
@@ -58,9 +61,7 @@ def choose_states(
     counts, orders = result.counts, result.orders
     solved_by: dict[Node, Node] = {(v, orders[v]): (e, counts[e]) for e, v in result.assignment.items()}
     rows: dict[Node, dict[Node, float]] = {(e, k): {} for e, c in enumerate(counts) for k in range(c)}
-    for e, v, order, value in zip(
-        entries.rows.tolist(), entries.variables.tolist(), entries.orders.tolist(), entries.values.tolist(), strict=True
-    ):
+    for e, v, order, value in entries:
         for k in range(counts[e]):
             if value != 0.0 and order + k < orders[v]:
                 rows[e, k][v, order + k] = rows[e, k].get((v, order + k), 0.0) + value
@@ -73,13 +74,17 @@ def choose_states(
 
 
 def select_columns(
-    rows: Mapping[Node, Mapping[Node, float]], badness: Mapping[Node, Sequence[float]], varying: frozenset[int] = frozenset()
+    rows: Mapping[Node, Mapping[Node, float]],
+    badness: Mapping[Node, Sequence[float]],
+    varying: frozenset[int] = frozenset(),
+    zero: float = ZERO,
 ) -> tuple[set[Node], list[Node]]:
     """Independent columns, one per row, least wanted first; and the rows without one.
 
     Columns are taken in the order of their badness; each is chosen unless it depends on the earlier ones, as the greedy algorithm
     for a basis of greatest weight has it. Among equals a column with few entries goes first, which keeps the elimination sparse; but
-    in an equation with ``varying`` coefficients the one with the largest coefficient does, which is the farthest from vanishing.
+    in an equation with ``varying`` coefficients the one with the largest coefficient does, which is the farthest from vanishing. What
+    is left of a row below ``zero`` of its largest coefficient says nothing.
 
     Examples
     --------
@@ -88,12 +93,8 @@ def select_columns(
     >>> select_columns({(0, 0): {(7, 0): -1.0, (8, 0): 1.0, (9, 0): 1.0}}, {(7, 0): (3,), (8, 0): (3,), (9, 0): (1,)})
     ({(7, 0)}, [])
     """
-    work = {r: dict(row) for r, row in rows.items()}
-    scale = {r: max((abs(a) for a in row.values()), default=1.0) for r, row in rows.items()}
-    holders: dict[Node, set[Node]] = defaultdict(set)
-    for r, row in work.items():
-        for v in row:
-            holders[v].add(r)
+    work = {r: {v: a for v, a in row.items() if a != 0.0} for r, row in rows.items()}
+    scale, holders = sizes_of(work), holders_of(work)
     largest = {v: max(abs(work[r][v]) / scale[r] for r in rs) for v, rs in holders.items()}
     entries = {v: len(rs) for v, rs in holders.items()}
 
@@ -112,29 +113,21 @@ def select_columns(
             entries[column] = len(holders[column])
             insort(waiting, column, key=key)
             continue
-        usable = [r for r in holders[column] & open_rows if abs(work[r][column]) > ZERO * scale[r]]
+        usable = [r for r in holders[column] & open_rows if abs(work[r][column]) > zero * scale[r]]
         if not usable:
             continue
         best = max(abs(work[r][column]) / scale[r] for r in usable)
-        pivot = min((r for r in usable if abs(work[r][column]) >= 0.1 * best * scale[r]), key=lambda r: (len(work[r]), r))
+        good = (r for r in usable if abs(work[r][column]) >= 0.1 * best * scale[r])
+        pivot = min(good, key=lambda r: (len(work[r]), r))
+        row = work[pivot]
         if pivot[0] in varying:
-            equals = [v for v in work[pivot] if badness.get(v) == badness.get(column) and v not in chosen]
-            largest_one = max(equals, key=lambda v: abs(work[pivot][v]))
-            if abs(work[pivot][largest_one]) > (1 + 1e-6) * abs(work[pivot][column]):
+            equals = [v for v in row if badness.get(v) == badness.get(column) and v not in chosen]
+            largest_one = max(equals, key=lambda v: abs(row[v]))
+            if abs(row[largest_one]) > (1 + 1e-6) * abs(row[column]):
                 waiting.append(column)
                 column = largest_one
         chosen.add(column)
         open_rows.remove(pivot)
-        for r in sorted(holders[column] & open_rows):
-            if r == pivot:
-                continue
-            factor = work[r][column] / work[pivot][column]
-            for v, a in work[pivot].items():
-                value = work[r].get(v, 0.0) - factor * a
-                if v == column or abs(value) <= ZERO * max(scale[r], abs(factor) * scale[pivot]):
-                    work[r].pop(v, None)
-                    holders[v].discard(r)
-                else:
-                    work[r][v] = value
-                    holders[v].add(r)
+        for _ in eliminate(work, holders, pivot, column, open_rows, scale, zero):
+            pass
     return chosen, sorted(open_rows)

@@ -19,8 +19,8 @@ from gearlib.linear.held_states import remaining
 from gearlib.linear.operating_point import fitting, operating_point, slots_at
 from gearlib.optional import optional
 from gearlib.program.build import build
+from gearlib.program.derivatives import derivatives
 from gearlib.program.interpret import prepare
-from gearlib.program.sensitivity import sensitivity
 from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import needed_states, node_name
 from gearlib.run.subject import translation_of
@@ -357,7 +357,7 @@ def modes(
     program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
     prepared = prepare(program, structure, numbers)
     slots, flags = slots_at(scene, numbers, prepared, point)
-    d = sensitivity(prepared, point.t, slots, flags, range(len(states)))
+    d = derivatives(prepared, point.t, slots, flags, range(len(states)))
     A = d[[program.slots[v, k + 1] for v, k in states]]
     n_variables = structure.model.n_variables
     orders = np.full(n_variables, -1)

@@ -11,8 +11,8 @@ import pytest
 import gearlib as gl
 from gearlib.flatten.flatten import flatten
 from gearlib.program.build import build
+from gearlib.program.derivatives import derivatives
 from gearlib.program.interpret import evaluate, prepare
-from gearlib.program.sensitivity import sensitivity
 from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import analyse
 
@@ -64,7 +64,7 @@ class Probe:
         """Of der(x) = A x + ..., for the states but the absolute angles that nothing depends on; at zero."""
         slots = [self.program.slots[v, k + 1] for v, k in self.nodes]
         seeds = [self.program.states.index(node) for node in self.nodes]
-        matrix = sensitivity(self.prepared, 0.0, self.slots({}, {}, 0.0)[:, 0], np.zeros(100), seeds)[slots]
+        matrix = derivatives(self.prepared, 0.0, self.slots({}, {}, 0.0)[:, 0], np.zeros(100), seeds)[slots]
         return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
 

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 import gearlib as gl
 import gearparts as gp
 from gearlib.linear.operating_point import Point, slots_at
-from gearlib.program.sensitivity import sensitivity
-from gearlib.program.state_derivatives import state_derivatives
+from gearlib.program.derivative_plan import state_plan
+from gearlib.program.derivatives import At, dense, derivatives, entries
 from gearparts.gears.mesh_models import DetailedExternalMesh, mesh_damping
 from tests.gearparts.rotational.scenes_backlash import BacklashPair
 
@@ -368,8 +368,9 @@ def test_derivatives_at_many_times_are_those_at_one() -> None:
         )
         slots, modes = slots_at(scene, numbers.parameters, numbers.main, point)
         assert (modes == flags[:, i]).all()
-        expected = sensitivity(numbers.main, float(t[i]), slots, modes, range(len(x)))[program.output_slots]
-        found = state_derivatives(numbers.main, t[[i]], slots[:, None], modes[:, None])[0]
+        expected = derivatives(numbers.main, float(t[i]), slots, modes, range(len(x)))[program.output_slots]
+        plan = state_plan(program)
+        found = dense(plan, entries(plan, At(numbers.main, t[[i]], slots[:, None], modes[:, None])))[0]
         assert found == pytest.approx(expected, rel=1e-13, abs=1e-13)
 
 

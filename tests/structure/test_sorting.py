@@ -23,7 +23,7 @@ def test_figure_of_tarjans_paper() -> None:
     """Figure 3 of the paper: vertices 1 to 8 with components {1}, {2, 3, 4, 5, 7, 8 ...} as its edges give them."""
     edges = {1: [2], 2: [3, 8], 3: [4, 7], 4: [5], 5: [3, 6], 6: [], 7: [4, 6], 8: [1, 7]}
     blocks = sort_blocks(dependence([[]] + [edges[i] for i in range(1, 9)]), [(i, 0) for i in range(1, 9)])
-    assert [sorted(v for v, _ in b.unknowns) for b in blocks] == [[6], [3, 4, 5, 7], [1, 2, 8]]
+    assert [sorted(v for v, _ in b) for b in blocks] == [[6], [3, 4, 5, 7], [1, 2, 8]]
 
 
 @given(st.lists(st.lists(st.integers(0, 9), max_size=3), min_size=10, max_size=10))
@@ -32,10 +32,10 @@ def test_blocks_are_the_strong_components_and_come_after_what_they_use(uses: lis
     graph = nx.DiGraph([(i, j) for i, row in enumerate(uses) for j in row])
     graph.add_nodes_from(range(10))
     expected = {frozenset(s) for s in nx.strongly_connected_components(graph)}
-    assert {frozenset(v for v, _ in b.unknowns) for b in blocks} == expected
+    assert {frozenset(v for v, _ in b) for b in blocks} == expected
     done: set[int] = set()
     for block in blocks:
-        members = {v for v, _ in block.unknowns}
+        members = {v for v, _ in block}
         assert {j for i in members for j in uses[i]} <= done | members
         done |= members
 

@@ -1,0 +1,385 @@
+"""How the derivatives of a program come about: which products of which factors are summed to which entry.
+
+Derivatives with respect to seeds are carried forward through the steps of a program. Every slot has a row of entries, one for each seed
+that it depends on; entries are numbered through. A batch makes sums of products of its own derivatives (factors) with entries of its
+arguments (sources); a block solves its linearised equations for entries of all its unknowns. The plan holds integers only. It depends on
+no number, so it is made once and carried out at one point or at many by `gearlib.program.derivatives`, or printed: as Python by
+`gearlib.program.scalars`, as native code by `gearlib.native.jacobian`.
+
+A seed enters at slots of states and inputs, which it is a derivative with respect to; at slots that are computed, where a multiple of it
+is thought to be added; or at entries of the parameter table.
+
+References
+----------
+A. Griewank, A. Walther, "Evaluating Derivatives", 2nd ed., SIAM, 2008, chapter 3 (forward mode) and section 7.2 (sparsity).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.program.program import Batch, Linear, Newton, Program, Step
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Entering = tuple[int, int]  # slot, or n_slots + parameter; seed
+_NONE = np.empty(0, np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Products, in the order of the sums that they belong to.
+
+    Attributes
+    ----------
+    factors : tuple of Batch
+        Derivatives with respect to one argument or parameter, a number for each row.
+    multiplied : tuple of (array or None)
+        Slots that a factor is multiplied by, where the entries of a block's matrix are what is differentiated.
+    which : array of int
+        Of each product: the row of its factor, all factors' rows one after another; -1 where the factor is one.
+    sources : array of int
+        Of each product: the entry.
+    starts : array of int
+        First product of each sum.
+    to : array of int
+        Where each sum goes: the entry of a batch's target, or the place (row * width + column) in a block's right-hand side.
+    """
+
+    factors: tuple[Batch, ...]
+    multiplied: tuple[Integers | None, ...]
+    which: Integers
+    sources: Integers
+    starts: Integers
+    to: Integers
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @property
+    def targets(self) -> Integers:
+        """Of each product: where its sum goes."""
+        return np.repeat(self.to, np.diff(self.starts, append=len(self.which)))
+
+    def of_factor(self, position: int) -> tuple[Integers, Integers]:
+        """The products of one factor in the order of its rows, and where each row's begin."""
+        ends = np.cumsum([0, *map(len, self.factors)])
+        chosen = np.flatnonzero((self.which >= ends[position]) & (self.which < ends[position + 1]))
+        rows = self.which[chosen] - ends[position]
+        order = np.argsort(rows, kind="stable")
+        return chosen[order], np.searchsorted(rows[order], np.arange(len(self.factors[position]) + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Entries of a block's unknowns, row by row from ``first`` on, all rows with the same seeds.
+
+    Attributes
+    ----------
+    step : Linear or Newton
+    block : int
+        Number of the linear block; -1 of one that is solved by iteration.
+    implicit : bool
+        Whether the right-hand side has a row for each equation, so that the linearised equations must be solved; else it has one for
+        each known slot of a linear block, and the solution at hand is multiplied by it.
+    sums : Sums
+        The right-hand side.
+    rows : array of int
+        The unknowns that anything needs.
+    width : int
+        Number of seeds.
+    first : int
+    added, added_sources : arrays of int
+        Seeds that enter at the unknowns: where they are added, counted from ``first``, and entries.
+    """
+
+    step: Linear | Newton
+    block: int
+    implicit: bool
+    sums: Sums
+    rows: Integers
+    width: int
+    first: int
+    added: Integers
+    added_sources: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class DerivativePlan:
+    """How the derivatives of some slots come about.
+
+    Derivative i is that of slot ``wanted[rows[i]]`` with respect to seed ``seeds[i]``, and entry ``sources[i]``. Entry 0 is zero;
+    those of the seeds where these enter follow, in the order ``order``.
+    """
+
+    wanted: Integers
+    n_seeds: int
+    order: Integers
+    steps: tuple[Sums | Solved, ...]
+    n_entries: int
+    rows: Integers
+    seeds: Integers
+    sources: Integers
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self.wanted), self.n_seeds
+
+    @property
+    def multiplied(self) -> Integers:
+        """Slots whose values are factors themselves."""
+        sums = (s.sums for s in self.steps if isinstance(s, Solved))
+        return np.concatenate([_NONE, *(slots for s in sums for slots in s.multiplied if slots is not None)])
+
+
+def state_plan(program: Program) -> DerivativePlan:
+    """Derivatives of the outputs with respect to the states: the Jacobian."""
+    return derivative_plan(program, [(i, i) for i in range(len(program.states))], program.output_slots)
+
+
+def derivative_plan(
+    program: Program, entering: Sequence[Entering], wanted: Iterable[int] | Integers | None = None, n_seeds: int | None = None
+) -> DerivativePlan:
+    """Plan the derivatives of some slots.
+
+    Parameters
+    ----------
+    program : Program
+    entering : sequence of (slot, seed)
+        Where seeds enter, each pair once; ``n_slots + p`` stands for entry p of the parameter table.
+    wanted : iterable of int, optional
+        Slots to differentiate, by default all. What none of them depends on is left out.
+    n_seeds : int, optional
+        If there are more than those that enter.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Wheel(gl.Component):
+    ...     def assemble(self):
+    ...         self.body, self.fan, self.ground = gp.Inertia(J=2.0), gp.Damper(d=3.0), gp.Fixed()
+    ...         return [gl.connect(self.body.flange_b, self.fan.flange_a), gl.connect(self.fan.flange_b, self.ground.flange)]
+    >>> program = gl.compile(Wheel(), outputs=["body.w"]).translation.scene.program
+    >>> state_plan(program).shape
+    (1, 1)
+    """
+    slots = np.arange(program.n_slots) if wanted is None else np.fromiter(wanted, np.int64)
+    n_given = len(program.states) + len(program.inputs)
+    computed = any(n_given <= slot < program.n_slots for slot, _ in entering)
+    makers, rows_made = _made_by(program) if computed else (_NONE, _NONE)
+    known = [(k, slot) for k, (slot, _) in enumerate(entering) if not n_given <= slot < program.n_slots]
+    order = [k for k, _ in sorted(known, key=lambda pair: pair[1])]
+    order += sorted(set(range(len(entering))) - set(order))
+    rows = _Rows(program, [entering[k] for k in order], len(known), n_seeds)
+    added: dict[int, list[tuple[int, int]]] = {}  # of each step: row, entry
+    for entry, k in enumerate(order[len(known) :], 1 + len(known)):
+        slot = entering[k][0]
+        added.setdefault(int(makers[slot]), []).append((int(rows_made[slot]), entry))
+    alive = _needed(program, slots) if wanted is not None else np.ones(program.n_slots, bool)
+    steps: list[Sums | Solved] = []
+    block = 0
+    for number, step in enumerate(program.steps):
+        here, entries = np.array(added[number]).T if number in added else (_NONE, _NONE)
+        if isinstance(step, Batch):
+            made: Sums | Solved | None = _chained(rows, step, alive, here, entries)
+        else:
+            made = _solved(rows, step, block if isinstance(step, Linear) else -1, alive, here, entries)
+            block += isinstance(step, Linear)
+        if made is not None:
+            steps.append(made)
+    which, sources = rows.entries_of(slots)
+    return DerivativePlan(
+        slots, rows.n_seeds, np.array(order, np.int64), tuple(steps), rows.count, which, rows.seed_of[sources], sources
+    )
+
+
+class _Rows:
+    """The entries made so far: of each slot, and behind these of each parameter, its first entry and how many it has."""
+
+    def __init__(self, program: Program, entering: Sequence[Entering], n_known: int, n_seeds: int | None) -> None:
+        self.n_slots = program.n_slots
+        slots, seeds = np.array(entering, np.int64).reshape(-1, 2).T
+        self.n_seeds = n_seeds if n_seeds is not None else int(seeds.max(initial=-1)) + 1
+        self.with_parameters = bool((slots >= self.n_slots).any())
+        size = self.n_slots
+        if self.with_parameters:
+            size = 1 + max([int(slots.max()), *(size + int(b.parameters.max(initial=-1)) for b in _batches(program.steps))])
+        self.length = np.bincount(slots[:n_known], minlength=size)
+        self.first = 1 + np.cumsum(self.length) - self.length
+        self.count = 1 + len(slots)
+        self._seeds = np.append(-1, seeds)
+
+    @property
+    def seed_of(self) -> Integers:
+        """Of each entry its seed; -1 of the one that is zero."""
+        return self._seeds[: self.count]
+
+    def make(self, slots: Integers, lengths: Integers, seeds: Integers) -> int:
+        """Number the entries of some slots; the first number."""
+        first = self.count
+        self.length[slots], self.first[slots] = lengths, first + np.cumsum(lengths) - lengths
+        self.count += len(seeds)
+        if self.count > len(self._seeds):
+            self._seeds = np.append(self._seeds, np.empty(max(self.count, 2 * len(self._seeds)) - len(self._seeds), np.int64))
+        self._seeds[first : self.count] = seeds
+        return first
+
+    def entries_of(self, slots: Integers) -> tuple[Integers, Integers]:
+        """All entries of some slots one after another, and to which slot of the list each belongs."""
+        lengths = self.length[slots]
+        which = np.repeat(np.arange(len(slots)), lengths)
+        return which, np.arange(len(which)) + (self.first[slots] + lengths - np.cumsum(lengths))[which]
+
+
+Products = tuple[list[Batch], list[Integers | None], Integers, Integers, Integers]  # factors, multiplied, which, sources, rows
+
+
+def _of_batch(
+    rows: _Rows, batch: Batch, to: Integers, use: NDArray[np.bool_], inside: NDArray[np.bool_] | None = None
+) -> Products:
+    """The chain rule through those rows of a batch that are in ``use``; slots ``inside`` a block are its own unknowns."""
+    active = list(batch.active)
+    slots = batch.arguments.T[active]
+    moves = use & (batch.argument_signs.T[active] != 0) & (rows.length[slots] > 0)
+    if inside is not None:
+        moves &= ~inside[slots]
+    chosen = [(a, np.flatnonzero(m)) for a, m in zip(active, moves, strict=True)]
+    which, sources = rows.entries_of(slots[moves])
+    factors = [_rows_of(batch, here).derivative(a) for a, here in chosen if len(here)]
+    return factors, [None] * len(factors), which, sources, to[np.nonzero(moves)[1][which]]
+
+
+def _of_parameters(
+    rows: _Rows, batch: Batch, to: Integers, use: NDArray[np.bool_], multiplied: Integers | None = None
+) -> Iterator[Products]:
+    """Derivatives with respect to the parameters of those rows of a batch that are in ``use``."""
+    for q in range(batch.parameters.shape[1] if rows.with_parameters else 0):
+        slots = rows.n_slots + batch.parameters[:, q]
+        here = np.flatnonzero(use & (rows.length[slots] > 0))
+        slope = _rows_of(batch, here).parameter_derivative(q) if len(here) else None
+        if slope is not None and not slope.kernel.is_zero:
+            which, sources = rows.entries_of(slots[here])
+            yield [slope], [None if multiplied is None else multiplied[here]], which, sources, to[here[which]]
+
+
+def _rows_of(batch: Batch, rows: Integers) -> Batch:
+    """Some rows of a batch, in their order; the batch where these are all."""
+    return batch if len(rows) == len(batch) else batch.take(rows)
+
+
+def _plain(sources: Integers, to: Integers) -> Products:
+    """Entries that are added as they are."""
+    return [], [], np.full(len(sources), -1), sources, to
+
+
+def _summed(rows: _Rows, products: Sequence[Products], seeds: Integers | None = None) -> Sums:
+    """Products of the same row and seed summed; ``seeds`` are the columns, all by default. Sums go to row * columns + column."""
+    size, parts = 0, []
+    for factors, _, which, sources, to in products:
+        parts.append((which + size if factors else which, sources, to))
+        size += sum(map(len, factors))
+    which, sources, to = (np.concatenate(x) for x in zip(*parts, strict=True)) if len(parts) > 1 else parts[0]
+    found = rows.seed_of[sources]
+    to = to * rows.n_seeds + found if seeds is None else to * len(seeds) + np.searchsorted(seeds, found)
+    order = np.argsort(to, kind="stable")
+    to = to[order]
+    starts = np.flatnonzero(np.concatenate([to[:1] >= 0, to[1:] != to[:-1]]))
+    every = [b for factors, *_ in products for b in factors], [m for _, slots, *_ in products for m in slots]
+    return Sums(tuple(every[0]), tuple(every[1]), which[order], sources[order], starts, to[starts])
+
+
+def _chained(rows: _Rows, step: Batch, alive: NDArray[np.bool_], added: Integers, entries: Integers) -> Sums | None:
+    use, everyone = alive[step.targets], np.arange(len(step))
+    products = [_of_batch(rows, step, everyone, use), *_of_parameters(rows, step, everyone, use)]
+    if len(added):
+        products.append(_plain(entries[use[added]], added[use[added]]))
+    sums = _summed(rows, products)
+    if not len(sums):
+        return None
+    to, seeds = np.divmod(sums.to, rows.n_seeds)
+    first = rows.make(step.targets, np.bincount(to, minlength=len(step)), seeds)
+    return replace(sums, to=first + np.arange(len(sums)))
+
+
+def _solved(
+    rows: _Rows, step: Linear | Newton, block: int, alive: NDArray[np.bool_], added: Integers, entries: Integers
+) -> Solved | None:
+    needed = np.flatnonzero(alive[step.unknowns])
+    if not len(needed):
+        return None
+    products: list[Products] = []
+    implicit = isinstance(step, Newton) or _has_varied_matrix(rows, step)
+    if isinstance(step, Newton):
+        inside = np.zeros(rows.n_slots, bool)
+        inside[step.unknowns] = True
+        for batch in step.residuals:
+            use = np.ones(len(batch), bool)
+            products += [_of_batch(rows, batch, batch.targets, use, inside), *_of_parameters(rows, batch, batch.targets, use)]
+    else:
+        which, sources = rows.entries_of(step.known)
+        products.append(_plain(sources, step.known_rows[which] if implicit else which))
+        for batch in step.matrix if implicit else ():  # A z + g = 0: dA z is part of the right-hand side
+            row, column = np.divmod(batch.targets, len(step.unknowns))
+            products += _of_parameters(rows, batch, row, np.ones(len(batch), bool), step.unknowns[column])
+    seeds = np.unique(rows.seed_of[np.concatenate([entries, *(p[3] for p in products)])])
+    if not len(seeds):
+        return None
+    sums = _summed(rows, products, seeds)
+    place = np.full(len(step.unknowns), -1)
+    place[needed] = np.arange(len(needed))
+    kept = place[added] >= 0
+    added_places = place[added[kept]] * len(seeds) + np.searchsorted(seeds, rows.seed_of[entries[kept]])
+    first = rows.make(step.unknowns[needed], np.full(len(needed), len(seeds)), np.tile(seeds, len(needed)))
+    return Solved(step, block, implicit, sums, needed, len(seeds), first, added_places, entries[kept])
+
+
+def _has_varied_matrix(rows: _Rows, step: Linear) -> bool:
+    """Whether a parameter that is differentiated by stands in the matrix of a block."""
+    if not rows.with_parameters:
+        return False
+    return any((rows.length[rows.n_slots + batch.parameters] > 0).any() for batch in step.matrix)
+
+
+def _made_by(program: Program) -> tuple[Integers, Integers]:
+    """Of each slot that is computed: the step that does, and its row there."""
+    makers, rows = np.full(program.n_slots, -1), np.zeros(program.n_slots, np.int64)
+    for number, step in enumerate(program.steps):
+        made = step.targets if isinstance(step, Batch) else step.unknowns
+        makers[made], rows[made] = number, np.arange(len(made))
+    return makers, rows
+
+
+def _needed(program: Program, wanted: Integers) -> NDArray[np.bool_]:
+    """The slots that some slots depend on, themselves among them."""
+    alive = np.zeros(program.n_slots, bool)
+    alive[wanted] = True
+    for step in reversed(program.steps):
+        if isinstance(step, Batch):
+            _mark(alive, step, alive[step.targets])
+        elif alive[step.unknowns].any():
+            if isinstance(step, Linear):
+                alive[step.known] = True
+            else:
+                for batch in step.residuals:
+                    _mark(alive, batch, np.ones(len(batch), bool))
+    return alive
+
+
+def _mark(alive: NDArray[np.bool_], batch: Batch, use: NDArray[np.bool_]) -> None:
+    for a in batch.active:
+        alive[batch.arguments[use & (batch.argument_signs[:, a] != 0), a]] = True
+
+
+def _batches(steps: Iterable[Step]) -> Iterator[Batch]:
+    for step in steps:
+        if isinstance(step, Batch):
+            yield step
+        elif isinstance(step, Linear):
+            yield from step.matrix
+        else:
+            yield from step.residuals
+            yield from step.jacobian

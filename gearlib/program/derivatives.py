@@ -1,0 +1,243 @@
+"""Exact derivatives of a program's slots with respect to states, inputs, parameters and added terms: a plan carried out with numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+from gearlib.program.derivative_plan import DerivativePlan, Solved, Sums, derivative_plan
+from gearlib.program.interpret import Prepared, assemble, batch_values, block_solve, constant_values
+from gearlib.program.program import Batch, Linear, Newton
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Added = tuple[int, int, float]  # slot, which of the added seeds, weight
+SINGULAR = 1e13  # condition number beyond which equations depend on each other
+MOST_DENSE = 4_000_000  # entries of a full matrix of slots by seeds
+
+
+@dataclass(frozen=True, eq=False)
+class At:
+    """Where derivatives are taken: a program with its parameters, and values of everything at some times.
+
+    Attributes
+    ----------
+    prepared : Prepared
+    t : array, shape (times,)
+    slots : array, shape (slots, times)
+        As `gearlib.program.interpret.evaluate` returns them.
+    relations : array, shape (relations, times)
+    """
+
+    prepared: Prepared
+    t: Floats
+    slots: Floats
+    relations: Floats
+
+    def values(self, batch: Batch) -> Floats:
+        """A batch's values, shape (rows, times)."""
+        if batch.numbers is not None:
+            found = batch.numbers[:, None]
+        elif batch.of_parameters:
+            found = constant_values(batch, self.prepared.parameters)[:, None]
+        else:
+            found = batch_values(batch, self.t, self.slots, self.prepared.parameters, self.relations)
+        return np.broadcast_to(found, (len(batch), len(self.t)))
+
+
+def derivatives(
+    prepared: Prepared, t: float, slots: Floats, relations: Floats, seeds: Sequence[int], added: Sequence[Added] = (),
+    wanted: Iterable[int] | Integers | None = None,
+) -> Any:  # fmt: skip
+    """Derivatives of slots at one point.
+
+    Parameters
+    ----------
+    prepared : Prepared
+    t : float
+    slots : array, shape (slots,)
+        Values at which to differentiate.
+    relations : array, shape (relations,)
+    seeds : sequence of int
+        Slots of states and inputs to differentiate with respect to; ``n_slots + p`` stands for entry p of the parameter table.
+    added : sequence of (slot, seed, weight)
+        Slots of unknowns, each thought to have a multiple of a new seed added to what it is computed from.
+    wanted : iterable of int, optional
+        Slots to differentiate, by default all.
+
+    Returns
+    -------
+    array or scipy.sparse.csr_matrix, shape (wanted, seeds + added seeds)
+        Sparse where a full one would be large.
+
+    Raises
+    ------
+    SolverError
+        Equations that determine unknowns together are singular there.
+    """
+    n = len(seeds)
+    entering = [*((slot, k) for k, slot in enumerate(seeds)), *((slot, n + seed) for slot, seed, _ in added)]
+    n_seeds = n + max((seed + 1 for _, seed, _ in added), default=0)
+    plan = derivative_plan(prepared.program, entering, wanted, n_seeds)
+    weights = np.array([*[1.0] * n, *(weight for *_, weight in added)])
+    return matrix(plan, entries(plan, At(prepared, np.array([t]), slots[:, None], relations[:, None]), weights)[:, 0])
+
+
+def matrix(plan: DerivativePlan, values: Floats) -> Any:
+    """Entries at one point as a matrix (wanted, seeds), sparse where a full one would be large."""
+    if plan.shape[0] * plan.shape[1] <= MOST_DENSE:
+        return dense(plan, values[:, None])[0]
+    import scipy.sparse as sparse
+
+    return sparse.csr_matrix((values, (plan.rows, plan.seeds)), shape=plan.shape)
+
+
+def dense(plan: DerivativePlan, values: Floats) -> Floats:
+    """Entries at some times as full matrices, shape (times, wanted, seeds)."""
+    result = np.zeros((values.shape[1], *plan.shape))
+    result[:, plan.rows, plan.seeds] = values.T
+    return result
+
+
+def entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floats:
+    """The derivatives that a plan lists, shape (derivatives, times).
+
+    Parameters
+    ----------
+    plan : DerivativePlan
+    at : At
+    weights : array, optional
+        How much of its seed enters at each of the slots; 1 by default.
+
+    Raises
+    ------
+    SolverError
+        Equations that determine unknowns together are singular there.
+    """
+    numbers = np.zeros((plan.n_entries, len(at.t)))
+    numbers[1 : 1 + len(plan.order)] = 1.0 if weights is None else weights[plan.order, None]
+    for step in plan.steps:
+        if isinstance(step, Sums):
+            numbers[step.to] = _sums(step, at, numbers)
+        else:
+            block = _solved(step, at, _sums(step.sums, at, numbers))
+            if len(step.added):
+                np.add.at(block, step.added, numbers[step.added_sources])
+            numbers[step.first : step.first + len(block)] = block
+    result: Floats = numbers[plan.sources]
+    return result
+
+
+def _sums(sums: Sums, at: At, numbers: Floats) -> Floats:
+    if not len(sums):
+        return np.empty((0, len(at.t)))
+    with np.errstate(all="ignore"):
+        factors = [
+            at.values(batch) if slots is None else at.values(batch) * at.slots[slots]
+            for batch, slots in zip(sums.factors, sums.multiplied, strict=True)
+        ]
+        products = np.concatenate([*factors, np.ones((1, len(at.t)))])[sums.which] * numbers[sums.sources]
+        return products if len(sums) == len(products) else np.asarray(np.add.reduceat(products, sums.starts, axis=0))
+
+
+def _solved(step: Solved, at: At, sums: Floats) -> Floats:
+    """Entries of the unknowns that are needed, row after row."""
+    block, width, times = step.step, step.width, len(at.t)
+    n = len(block.known) if isinstance(block, Linear) and not step.implicit else len(block.unknowns)
+    right = np.zeros((n * width, times))
+    right[step.sums.to] = sums
+    if isinstance(block, Newton):
+        found = _newton_solved(block, at, right.reshape(n, width, times))
+    elif step.implicit:
+        found = -block_solve(at.prepared, step.block, right.reshape(n, -1))
+    else:
+        found = at.prepared.solutions[step.block] @ right.reshape(n, -1)
+    chosen = found.reshape(len(block.unknowns), -1)[step.rows]
+    return np.array(chosen.reshape(-1, times))
+
+
+def _newton_solved(step: Newton, at: At, right: Floats) -> Floats:
+    n = len(step.unknowns)
+    matrices = newton_matrix(step, at)
+    if len(matrices) > 1:
+        with suppress(np.linalg.LinAlgError):
+            return np.asarray(np.moveaxis(np.linalg.solve(matrices, -np.moveaxis(right, 2, 0)), 0, 2), float)
+    try:
+        return -np.stack([solve_shared(m, right[:, :, i]) for i, m in enumerate(matrices)], axis=2)
+    except np.linalg.LinAlgError:
+        raise SolverError(
+            f"there is no linear model at this point: {n} {'equation that is' if n == 1 else 'equations that are'} solved by "
+            "iteration cannot be solved for small changes there; give inertia to what nothing moves, or another point (at=...)"
+        ) from None
+
+
+def newton_matrix(step: Newton, at: At) -> Floats:
+    """The matrix of a block's linearised equations, shape (times, unknowns, unknowns)."""
+    n = len(step.unknowns)
+    found = assemble(step.jacobian, at.t, at.slots, at.prepared.parameters, at.relations, n * n)
+    return found.T.reshape(-1, n, n)
+
+
+def slopes(batch: Batch, at: At) -> Iterator[tuple[Integers, Integers, Floats]]:
+    """For each argument of a batch at one point: rows, the argument's slots, derivatives; absent arguments are left out."""
+    for a in batch.active:
+        here = np.flatnonzero(batch.argument_signs[:, a])
+        yield here, batch.arguments[here, a], at.values(batch.derivative(a))[here, 0]
+
+
+def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats, wanted: Iterable[int] | None = None) -> Floats:
+    """How slots change with what the equations that are solved by iteration leave open, shape (wanted, how many directions)."""
+    at = At(prepared, np.array([t]), slots[:, None], relations[:, None])
+    added: list[Added] = []
+    count = 0
+    for step in (s for s in prepared.program.steps if isinstance(s, Newton)):
+        for direction in _null_space(newton_matrix(step, at)[0]).T:
+            added += [(int(u), count, float(x)) for u, x in zip(step.unknowns, direction, strict=True)]
+            count += 1
+    if not count:
+        return np.zeros((len(slots) if wanted is None else len(list(wanted)), 0))
+    found = derivatives(prepared, t, slots, relations, (), added, wanted)
+    return np.asarray(found.toarray() if hasattr(found, "toarray") else found, float)
+
+
+def _null_space(matrix: Floats) -> Floats:
+    """Orthonormal directions that a square matrix, its rows and columns scaled, takes to nothing."""
+    row = np.abs(matrix).max(axis=1)
+    scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
+    column = np.abs(scaled).max(axis=0)
+    column[column == 0.0] = 1.0
+    scaled = scaled / column
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        if np.abs(np.linalg.inv(scaled)).sum(axis=1).max() * np.abs(scaled).sum(axis=1).max() < SINGULAR:
+            return np.zeros((len(matrix), 0))
+    _, sizes, right = np.linalg.svd(scaled)
+    return np.asarray(right[sizes * SINGULAR <= max(sizes.max(initial=0.0), 1e-300)].T / column[:, None], float)
+
+
+def solve_shared(matrix: Floats, right: Floats) -> Floats:
+    """Solve linear equations; of several solutions take the smallest: stuck elements side by side share their torque in any way.
+
+    Raises
+    ------
+    LinAlgError
+        There is no solution.
+    """
+    row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
+    column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)
+    scaled, right = matrix * row[:, None] * column, right * row[:, None]
+    try:
+        inverse = np.linalg.inv(scaled)
+        if np.abs(inverse).sum(axis=1).max(initial=0.0) * np.abs(scaled).sum(axis=1).max(initial=0.0) < SINGULAR:
+            return np.asarray(column[:, None] * (inverse @ right), float)
+    except np.linalg.LinAlgError:
+        pass
+    found = np.linalg.lstsq(scaled, right, rcond=1 / SINGULAR)[0]
+    if np.abs(scaled @ found - right).max(initial=0.0) > 1e-9 * np.abs(right).max(initial=0.0):
+        raise np.linalg.LinAlgError
+    return np.asarray(column[:, None] * found, float)

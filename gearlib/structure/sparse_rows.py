@@ -1,0 +1,81 @@
+"""Elimination in sparse rows: the one step that all eliminations with numbers share.
+
+What is eliminated, in which order, and what is made of it differ: `gearlib.structure.rigid_loops` keeps a record of combinations,
+`gearlib.structure.states` takes columns by preference, `gearlib.structure.sparse_elimination` looks for the rank of large matrices.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
+from typing import TypeVar
+
+R = TypeVar("R")
+C = TypeVar("C")
+
+
+def holders_of(rows: Mapping[R, Mapping[C, float]]) -> dict[C, set[R]]:
+    """Of each column the rows that hold it."""
+    found: dict[C, set[R]] = defaultdict(set)
+    for r, row in rows.items():
+        for c in row:
+            found[c].add(r)
+    return found
+
+
+def sizes_of(rows: Mapping[R, Mapping[C, float]]) -> dict[R, float]:
+    """Of each row its largest coefficient; 1 of an empty one."""
+    return {r: max(map(abs, row.values()), default=1.0) for r, row in rows.items()}
+
+
+def eliminate(
+    rows: Mapping[R, dict[C, float]], holders: Mapping[C, set[R]], pivot: R, column: C, among: Collection[R],
+    sizes: Mapping[R, float] | None = None, rounding: float = 0.0,
+) -> Iterator[tuple[R, float]]:  # fmt: skip
+    """Subtract multiples of a row from others so that a column vanishes from them; ``rows`` and ``holders`` are changed.
+
+    Parameters
+    ----------
+    rows : mapping of mappings
+        Coefficient of each column.
+    holders : mapping of sets
+        Of each column the rows that hold it.
+    pivot, column : a row, and one of its columns
+    among : collection of rows
+        The others.
+    sizes : mapping, optional
+        Of each row a size. What is left of a subtraction counts as zero below ``rounding`` of the sizes of the two rows, by default
+        of the two numbers.
+
+    Yields
+    ------
+    row, factor
+        Each row that was changed, and the multiple that was subtracted.
+
+    Examples
+    --------
+    >>> rows = {0: {7: 2.0, 8: 1.0}, 1: {7: 1.0, 8: 0.5, 9: 3.0}}
+    >>> holders = holders_of(rows)
+    >>> list(eliminate(rows, holders, 0, 7, {1}, sizes_of(rows), 1e-12)), rows[1], sorted(holders[8])
+    ([(1, 0.5)], {9: 3.0}, [0])
+    """
+    source = rows[pivot]
+    divisor, size = source[column], 0.0 if sizes is None else sizes[pivot]
+    rest = [(c, v) for c, v in source.items() if c != column]
+    for other in sorted(holders[column].intersection(among)):  # type: ignore[type-var]
+        if other == pivot:
+            continue
+        row = rows[other]
+        factor = row.pop(column) / divisor
+        holders[column].discard(other)
+        least = 0.0 if sizes is None else rounding * max(sizes[other], abs(factor) * size)
+        for c, v in rest:
+            old, term = row.get(c, 0.0), factor * v
+            value = old - term
+            if abs(value) <= (least if sizes is not None else rounding * max(abs(old), abs(term))):
+                if row.pop(c, None) is not None:
+                    holders[c].discard(other)
+            else:
+                row[c] = value
+                holders[c].add(other)
+        yield other, factor

@@ -1,0 +1,261 @@
+"""Derivatives of programs are exact: against differences of the same equations with 40 digits, on random trains and the paper's."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.native.scene_functions import compile_scene
+from gearlib.program.derivative_plan import derivative_plan, state_plan
+from gearlib.program.derivatives import At, dense, derivatives, entries
+from gearlib.program.interpret import evaluate
+from gearlib.program.program import Linear, Newton
+from tests.program.exact_program import ExactProgram, difference_quotients
+from tests.stress.described import Model
+from tests.stress.hybrid_draw import hybrid_train
+from tests.stress.trains import RandomTrain, random_parameters
+
+Floats = NDArray[np.float64]
+
+
+class Bound(gl.Component):
+    """A train whose parts' parameters follow from those of the whole, over two levels, and whose loop of gears is a linear block."""
+
+    size = gl.Parameter("m", default=0.2)
+    density = gl.Parameter("kg/m3", default=7800.0)
+    width = gl.Parameter("m", default=0.05)
+    stiffness = gl.Parameter("N.m/rad", default=1e3)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.torque = gp.Torque(tau=self.stiffness * gl.sin(4 * gl.time) * 0.01)
+        self.a = gp.Inertia(J=self.density * self.width * self.size**4)
+        self.b = gp.Inertia(J=2 * self.a.J + 5.0 * self.density * self.size**5)
+        relative = self.width / self.size
+        self.gear, self.set = gp.IdealGear(ratio=1 + relative), gp.IdealPlanetary(ratio=2 + gl.exp(relative))
+        self.arm, self.rim = gp.Inertia(J=0.3), gp.Inertia(J=self.a.J * gl.sqrt(relative))
+        self.spring, self.ground = gp.SpringDamper(c=self.stiffness * relative, d=0.4), gp.Fixed()
+        return [
+            gl.connect(self.torque.flange, self.a.flange_a), gl.connect(self.a.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.set.sun, self.b.flange_a), gl.connect(self.set.carrier, self.arm.flange_a),
+            gl.connect(self.set.ring, self.rim.flange_a), gl.connect(self.rim.flange_b, self.spring.flange_a),
+            gl.connect(self.spring.flange_b, self.ground.flange),
+        ]  # fmt: skip
+
+
+class Loop(gl.Component):
+    """A nonlinear algebraic loop: a rod on two cranks."""
+
+    length = gl.Parameter("1", default=0.3)
+    drive = gl.Input("rad/s")
+    a = gl.Variable("rad", "driving crank", start=0.4)
+    b = gl.Variable("rad", "driven crank", guess=0.3)
+    w = gl.Variable("rad/s", "speed of the driven crank")
+    rate = gl.Parameter("rad/s", default=2.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(gl.der(self.a), self.drive + self.w * self.length),
+            gl.Eq(gl.sin(self.b - self.a), self.length * gl.sin(self.b)),
+            gl.Eq(self.w, self.rate * self.b**2 * gl.cos(self.b)),
+        ]
+
+
+def check(system: gl.System, values: dict[str, float], seed: int, most: int = 12, everything: bool = True) -> Any:
+    """Compare all derivatives at a random point; returns the program."""
+    rng = np.random.default_rng(seed)
+    scene, table = system.translation.scene, system.translation.model.parameters
+    parameters = system.translation.parameter_values(values)
+    given = {table.index[name]: value for name, value in values.items() if name in table.index}
+    prepared = scene.numbers(parameters).main
+    program = prepared.program
+    n, m, t = len(program.states), len(program.inputs), float(rng.uniform(0.1, 2.0))
+    x = scene.nominal * rng.uniform(-1.0, 1.0, n)
+    u = rng.normal(size=m)
+    flags = (rng.random(scene.n_modes) < 0.5).astype(float) if not any(isinstance(s, Newton) for s in program.steps) else None
+    if flags is None:
+        flags = scene.modes(scene.numbers(parameters), np.array([t]), x[:, None], u[:, None])[:, 0]
+    guess = scene.guess(program, np.zeros(system.translation.model.n_variables))
+    slots = evaluate(prepared, np.array([t]), x[:, None], u[:, None], flags[:, None], guess)[:, 0]
+    used = {int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()}
+    upstream = {p for p in range(len(table.names)) if any(k in used for k, *_ in table.derivatives(parameters, [p], given))}
+    chosen = rng.permutation(sorted(upstream))[:most].tolist()
+    seeds = [*range(n + m), *(program.n_slots + p for p in chosen)]
+    table_rows = [(k, i, w) for i, p in enumerate(chosen) for k, _, w in table.derivatives(parameters, [p], given)]
+    entering = [*((k, k) for k in range(n + m)), *((program.n_slots + p, n + m + k) for p, k, _ in table_rows)]
+    weights = np.array([*[1.0] * (n + m), *(w for *_, w in table_rows)])
+    plan = derivative_plan(program, entering, None if everything else program.output_slots, len(seeds))
+    at = At(prepared, np.array([t]), slots[:, None], flags[:, None])
+    found = dense(plan, entries(plan, at, weights))[0]
+    right, size = difference_quotients(
+        ExactProgram(program, t, flags, slots), np.concatenate([x, u]), table,
+        {k: float(parameters[k]) for k in given}, seeds,
+    )  # fmt: skip
+    right = right[plan.wanted]
+    scale = np.array([*scene.nominal, *[1.0] * m, *(max(abs(parameters[p]), 1.0) for p in chosen)])
+    # an entry is a sum of products: what cancels in it leaves rounding of the largest entries of its row and column
+    noise = 1e-11 * np.maximum(np.abs(right) * 10, (np.abs(right) * scale).max(axis=1, keepdims=True) / scale)
+    noise += (1e-13 * size[plan.wanted, None] + 1e-15 * np.abs(right * scale).max()) / scale
+    np.testing.assert_array_less(np.abs(found - right), noise)
+    assert np.abs(right[:, n + m :]).any() or not chosen
+    return program
+
+
+def _batches(step: Any) -> Sequence[Any]:
+    return (
+        step.matrix if isinstance(step, Linear) else [*step.residuals, *step.jacobian] if isinstance(step, Newton) else [step]
+    )
+
+
+@pytest.mark.parametrize("seed", [3, 11, 17])
+def test_random_linear_trains(seed: int) -> None:
+    check(gl.compile(RandomTrain(seed=seed)), random_parameters(seed, 1), 1, 3, everything=False)
+
+
+@pytest.mark.parametrize("seed", [4, 23, 79])
+def test_random_trains_that_switch(seed: int) -> None:
+    """Backlash, friction, clutches: blocks that are solved by iteration."""
+    check(gl.compile(Model(train=hybrid_train(seed))), {}, seed, 3)
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("seed", range(100))
+def test_many_random_trains(seed: int) -> None:
+    check(gl.compile(RandomTrain(seed=seed)), random_parameters(seed, seed), seed, 5)
+    check(gl.compile(Model(train=hybrid_train(seed))), {}, seed, 5)
+
+
+def test_the_papers_train() -> None:
+    """Most of its parameters follow from others; every one of them is varied."""
+    system = gl.compile(gp.ZhouCui2022())
+    program = check(system, {"R_s": 0.031, "K_g": 9e8}, 3, 60, everything=False)
+    assert sum(isinstance(s, Linear) for s in program.steps) == 2
+
+
+@pytest.mark.parametrize("values", [{}, {"size": 0.31}, {"b.J": 0.02, "gear.ratio": 1.7}], ids=str)
+def test_bound_parameters_and_a_constant_block(values: dict[str, float]) -> None:
+    """What is given itself follows from nothing."""
+    program = check(gl.compile(Bound()), values, 5, 30)
+    assert any(isinstance(s, Linear) for s in program.steps)
+
+
+def test_a_block_that_is_solved_by_iteration() -> None:
+    system = gl.compile(Loop())
+    program = check(system, {"length": 0.41}, 2)
+    assert any(isinstance(s, Newton) and not s.linear for s in program.steps)
+
+
+@pytest.mark.parametrize(
+    ("model", "values"),
+    [
+        (gp.DetailedExternalMesh, {"r_a": 0.1, "r_b": 0.2, "c": 1e7, "d": 200.0, "backlash": True, "b": 1e-5}),
+        (gp.LossyGear, {"ratio": 2.0, "loss_table": [[0.0, 0.9, 0.8, 0.1, 0.2], [10.0, 0.85, 0.75, 0.2, 0.3]]}),
+    ],
+    ids=["DetailedExternalMesh", "LossyGear"],
+)
+def test_parts_with_blocks_that_switch(model: Any, values: dict[str, Any]) -> None:
+    class Pair(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.torque, self.one, self.other = gp.Torque(tau=2 * gl.sin(gl.time)), gp.Inertia(J=0.1), gp.Inertia(J=0.4)
+            self.link = model(**values)
+            return [
+                gl.connect(self.torque.flange, self.one.flange_a), gl.connect(self.one.flange_b, self.link.flange_a),
+                gl.connect(self.link.flange_b, self.other.flange_a),
+            ]  # fmt: skip
+
+    check(gl.compile(Pair()), {}, 1)
+
+
+def test_unneeded_slots_change_nothing() -> None:
+    check(gl.compile(Bound()), {}, 7, everything=False)
+
+
+def test_many_times_are_as_many_points() -> None:
+    for model in (Bound(), Loop(), RandomTrain(seed=6)):
+        system = gl.compile(model)
+        scene = system.translation.scene
+        numbers = scene.numbers(system.translation.parameter_values({}))
+        program, rng = scene.program, np.random.default_rng(3)
+        n, m, times = len(program.states), len(program.inputs), 5
+        t, x, u = rng.uniform(0, 1, times), rng.normal(size=(n, times)), rng.normal(size=(m, times))
+        flags = scene.modes(numbers, t, x, u)
+        slots = evaluate(numbers.main, t, x, u, flags)
+        plan = state_plan(program)
+        found = dense(plan, entries(plan, At(numbers.main, t, slots, flags)))
+        for i in range(times):
+            one = derivatives(numbers.main, float(t[i]), slots[:, i], flags[:, i], range(n))[program.output_slots]
+            np.testing.assert_allclose(found[i], one, rtol=1e-13, atol=1e-13 * np.abs(one).max())
+
+
+def test_terms_that_are_added_with_weights() -> None:
+    """A seed that enters at several slots; also at unknowns of a block, where it is added to the solution."""
+    system = gl.compile(Bound())
+    numbers = system.translation.scene.numbers(system.translation.parameter_values({})).main
+    program = numbers.program
+    block = next(s for s in program.steps if isinstance(s, Linear))
+    first, last = int(block.unknowns[0]), int(program.output_slots[-1])
+    slots, flags = np.zeros(program.n_slots), np.zeros(0)
+    single = [derivatives(numbers, 0.0, slots, flags, (), [(slot, 0, 1.0)])[:, 0] for slot in (first, last)]
+    both = derivatives(numbers, 0.0, slots, flags, (), [(first, 0, 2.0), (last, 0, -3.0), (last, 1, 1.0)])
+    np.testing.assert_allclose(both, np.column_stack([2 * single[0] - 3 * single[1], single[1]]), rtol=1e-14, atol=1e-14)
+    assert single[0][first] == single[1][last] == 1.0
+
+
+def native_values(scene: Any, numbers: Any, plan: Any, x: Floats, u: Floats, t: float, flags: Floats) -> Floats:
+    """What the native code that is printed from a plan computes, shape (wanted, seeds)."""
+    model = scene.model
+    native = compile_scene(
+        scene.program, scene.relations, lambda: scene.slot_names, model.parameters.names, model.n_relations, len(model.discretes), plan
+    )  # fmt: skip
+    assert native.jac is not None and native.pattern is not None  # noqa: PT018
+    data = scene.data(native, numbers, u, flags, np.zeros(model.n_variables))
+    values = np.full(len(native.pattern.indices), np.nan)
+    function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[ctypes.c_void_p] * 4)(native.jac.address)
+    assert function(t, *(a.ctypes.data for a in (x, values, data, native.index))) == 0
+    found = np.zeros(plan.shape)
+    found[native.pattern.indices, np.repeat(np.arange(plan.n_seeds), np.diff(native.pattern.indptr))] = values
+    return found
+
+
+@pytest.mark.parametrize("loops", [False, True], ids=["written out", "loops"])
+@pytest.mark.parametrize("number", range(4))
+def test_native_code_is_printed_from_the_same_plan(number: int, loops: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With respect to states, inputs and parameters, through constant blocks and such that are solved by iteration."""
+    if loops:
+        monkeypatch.setattr("gearlib.native.source.LONGEST", 0)
+    model = [Bound(), Loop(), RandomTrain(seed=6), Model(train=hybrid_train(23))][number]
+    system = gl.compile(model)
+    scene = system.translation.scene
+    numbers = scene.numbers(system.translation.parameter_values({}))
+    program, rng = scene.program, np.random.default_rng(number)
+    n, m, t = len(program.states), len(program.inputs), 0.3
+    x, u = scene.nominal * rng.uniform(-1, 1, n), rng.normal(size=m)
+    flags = scene.modes(numbers, np.array([t]), x[:, None], u[:, None])
+    slots = evaluate(numbers.main, np.array([t]), x[:, None], u[:, None], flags)
+    used = sorted({int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()})
+    seeds = [*range(n + m), *(program.n_slots + p for p in used)]
+    plan = derivative_plan(program, [(slot, k) for k, slot in enumerate(seeds)], program.output_slots)
+    expected = dense(plan, entries(plan, At(numbers.main, np.array([t]), slots, flags)))[0]
+    found = native_values(scene, numbers, plan, x, u, t, flags[:, 0])
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * float(size.max()))
+    assert expected[:, n + m :].any()
+
+
+def test_what_no_seed_reaches_has_no_entries() -> None:
+    system = gl.compile(Bound())
+    plan = derivative_plan(system.translation.scene.program, [])
+    assert plan.steps == ()
+    assert len(plan.sources) == 0
+
+
+def test_a_large_block_is_differentiated_by_its_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Factorised as a sparse matrix, as blocks of hundreds of unknowns are."""
+    monkeypatch.setattr("gearlib.program.interpret.MOST_DENSE", 1)
+    check(gl.compile(Bound()), {}, 4, 30)
