@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Added = tuple[int, int, float]  # slot, which of the added seeds, weight
 SINGULAR = 1e13  # condition number beyond which equations depend on each other
-MOST_DENSE = 4_000_000  # entries of a full matrix of slots by seeds
+MOST_DENSE = 4_000_000  # slots times seeds up to which a full matrix is returned
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,16 +86,12 @@ def derivatives(
     n_seeds = n + max((seed + 1 for _, seed, _ in added), default=0)
     plan = derivative_plan(prepared.program, entering, wanted, n_seeds)
     weights = np.array([*[1.0] * n, *(weight for *_, weight in added)])
-    return matrix(plan, entries(plan, At(prepared, np.array([t]), slots[:, None], relations[:, None]), weights)[:, 0])
-
-
-def matrix(plan: DerivativePlan, values: Floats) -> Any:
-    """Entries at one point as a matrix (wanted, seeds), sparse where a full one would be large."""
-    if plan.shape[0] * plan.shape[1] <= MOST_DENSE:
-        return dense(plan, values[:, None])[0]
+    values = entries(plan, At(prepared, np.array([t]), slots[:, None], relations[:, None]), weights)
+    if prepared.program.n_slots * n_seeds <= MOST_DENSE:
+        return dense(plan, values)[0]
     import scipy.sparse as sparse
 
-    return sparse.csr_matrix((values, (plan.rows, plan.seeds)), shape=plan.shape)
+    return sparse.csr_matrix((values[:, 0], (plan.rows, plan.seeds)), shape=plan.shape)
 
 
 def dense(plan: DerivativePlan, values: Floats) -> Floats:
