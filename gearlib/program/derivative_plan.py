@@ -17,7 +17,7 @@ A. Griewank, A. Walther, "Evaluating Derivatives", 2nd ed., SIAM, 2008, chapter 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -221,7 +221,7 @@ class _Rows:
     def make(self, slots: Integers, lengths: Integers, seeds: Integers) -> int:
         """Number the entries of some slots; the first number."""
         first = self.count
-        self.length[slots], self.first[slots] = lengths, first + np.cumsum(lengths) - lengths
+        self.length[slots], self.first[slots] = lengths, first + lengths.cumsum() - lengths
         self.count += len(seeds)
         if self.count > len(self._seeds):
             self._seeds = np.append(self._seeds, np.empty(max(self.count, 2 * len(self._seeds)) - len(self._seeds), np.int64))
@@ -230,27 +230,39 @@ class _Rows:
 
     def entries_of(self, slots: Integers) -> tuple[Integers, Integers]:
         """All entries of some slots one after another, and to which slot of the list each belongs."""
-        lengths = self.length[slots]
-        which = np.repeat(np.arange(len(slots)), lengths)
-        return which, np.arange(len(which)) + (self.first[slots] + lengths - np.cumsum(lengths))[which]
+        lengths, first = self.length[slots], self.first[slots]
+        if (lengths == 1).all():
+            return np.arange(len(slots)), first
+        which = np.arange(len(slots)).repeat(lengths)
+        return which, np.arange(len(which)) + (first + lengths - lengths.cumsum())[which]
 
 
 Products = tuple[list[Batch], list[Integers | None], Integers, Integers, Integers]  # factors, multiplied, which, sources, rows
+_NOTHING: Products = [], [], _NONE, _NONE, _NONE
 
 
 def _of_batch(
     rows: _Rows, batch: Batch, to: Integers, use: NDArray[np.bool_], inside: NDArray[np.bool_] | None = None
 ) -> Products:
     """The chain rule through those rows of a batch that are in ``use``; slots ``inside`` a block are its own unknowns."""
-    active = list(batch.active)
-    slots = batch.arguments.T[active]
-    moves = use & (batch.argument_signs.T[active] != 0) & (rows.length[slots] > 0)
+    slots, signs = batch.arguments.T, batch.argument_signs.T
+    if len(batch.active) < len(slots):
+        active = list(batch.active)
+        slots, signs = slots[active], signs[active]
+    moves = use & (signs != 0) & (rows.length[slots] > 0)
     if inside is not None:
         moves &= ~inside[slots]
-    chosen = [(a, np.flatnonzero(m)) for a, m in zip(active, moves, strict=True)]
+    arguments, here = moves.nonzero()
+    if not len(here):
+        return _NOTHING
     which, sources = rows.entries_of(slots[moves])
-    factors = [_rows_of(batch, here).derivative(a) for a, here in chosen if len(here)]
-    return factors, [None] * len(factors), which, sources, to[np.nonzero(moves)[1][which]]
+    counts = np.bincount(arguments, minlength=len(slots)).tolist()
+    factors, first = [], 0
+    for a, count in zip(batch.active, counts, strict=True):
+        if count:
+            factors.append(_rows_of(batch, here[first : first + count]).derivative(a))
+            first += count
+    return factors, [None] * len(factors), which, sources, to[here[which]]
 
 
 def _of_parameters(
@@ -278,18 +290,23 @@ def _plain(sources: Integers, to: Integers) -> Products:
 
 def _summed(rows: _Rows, products: Sequence[Products], seeds: Integers | None = None) -> Sums:
     """Products of the same row and seed summed; ``seeds`` are the columns, all by default. Sums go to row * columns + column."""
-    size, parts = 0, []
-    for factors, _, which, sources, to in products:
-        parts.append((which + size if factors else which, sources, to))
-        size += sum(map(len, factors))
-    which, sources, to = (np.concatenate(x) for x in zip(*parts, strict=True)) if len(parts) > 1 else parts[0]
+    if len(products) == 1:
+        factors, multiplied, which, sources, to = products[0]
+    else:
+        size, parts = 0, []
+        for factors, _, which, sources, to in products:
+            parts.append((which + size if factors else which, sources, to))
+            size += sum(map(len, factors))
+        which, sources, to = (np.concatenate(x) for x in zip(*parts, strict=True))
+        factors, multiplied = [b for f, *_ in products for b in f], [m for _, slots, *_ in products for m in slots]
     found = rows.seed_of[sources]
     to = to * rows.n_seeds + found if seeds is None else to * len(seeds) + np.searchsorted(seeds, found)
-    order = np.argsort(to, kind="stable")
+    order = to.argsort(kind="stable")
     to = to[order]
-    starts = np.flatnonzero(np.concatenate([to[:1] >= 0, to[1:] != to[:-1]]))
-    every = [b for factors, *_ in products for b in factors], [m for _, slots, *_ in products for m in slots]
-    return Sums(tuple(every[0]), tuple(every[1]), which[order], sources[order], starts, to[starts])
+    first = np.ones(len(to), bool)
+    np.not_equal(to[1:], to[:-1], out=first[1:])
+    starts = first.nonzero()[0]
+    return Sums(tuple(factors), tuple(multiplied), which[order], sources[order], starts, to[starts])
 
 
 def _chained(rows: _Rows, step: Batch, alive: NDArray[np.bool_], added: Integers, entries: Integers) -> Sums | None:
@@ -297,12 +314,12 @@ def _chained(rows: _Rows, step: Batch, alive: NDArray[np.bool_], added: Integers
     products = [_of_batch(rows, step, everyone, use), *_of_parameters(rows, step, everyone, use)]
     if len(added):
         products.append(_plain(entries[use[added]], added[use[added]]))
-    sums = _summed(rows, products)
-    if not len(sums):
+    if not any(len(sources) for *_, sources, _ in products):
         return None
+    sums = _summed(rows, products)
     to, seeds = np.divmod(sums.to, rows.n_seeds)
     first = rows.make(step.targets, np.bincount(to, minlength=len(step)), seeds)
-    return replace(sums, to=first + np.arange(len(sums)))
+    return Sums(sums.factors, sums.multiplied, sums.which, sums.sources, sums.starts, first + np.arange(len(seeds)))
 
 
 def _solved(

@@ -77,8 +77,8 @@ class Batch:
         p = [self.kernel.parameters.index(c) for c in kernel.parameters]
         r = [self.kernel.relations.index(c) for c in kernel.relations]
         return Batch(
-            kernel, self.equations, self.targets, signs, self.arguments[:, x], self.argument_signs[:, x],
-            self.parameters[:, p], self.relations[:, r],
+            kernel, self.equations, self.targets, signs, _picked(self.arguments, x), _picked(self.argument_signs, x),
+            _picked(self.parameters, p), _picked(self.relations, r),
         )  # fmt: skip
 
     @cached_property
@@ -98,6 +98,12 @@ class Batch:
             self.kernel, self.equations[rows], self.targets[rows], self.signs[rows], self.arguments[rows],
             self.argument_signs[rows], self.parameters[rows], self.relations[rows],
         )  # fmt: skip
+
+
+def _picked(table: Integers, columns: list[int]) -> Integers:
+    """Some columns of a table; a view where these are none or the first ones, as is common."""
+    n = len(columns)
+    return table[:, :n] if columns == list(range(n)) else table[:, columns]
 
 
 @dataclass(frozen=True)
