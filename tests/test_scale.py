@@ -156,10 +156,15 @@ def spent_on(model: gl.Component) -> tuple[int, int]:
 
 
 def test_rigid_gears_side_by_side_cost_work_and_memory_in_proportion() -> None:
-    """Each has a redundant equation, and a torque that nothing determines. The exponents of growth are 1."""
+    """Each has a redundant equation, and a torque that nothing determines. The exponents of growth are 1.
+
+    Hash tables double when they are full, so that memory per gear scatters by a quarter.
+    """
     spent_on(SideBySide(N=20))  # meets the classes
     small, large = (np.array(spent_on(SideBySide(N=n))) for n in (100, 800))
-    assert (np.log(large / small) / np.log(8) < 1.05).all()
+    lines, memory = np.log(large / small) / np.log(8)
+    assert lines < 1.05
+    assert memory < 1.2
 
 
 # ---------------------------------------------------------------- source and states
