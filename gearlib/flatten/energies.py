@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import numpy as np
 import sympy
+from sympy.printing.numpy import NumPyPrinter
 
 from gearlib.equations.template import checked, parse_column, piecewise
 from gearlib.errors import DeclarationError, nearest
@@ -20,16 +23,29 @@ ENERGY, POWER = dimension("J"), dimension("W")
 
 @dataclass(frozen=True)
 class Term:
-    """An expression of one component as a function of numbers or arrays.
+    """An expression of one component, and the function of numbers or arrays that it is.
 
     Attributes
     ----------
     names : tuple of str
         Paths, or "der(path)", of the variables, discrete variables and parameters; time, if it occurs, is ``"time"``.
+    symbols : tuple of sympy.Symbol
+        What stands for them in the expression.
+    expression : sympy.Expr
     """
 
     names: tuple[str, ...]
-    function: Callable[..., Any]
+    symbols: tuple[Any, ...]
+    expression: Any
+
+    @cached_property
+    def function(self) -> Callable[..., Any]:
+        """A function of the values in the order of ``names``; printed when it is first called for."""
+        arguments = [sympy.Symbol(f"x{i}", real=True) for i in range(len(self.symbols))]
+        printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
+        text = printer.doprint(self.expression.xreplace(dict(zip(self.symbols, arguments, strict=True))))
+        function: Callable[..., Any] = eval(f"lambda {', '.join(map(str, arguments))}: {text}", dict(vars(np)))
+        return function
 
 
 @dataclass(frozen=True)
@@ -92,7 +108,7 @@ def audited(root: Component) -> list[Audited]:
         found.append(
             Audited(
                 path or type(component).__name__, type(component).__name__,
-                term(work, "power") or Term((), lambda: 0.0), term(thermal, "heat flow"),
+                term(work, "power") or Term((), (), sympy.S.Zero), term(thermal, "heat flow"),
                 None if energies is None else term(energies.stored, "stored energy"),
                 None if energies is None else term(energies.heat, "heat"),
                 None if energies is None else term(energies.supplied, "supplied power"),
@@ -156,7 +172,7 @@ def _term(component: Component, path: str, expression: Any, label: str) -> Term:
                 f"{label} holds '{base}', which is not declared; {nearest(base, declared_by(component).variables)}"
             )
         names.append("time" if symbol == time else "der(" * order + prefix + base + ")" * order)
-    return Term(tuple(names), sympy.lambdify(symbols, plain, "numpy"))
+    return Term(tuple(names), tuple(symbols), plain)
 
 
 def _declared(component: Component, name: str) -> bool:

@@ -18,7 +18,7 @@ import gearlib as gl
 from tests.stress.described import Model, Part, Signal, Train
 from tests.stress.linear_draw import linear_train
 from tests.stress.linear_reference import PRESCRIBED, SMALL, Floats, LinearTrain, Unclear, constrained
-from tests.stress.verdicts import ANSWERED, RIGHT, UNCLEAR, WRONG, Verdict, attempted
+from tests.stress.verdicts import ANSWERED, REFUSED, RIGHT, UNCLEAR, WRONG, Verdict, attempted
 
 
 def analysed_train(seed: int) -> Train:
@@ -59,7 +59,8 @@ def judge_analyses(train: Train, seed: int = 0) -> Verdict:
 
     def asked(what: str, refusal: str | None, action: Callable[[gl.System], Verdict]) -> None:
         verdict = attempted(lambda: action(system()), refusal or solved.differentiated)
-        verdicts.append(Verdict(verdict.kind, f"{what}: {verdict.detail}"))
+        said = f"{verdict.detail} | {what}" if verdict.kind == REFUSED else f"{what}: {verdict.detail}"
+        verdicts.append(Verdict(verdict.kind, said))
 
     asked("mobility", None, lambda system: mobility(system, solved))
     if solved.nodes:
@@ -70,7 +71,10 @@ def judge_analyses(train: Train, seed: int = 0) -> Verdict:
         asked("steady state", steady.none, lambda system: steady_state(system, solved, steady))
         asked("power flow", steady.none or steady.open, lambda system: power_flow(system, solved, steady))
     short = [v for v in verdicts if v.short]
-    return short[0] if short else Verdict(RIGHT, "; ".join(v.detail for v in verdicts))
+    if short:
+        return short[0]
+    refused = [v for v in verdicts if v.kind == REFUSED]  # a train with a question that is rightly refused counts as refused
+    return refused[0] if refused else Verdict(RIGHT)
 
 
 # ---------------------------------------------------------------- what is right

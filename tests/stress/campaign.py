@@ -1,9 +1,10 @@
 """The differential campaign: `python -m tests.stress.campaign linear 1000` judges a thousand random trains, each within a time limit.
 
-Prints every train that falls short, reduced to as few parts as still do, and counts at the end. ``--first`` sets the first seed,
-``--seconds`` the limit of processor time, ``--keep`` leaves the trains as they were drawn, ``--into`` adds the counts, and the seeds
-that fell short, to a JSON file. ``again --into FILE`` judges these seeds once more, after a mend, and ``page --into FILE`` puts the
-counts of such a file on docs/stability.md.
+Prints every train that falls short, reduced to as few parts as still do, and counts at the end; ``all`` takes the families in turn, in
+the `SHARES` of the campaign. ``--first`` sets the first seed, ``--seconds`` the limit of processor time, ``--keep`` leaves the trains
+as they were drawn. ``--into LOG`` adds a line for each verdict to a file of JSON lines; a campaign that was interrupted goes on there,
+since what the file holds is not judged again. ``again --into LOG`` judges the trains that fell short once more, after a mend (the last
+verdict on a train counts), ``counts --into LOG`` puts the counts of a log into ``campaign.json`` and on docs/stability.md.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -29,6 +30,9 @@ from tests.stress.linear_campaign import judge_linear
 from tests.stress.linear_draw import linear_train
 from tests.stress.order import judge_order, ordered_train
 from tests.stress.verdicts import HANG, REFUSED, RIGHT, SHORT, UNCLEAR, Verdict
+
+SHARES = {"linear": 5, "analyses": 3, "hybrid": 1, "order": 1}  # of ten trains of the whole campaign
+COUNTS = Path(__file__).with_name("campaign.json")
 
 FAMILIES: dict[str, tuple[Callable[[int], Train], Callable[[Train, int], Verdict]]] = {
     "linear": (linear_train, judge_linear),
@@ -93,101 +97,133 @@ def fails_alike(worker: Worker, family: str, seed: int, first: Verdict, train: T
     return verdict.kind == first.kind and verdict.detail.split(":")[0] == first.detail.split(":")[0]
 
 
-def campaign(family: str, first: int, count: int, seconds: float, keep: bool, into: Path | None) -> Counter[str]:
+def seeds(family: str, first: int, count: int) -> Iterator[tuple[str, int]]:
+    """Families and seeds of a campaign; of all families, in turn."""
+    if family != "all":
+        yield from ((family, seed) for seed in range(first, first + count))
+        return
+    turn = [name for name, share in SHARES.items() for _ in range(share)]
+    for k in range(count):
+        name = turn[k % len(turn)]
+        yield name, first + k // len(turn) * SHARES[name] + turn[: k % len(turn)].count(name)
+
+
+def campaign(family: str, first: int, count: int, seconds: float, keep: bool, log: Path | None) -> Counter[str]:
     """Judge trains and print those that fall short."""
-    counts: Counter[str] = Counter()
-    reasons: Counter[str] = Counter()
-    fallen: dict[str, str] = {}
+    found: list[dict[str, Any]] = []
+    known = {(line["family"], line["seed"]) for line in judged(log)} if log is not None else set()
     worker, begin = Worker(seconds), time.perf_counter()
-    for seed in range(first, first + count):
-        verdict = worker(family, seed)
-        counts[verdict.kind] += 1
-        if verdict.kind == REFUSED:
-            reasons[verdict.reason] += 1
+    for name, seed in seeds(family, first, count):
+        if (name, seed) in known:
+            continue
+        verdict = worker(name, seed)
+        found.append(noted(log, name, seed, verdict))
         if verdict.short:
-            fallen[str(seed)] = verdict.kind
-            print(f"\n{family} {seed}: {verdict.kind}: {verdict.detail}", flush=True)
+            print(f"\n{name} {seed}: {verdict.kind}: {verdict.detail}", flush=True)
             if not keep:
-                train = FAMILIES[family][0](seed)
-                small = shrunk(train, partial(fails_alike, worker, family, seed, verdict))
-                print(f"{len(small.parts)} of {len(train.parts)} parts: {worker(family, seed, small).detail}")
+                train = FAMILIES[name][0](seed)
+                small = shrunk(train, partial(fails_alike, worker, name, seed, verdict))
+                print(f"{len(small.parts)} of {len(train.parts)} parts: {worker(name, seed, small).detail}")
                 print("\n".join(f"    {part}" for part in small.parts), flush=True)
                 print(f"    angles {small.angles}, speeds {small.speeds}", flush=True)
-        elif (seed - first) % 500 == 499:
-            print(f"{family} {seed}: {dict(counts)}", file=sys.stderr, flush=True)
+        elif len(found) % 500 == 499:
+            print(f"{name} {seed}: {counted(found)['verdicts']}", file=sys.stderr, flush=True)
     worker.process.kill()
-    print(f"\n{family}: {dict(counts)} in {time.perf_counter() - begin:.0f} s")
-    if into is not None:
-        whole = kept(into)
-        for title, found in (("verdicts", counts), ("refusals", reasons)):
-            whole[title][family] = dict(Counter(whole[title].get(family, {})) + found)
-        whole["short"].setdefault(family, {}).update(fallen)
-        into.write_text(json.dumps(whole, indent=1))
-    return counts
+    for name, kinds in counted(found)["verdicts"].items():
+        print(f"{name}: {kinds}")
+    print(f"{len(found)} trains in {time.perf_counter() - begin:.0f} s")
+    return Counter(line["kind"] for line in found)
 
 
-def kept(counted: Path) -> dict[str, Any]:
-    """Counts of verdicts and of reasons for refusals, and the seeds that fell short, by family."""
-    empty: dict[str, Any] = {"verdicts": {}, "refusals": {}, "short": {}}
-    return {**empty, **(json.loads(counted.read_text()) if counted.exists() else {})}
+def noted(log: Path | None, family: str, seed: int, verdict: Verdict) -> dict[str, Any]:
+    """The line of a log that holds a verdict; written to the log, if there is one."""
+    line: dict[str, Any] = {"family": family, "seed": seed, "kind": verdict.kind}
+    if verdict.kind in (REFUSED, UNCLEAR):
+        line["reason"] = verdict.reason
+    if verdict.kind != RIGHT:
+        line["detail"] = verdict.detail[:1000]
+    if log is not None:
+        with log.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+    return line
 
 
-def again(counted: Path, seconds: float) -> int:
-    """Judge once more the seeds that fell short, and count them as they are judged now; how many still fall short."""
-    whole, worker = kept(counted), Worker(seconds)
-    for family, fallen in whole["short"].items():
-        verdicts, reasons = Counter(whole["verdicts"][family]), Counter(whole["refusals"].get(family, {}))
-        for seed, before in list(fallen.items()):
-            verdict = worker(family, int(seed))
-            verdicts[before] -= 1
-            verdicts[verdict.kind] += 1
-            reasons[verdict.reason] += verdict.kind == REFUSED
-            del fallen[seed]
-            if verdict.short:
-                fallen[seed] = verdict.kind
-                print(f"\n{family} {seed}: {verdict.kind}: {verdict.detail}", flush=True)
-        whole["verdicts"][family], whole["refusals"][family] = dict(+verdicts), dict(+reasons)
+def judged(log: Path) -> list[dict[str, Any]]:
+    """The last verdict on each train of a log."""
+    lines = map(json.loads, log.read_text(encoding="utf-8").splitlines()) if log.exists() else ()
+    return list({(line["family"], line["seed"]): line for line in lines}.values())
+
+
+def counted(lines: list[dict[str, Any]]) -> dict[str, Any]:
+    """Counts of verdicts, and of the reasons for refusals and for leaving a train unjudged, by family; the trains that fall short."""
+    whole: dict[str, Any] = {"verdicts": {}, REFUSED: {}, UNCLEAR: {}, "short": {}}
+    for family in SHARES:
+        own = [line for line in lines if line["family"] == family]
+        if own:
+            whole["verdicts"][family] = dict(Counter(line["kind"] for line in own).most_common())
+            for kind in (REFUSED, UNCLEAR):
+                reasons = Counter(line["reason"] for line in own if line["kind"] == kind)
+                whole[kind][family] = dict(sorted(reasons.items()))
+            whole["short"][family] = {str(line["seed"]): line["kind"] for line in own if line["kind"] in SHORT}
+    return whole
+
+
+def again(log: Path, seconds: float) -> int:
+    """Judge once more the trains that fell short; how many still do."""
+    worker, left = Worker(seconds), 0
+    for line in judged(log):
+        if line["kind"] in SHORT:
+            family, seed = line["family"], line["seed"]
+            verdict = worker(family, seed)
+            noted(log, family, seed, verdict)
+            left += verdict.short
+            print(f"\n{family} {seed}: {verdict.kind}: {verdict.detail}", flush=True)
     worker.process.kill()
-    counted.write_text(json.dumps(whole, indent=1))
-    return sum(map(len, whole["short"].values()))
+    return left
 
 
-def page(counted: Path) -> None:
-    """The tables of docs/stability.md from a file of counts."""
-    from tests.stress.draw import fill, table
+def tables(whole: dict[str, Any]) -> str:
+    """The tables of docs/stability.md from the counts of a campaign."""
+    from tests.stress.draw import table
 
-    columns = (RIGHT, REFUSED, UNCLEAR, *SHORT)
-    whole = json.loads(counted.read_text())
-    families = whole["verdicts"]
+    columns, families = (RIGHT, REFUSED, UNCLEAR, *SHORT), whole["verdicts"]
     rows = [
         [name, str(sum(counts.values())), *(str(counts.get(kind, 0)) for kind in columns)] for name, counts in families.items()
     ]
-    reasons = sorted({reason for counts in whole["refusals"].values() for reason in counts})
-    why = [[r, *(str(whole["refusals"][name].get(r, 0)) for name in families)] for r in reasons]
-    fill(
-        "campaign",
-        table(["family", "trains", *(kind.lower() for kind in columns)], rows)
-        + "\n\n"
-        + table(["rightly refused because of", *families], why),
-    )
+    parts = [table(["family", "trains", *(kind.lower() for kind in columns)], rows)]
+    for kind, title in ((REFUSED, "rightly refused because of"), (UNCLEAR, "not judged because of")):
+        reasons = sorted({reason for counts in whole[kind].values() for reason in counts})
+        parts.append(
+            table([title, *families], [[r, *(str(whole[kind][name].get(r, 0)) for name in families)] for r in reasons])
+        )
+    return "\n\n".join(parts)
+
+
+def keep_counts(log: Path) -> None:
+    """Put the counts of a log into `COUNTS` and on the page."""
+    from tests.stress.draw import fill
+
+    whole = counted(judged(log))
+    COUNTS.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    fill("campaign", tables(whole))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("family", choices=[*sorted(FAMILIES), "again", "page"])
+    parser.add_argument("family", choices=[*sorted(FAMILIES), "all", "again", "counts"])
     parser.add_argument("count", type=int, nargs="?", default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--keep", action="store_true")
     parser.add_argument("--into", type=Path)
     given = parser.parse_args()
-    if given.family == "page":
-        page(given.into)
+    if given.family == "counts":
+        keep_counts(given.into)
         return 0
     if given.family == "again":
         return min(again(given.into, given.seconds), 1)
     counts = campaign(given.family, given.first, given.count, given.seconds, given.keep, given.into)
-    return int(any(Verdict(kind).short for kind in counts)) if counts[RIGHT] else 1
+    return int(any(kind in SHORT for kind in counts))
 
 
 if __name__ == "__main__":

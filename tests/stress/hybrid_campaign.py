@@ -59,7 +59,7 @@ def _run(
             if growth is None:
                 growth = sensitivity(solved, times, right, units)
                 if growth > MOST:
-                    return Verdict(UNCLEAR, f"a disturbance grows {growth:.0e} times")
+                    return Verdict(UNCLEAR, f"a disturbance of the start grows more than {MOST:,.0f} times | {growth:.0e}")
             if worst[-1][0] <= 1e3 * rtol * max(1.0, growth):
                 break
         else:

@@ -170,8 +170,16 @@ class HybridTrain:
         self.first_fan = self.first_controller + len(self.controllers)
         self.first_stop = self.first_fan + len(self.fans)
         self.push = push
+        known = np.zeros((2 * len(rows), 2 * n))  # twists, then speeds, of the elements: what x contributes
+        known[: len(rows), :n], known[len(rows) :, n:] = self.reach, self.reach
+        self._from_x = np.vstack([self.from_x, known])
         self._holding: dict[tuple[int, ...], tuple[Floats, Floats]] = {}
         self._last: tuple[float, Floats] = (np.nan, np.zeros(n))
+
+    def loaded(self, t: float) -> None:
+        """Take the given torques as they are from a moment on."""
+        given = self.from_z + self.push @ self.linear.forces(t)
+        self._from_z = np.vstack([given, self.twist_z, self.speed_z])
 
     def z(self, t: float) -> Floats:
         if self._last[0] != t:
@@ -193,10 +201,10 @@ class HybridTrain:
 
     def accelerations(self, t: float, x: Floats, modes: Sequence[str]) -> tuple[Floats, Floats]:
         """Of the free speeds, and the torques of the stuck elements."""
-        z, n = self.z(t), self.n
-        a: Floats = self.from_x @ x + (self.from_z + self.push_F) @ z
-        twists = self.reach @ x[:n] + self.twist_z @ z
-        speeds = self.reach @ x[n:] + self.speed_z @ z
+        z, n, m = self.z(t), self.n, len(self.rows)
+        whole = self._from_x @ x + self._from_z @ z
+        a: Floats = whole[:n]
+        twists, speeds = whole[n : n + m], whole[n + m :]
         for k, (rub, mode) in enumerate(zip(self.rubbing, modes, strict=True)):
             if mode in (FORWARD, BACKWARD):
                 a = a - rub.torque(float(speeds[k]), t, mode) * self.pushes[k]
@@ -351,7 +359,8 @@ class HybridTrain:
         x = np.concatenate([np.zeros(self.n), linear.start()[-self.n :] if self.n else np.zeros(0)])
         if disturbed is not None:
             x = x + disturbed[: len(x)]
-        t, self.push_F = 0.0, self.push @ linear.forces(0.0)
+        t = 0.0
+        self.loaded(t)
         for rub in self.rubbing:
             rub.pressed = rub.press(t) > 0
         v = self.speeds(t, x)
@@ -405,7 +414,7 @@ class HybridTrain:
                     self.broken = {}
             if stop < train.t_end:
                 events.append(stop)
-                self.push_F = self.push @ linear.forces(stop)
+                self.loaded(stop)
                 for rub in self.rubbing:
                     given = rub.part.value("f_normalized", PLAIN)
                     if isinstance(given, Signal) and any(m == stop for m, _ in given.steps):

@@ -99,8 +99,8 @@ def _run(train: Train, solved: LinearTrain, rng: random.Random, refusal: str | N
         if found.kind != RIGHT:
             shaken = right_values(LinearTrain(disturbed(train)), times)
             known, where = distance(shaken.values, right.values, right.units, right.sizes)
-            return Verdict(UNCLEAR, f"the last digits of the parameters change {where}") if known > 1e-7 else found
-    return audited(system.simulate(train.t_end, samples=2, start=start, inputs=inputs), "auto")
+            return Verdict(UNCLEAR, f"the last digits of the parameters change the motion | {where}") if known > 1e-7 else found
+    return audited(system.simulate(train.t_end, samples=9, start=start, inputs=inputs), "auto")
 
 
 def disturbed(train: Train) -> Train:

@@ -31,7 +31,7 @@ class Verdict:
 
     @property
     def reason(self) -> str:
-        """What the reference knows against a train that is refused."""
+        """What the reference knows against a train that is refused, or that is not judged."""
         return self.detail.split(" | ")[0]
 
 
