@@ -30,6 +30,7 @@ from gearlib.statics.steady_motion import (
 
 Floats = NDArray[np.float64]
 SAME = 1e-6  # of the fastest speed: motions that differ by less are one
+REST = 1e-9  # rad/s or m/s: slower than that a train stands still, and its speeds are rounding
 UNDETERMINED = 1e-8  # of a free motion of about 1, scaled; such motions are exact to about 1e-13
 
 
@@ -136,8 +137,8 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
     if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
         return motion
     other = newton(model, numbers, given, -np.concatenate([motion.constants, motion.rates]))
-    turning = np.abs(motion.rates).max(initial=0.0)
-    if (other.residual > CONTRADICTION).any() or not np.abs(other.rates - motion.rates).max(initial=0.0) > SAME * turning:
+    same = max(SAME * np.abs(motion.rates).max(initial=0.0), REST)
+    if (other.residual > CONTRADICTION).any() or not np.abs(other.rates - motion.rates).max(initial=0.0) > same:
         return motion
     fastest = int(np.argmax(np.abs(motion.rates)))
     raise ArgumentError(
@@ -162,8 +163,8 @@ def _steady_state(translation: Translation, numbers: Floats, inputs: Sequence[fl
 
 
 def _agree(motion: Motion, speeds: Sequence[Given]) -> bool:
-    size = max(abs(s.value) for s in speeds)
-    return all(abs((motion.rates if s.order else motion.constants)[s.variable] - s.value) <= SAME * size for s in speeds)
+    same = max(SAME * max(abs(s.value) for s in speeds), REST)
+    return all(abs((motion.rates if s.order else motion.constants)[s.variable] - s.value) <= same for s in speeds)
 
 
 def mobility(system: Compiled, *, parameters: Mapping[str, float] | None = None) -> int:

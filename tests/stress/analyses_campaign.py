@@ -235,6 +235,9 @@ def steady_state(system: gl.System, solved: LinearTrain, steady: Steady) -> Verd
         return Verdict(ANSWERED, steady.none)
     bodies = [p for p in solved.train.parts if p.kind == "Inertia"]
     size = max([1e-3, *(float(np.abs(result[f"{p.name}.w"]).max()) for p in bodies)])
+    if bodies:  # torques that cancel, and what they would bring all bodies to
+        given = np.abs(solved.forces(0.0) @ solved.z.at(0.0)).max()
+        size = max(size, float(given) / max(sum(p.value("J") for p in bodies), 1e-3) * float(result.time[-1]))
     for body in bodies:
         speeds = result[f"{body.name}.w"]
         wrong = close(speeds, np.full(3, speeds[0]), f"{body.name}.w, which should stay,", 1e-6, size)
