@@ -29,9 +29,11 @@ from tests.stress.hybrid_draw import hybrid_train
 from tests.stress.linear_campaign import judge_linear
 from tests.stress.linear_draw import linear_train
 from tests.stress.order import judge_order, ordered_train
+from tests.stress.page import fill, table
+from tests.stress.steady_campaign import judge_steady, steady_train
 from tests.stress.verdicts import HANG, REFUSED, RIGHT, SHORT, UNCLEAR, Verdict
 
-SHARES = {"linear": 5, "analyses": 3, "hybrid": 1, "order": 1}  # of ten trains of the whole campaign
+SHARES = {"linear": 10, "analyses": 6, "hybrid": 2, "order": 2, "steady": 1}  # of 21 trains of the whole campaign
 COUNTS = Path(__file__).with_name("campaign.json")
 
 FAMILIES: dict[str, tuple[Callable[[int], Train], Callable[[Train, int], Verdict]]] = {
@@ -39,6 +41,7 @@ FAMILIES: dict[str, tuple[Callable[[int], Train], Callable[[Train, int], Verdict
     "hybrid": (hybrid_train, judge_hybrid),
     "analyses": (analysed_train, judge_analyses),
     "order": (ordered_train, judge_order),
+    "steady": (steady_train, judge_steady),
 }
 
 
@@ -184,8 +187,6 @@ def again(log: Path, seconds: float) -> int:
 
 def tables(whole: dict[str, Any]) -> str:
     """The tables of docs/stability.md from the counts of a campaign."""
-    from tests.stress.draw import table
-
     columns, families = (RIGHT, REFUSED, UNCLEAR, *SHORT), whole["verdicts"]
     rows = [
         [name, str(sum(counts.values())), *(str(counts.get(kind, 0)) for kind in columns)] for name, counts in families.items()
@@ -193,16 +194,16 @@ def tables(whole: dict[str, Any]) -> str:
     parts = [table(["family", "trains", *(kind.lower() for kind in columns)], rows)]
     for kind, title in ((REFUSED, "rightly refused because of"), (UNCLEAR, "not judged because of")):
         reasons = sorted({reason for counts in whole[kind].values() for reason in counts})
+        if not reasons:
+            continue
         parts.append(
-            table([title, *families], [[r, *(str(whole[kind][name].get(r, 0)) for name in families)] for r in reasons])
+            table([title, *families], [[r, *(str(whole[kind].get(name, {}).get(r, 0)) for name in families)] for r in reasons])
         )
     return "\n\n".join(parts)
 
 
 def keep_counts(log: Path) -> None:
     """Put the counts of a log into `COUNTS` and on the page."""
-    from tests.stress.draw import fill
-
     whole = counted(judged(log))
     COUNTS.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
     fill("campaign", tables(whole))

@@ -24,11 +24,11 @@ FLANGES = {
         [
             "Inertia", "Disc", "Spring", "Damper", "SpringDamper", "ElastoBacklash", "ElastoBacklash2", "Clutch", "OneWayClutch",
             "Torque2", "RelativeStates", "RelAngleSensor", "RelSpeedSensor", "RelAccSensor", "TorqueSensor", "PowerSensor",
-            "MultiSensor",
+            "MultiSensor", "DetailedExternalMesh", "CubicSpringDamper", "TorsionalShaft", "ElasticCoupling", "Gearbox",
         ],
         ("flange_a", "flange_b"),
     ),
-    **dict.fromkeys(["IdealGear", "BearingFriction", "Brake"], ("flange_a", "flange_b", "support")),
+    **dict.fromkeys(["IdealGear", "LossyGear", "BearingFriction", "Brake"], ("flange_a", "flange_b", "support")),
     "IdealPlanetary": ("sun", "carrier", "ring"),
     **dict.fromkeys(["Fixed", "AngleSensor", "SpeedSensor", "AccSensor", "Switched", "Kicked"], ("flange",)),
     **dict.fromkeys(

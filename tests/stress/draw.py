@@ -2,37 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 
 from tests.benchmarks.references import SCENES
 from tests.pictures import save
+from tests.stress.page import DOCS, fill, table
 from tests.stress.test_error_band import STEPPED, TOLERANCES, ratio
 from tests.stress.test_long_runs import energy_drift, first_and_last, growth, largest_change
 from tests.stress.test_stiffness import STIFFNESSES, distance_from_rigid, run, slopes
-
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-BEGIN, END = "<!-- measured {}: begin -->\n", "<!-- measured {}: end -->"
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def fill(name: str, text: str) -> None:
-    """Put measured text between its marks on the page."""
-    page = DOCS / "stability.md"
-    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN.format(name))
-    _, end, after = rest.partition(END.format(name))
-    if not (begin and end):
-        raise ValueError(f"{page.name} has no marks for {name!r}")
-    page.write_text(before + begin + text + "\n" + end + after, encoding="utf-8")
-    print(f"{name}\n{text}\n", flush=True)
 
 
 def finish(figure: Any, name: str) -> None:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import json
+from collections import Counter
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from tests.stress.campaign import FAMILIES, judge
+from tests.stress.campaign import COUNTS, FAMILIES, SHARES, counted, judge, judged, noted, seeds, tables
 from tests.stress.described import Part, Signal, Train, shrunk
 from tests.stress.hybrid_reference import HybridTrain
 from tests.stress.linear_campaign import right_values
 from tests.stress.linear_draw import linear_train
 from tests.stress.linear_reference import LinearTrain
+from tests.stress.page import shown
+from tests.stress.verdicts import HANG, REFUSED, RIGHT, UNCLEAR, WRONG, Verdict
 
 TIMES = np.linspace(0.0, 1.0, 7)
 
@@ -105,6 +111,58 @@ def test_a_description_shrinks_to_what_matters() -> None:
     assert eval(repr(small), {"Train": Train, "Part": Part, "Signal": Signal}) == small
 
 
+# ---------------------------------------------------------------- counts
+
+
+def test_the_last_verdict_on_a_train_counts(tmp_path: Path) -> None:
+    log = tmp_path / "log.jsonl"
+    assert judged(log) == []
+    noted(log, "order", 7, Verdict(WRONG, "auto: a.w"))
+    noted(log, "linear", 3, Verdict(REFUSED, "no inertia | StartError: ..."))
+    noted(log, "linear", 4, Verdict(HANG, "no end within 60 s"))
+    noted(log, "hybrid", 1, Verdict(UNCLEAR, "a disturbance grows | 1e+05"))
+    noted(log, "order", 7, Verdict(RIGHT))
+    found = counted(judged(log))
+    assert found["verdicts"] == {"linear": {REFUSED: 1, HANG: 1}, "hybrid": {UNCLEAR: 1}, "order": {RIGHT: 1}}
+    assert found[REFUSED]["linear"] == {"no inertia": 1}
+    assert found[UNCLEAR]["hybrid"] == {"a disturbance grows": 1}
+    assert found["short"] == {"linear": {"4": HANG}, "hybrid": {}, "order": {}}
+    text = tables(found)
+    assert "| linear | 2 | 0 | 1 | 0 | 0 | 0 | 0 | 0 | 1 |" in text
+    assert "| no inertia | 1 | 0 | 0 |" in text
+    assert "| a disturbance grows | 0 | 1 | 0 |" in text
+
+
+def test_families_take_turns() -> None:
+    whole = sum(SHARES.values())
+    found = list(seeds("all", 100, 2 * whole))
+    assert len(set(found)) == len(found)
+    assert Counter(family for family, _ in found) == {family: 2 * share for family, share in SHARES.items()}
+    assert {seed for family, seed in found if family == "hybrid"} == {100, 101, 102, 103}
+    assert list(seeds("order", 5, 2)) == [("order", 5), ("order", 6)]
+
+
+def test_the_page_holds_the_counts() -> None:
+    assert shown("campaign") == tables(json.loads(COUNTS.read_text(encoding="utf-8")))
+
+
+def test_an_analysis_that_is_rightly_refused_counts_as_refused() -> None:
+    driven = part("t", "ConstantTorque", 0, tau_constant=3.0)
+    train = Train((part("a", "Inertia", 0, 0, J=2.0), driven), (0.0,), (0.0,))
+    verdict = judge("analyses", 0, train)
+    assert verdict.kind == REFUSED
+    assert verdict.reason == "what is driven has no load"
+    assert "steady state" in verdict.detail
+    assert (
+        judge(
+            "analyses",
+            0,
+            Train((*train.parts, part("d", "LinearSpeedDependentTorque", 0, tau_nominal=-1.0, w_nominal=2.0)), (0.0,), (0.0,)),
+        ).kind
+        == RIGHT
+    )
+
+
 # ---------------------------------------------------------------- gearlib against them
 
 
@@ -114,6 +172,7 @@ def test_a_description_shrinks_to_what_matters() -> None:
         *(("linear", seed) for seed in (3, 14, 17, 2160, 20084, 20104, 31020)),
         *(("hybrid", seed) for seed in (1, 4)),
         *(("analyses", seed) for seed in (6, 10002)),
+        *(("steady", seed) for seed in (3, 5, 6, 8, 14)),
     ],
 )
 def test_a_few_trains(family: str, seed: int) -> None:
@@ -122,8 +181,9 @@ def test_a_few_trains(family: str, seed: int) -> None:
 
 
 @pytest.mark.stress
-@pytest.mark.parametrize("first", range(0, 500, 50))
-@pytest.mark.parametrize("family", sorted(FAMILIES))
+@pytest.mark.parametrize(
+    ("family", "first"), [(family, first) for family in FAMILIES for first in range(0, 100 if family == "steady" else 500, 50)]
+)
 def test_many_trains(family: str, first: int) -> None:
     short = [f"{family} {seed}: {v.kind}: {v.detail}" for seed in range(first, first + 50) if (v := judge(family, seed)).short]
     assert not short, "\n".join(short)
