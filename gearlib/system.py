@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from gearlib.arguments import flag, name_list, real
-from gearlib.errors import ArgumentError, InputWarning, warn
+from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
-from gearlib.reduce.rows import some
-from gearlib.run.request import Request, check_options, output_times
+from gearlib.run.request import check_options
 from gearlib.run.result import Result, SimulatedResult
-from gearlib.run.simulate import earlier_run, run
+from gearlib.run.simulate import earlier_run, request, run, warn_of_zero_inputs
 from gearlib.run.summary import summary
 from gearlib.run.translation import Compiled, Translation, translate
 
@@ -190,34 +189,13 @@ class System(Compiled):
         ArgumentError, NameLookupError, BoundError, StartError, SolverError
             Each names what was found and what was expected.
         """
-        earlier = earlier_run(self.translation, start)
-        t_start = real(
-            "t_start", (earlier[1] if earlier else 0.0) if t_start is None else t_start, "a finite number of seconds"
-        )
-        t_end = real("t_end", t_end, "a finite number of seconds")
-        grid = output_times(t_start, t_end, samples, times, len(self.states))
-        check_options(method, rtol, max_step)
-        show, audit = flag("progress", progress), flag("audit", audit)
-        if parameters is None and earlier:
-            numbers = earlier[0].request.parameters
-            translation = self.translation.fitting(numbers)
-        else:
-            translation, numbers = self.translation.fitted(parameters)
-        if inputs is not None or not earlier:
-            signals = tuple(translation.input_signals(inputs))
-            zero = tuple(name for name in self.inputs if name not in (inputs or ()))
-        else:
-            signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
-        asked = Request(t_start, grid, method, float(rtol), atol, numbers, start, signals, show, max_step, zero)
+        audit = flag("audit", audit)
+        translation, asked = request(
+            self.translation, t_end, t_start=t_start, samples=samples, times=times, method=method, rtol=rtol, atol=atol,
+            parameters=parameters, start=start, inputs=inputs, max_step=max_step, progress=progress,
+        )  # fmt: skip
         result = run(translation, asked)
-        missed = [name for name in translation.needed_inputs if name in zero] if zero else []
-        if missed:
-            many = f"the inputs {some(missed, ', ')}: they are" if len(missed) > 1 else f"the input {missed[0]}: it is"
-            warn(
-                f"{self.name}: nobody gave {many} 0 in this run. Give simulate(inputs={{{missed[0]!r}: ...}}), 0.0 where that is "
-                "meant, or bind it in the model",
-                InputWarning,
-            )
+        warn_of_zero_inputs(translation, asked.zero_inputs)
         if audit:
             result.check_energy()
         return result

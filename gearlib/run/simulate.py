@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from gearlib.arguments import real
-from gearlib.errors import ArgumentError
+from gearlib.arguments import flag, real
+from gearlib.errors import ArgumentError, InputWarning, warn
+from gearlib.reduce.rows import some
 from gearlib.run.integrate import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
-from gearlib.run.request import Request, absolute_tolerance
+from gearlib.run.request import Request, absolute_tolerance, check_options, output_times
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Part
@@ -57,6 +60,51 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
     refuse_too_small([part for part, _, _ in found], asked.rtol)
     return SimulatedResult(found, translation, asked, run)
+
+
+def request(
+    translation: Translation, t_end: float, *, t_start: float | None = None, samples: int | None = None,
+    times: ArrayLike | None = None, method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
+    parameters: Mapping[str, float] | None = None, start: Any = None, inputs: Mapping[str, Any] | None = None,
+    max_step: float | None = None, progress: bool = False,
+) -> tuple[Translation, Request]:  # fmt: skip
+    """The translation that fits what is asked of a run, and the request with all of it checked, as `System.simulate` takes it.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError, BoundError
+        Each names what was found and what was expected.
+    """
+    names = translation.inputs
+    earlier = earlier_run(translation, start)
+    t_start = real("t_start", (earlier[1] if earlier else 0.0) if t_start is None else t_start, "a finite number of seconds")
+    t_end = real("t_end", t_end, "a finite number of seconds")
+    grid = output_times(t_start, t_end, samples, times, len(translation.states))
+    check_options(method, rtol, max_step)
+    show = flag("progress", progress)
+    if parameters is None and earlier:
+        numbers = earlier[0].request.parameters
+        translation = translation.fitting(numbers)
+    else:
+        translation, numbers = translation.fitted(parameters)
+    if inputs is not None or not earlier:
+        signals = tuple(translation.input_signals(inputs))
+        zero = tuple(name for name in names if name not in (inputs or ()))
+    else:
+        signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
+    return translation, Request(t_start, grid, method, float(rtol), atol, numbers, start, signals, show, max_step, zero)
+
+
+def warn_of_zero_inputs(translation: Translation, zero: tuple[str, ...], runs: str = "this run", given: str = "simulate") -> None:
+    """Warn of inputs that nobody gave and that the outputs depend on."""
+    missed = [name for name in translation.needed_inputs if name in zero] if zero else []
+    if missed:
+        many = f"the inputs {some(missed, ', ')}: they are" if len(missed) > 1 else f"the input {missed[0]}: it is"
+        warn(
+            f"{translation.name}: nobody gave {many} 0 in {runs}. Give {given}(inputs={{{missed[0]!r}: ...}}), 0.0 where that is "
+            "meant, or bind it in the model",
+            InputWarning,
+        )
 
 
 def earlier_run(translation: Translation, start: Any) -> tuple[SimulatedResult, float] | None:
