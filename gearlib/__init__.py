@@ -71,6 +71,8 @@ if TYPE_CHECKING:
     from gearlib.linear.frequency_response import FrequencyResponse as FrequencyResponse
     from gearlib.linear.frequency_response import frequency_response as frequency_response
     from gearlib.linear.frequency_response import transmission_error_response as transmission_error_response
+    from gearlib.many_runs.runs import Runs as Runs
+    from gearlib.many_runs.samples import grid as grid
     from gearlib.periodic.describing_function import PreloadedBacklash as PreloadedBacklash
     from gearlib.periodic.describing_function import backlash_describing_function as backlash_describing_function
     from gearlib.periodic.describing_function import equivalent_stiffness as equivalent_stiffness
@@ -112,6 +114,8 @@ _HOME = {
     **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.linear.frequency_response"),
     **dict.fromkeys(["Passivity", "passivity"], "gearlib.feedback.passivity"),
     **dict.fromkeys(["StabilityReport", "stability"], "gearlib.feedback.stability"),
+    "Runs": "gearlib.many_runs.runs",
+    "grid": "gearlib.many_runs.samples",
     "PowerFlow": "gearlib.statics.power_flow",
     **dict.fromkeys(["mobility", "power_flow", "speed_ratio"], "gearlib.statics.statics"),
     **dict.fromkeys(["GearlibError", "GearlibWarning", "InputWarning"], "gearlib.errors"),

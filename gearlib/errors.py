@@ -15,6 +15,7 @@ GearlibError
 ├── ArgumentError          a bad argument of simulate, linearize, ...
 ├── FileError              a file that cannot be read or written, is of another kind, cut off or damaged
 ├── MissingPackageError    a table or a plot needs a package that is not installed
+├── WorkerError            another process that was to carry out runs of a sweep was lost, or cannot
 └── SolverError            the integration failed; says when and where
 
 GearlibWarning (a UserWarning)
@@ -31,7 +32,7 @@ from collections.abc import Iterable
 __all__ = [
     "ArgumentError", "AttributeNameError", "BalanceError", "BindingError", "BoundError", "ConnectionError", "DeclarationError",
     "FileError", "GearlibError", "GearlibWarning", "InputWarning", "LoopError", "MissingPackageError", "ModelError",
-    "NameLookupError", "SingularError", "SolverError", "StartError",
+    "NameLookupError", "SingularError", "SolverError", "StartError", "WorkerError",
 ]  # fmt: skip
 
 
@@ -96,6 +97,10 @@ class FileError(GearlibError, ValueError):
 
 class MissingPackageError(GearlibError, ImportError):
     """A table or a plot needs a package that is not installed."""
+
+
+class WorkerError(GearlibError, RuntimeError):
+    """Another process that was to carry out runs of a sweep was lost, or cannot."""
 
 
 class SolverError(GearlibError, RuntimeError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from gearlib.run.translation import Compiled, Translation, translate
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from gearlib.many_runs.runs import Runs
     from gearlib.run.stepping.stepped_run import SteppedRun
     from gearlib.statics.power_flow import PowerFlow
     from gearlib.vibration.campbell import Campbell
@@ -116,9 +117,7 @@ class System(Compiled):
     @property
     def parameter_units(self) -> dict[str, str]:
         """Paths and units of the parameters that components declare."""
-        instances = self.translation.model.instances
-        declared = [(i.path, name, p.unit) for i in instances for name, p in i.parameters.items()]
-        return {f"{path}.{name}" if path else name: unit for path, name, unit in declared}
+        return dict(self.translation.parameter_units)
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -199,6 +198,79 @@ class System(Compiled):
         if audit:
             result.check_energy()
         return result
+
+    def sweep(
+        self, parameters: Any, t_end: float, *, names: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
+        reduce: Mapping[str, Callable[[Any], Any]] | None = None, t_start: float | None = None, samples: int | None = None,
+        times: ArrayLike | None = None, method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
+        start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
+        inputs: Mapping[str, Any] | None = None, max_step: float | None = None, executor: Any = None,
+        threads: int | None = None, to: str | os.PathLike[str] | None = None, progress: Any = False,
+    ) -> Runs:  # fmt: skip
+        """Simulate many times, with other parameters, start values or inputs each time; each run is as `simulate` would make it.
+
+        Parameters
+        ----------
+        parameters : mapping, Grid, DataFrame or array
+            What varies, by path: sequences of equal length, which run together (a single number is the same in all runs); all
+            combinations as `grid` makes them; a table with a column for each path; or an array with a row for each run, as
+            `scipy.stats.qmc` gives it, with ``names``. A path is that of a parameter or of an unbound input (then numbers or a
+            `Table` for each run), or that of a start value: ``"start(load.w)"``.
+        t_end, t_start, samples, times, method, rtol, atol, start, inputs, max_step
+            As in `simulate`, for all runs.
+        names : sequence of str, optional
+            Names of the columns of an array.
+        outputs : sequence of str, optional
+            Variables whose histories are kept; by default those that the system was compiled for, or the states; none if there is
+            a ``reduce``.
+        reduce : mapping of str to callable, optional
+            What is kept of each run: functions of its `Result` that return a number or an array.
+        executor : concurrent.futures.Executor, optional
+            Who carries the runs out: a pool of processes or threads, ``client.get_executor()`` of dask. By default this process does.
+        threads : int, optional
+            Or so many threads of this process.
+        to : path, optional
+            A file to write results to as they come, ``.zarr`` or ``.nc``. A sweep that was interrupted goes on with the same call:
+            nothing that is in the file is done again.
+        progress : bool or callable
+            True shows a bar on a terminal; a function is told the fraction done and the seconds that have passed.
+
+        Returns
+        -------
+        Runs
+            ``runs["load.w"]`` has a row for each run, or an axis for each parameter of a grid. A run that fails is NaN and stands in
+            ``runs.errors``; an interrupt (Ctrl-C) ends the sweep with the runs so far.
+
+        Raises
+        ------
+        ArgumentError, NameLookupError
+            Each names what was found and what was expected.
+        FileError
+            ``to`` is a file of another sweep.
+        GearlibError
+            Every run failed: the error of the first one.
+
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Spin(gl.Component):
+        ...     def assemble(self):
+        ...         self.torque, self.body = gp.Torque(), gp.Inertia(J=1.0)
+        ...         return [gl.connect(self.torque.flange, self.body.flange_a)]
+        >>> system = gl.compile(Spin(), outputs=["body.w"])
+        >>> runs = system.sweep({"body.J": [1.0, 2.0, 4.0], "torque.tau": 8.0}, 1.0, samples=3)
+        >>> runs["body.w"]
+        array([[0., 4., 8.],
+               [0., 2., 4.],
+               [0., 1., 2.]])
+        """
+        from gearlib.many_runs.simulations import sweep_runs
+
+        return sweep_runs(
+            self.translation, parameters, t_end, names=names, outputs=outputs, reduce=reduce, executor=executor, threads=threads,
+            to=to, progress=progress, start=start, inputs=inputs, t_start=t_start, samples=samples, times=times, method=method,
+            rtol=rtol, atol=atol, max_step=max_step,
+        )  # fmt: skip
 
     def stepper(
         self, *, t_start: float | None = None, method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,

@@ -95,7 +95,9 @@ def request(
     return translation, Request(t_start, grid, method, float(rtol), atol, numbers, start, signals, show, max_step, zero)
 
 
-def warn_of_zero_inputs(translation: Translation, zero: tuple[str, ...], runs: str = "this run", given: str = "simulate") -> None:
+def warn_of_zero_inputs(
+    translation: Translation, zero: tuple[str, ...], runs: str = "this run", given: str = "simulate"
+) -> None:
     """Warn of inputs that nobody gave and that the outputs depend on."""
     missed = [name for name in translation.needed_inputs if name in zero] if zero else []
     if missed:

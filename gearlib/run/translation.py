@@ -17,6 +17,7 @@ from gearlib.errors import ArgumentError, ModelError, NameLookupError, SingularE
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.language.component import Component
+from gearlib.language.recipes import packed
 from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
@@ -180,6 +181,12 @@ class Translation:
         declared = self.model.declaration(self.model.variable(base))
         return "" if declared is None else declared.unit + "/s" * order
 
+    @cached_property
+    def parameter_units(self) -> dict[str, str]:
+        """Paths and units of the parameters that components declare."""
+        declared = [(i.path, name, p.unit) for i in self.model.instances for name, p in i.parameters.items()]
+        return {f"{path}.{name}" if path else name: unit for path, name, unit in declared}
+
     def node(self, name: str, what: str = "variable") -> Node:
         """The variable, or derivative, that a path stands for; ``what`` it is to be is part of the message where there is none."""
         return self.structure.named(name, what, (f"cannot be an {what}", "can"))[0]
@@ -327,7 +334,7 @@ class Translation:
         return replace(begin, modes=modes[:, 0])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _translated_again, (pickle.dumps((self.component, self.outputs)), self.absent)
+        return _translated_again, (packed((self.component, self.outputs)), self.absent)
 
 
 @lru_cache(maxsize=16)

@@ -1,0 +1,211 @@
+"""`carry_out`: the runs of a sweep, one after another or by an executor; warnings once, and what was done when it is interrupted."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections import Counter
+from collections.abc import Iterable
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import shown, whole
+from gearlib.errors import ArgumentError, GearlibError, GearlibWarning, WorkerError, warn
+from gearlib.many_runs.gathering import Gathering
+from gearlib.many_runs.runs import Runs
+from gearlib.many_runs.samples import Samples, rows
+from gearlib.many_runs.work import Chunk, Warned, Work, done, done_there, here, job, noted
+from gearlib.progress import APART, Ticker, Told, reporting
+
+Integers = NDArray[np.int64]
+# A task of dask takes 2 to 5 ms beside what it does, one of a pool of processes 0.3: of a quarter of a second no more than 2 %
+TASK = 0.25  # s
+LEAST_TASKS = 8
+IN_FLIGHT = 4096  # tasks
+
+
+def carry_out(
+    work: Work, model: str, samples: Samples, *, executor: Any = None, threads: Any = None, to: Path | None = None,
+    progress: Any = False,
+) -> Runs:  # fmt: skip
+    """Carry out the runs of a sweep that are not done yet.
+
+    Parameters
+    ----------
+    work : Work
+    model : str
+        Its name.
+    samples : Samples
+    executor : concurrent.futures.Executor, optional
+        Who carries them out; this process by default.
+    threads : int, optional
+        Or so many threads of this process.
+    to : Path, optional
+        File to write to, and to go on with.
+    progress : bool or callable
+
+    Raises
+    ------
+    ArgumentError, FileError, WorkerError
+        No executor, another sweep's file, or a worker that was lost.
+    GearlibError
+        Every run failed.
+    """
+    check_executor(executor, threads)
+    gathering, interrupted, elsewhere = Gathering(work, model, samples, to), False, list[Warned]()
+    pool = ThreadPoolExecutor(threads) if threads is not None and threads > 1 else nullcontext(executor)
+    with reporting(progress, f"{model}, {len(samples)} runs") as tell, noted() as found:
+        turn = _Turn(gathering, tell)
+        try:
+            if executor is None and (threads is None or threads == 1):
+                _in_turn(turn, gathering.todo)
+            else:
+                with pool as chosen:
+                    _shared_out(turn, chosen, elsewhere)
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            gathering.write()
+        turn.report(last=True)
+        warned = [*found(), *elsewhere]
+    _warn_once(warned)
+    runs = gathering.runs(interrupted)
+    _say_what_failed(runs, interrupted)
+    return runs
+
+
+def check_executor(executor: Any, threads: Any) -> None:
+    """Raise `ArgumentError` for what carries nothing out."""
+    if executor is not None and not isinstance(executor, Executor):
+        raise ArgumentError(
+            f"executor is {shown(executor)}; expected a concurrent.futures.Executor, such as ProcessPoolExecutor() or, of dask, "
+            "client.get_executor()"
+        )
+    if threads is not None:
+        whole("threads", threads, 1)
+        if executor is not None:
+            raise ArgumentError("give an executor or threads, not both")
+
+
+class _Turn:
+    """A sweep on its way."""
+
+    def __init__(self, gathering: Gathering, tell: Told | None) -> None:
+        self.gathering, self._tell = gathering, tell
+        self._ticker, self._begin, self._came = Ticker(), time.perf_counter(), gathering.before
+
+    def one(self, run: int, given: dict[str, Any]) -> None:
+        """Carry out a run here."""
+        try:
+            self.gathering.add(run, self.gathering.work.row(given))
+        except GearlibError as problem:
+            self.gathering.fail(run, problem)
+        self.came(1)
+
+    def came(self, count: int) -> None:
+        """So many runs more have come in."""
+        self._came += count
+        if self._tell is not None and self._ticker.due():
+            self.report()
+
+    def report(self, last: bool = False) -> None:
+        """Tell how far it has got."""
+        if self._tell is not None:
+            self._tell(self._came / len(self.gathering.samples), time.perf_counter() - self._begin)
+
+
+def _in_turn(turn: _Turn, runs: Integers) -> None:
+    """Carry out some runs here."""
+    given = rows(turn.gathering.samples.part(runs), len(runs))
+    for run, values in zip(runs.tolist(), given, strict=True):
+        turn.one(run, values)
+
+
+def _shared_out(turn: _Turn, executor: Executor, elsewhere: list[Warned]) -> None:
+    """Let an executor carry the runs out, in tasks of many runs each."""
+    gathering = turn.gathering
+    seconds = _tried(turn)
+    todo, samples, work = gathering.todo, gathering.samples, gathering.work
+    size = max(1, min(math.ceil(TASK / max(seconds, 1e-6)), math.ceil(len(todo) / LEAST_TASKS)))
+    parts = [todo[first : first + size] for first in range(0, len(todo), size)]
+    same = isinstance(executor, ThreadPoolExecutor)
+    packed = b"" if same else job(work)
+    flying: dict[Future[Chunk], Integers] = {}
+    try:
+        while parts or flying:
+            while parts and len(flying) < IN_FLIGHT:
+                runs = parts.pop(0)
+                part = samples.part(runs)
+                task = (done, work, part, len(runs)) if same else (done_there, packed, part, len(runs), here())
+                flying[executor.submit(*task)] = runs
+            for future in wait(flying, timeout=APART, return_when=FIRST_COMPLETED).done:
+                runs = flying.pop(future)
+                chunk = _brought(future, gathering)
+                gathering.take(runs, chunk)
+                elsewhere += chunk.warned
+                turn.came(len(runs))
+    except BaseException:
+        for future in flying:
+            future.cancel()
+        raise
+
+
+def _tried(turn: _Turn) -> float:
+    """Carry out a run or two here, so that shapes are known, and how many runs make a task; seconds of the last one."""
+    seconds = 0.0
+    for _ in range(2):  # the first may compile
+        begin, runs = time.perf_counter(), turn.gathering.todo[:1]
+        _in_turn(turn, runs)
+        turn.gathering.write()
+        seconds = time.perf_counter() - begin
+        if seconds < 0.01:
+            break
+    return seconds
+
+
+def _brought(future: Future[Chunk], gathering: Gathering) -> Chunk:
+    """What a task brought back."""
+    try:
+        return future.result()
+    except GearlibError:
+        raise
+    except Exception as problem:  # of the executor, or of what is not there where it works
+        kept = "; what was done is in the file, and the same call goes on with it" if gathering.path is not None else ""
+        raise WorkerError(
+            f"a task was lost after {int(gathering.done.sum())} of {len(gathering.samples)} runs: {type(problem).__name__}: {problem}{kept}"
+        ) from problem
+
+
+_NUMBER = re.compile(r"\d[\d.e+-]*")
+
+
+def _warn_once(warned: Iterable[Warned]) -> None:
+    """Show each warning of the runs once, whatever the numbers in it."""
+    count: Counter[tuple[type[Warning], str]] = Counter()
+    first: dict[tuple[type[Warning], str], str] = {}
+    for category, message in warned:
+        key = category, _NUMBER.sub("#", message)
+        first.setdefault(key, message)
+        count[key] += 1
+    for key, message in first.items():
+        often = f" (in {count[key]} runs)" if count[key] > 1 else ""
+        warn(message + often, key[0])
+
+
+def _say_what_failed(runs: Runs, interrupted: bool) -> None:
+    """Warn of runs that failed, and of an interrupt."""
+    if interrupted:
+        n = int(runs.done.sum())
+        warn(
+            f"the sweep was interrupted after {n} of {len(runs)} runs; the others are NaN, runs.done says which", GearlibWarning
+        )
+    if runs.errors:
+        place, problem = next(iter(runs.errors.items()))
+        what = f"{len(runs.errors)} of {len(runs)} runs failed and are NaN; runs.errors says why"
+        warn(f"{what}: run {place}: {problem}", GearlibWarning)

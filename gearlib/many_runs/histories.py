@@ -1,0 +1,184 @@
+"""`Histories`: simulations as the work of a sweep: outputs over time, and what functions make of each run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from gearlib.arguments import by_name, name_list, real
+from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.many_runs.identity import of_functions, of_model, of_values
+from gearlib.many_runs.samples import Samples
+from gearlib.many_runs.work import Row, Work, reduced
+from gearlib.run.request import Request
+from gearlib.run.simulate import run
+from gearlib.run.start_values import start_variable
+from gearlib.run.translation import Translation
+
+START = "start("  # a name that begins so is that of a start value: start(load.w)
+TIME = "time"
+
+
+@dataclass(frozen=True, eq=False)
+class Histories(Work):
+    """Simulations of a translation.
+
+    Attributes
+    ----------
+    translation : Translation
+    asked : Request
+        Of a run in which nothing varies.
+    outputs : tuple of str
+        Variables whose histories are kept.
+    reduce : mapping of str to callable
+        What is made of each result.
+    parameters, inputs : mapping
+        What is given for all runs, by path.
+    """
+
+    translation: Translation
+    asked: Request
+    outputs: tuple[str, ...]
+    reduce: Mapping[str, Callable[[Any], Any]]
+    parameters: Mapping[str, float]
+    inputs: Mapping[str, Any]
+
+    def row(self, given: Mapping[str, Any]) -> Row:
+        asked, own = self.asked, self.translation
+        parameters = dict(self.parameters)
+        start: dict[str, float] = {}
+        inputs: dict[str, Any] = {}
+        for name, value in given.items():
+            kind = self._kinds.get(name) or self._kinds.setdefault(name, kind_of(own, name))
+            if kind == "parameter":
+                parameters[name] = value
+            elif kind == "start":
+                start[name[len(START) : -1]] = value
+            else:
+                inputs[name] = value
+        translation, numbers = own.fitted(parameters)
+        changed: dict[str, Any] = {"parameters": numbers}
+        if start:
+            changed["start"] = {**(asked.start or {}), **start}
+        if inputs:
+            changed["signals"] = tuple(translation.input_signals({**self.inputs, **inputs}))
+        result = run(translation, replace(asked, **changed))
+        return Row({name: result[name] for name in self.outputs} | reduced(self.reduce, result), self._times)
+
+    @cached_property
+    def _kinds(self) -> dict[str, str]:
+        return {}
+
+    @cached_property
+    def _times(self) -> dict[str, Any]:
+        return {TIME: self.asked.times} if self.outputs else {}
+
+    def dimensions(self, name: str) -> tuple[str, ...]:
+        return (TIME,) if name in self.outputs else ()
+
+    def unit(self, name: str) -> str:
+        own = self.translation
+        if name in own.model.parameters.index:
+            return own.parameter_units.get(name, "")
+        if name.startswith(START):
+            return own.unit(name[len(START) : -1])
+        known = (name in self.outputs and name not in own.model.discretes.names) or name in own.inputs
+        return own.unit(name) if known else ""
+
+    def identity(self) -> Iterator[bytes]:
+        asked = self.asked
+        yield from of_model(self.translation)
+        yield repr((asked.t_start, asked.method, asked.rtol, asked.max_step, self.outputs)).encode()
+        yield from of_values([asked.times, asked.atol, asked.parameters, asked.start, list(asked.signals)])
+        yield from of_functions(self.reduce)
+
+
+def histories(
+    translation: Translation, samples: Samples, asked: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any] | None,
+    outputs: Sequence[str] | None, reduce: Mapping[str, Callable[[Any], Any]] | None,
+) -> Histories:  # fmt: skip
+    """The work of a sweep of simulations, with names checked.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        No such parameter, start value, input or output, or what cannot vary.
+    """
+    functions = functions_of(reduce)
+    if outputs is not None:
+        chosen = tuple(dict.fromkeys(name_list("outputs", outputs, "load.w")))
+    elif functions:
+        chosen = ()
+    else:
+        chosen = translation.states if translation.outputs is None else translation.outputs
+    for name in chosen:
+        check_output(translation, name)
+    for name in samples.names:
+        kind = kind_of(translation, name)
+        if kind == "start" and asked.start is not None and not isinstance(asked.start, Mapping):
+            raise ArgumentError(f"parameters: {name} varies, but start={asked.start!r:.60} fixes all start values")
+        if kind != "input":
+            values = samples.columns.get(name, samples.fixed.get(name))
+            for value in [values] if name in samples.fixed else values if isinstance(values, tuple) else []:
+                real(f"parameters['{name}']", value)
+    if taken := set(samples.names) & {*chosen, *functions, TIME}:
+        raise ArgumentError(f"{taken.pop()} varies over the runs and is to be a result, too; give the result another name")
+    if both := set(chosen) & set(functions):
+        raise ArgumentError(
+            f"{both.pop()} is the name of an output and of a function in reduce; give the function another name"
+        )
+    work = Histories(translation, asked, chosen, functions, dict(parameters), dict(inputs or {}))
+    _compute_together(work)
+    return work
+
+
+def _compute_together(work: Histories) -> None:
+    """Let one program compute the outputs that the states of a run suffice for."""
+    scene = work.translation.scene
+    names = [name for name in work.outputs if name not in scene.model.discretes.names]
+    nodes = [node for node, sign in map(scene.named, names) if sign and not scene.missing(node)]
+    scene.compute_together(nodes)
+
+
+def functions_of(reduce: Any) -> dict[str, Callable[[Any], Any]]:
+    """The functions that reduce results, by name."""
+    found = by_name(
+        "reduce", reduce, "functions of a result by name, such as {'peak': lambda r: abs(r['load.w']).max()}", "peak"
+    )
+    for name, function in found.items():
+        if not callable(function):
+            raise ArgumentError(f"reduce['{name}'] is {function!r:.60}; expected a function of a result")
+    return found
+
+
+def check_output(translation: Translation, name: str) -> None:
+    """Raise `NameLookupError` for what is no variable of the model."""
+    if name not in translation.model.discretes.names:
+        translation.scene.named(name)
+
+
+def kind_of(translation: Translation, name: str) -> str:
+    """Whether a name is that of a parameter, of an input, or ``start(load.w)`` of a start value.
+
+    Raises
+    ------
+    NameLookupError
+        It is none of them.
+    """
+    model = translation.model
+    if name.startswith(START) and name.endswith(")"):
+        inner = name[len(START) : -1]
+        if inner not in model.discretes.names:
+            start_variable(model, inner)
+        return "start"
+    if name in translation.inputs:
+        return "input"
+    if name not in model.parameters.index:
+        valid = [n for n in model.parameters.names if "#" not in n and not n.startswith(START)]
+        raise NameLookupError(
+            f"the model has no parameter '{name}'; {nearest(name, [*valid, *translation.inputs])}. An input is named by its path, a "
+            "start value as 'start(load.w)'"
+        )
+    return "parameter"

@@ -1,0 +1,100 @@
+"""Progress of long calls: a bar on a terminal, or a function of the user's that is told the fraction done and the time."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from gearlib.arguments import shown
+from gearlib.errors import ArgumentError, GearlibError
+
+Told = Callable[[float, float], None]
+APART = 0.05  # s, between two reports
+
+
+def check_progress(progress: Any) -> Any:
+    """What a user gives: True, False, or a function of the fraction done (0 to 1) and the time.
+
+    Raises
+    ------
+    ArgumentError
+        Anything else.
+    """
+    if isinstance(progress, bool) or callable(progress):
+        return progress
+    raise ArgumentError(f"progress is {shown(progress)}; expected True, False, or a function of the fraction done and the time")
+
+
+@contextmanager
+def reporting(progress: Any, label: str) -> Iterator[Told | None]:
+    """What to tell the fraction done and the time, or None where nobody listens.
+
+    Parameters
+    ----------
+    progress : bool or callable
+        True shows a bar where the standard error is a terminal: that of tqdm where it is installed, a line of text otherwise.
+    label : str
+        What is going on, in front of the bar.
+    """
+    if callable(progress):
+        yield _guarded(progress)
+    elif not progress or not sys.stderr.isatty():
+        yield None
+    elif importlib.util.find_spec("tqdm") is not None:
+        yield from _bar(label)
+    else:
+        yield from _line(label)
+
+
+def _guarded(progress: Callable[[float, float], Any]) -> Told:
+    def tell(fraction: float, now: float) -> None:
+        try:
+            progress(fraction, now)
+        except GearlibError:
+            raise
+        except Exception as problem:
+            raise ArgumentError(
+                f"progress, a function, raised {type(problem).__name__}: {problem}; expected a function of the fraction done and the time"
+            ) from problem
+
+    return tell
+
+
+def _bar(label: str) -> Iterator[Told]:
+    from tqdm import tqdm
+
+    form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
+    with tqdm(total=1.0, desc=label, bar_format=form, file=sys.stderr) as bar:
+        yield lambda fraction, now: bar.update(max(0.0, fraction - bar.n))
+
+
+def _line(label: str) -> Iterator[Told]:
+    begin = time.perf_counter()
+
+    def tell(fraction: float, now: float) -> None:
+        sys.stderr.write(f"\r{label}: {100 * fraction:3.0f} %, {time.perf_counter() - begin:.1f} s")
+        sys.stderr.flush()
+
+    try:
+        yield tell
+    finally:
+        sys.stderr.write("\n")
+
+
+class Ticker:
+    """Says when it is time for a report: never more often than every 50 ms."""
+
+    def __init__(self) -> None:
+        self._next = time.perf_counter() + APART
+
+    def due(self) -> bool:
+        """Whether it is time again."""
+        now = time.perf_counter()
+        if now < self._next:
+            return False
+        self._next = now + APART
+        return True
