@@ -32,7 +32,7 @@ PIECE = 4_000_000  # bytes of a piece of a zarr array
 
 
 @dataclass(frozen=True)
-class Variable:
+class StoredArray:
     """An array of a file: names of its axes, their lengths, the kind of its numbers, and its attributes."""
 
     dimensions: tuple[str, ...]
@@ -42,11 +42,11 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Layout:
+class SweepLayout:
     """What is in a file: values with a row for each run, coordinates, and which sweep it is."""
 
     runs: int
-    values: Mapping[str, Variable]
+    values: Mapping[str, StoredArray]
     coordinates: Mapping[str, tuple[tuple[str, ...], Any, Mapping[str, str]]]  # axes, numbers or names, attributes
     attributes: Mapping[str, Any]
 
@@ -71,7 +71,7 @@ class SweepFile(ABC):
     done: NDArray[np.bool_]
     batch = 1
 
-    def __init__(self, path: Path, layout: Layout) -> None:
+    def __init__(self, path: Path, layout: SweepLayout) -> None:
         self.path, self.layout = path, layout
 
     @property
@@ -134,7 +134,7 @@ def found_header(path: Path) -> dict[str, Any] | None:
         raise FileError(f"{path} is there and is no file of a sweep; give another path, or remove it") from None
 
 
-def create(path: Path, layout: Layout) -> SweepFile:
+def create(path: Path, layout: SweepLayout) -> SweepFile:
     """A new file, with no run done."""
     kind = ZarrFile if path.suffix.lower() == ".zarr" else NetcdfFile
     kind.make(path, layout)
@@ -143,18 +143,18 @@ def create(path: Path, layout: Layout) -> SweepFile:
     return found
 
 
-def reopen(path: Path, layout: Layout) -> SweepFile:
+def reopen(path: Path, layout: SweepLayout) -> SweepFile:
     """A file that is there, to go on with."""
     return ZarrFile(path, layout) if path.suffix.lower() == ".zarr" else NetcdfFile(path, layout)
 
 
-def layout_of(header: Mapping[str, Any], coordinates: Mapping[str, Any]) -> Layout:
+def layout_of(header: Mapping[str, Any], coordinates: Mapping[str, Any]) -> SweepLayout:
     """The layout of a file from what it says of itself."""
     values = {
-        name: Variable(tuple(axes), tuple(shape), kind, told) for name, (axes, shape, kind, told) in header["values"].items()
+        name: StoredArray(tuple(axes), tuple(shape), kind, told) for name, (axes, shape, kind, told) in header["values"].items()
     }
     attributes = {key: value for key, value in header.items() if key not in ("runs", "values")}
-    return Layout(int(header["runs"]), values, coordinates, attributes)
+    return SweepLayout(int(header["runs"]), values, coordinates, attributes)
 
 
 # ---------------------------------------------------------------- zarr
@@ -163,14 +163,14 @@ def layout_of(header: Mapping[str, Any], coordinates: Mapping[str, Any]) -> Layo
 class ZarrFile(SweepFile):
     """A folder of zarr's format 2, which xarray opens."""
 
-    def __init__(self, path: Path, layout: Layout) -> None:
+    def __init__(self, path: Path, layout: SweepLayout) -> None:
         super().__init__(path, layout)
         self._group = optional("zarr").open_group(path, mode="r+")
         self.done = np.asarray(self._group[DONE][:], bool)
         self.batch = min(_piece(layout, name) for name in layout.values)
 
     @staticmethod
-    def make(path: Path, layout: Layout) -> None:
+    def make(path: Path, layout: SweepLayout) -> None:
         """A new folder, with no run done."""
         zarr = optional("zarr")
         with replacing(path) as beside:
@@ -207,7 +207,7 @@ class ZarrFile(SweepFile):
         return np.asarray(self._group[name][...])
 
 
-def _piece(layout: Layout, name: str) -> int:
+def _piece(layout: SweepLayout, name: str) -> int:
     """Runs in a piece of an array."""
     v = layout.values[name]
     row = (16 if v.kind == "c16" else 8) * max(1, int(np.prod(v.shape)))
@@ -224,7 +224,7 @@ def _zarr_header(path: Path) -> str:
 class NetcdfFile(SweepFile):
     """NetCDF 3 with 64-bit offsets, written in place."""
 
-    def __init__(self, path: Path, layout: Layout) -> None:
+    def __init__(self, path: Path, layout: SweepLayout) -> None:
         super().__init__(path, layout)
         _, places, size = _head(layout)
         if path.stat().st_size < size:
@@ -236,7 +236,7 @@ class NetcdfFile(SweepFile):
         self.done = np.array(self._places[DONE], bool)
 
     @staticmethod
-    def make(path: Path, layout: Layout) -> None:
+    def make(path: Path, layout: SweepLayout) -> None:
         """A new file, with no run done."""
         head, places, size = _head(layout)
         with replacing(path) as beside:
@@ -291,7 +291,7 @@ def _attributes(told: Mapping[str, str]) -> bytes:
     )
 
 
-def _head(layout: Layout) -> tuple[bytes, dict[str, tuple[str, tuple[int, ...], int]], int]:
+def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, ...], int]], int]:
     """The head of a file, the kind, shape and place of each variable, and the size of the file."""
     sizes: dict[str, int] = {RUN: layout.runs}
     variables: list[tuple[str, tuple[str, ...], tuple[int, ...], str, Mapping[str, str]]] = []

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gearlib import errors as kinds
 from gearlib.errors import ArgumentError, FileError, GearlibError
 from gearlib.files.contents import versions
-from gearlib.files.sweep_files import Layout, SweepFile, Variable, create, found_header, layout_of, reopen
+from gearlib.files.sweep_files import StoredArray, SweepFile, SweepLayout, create, found_header, layout_of, reopen
 from gearlib.many_runs.identity import of_values
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import RUN, Samples
@@ -45,7 +45,7 @@ class Gathering:
         self._values: dict[str, NDArray[Any]] = {}  # of all runs, or, where there is a file, of those that wait to be written
         self._waiting: list[int] = []
         self._file: SweepFile | None = None
-        self._layout: dict[str, Variable] = {}
+        self._layout: dict[str, StoredArray] = {}
         self._written, self._begin = time.perf_counter(), time.perf_counter()
         self._digest = self._identity() if path is not None else ""
         if path is not None:
@@ -103,7 +103,7 @@ class Gathering:
             return
         self.coordinates = coordinates
         self._layout = {
-            name: Variable(
+            name: StoredArray(
                 self._axes(name, np.shape(value)), np.shape(value), "c16" if np.iscomplexobj(value) else "f8",
                 {"units": self.work.unit(name), "coordinates": " ".join(self.samples.numbers)},
             )
@@ -118,7 +118,7 @@ class Gathering:
             "digest": self._digest, "model": self.model, "shape": shape, "axes": list(self.samples.axes), **versions(),
             "coordinates": {name: np.asarray(numbers).tolist() for name, numbers in coordinates.items()},
         }  # fmt: skip
-        self._file = create(self.path, Layout(len(self.samples), self._layout, self._columns(), told))
+        self._file = create(self.path, SweepLayout(len(self.samples), self._layout, self._columns(), told))
         self._values = blank(row, self._file.batch)
 
     def _axes(self, name: str, shape: tuple[int, ...]) -> tuple[str, ...]:

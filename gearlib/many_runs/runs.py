@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gearlib.arguments import one_name
 from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
 from gearlib.files.contents import versions
-from gearlib.files.sweep_files import Variable
+from gearlib.files.sweep_files import StoredArray
 from gearlib.many_runs.samples import RUN, Samples
 from gearlib.optional import optional
 
@@ -38,7 +38,7 @@ class Runs:
     """
 
     def __init__(
-        self, model: str, samples: Samples, values: Mapping[str, Variable], read: Callable[[str], NDArray[Any]],
+        self, model: str, samples: Samples, values: Mapping[str, StoredArray], read: Callable[[str], NDArray[Any]],
         coordinates: Mapping[str, Any], done: NDArray[np.bool_], errors: Mapping[int, GearlibError], units: Mapping[str, str],
         stats: Mapping[str, Any],
     ) -> None:  # fmt: skip

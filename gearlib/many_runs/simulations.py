@@ -8,9 +8,9 @@ from typing import Any
 from gearlib.errors import ArgumentError
 from gearlib.files.sweep_files import sweep_path
 from gearlib.many_runs.carry_out import carry_out, check_executor
-from gearlib.many_runs.histories import START, histories, kind_of
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import as_samples
+from gearlib.many_runs.simulating import START, kind_of, simulating
 from gearlib.progress import check_progress
 from gearlib.run.simulate import request, warn_of_zero_inputs
 from gearlib.run.translation import Translation
@@ -43,5 +43,5 @@ def sweep_runs(
     )  # fmt: skip
     warn_of_zero_inputs(translation, asked.zero_inputs, "all runs of this sweep", "sweep")
     common = {**(inputs or {}), **given}
-    work = histories(own, samples, asked, fixed, common, outputs, reduce)
+    work = simulating(own, samples, asked, fixed, common, outputs, reduce)
     return carry_out(work, own.name, samples, executor=executor, threads=threads, to=path, progress=progress)

@@ -11,7 +11,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -159,17 +158,10 @@ def job(work: Work) -> bytes:
         ) from problem
 
 
-@lru_cache(maxsize=4)
-def _opened(packed_work: bytes) -> Work:
-    work = pickle.loads(packed_work)
-    assert isinstance(work, Work)
-    return work
-
-
 def done_there(packed_work: bytes, part: Mapping[str, Any], count: int, home: str) -> Chunk:
-    """Carry out some runs in another process, which opens the work once; ``home`` is the process that asks, which keeps warnings itself."""
-    with _opening:
-        work = _opened(packed_work)
+    """Carry out some runs in another process, which translates a model once; ``home`` is the one that asks, and keeps warnings."""
+    with _opening:  # one translation, though several threads may begin
+        work: Work = pickle.loads(packed_work)
     if here() == home:
         return done(work, part, count)
     with noted() as found:

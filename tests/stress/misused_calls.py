@@ -125,6 +125,7 @@ def analyses() -> list[Call]:
             lambda: {"component": Drive(), "t_end": 0.1, "samples": 3},
             taken=frozenset(inspect.signature(gl.System.simulate).parameters) - {"self", "t_end"} | {"outputs", "nonsense"},
         ),
+        Call("grid", gl.grid, lambda: {"values": {"load.J": [1.0, 2.0]}}),
         Call("check_units", gl.check_units, lambda: {"component": Drive()}),
         Call("modes", gl.modes, s),
         Call("mobility", gl.mobility, s),
@@ -215,6 +216,8 @@ def methods() -> list[Call]:
         oscillator(), 1.5, 0.5, frequency="w", harmonics=1, samples=16, outputs=["x"], step=0.1, points=50
     )
 
+    runs = s.sweep({"load.J": [1.0, 2.0]}, 0.1, samples=3, inputs={"torque.tau": 1.0})
+
     def steps() -> gl.SteppedRun:
         return s.stepper(inputs={"torque.tau": 1.0}, method="rk")
 
@@ -227,6 +230,12 @@ def methods() -> list[Call]:
         Call("System.simulate by rk", s.simulate, lambda: {"t_end": 0.1, "samples": 3, "method": "rk"}),
         Call("System.simulate by ida", s.simulate, lambda: {"t_end": 0.1, "samples": 3, "method": "ida"}),
         Call("System.simulate on", s.simulate, lambda: {"t_end": 10.1, "samples": 3, "start": (r, 10.0)}),
+        Call("System.sweep", s.sweep, lambda: {"parameters": {"load.J": [1.0, 2.0]}, "t_end": 0.1, "samples": 3}),
+        Call("Runs[]", runs.__getitem__, lambda: {"name": "load.w"}),
+        Call("Runs.keys", runs.keys),
+        Call("Runs.unit", runs.unit, lambda: {"name": "load.w"}),
+        Call("Runs.to_xarray", runs.to_xarray),
+        Call("Runs.to_dataframe", runs.to_dataframe),
         Call("System.linearize", s.linearize),
         Call("System.linearize sparsely", s.linearize, lambda: {"sparse": True}),
         Call("System.power_flow", s.power_flow, lambda: {"speeds": {"load.w": 1.0}}),

@@ -21,7 +21,7 @@ from tests.stress.misused_calls import GROUPS, run, system
 NO_ARGUMENTS = {"GearlibError", "GearlibWarning", "InputWarning", "pi", "time"}  # an exception, warnings and two symbols
 MADE_BY_ANALYSES = {
     "Campbell", "EnergyBalance", "FrequencyResponse", "HarmonicBalance", "Modes", "OrderSpectrum", "OrderWaterfall", "PowerFlow",
-    "Result", "Passivity",
+    "Result", "Passivity", "Runs",
     "StabilityReport", "System", "Bond", "Causality", "StateEquations", "PlanetPhasing", "StiffnessPattern", "StiffnessLaw",
 }  # fmt: skip
 CONNECTORS = {"Flange", "HeatPort", "PlanarFlange", "TranslationalFlange"}  # as Connector
@@ -52,6 +52,7 @@ def test_methods_of_what_comes_back_are_misused() -> None:
         gl.HarmonicBalance,
         gl.OrderSpectrum,
         gl.PowerFlow,
+        gl.Runs,
         gl.SteppedRun,
     ):
         own = {name for name, value in vars(kind).items() if callable(value) and not name.startswith("_")}

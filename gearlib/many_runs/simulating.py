@@ -1,4 +1,4 @@
-"""`Histories`: simulations as the work of a sweep: outputs over time, and what functions make of each run."""
+"""`Simulating`: simulations as the work of a sweep: outputs over time, and what functions make of each run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TIME = "time"
 
 
 @dataclass(frozen=True, eq=False)
-class Histories(Work):
+class Simulating(Work):
     """Simulations of a translation.
 
     Attributes
@@ -46,7 +46,7 @@ class Histories(Work):
     inputs: Mapping[str, Any]
 
     def row(self, given: Mapping[str, Any]) -> Row:
-        asked, own = self.asked, self.translation
+        asked, own, coordinates = self.asked, self.translation, self._coordinates
         parameters = dict(self.parameters)
         start: dict[str, float] = {}
         inputs: dict[str, Any] = {}
@@ -65,14 +65,18 @@ class Histories(Work):
         if inputs:
             changed["signals"] = tuple(translation.input_signals({**self.inputs, **inputs}))
         result = run(translation, replace(asked, **changed))
-        return Row({name: result[name] for name in self.outputs} | reduced(self.reduce, result), self._times)
+        return Row({name: result[name] for name in self.outputs} | reduced(self.reduce, result), coordinates)
 
     @cached_property
     def _kinds(self) -> dict[str, str]:
         return {}
 
     @cached_property
-    def _times(self) -> dict[str, Any]:
+    def _coordinates(self) -> dict[str, Any]:
+        """The times; and one program is made to compute the outputs that the states of a run suffice for."""
+        scene = self.translation.scene
+        names = [name for name in self.outputs if name not in scene.model.discretes.names]
+        scene.compute_together([node for node, sign in map(scene.named, names) if sign and not scene.missing(node)])
         return {TIME: self.asked.times} if self.outputs else {}
 
     def dimensions(self, name: str) -> tuple[str, ...]:
@@ -95,10 +99,10 @@ class Histories(Work):
         yield from of_functions(self.reduce)
 
 
-def histories(
+def simulating(
     translation: Translation, samples: Samples, asked: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any] | None,
     outputs: Sequence[str] | None, reduce: Mapping[str, Callable[[Any], Any]] | None,
-) -> Histories:  # fmt: skip
+) -> Simulating:  # fmt: skip
     """The work of a sweep of simulations, with names checked.
 
     Raises
@@ -129,17 +133,7 @@ def histories(
         raise ArgumentError(
             f"{both.pop()} is the name of an output and of a function in reduce; give the function another name"
         )
-    work = Histories(translation, asked, chosen, functions, dict(parameters), dict(inputs or {}))
-    _compute_together(work)
-    return work
-
-
-def _compute_together(work: Histories) -> None:
-    """Let one program compute the outputs that the states of a run suffice for."""
-    scene = work.translation.scene
-    names = [name for name in work.outputs if name not in scene.model.discretes.names]
-    nodes = [node for node, sign in map(scene.named, names) if sign and not scene.missing(node)]
-    scene.compute_together(nodes)
+    return Simulating(translation, asked, chosen, functions, dict(parameters), dict(inputs or {}))
 
 
 def functions_of(reduce: Any) -> dict[str, Callable[[Any], Any]]:
