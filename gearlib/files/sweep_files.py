@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import shown
+from gearlib.arguments import as_path, shown
 from gearlib.errors import ArgumentError, FileError
-from gearlib.files.formats import as_path
 from gearlib.files.replacing import replacing
 from gearlib.optional import optional
 
