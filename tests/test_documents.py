@@ -21,6 +21,10 @@ PAGES = [
     "docs/gear_physics.md",
     "docs/energy.md",
     "docs/files.md",
+    "docs/accuracy.md",
+    "docs/components.md",
+    "docs/errors.md",
+    "docs/own_gearbox.md",
 ]
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
