@@ -2,10 +2,12 @@
 An electric car's tip-in: clunk and shuffle
 ===========================================
 
-The driver steps on the pedal while the car recuperates: the torque changes its sign, the play of the driveline is crossed, and the flanks meet
-with a clunk. Then car and motor swing against each other, a few times a second: shuffle. A torque that waits in the play is the remedy.
+The driver steps on the pedal while the car recuperates: the torque changes its sign, the play of the driveline is crossed,
+and the flanks meet with a clunk. Then car and motor swing against each other, a few times a second: shuffle. A torque that
+waits in the play is the remedy.
 
-Three checks: the shuffle's frequency by hand, the time of free flight by the motion of the motor alone, and the car's speed by its momentum.
+Three checks: the shuffle's frequency by hand, the time of free flight by the motion of the motor alone, and the car's speed
+by its momentum.
 """
 
 import math
@@ -47,8 +49,8 @@ system = gl.compile(Car())
 # %%
 # The shuffle's frequency
 # -----------------------
-# The motor's inertia counts with the square of the ratio, the car's mass with that of the wheel's radius. The model is linearised where the
-# flanks are pressed.
+# The motor's inertia counts with the square of the ratio, the car's mass with that of the wheel's radius. The model is
+# linearised where the flanks are pressed.
 
 J_1, J_2 = RATIO**2 * J_MOTOR, J_WHEELS + MASS * RADIUS**2
 by_hand = math.sqrt(C * (1 / J_1 + 1 / J_2)) / (2 * math.pi)
@@ -61,8 +63,8 @@ assert abs(shuffle - by_hand) < 1e-6 * by_hand
 # %%
 # Tip-in
 # ------
-# From -15 N.m to 200 N.m, at once within 30 ms, or with a stop at 4 N.m while the play is crossed and then within one period of the shuffle,
-# which a ramp of that length does not excite.
+# From -15 N.m to 200 N.m, at once within 30 ms, or with a stop at 4 N.m while the play is crossed and then within one period
+# of the shuffle, which a ramp of that length does not excite.
 
 REGEN, FULL = -15.0, 200.0
 fast = gl.Table([0.0, 0.2, 0.23, 1.5], [REGEN, REGEN, FULL, FULL])
@@ -87,7 +89,8 @@ for name, found in (("at once", sudden), ("with a stop", gentle)):
 # %%
 # Free flight
 # -----------
-# In the play, the motor turns alone. Its angle is its torque's double integral, from where a sample first lies within the play.
+# In the play, the motor turns alone. Its angle is its torque's double integral, from where a sample first lies within the
+# play.
 
 
 def momentum(torque, t):
@@ -111,7 +114,8 @@ def phi(t):
 meets = brentq(lambda t: phi(t) + PLAY / 2, t_0 + 1e-3, t_0 + 0.1)
 leaves, contact = (t for t, what in sudden.events if what.endswith("contact"))
 print(f"the flanks meet at {contact:.7f} s in the run, at {meets:.7f} s by the motor's motion alone")
-assert leaves < t_0 < contact and abs(contact - meets) < 1e-7
+assert leaves < t_0 < contact
+assert abs(contact - meets) < 1e-7
 
 # %%
 # Momentum

@@ -2,9 +2,10 @@
 A wind turbine's drivetrain: free vibration, critical speeds, power flow, a gust
 ================================================================================
 
-The masses and the shaft are those of the NREL 5 MW reference turbine (Jonkman, Butterfield, Musial, Scott, NREL/TP-500-38060, 2009). Its gearbox
-has the ratio 97 and no teeth; here it is a planetary stage and two pairs of gears, as gearboxes of this size are built.
-Three checks stand in the text: the first natural frequency by hand, the gearbox' ratio by Willis, the gust's response by the modes.
+The masses and the shaft are those of the NREL 5 MW reference turbine (Jonkman, Butterfield, Musial, Scott, NREL/TP-500-38060,
+2009). Its gearbox has the ratio 97 and no teeth; here it is a planetary stage and two pairs of gears, as gearboxes of this
+size are built. Three checks stand in the text: the first natural frequency by hand, the gearbox' ratio by Willis, the gust's
+response by the modes.
 """
 
 import math
@@ -18,7 +19,8 @@ import gearparts as gp
 # %%
 # The numbers
 # -----------
-# Hub and blades about the shaft, the generator about its own, and the shaft between rotor and gearbox. Rated: 12.1 rpm, 5.3 MW at the rotor.
+# Hub and blades about the shaft, the generator about its own, and the shaft between rotor and gearbox. Rated: 12.1 rpm, 5.3
+# MW at the rotor.
 
 J_ROTOR, J_GENERATOR = 38_759_228.0, 534.116  # kg.m2
 C_SHAFT, D_SHAFT = 867_637_000.0, 6_215_000.0  # N.m/rad, N.m.s/rad
@@ -63,8 +65,8 @@ assert abs(ratio - RATIO) < 1e-9 * RATIO
 # %%
 # The first natural frequency
 # ---------------------------
-# Rotor and generator swing against each other. By hand, with the generator's inertia as the shaft sees it:
-# :math:`\omega = \sqrt{c (1/J_r + 1/(i^2 J_g))}`.
+# Rotor and generator swing against each other. By hand, with the generator's inertia as the shaft sees it: :math:`\omega =
+# \sqrt{c (1/J_r + 1/(i^2 J_g))}`.
 
 modes = gl.modes(system)
 by_hand = math.sqrt(C_SHAFT * (1 / J_ROTOR + 1 / (ratio**2 * J_GENERATOR))) / (2 * math.pi)
@@ -105,8 +107,8 @@ below.plot(times, result["rotor.w"] * 30 / math.pi)
 below.set(xlabel="time, s", ylabel="rotor, rpm")
 
 # %%
-# What remains of the 3P excitation in the shaft is what the frequency response says. Below the natural frequency the rotor's inertia takes
-# most of it:
+# What remains of the 3P excitation in the shaft is what the frequency response says. Below the natural frequency the rotor's
+# inertia takes most of it:
 
 response = gl.frequency_response(system, [3 * W_RATED], ["wind"], ["shaft.tau"])
 expected = 0.05 * TAU_RATED * abs(response["shaft.tau", "wind"][0])
