@@ -83,8 +83,11 @@ if TYPE_CHECKING:
     from gearlib.periodic.order_analysis import order_spectrum as order_spectrum
     from gearlib.periodic.order_analysis import order_waterfall as order_waterfall
     from gearlib.run.energy.energy_balance import EnergyBalance as EnergyBalance
+    from gearlib.run.methods.method import Method as Method
+    from gearlib.run.methods.method_table import register_method as register_method
     from gearlib.run.result import Result as Result
     from gearlib.run.stepping.stepped_run import SteppedRun as SteppedRun
+    from gearlib.solvers.drive.explicit_stepper import ExplicitStepper as ExplicitStepper
     from gearlib.solvers.inputs.table import Table as Table
     from gearlib.statics.power_flow import PowerFlow as PowerFlow
     from gearlib.statics.statics import mobility as mobility
@@ -136,6 +139,9 @@ _HOME = {
     "EnergyBalance": "gearlib.run.energy.energy_balance",
     "check_units": "gearlib.language.dimensions",
     "Result": "gearlib.run.result",
+    "Method": "gearlib.run.methods.method",
+    "register_method": "gearlib.run.methods.method_table",
+    "ExplicitStepper": "gearlib.solvers.drive.explicit_stepper",
     **dict.fromkeys(["load_parameters", "save_parameters"], "gearlib.files.parameter_sets"),
     "load_result": "gearlib.stored_result",
     "SteppedRun": "gearlib.run.stepping.stepped_run",

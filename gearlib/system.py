@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from gearlib.arguments import flag, name_list, real
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
+from gearlib.run.methods.method import Method
 from gearlib.run.request import check_options
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.simulate import earlier_run, request, run, warn_of_zero_inputs
@@ -137,7 +138,8 @@ class System(Compiled):
 
     def simulate(
         self, t_end: float, *, t_start: float | None = None, samples: int | None = None, times: ArrayLike | None = None,
-        method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None, parameters: Mapping[str, float] | None = None,
+        method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
+        parameters: Mapping[str, float] | None = None,
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None, progress: bool = False,
         audit: bool = False,
@@ -152,9 +154,10 @@ class System(Compiled):
             Number of equidistant output times (501).
         times : array, optional
             Output times instead, s, increasing, from ``t_start`` on or later.
-        method : {"auto", "exact", "ida", "rk", "rk5", "rk8"}
+        method : {"auto", "exact", "ida", "rk", "rk5", "rk8"} or Method
             ``"exact"``: matrix exponential of a linear scene. ``"ida"``: SUNDIALS IDA. ``"rk"``: explicit Runge-Kutta, order by
-            tolerance. ``"auto"`` picks, and ``result.stats`` says why.
+            tolerance. ``"auto"`` picks, and ``result.stats`` says why. A `Method` of one's own, or the name under which it was
+            registered (`register_method`).
         rtol : float
             Relative tolerance, 1e-13 .. 0.1.
         atol : float or array, optional
@@ -273,7 +276,7 @@ class System(Compiled):
         )  # fmt: skip
 
     def stepper(
-        self, *, t_start: float | None = None, method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
+        self, *, t_start: float | None = None, method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
         parameters: Mapping[str, float] | None = None,
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None,
@@ -284,7 +287,7 @@ class System(Compiled):
         ----------
         t_start : float, optional
             s; 0 unless given, or where a run that goes on had got to.
-        method : {"auto", "ida", "rk", "rk5", "rk8"}
+        method : {"auto", "ida", "rk", "rk5", "rk8"} or Method
             As in `simulate`; ``"auto"`` takes Runge-Kutta, and IDA where that gets on faster.
         rtol, atol, parameters, start
             As in `simulate`.

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import is_real, real, reals, shown, whole
-from gearlib.errors import ArgumentError, nearest
-from gearlib.run.integrate import METHODS
+from gearlib.errors import ArgumentError
+from gearlib.run.methods.method import Method
+from gearlib.run.methods.method_table import method_of
 
 Floats = NDArray[np.float64]
 INCREASING = "an increasing sequence of finite numbers, s"
@@ -26,7 +27,7 @@ class Request:
 
     t_start: float
     times: Floats
-    method: str
+    method: str | Method
     rtol: float
     atol: ArrayLike | None
     parameters: Floats
@@ -86,13 +87,11 @@ def _check_times(grid: bytes, t_start: float, t_end: float) -> None:
         raise ArgumentError(f"times must lie in t_start .. t_end ({t_start:g} .. {t_end:g}), got {times[0]:g} .. {times[-1]:g}")
 
 
-def check_options(method: str, rtol: float, max_step: float | None) -> None:
+def check_options(method: str | Method, rtol: float, max_step: float | None) -> None:
     """Raise `ArgumentError` for an unknown method, a tolerance or a step out of range."""
     if max_step is not None and not real("max_step", max_step, "a positive number of seconds, or None") >= SHORTEST:
         raise ArgumentError(f"max_step is {shown(max_step)}; expected a positive number of seconds, or None")
-    if not isinstance(method, str) or method not in METHODS:
-        advice = nearest(method, METHODS) if isinstance(method, str) else f"Valid names: {', '.join(METHODS)}"
-        raise ArgumentError(f"there is no method {shown(method)}; {advice}")
+    method_of(method)
     if not (is_real(rtol) and 1e-13 <= rtol <= 0.1):
         raise ArgumentError(f"rtol is {shown(rtol)}; expected a number from 1e-13 to 0.1")
 

@@ -22,7 +22,7 @@ from gearlib.files.contents import Record, versions
 from gearlib.optional import optional
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
-from gearlib.run.segment import Part
+from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
 from gearlib.run.translation import Translation
 from gearlib.structure.incidence import Node
@@ -294,7 +294,7 @@ class SimulatedResult(Result):
     """
 
     def __init__(
-        self, parts: Sequence[tuple[Part, Mapping[str, Any], Sequence[Any]]], translation: Translation, request: Request,
+        self, parts: Sequence[tuple[Segment, Mapping[str, Any], Sequence[Any]]], translation: Translation, request: Request,
         run: Callable[[Translation, Request, Scene], SimulatedResult],
     ) -> None:  # fmt: skip
         (first, stats, _), *later = parts
@@ -306,7 +306,7 @@ class SimulatedResult(Result):
             self.stats["segments"] = len(parts)
         self.events = list(chain.from_iterable(events for *_, events in parts))
         times = np.array([event[0] for event in self.events], float)
-        self._parts = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]
+        self._segments = [part for part, *_ in parts] if later else [replace(first, events=times, finer=self._finer)]
         self.scene, self.translation, self.request = first.scene, translation, request
         self._outputs = translation.states if translation.outputs is None else translation.outputs
         self._run = run
@@ -314,8 +314,8 @@ class SimulatedResult(Result):
         self._extended: SimulatedResult | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin) for p in self._parts]
-        if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._parts):
+        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin) for p in self._segments]
+        if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._segments):
             raise TypeError("a run whose states changed on the way cannot be pickled; take its histories: {name: result[name]}")
         return _restored, (self.translation, self.request, self._run, parts, self.stats, self.events)
 
@@ -325,7 +325,7 @@ class SimulatedResult(Result):
                 f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
             )
         if name in self.scene.model.discretes.names:
-            return self._joined(part.discrete(name) for part in self._parts)
+            return self._joined(part.discrete(name) for part in self._segments)
         node, sign = self.scene.named(name)
         if sign == 0:
             return np.zeros_like(self.time)
@@ -373,7 +373,7 @@ class SimulatedResult(Result):
         return Record(
             self.time, histories, tuple(chosen), tuple(column for column, _ in places), tuple(sign for _, sign in places),
             tuple(unit for unit, _ in told), tuple(text for _, text in told), translation.name, known, self.stats,
-            tuple(self.events), {"method": asked.method, "rtol": asked.rtol, "atol": asked.atol, "t_start": asked.t_start,
+            tuple(self.events), {"method": str(asked.method), "rtol": asked.rtol, "atol": asked.atol, "t_start": asked.t_start,
             "max_step": asked.max_step}, versions(),
         )  # fmt: skip
 
@@ -383,7 +383,7 @@ class SimulatedResult(Result):
         for name in [*names, *self.scene.model.discretes.names]:
             with suppress(NameLookupError):
                 if name in self.scene.model.discretes.names:
-                    self._parts[0].discrete(name)
+                    self._segments[0].discrete(name)
                 else:
                     self.scene.named(name)
                 kept.append(name)
@@ -411,7 +411,7 @@ class SimulatedResult(Result):
         missing = {state for node in nodes for state in self.scene.missing(node)}
         if missing:
             self._extend(missing)
-        for part in self._parts:
+        for part in self._segments:
             part.scene.compute_together([n for n in nodes if not self.scene.missing(n)])
         if missing and self._extended is not None:
             self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
@@ -426,8 +426,8 @@ class SimulatedResult(Result):
     @property
     def states(self) -> Floats:
         """Histories of the integrated states, shape (samples, states)."""
-        if len(self._parts) == 1:
-            return self._parts[0].states
+        if len(self._segments) == 1:
+            return self._segments[0].states
         return np.column_stack([self.history_of(node) for node in self.scene.states])
 
     def _again(self, states: tuple[Node, ...], times: Floats | None = None) -> SimulatedResult:
@@ -455,14 +455,14 @@ class SimulatedResult(Result):
                 guess[v] = self.history_of((v, 0))[sample]
         return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
 
-    def _finer(self, times: Floats) -> Part:
+    def _finer(self, times: Floats) -> Segment:
         """The run at other times: it is done again to its end, with the same steps."""
-        part: Part = self._again(self.scene.states, np.union1d(times, self.time[-1:]))._parts[0]
+        part: Segment = self._again(self.scene.states, np.union1d(times, self.time[-1:]))._segments[0]
         return part
 
-    def segment_at(self, t: float) -> Part:
+    def segment_at(self, t: float) -> Segment:
         """The part of the run that a time lies in."""
-        return next(part for part in reversed(self._parts) if part.time[0] <= t)
+        return next(part for part in reversed(self._segments) if part.time[0] <= t)
 
     def _joined(self, histories: Iterable[Floats]) -> Floats:
         """One history of the parts'; each later part begins at the end of the one before."""
@@ -473,10 +473,10 @@ class SimulatedResult(Result):
         """Of a variable of the flat equations, or of a derivative of one."""
         if node not in self._known:
             missing = self.scene.missing(node)
-            if not missing and len(self._parts) == 1:
-                return self._parts[0].history(node)
+            if not missing and len(self._segments) == 1:
+                return self._segments[0].history(node)
             if not missing:
-                self._known[node] = self._joined(part.history(node) for part in self._parts)
+                self._known[node] = self._joined(part.history(node) for part in self._segments)
             else:
                 self._known[node] = self._extend(missing).history_of(node)
         return self._known[node]
@@ -521,7 +521,7 @@ def _restored(
     stats: dict[str, Any], events: list[Any],
 ) -> SimulatedResult:  # fmt: skip
     """A result that comes from another process."""
-    made = [(Part(translation.with_states(states), *rest), stats, ()) for states, *rest in parts]
+    made = [(Segment(translation.with_states(states), *rest), stats, ()) for states, *rest in parts]
     result = SimulatedResult(made, translation, request, run)
     result.stats, result.events = stats, events
     return result

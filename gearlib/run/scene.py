@@ -103,7 +103,7 @@ class Scene:
         return self._missing[node]
 
     def computing(self, node: Node) -> Program:
-        """Computes a variable from the states; kept for the next run."""
+        """Computes a variable from the states; cached for the next run."""
         if node not in self._computing:
             together = self.outputs if node in self.outputs else (node,)
             program = build(self.structure, together, self.states, dynamic=False)
@@ -219,7 +219,7 @@ class Scene:
         return Numbers(parameters, main, relations)
 
     def prepared(self, parameters: Floats) -> Numbers:
-        """The same, kept for the parameters that were last used."""
+        """The same, cached for the parameters that were last used."""
         key = parameters.tobytes()
         found = self._prepared.get(key)
         if found is None:

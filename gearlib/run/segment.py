@@ -1,4 +1,4 @@
-"""`Part`: a segment of a run with one set of states, and the variables computed from them."""
+"""`Segment`: a segment of a run with one set of states, and the variables computed from them."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
 from gearlib.program.program import Program
 from gearlib.program.relations import relations_of
 from gearlib.run.branch import Branch, follow
-from gearlib.run.integrate import Outcome, Run
+from gearlib.run.methods.run import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.scene import Scene, node_name, settle_once
 from gearlib.solvers.inputs.table import values
+from gearlib.solvers.problem import Solution
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Segment:
     """States and modes at the samples; other variables are computed from them when they are asked for."""
 
     scene: Scene
@@ -40,13 +41,13 @@ class Part:
     known: dict[Node, Floats] = field(default_factory=dict)
     computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
     events: Floats = field(default_factory=lambda: np.empty(0))
-    finer: Callable[[Floats], Part] | None = None  # the same at other times
+    finer: Callable[[Floats], Segment] | None = None  # the same at other times
     branches: list[Branch] = field(default_factory=list)
 
     @classmethod
-    def of(cls, run: Run, outcome: Outcome, first: int = 0) -> Part:
+    def of(cls, run: Run, solution: Solution, first: int = 0) -> Segment:
         """What a run brought back, from one of its samples on."""
-        time, states, modes = run.times[first : len(outcome.states)], outcome.states[first:], outcome.relations[first:]
+        time, states, modes = run.times[first : len(solution.x)], solution.x[first:], solution.modes[first:]
         return cls(run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]))
 
     def history(self, node: Node) -> Floats:

@@ -12,13 +12,15 @@ from numpy.typing import ArrayLike
 from gearlib.arguments import flag, real
 from gearlib.errors import ArgumentError, InputWarning, warn
 from gearlib.reduce.rows import some
-from gearlib.run.integrate import Run
+from gearlib.run.methods.method import Method
+from gearlib.run.methods.method_table import method_of
+from gearlib.run.methods.run import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_options, output_times
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.scene import Scene
-from gearlib.run.segment import Part
+from gearlib.run.segment import Segment
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import Table, values
@@ -49,14 +51,16 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     first = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step)
     if asked.progress:
         print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
-    parts = integrate_through(first, asked.method, translation.switched)
+    parts = integrate_through(first, method_of(asked.method), translation.switched)
     if asked.progress:
         print(
             f"{translation.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s"
         )
     hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, where it was not asked for
     given = {"zero_inputs": asked.zero_inputs}
-    found = [(Part.of(part, o, skipped), o.stats | given, o.events) for (part, o), skipped in zip(parts, hidden, strict=True)]
+    found = [
+        (Segment.of(part, o, skipped), o.stats | given, o.events) for (part, o), skipped in zip(parts, hidden, strict=True)
+    ]
     asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
     refuse_too_small([part for part, _, _ in found], asked.rtol)
     return SimulatedResult(found, translation, asked, run)
@@ -64,7 +68,7 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
 
 def request(
     translation: Translation, t_end: float, *, t_start: float | None = None, samples: int | None = None,
-    times: ArrayLike | None = None, method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
+    times: ArrayLike | None = None, method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
     parameters: Mapping[str, float] | None = None, start: Any = None, inputs: Mapping[str, Any] | None = None,
     max_step: float | None = None, progress: bool = False,
 ) -> tuple[Translation, Request]:  # fmt: skip

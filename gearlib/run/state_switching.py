@@ -10,27 +10,32 @@ from dataclasses import replace
 
 import numpy as np
 
+from gearlib.errors import SolverError
 from gearlib.program.build import build
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import choose_again
-from gearlib.run.integrate import Floats, Left, Outcome, Run, integrate
+from gearlib.run.integrate import integrate
+from gearlib.run.methods.method import Integrates, explained
+from gearlib.run.methods.native_problem import Floats, memory
+from gearlib.run.methods.run import Run
 from gearlib.run.scene import Scene, needed_states
 from gearlib.run.start_values import Start
 from gearlib.solvers.inputs.table import values
+from gearlib.solvers.problem import Solution
 from gearlib.structure.incidence import Node
 
 Switched = dict[tuple[Node, ...], Scene]
 SHORTEST = 1e-9  # of the run: what a segment must last
 
 
-def integrate_through(run: Run, method: str, switched: Switched) -> list[tuple[Run, Outcome]]:
+def integrate_through(run: Run, method: Integrates, switched: Switched) -> list[tuple[Run, Solution]]:
     """Integrate to the end, with as many sets of states as the motion needs; each segment begins where the one before ended.
 
     Parameters
     ----------
     run : Run
-    method : str
+    method : Integrates
     switched : dict
         Scenes with other states that earlier runs needed; grows.
 
@@ -41,24 +46,26 @@ def integrate_through(run: Run, method: str, switched: Switched) -> list[tuple[R
     """
     parts = [(run, integrate(run, method))]
     span = float(run.times[-1] - run.times[0])
-    while (left := parts[-1][1].left) is not None:
-        here = parts[-1][0]
-        if len(parts) > 1 and left.t - here.times[0] < SHORTEST * span:
-            raise left.failure
+    while parts[-1][1].status == "left":
+        here, left = parts[-1]
+        if len(parts) > 1 and left.t_last - here.times[0] < SHORTEST * span:
+            failure = SolverError(f"the right-hand side cannot be evaluated beyond t = {left.t_last:.9g} s")
+            raise explained(failure, here.scene)
         following = _following(here, left, switched)
         parts.append((following, integrate(following, method)))
     return parts
 
 
-def _following(run: Run, left: Left, switched: Switched) -> Run:
+def _following(run: Run, left: Solution, switched: Switched) -> Run:
     """The rest of a run, in other states where others will do."""
-    scene, t = run.scene, np.array([left.t])
+    scene, t, x = run.scene, np.array([left.t_last]), left.x_last
+    here, held = memory(scene, left.data)
     structure = scene.structure
     orders = structure.differentiation.orders
     known = np.zeros((max(2, *orders.values()), scene.model.n_variables))
     known[0] = run.start.guess
     known[0, scene.model.inputs] = values(run.signals, t)[:, 0]
-    known[tuple(np.array(scene.states).T[::-1])] = left.x
+    known[tuple(np.array(scene.states).T[::-1])] = x
     nodes = [
         n for v, order in orders.items() for k in range(order) if not scene.missing(n := (v, k)) and n not in scene.place_of
     ]
@@ -66,18 +73,18 @@ def _following(run: Run, left: Left, switched: Switched) -> Run:
     guess = scene.guess(program, run.start.guess)
     for node, slot in program.slots.items():  # on the branch on which the run was
         if node in scene.program.slots:
-            guess[slot] = left.slots[scene.program.slots[node]]
+            guess[slot] = here[scene.program.slots[node]]
     inputs = values(run.signals, t, len(program.inputs))
     prepared = prepare(program, structure, run.numbers.parameters)
-    slots = evaluate(prepared, t, left.x[:, None], inputs, left.modes[:, None], guess)
+    slots = evaluate(prepared, t, x[:, None], inputs, held[:, None], guess)
     for (v, k), slot in program.slots.items():
         if k < len(known):
             known[k, v] = slots[slot, 0]
-    later, modes = np.concatenate([t, run.times[run.times > left.t]]), left.modes if scene.n_modes else None
-    again = choose_again(structure, coefficients_of(structure.model, run.numbers.parameters, left.t, known))
+    later, modes = np.concatenate([t, run.times[run.times > left.t_last]]), held if scene.n_modes else None
+    again = choose_again(structure, coefficients_of(structure.model, run.numbers.parameters, left.t_last, known))
     if again is None:  # the same states, and smaller pivots
-        start = replace(run.start, states=left.x, guess=known[0])
-        return replace(run, start=start, times=later, modes=modes, slots=left.slots)
+        start = replace(run.start, states=x, guess=known[0])
+        return replace(run, start=start, times=later, modes=modes, slots=here)
     states = needed_states(again, scene.states)
     outputs = tuple(n for n in scene.outputs if n not in states)
     other = switched.setdefault(states, Scene(again, states, scene.wanted, outputs))

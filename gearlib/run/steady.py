@@ -32,7 +32,9 @@ from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.invariance import symmetries
 from gearlib.program.program import Newton
 from gearlib.program.relations import relations_of
-from gearlib.run.integrate import Run, integrate
+from gearlib.run.integrate import integrate
+from gearlib.run.methods.implicit import Implicit
+from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import too_small
 from gearlib.run.scene import Numbers, Scene, node_name
 from gearlib.run.start_values import Start
@@ -270,13 +272,13 @@ def _run_to_rest(search: Search, end: End) -> End:
         span = np.array([search.t, search.t + seconds])
         signals = tuple(search.inputs[: len(scene.model.inputs)].tolist())
         try:
-            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None), "ida")
-            if outcome.left is not None:
+            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None), Implicit())
+            if outcome.status == "left":
                 return end
-            end = _closed(search, outcome.states[-1])
+            end = _closed(search, outcome.x[-1])
             if end.steady:
                 return end
-            end, last = replace(end, x=outcome.states[-1]), left
+            end, last = replace(end, x=outcome.x[-1]), left
             left = float(np.abs(search.stationary.T @ search.rates(end.x)[0]).max())
         except SolverError:
             return end

@@ -64,7 +64,7 @@ class TimeSwitches:
     _last: dict[bytes, list[Switch]] = field(default_factory=dict)
 
     def __call__(self, parameters: Floats, t0: float, t_end: float) -> list[Switch]:
-        """When they switch between two times, and which; kept for the parameters and the interval that were last asked for.
+        """When they switch between two times, and which; cached for the parameters and the interval that were last asked for.
 
         Raises
         ------

@@ -19,7 +19,7 @@ variables in ``data[modes]``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -121,4 +121,5 @@ class Solution:
     data: Floats  # the model's block of numbers there
     event_times: Floats  # (events,)
     event_roots: Integers  # (events,) index of the root that fired, -1 for a time event
-    stats: Mapping[str, Any]  # steps, rhs, jac, events, rejected, ...
+    stats: dict[str, Any]  # method, steps, rhs, jac, events, rejected, ...
+    events: Sequence[tuple[float, str]] = ()  # time, and component with equation, where these are known

@@ -9,7 +9,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.run import integrate
+from gearlib.run.methods import automatic
 from gearlib.solvers import alternation
 
 c = gl.connect
@@ -39,7 +39,7 @@ def test_hand_over_on_a_sample_time(apart: float, monkeypatch: pytest.MonkeyPatc
         ends.append((legs[0].solution.status, legs[0].solution.t_last))
         return legs
 
-    monkeypatch.setattr(integrate, "alternate", noted)
+    monkeypatch.setattr(automatic, "alternate", noted)
     plain = system.simulate(1.0, samples=11)
     status, t = ends[-1]
     assert status == "stiff"

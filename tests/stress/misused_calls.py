@@ -111,6 +111,15 @@ def _graph() -> bg.BondGraph:
     return bg.BondGraph((1, bg.Se("tau"), rotor), (2, rotor, bg.I("J")), (3, rotor, bg.R("b")))
 
 
+class Idle(gl.Method):
+    """A method of one's own."""
+
+    name = "idle"
+
+    def stepper(self, problem: Any) -> Any:
+        raise NotImplementedError
+
+
 def analyses() -> list[Call]:
     """Functions that take a system or a result."""
     s = lambda: {"system": system()}  # noqa: E731
@@ -127,6 +136,7 @@ def analyses() -> list[Call]:
         ),
         Call("grid", gl.grid, lambda: {"values": {"load.J": [1.0, 2.0]}}),
         Call("check_units", gl.check_units, lambda: {"component": Drive()}),
+        Call("register_method", gl.register_method, lambda: {"method": Idle()}),
         Call("modes", gl.modes, s),
         Call("mobility", gl.mobility, s),
         Call("campbell", gl.campbell, lambda: {**s(), "speeds": [1.0, 2.0], "orders": [1.0]}),

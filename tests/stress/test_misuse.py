@@ -25,7 +25,7 @@ MADE_BY_ANALYSES = {
     "StabilityReport", "System", "Bond", "Causality", "StateEquations", "PlanetPhasing", "StiffnessPattern", "StiffnessLaw",
 }  # fmt: skip
 CONNECTORS = {"Flange", "HeatPort", "PlanarFlange", "TranslationalFlange"}  # as Connector
-ABSTRACT = {"BondGraphPart"}
+ABSTRACT = {"BondGraphPart", "Method", "ExplicitStepper"}
 
 pytestmark = pytest.mark.filterwarnings("ignore::gearlib.errors.InputWarning")  # of inputs that nobody gave, among all else
 

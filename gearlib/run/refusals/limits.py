@@ -15,7 +15,7 @@ from gearlib.errors import SolverError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.run.scene import Numbers, Scene
-from gearlib.run.segment import Part
+from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
@@ -25,7 +25,7 @@ MISSED = 10.0  # tolerances that a variable may be below its least value, of the
 ACCURATE = 1e-9  # tolerance of a state that no integration has led to
 
 
-def refuse_too_small(parts: Sequence[Part], rtol: float) -> None:
+def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
     """Check a run.
 
     Raises

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import real, shown
 from gearlib.errors import ArgumentError, NameLookupError
-from gearlib.run.integrate import BY_TURNS, Run
+from gearlib.run.methods.method import Method
+from gearlib.run.methods.method_table import BY_TURNS, method_of
+from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import refuse_too_small
 from gearlib.run.request import LONGEST, SHORTEST, absolute_tolerance
 from gearlib.run.scene import Numbers, Scene
-from gearlib.run.segment import Part
+from gearlib.run.segment import Segment
 from gearlib.run.simulate import earlier_run
 from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
@@ -97,10 +99,10 @@ class SteppedRun:
 
     def __init__(
         self, translation: Translation, parameters: Floats, t_start: float, start: Any, inputs: Mapping[str, Any] | None,
-        method: str, rtol: float, atol: ArrayLike | None, max_step: float | None,
+        method: str | Method, rtol: float, atol: ArrayLike | None, max_step: float | None,
     ) -> None:  # fmt: skip
         self._translation, self._rtol, self._max_step = translation, rtol, max_step
-        self._method = BY_TURNS if method == "auto" else method
+        self._method = BY_TURNS if method == "auto" else method_of(method)
         structure = translation.structure
         scene = translation.scene if translation.outputs is not None else translation.with_states(structure.states)
         self.inputs = Inputs(translation, inputs)
@@ -144,10 +146,10 @@ class SteppedRun:
         run = Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.modes, longest)
         parts = integrate_through(run, self._method, self._translation.switched)
         run, outcome = parts[-1]
-        refuse_too_small([Part.of(part, found) for part, found in parts], self._rtol)
-        modes = outcome.relations[-1].copy() if run.scene.n_modes else None
+        refuse_too_small([Segment.of(part, found) for part, found in parts], self._rtol)
+        modes = outcome.modes[-1].copy() if run.scene.n_modes else None
         here = replace(
-            now, t=float(times[-1]), states=outcome.states[-1].copy(), modes=modes, scene=run.scene, numbers=run.numbers,
+            now, t=float(times[-1]), states=outcome.x[-1].copy(), modes=modes, scene=run.scene, numbers=run.numbers,
             atol=run.atol, signals=signals, guess=run.start.guess,
         )  # fmt: skip
         program = run.scene.program
@@ -194,7 +196,7 @@ class SteppedRun:
         return f"<SteppedRun of {self._translation.name} at {self.t:g} s>"
 
 
-def _part(now: Moment, signals: tuple[Any, ...]) -> Part:
+def _part(now: Moment, signals: tuple[Any, ...]) -> Segment:
     """The moment as a run of one sample, from which other variables are computed."""
     modes = np.zeros((1, 0)) if now.modes is None else now.modes[None, :]
-    return Part(now.scene, np.array([now.t]), now.states[None, :], modes, now.numbers.parameters, signals, now.guess, now.t)
+    return Segment(now.scene, np.array([now.t]), now.states[None, :], modes, now.numbers.parameters, signals, now.guess, now.t)

@@ -107,7 +107,7 @@ class IdaStepper(Stepper):
     def stats(self) -> dict[str, Any]:
         record = self.record
         return {
-            "steps": None, "attempts": record.attempts, "rejected": None, "rhs": record.n_rhs, "jac": record.n_jac,
+            "method": "ida", "steps": None, "attempts": record.attempts, "rejected": None, "rhs": record.n_rhs, "jac": record.n_jac,
             "restarts": max(record.restarts - 1, 0), "order": None, "linear_solver": self.matrix.describe(), "backend": self.backend,
         }  # fmt: skip
 

@@ -13,7 +13,7 @@ from gearlib.errors import GearlibError, SolverError
 from gearlib.native.layout import Shared
 
 
-class Keep:
+class Callbacks:
     """Keeps Python callbacks alive during a run, and records the exceptions that they raised."""
 
     def __init__(self) -> None:
@@ -50,8 +50,8 @@ class Wrapped:
     address: int
 
 
-def feed(
-    function: Any, shared: Shared, moving: Sequence[tuple[int, Callable[[float], float]]], keep: Keep, third: Any
+def with_callbacks(
+    function: Any, shared: Shared, moving: Sequence[tuple[int, Callable[[float], float]]], callbacks: Callbacks, third: Any
 ) -> Wrapped:
     """A native function that asks ``moving`` inputs, by number, for their values first; ``third`` is the type of its third argument."""
     double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
@@ -62,11 +62,11 @@ def feed(
         try:
             for k, signal in moving:
                 data[shared.inputs + k] = signal(t)
-            return -1 if keep.problem is not None else int(native(t, x, out, data, index))
+            return -1 if callbacks.problem is not None else int(native(t, x, out, data, index))
         except BaseException as problem:  # it must not cross the native frames, and an interrupt must not be lost there
-            keep.problem = problem
+            callbacks.problem = problem
             return -1
 
     callback = kind(call)
-    keep.callbacks += [callback, native]
+    callbacks.callbacks += [callback, native]
     return Wrapped(ctypes.cast(callback, ctypes.c_void_p).value or 0)

@@ -69,7 +69,7 @@ def update(t: float, x: int, out: int, data: int, index: int) -> int32:
     return MODEL(_look_up(t, data, index, 3), t, x, out, data, index)
 
 
-def fed(
+def with_tables(
     scene: NativeScene, data: Floats, tables: Sequence[tuple[int, Table]]
 ) -> tuple[dict[str, Wrapped | None], Floats, Integers]:
     """The functions of a scene with tables as inputs, and the two blocks that they work on.

@@ -20,7 +20,6 @@ from gearlib.solvers.rungekutta.record import LoopRecord
 __all__ = ["RungeKutta"]
 
 _ROWS = {5: (7, 4), 8: (16, 7)}  # stages, and polynomials of the dense output
-_METHODS = {5: "Tsitouras 5(4)", 8: "Dormand-Prince 8(5,3)"}
 
 
 class RungeKutta(Stepper):
@@ -124,7 +123,7 @@ class RungeKutta(Stepper):
     def stats(self) -> dict[str, Any]:
         record = self.record
         return {
-            "method": _METHODS[self.order], "order": self.order, "steps": record.steps - record.rejected,
+            "method": f"rk{self.order}", "order": self.order, "steps": record.steps - record.rejected,
             "rejected": record.rejected, "rhs": record.evaluations,
         }  # fmt: skip
 

@@ -1,0 +1,1 @@
+"""Methods of integration: one class in one file each; `table` lists them."""

@@ -1,0 +1,139 @@
+"""`Method`: a way to integrate, one class in one file."""
+
+from __future__ import annotations
+
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from gearlib.errors import ArgumentError, SolverError
+from gearlib.program.interpret import owner_of
+from gearlib.run.methods.native_problem import named_events, problem_of
+from gearlib.run.methods.run import Run, is_function
+from gearlib.run.scene import Scene
+from gearlib.solvers.drive.driver import Driver, Stepper
+from gearlib.solvers.drive.driver import integrate as to_the_end
+from gearlib.solvers.inputs.callback import Callbacks
+from gearlib.solvers.problem import Problem, Solution
+
+
+class Integrates(Protocol):
+    """Whatever integrates a run: a `Method`, or what needs no steps."""
+
+    name: str
+
+    def fits(self, run: Run) -> str | None: ...
+
+    def solve(self, run: Run, why: str) -> Solution: ...
+
+
+class Method(ABC):
+    """A way to take steps through a run. ``simulate(method=...)`` takes an instance, or the name under which it was registered.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in ``result.stats["method"]``.
+    jacobian : bool
+        Whether its stepper wants df/dx.
+
+    Examples
+    --------
+    Euler's method, with steps of 1/1000 s:
+
+    >>> import gearlib as gl
+    >>> class Steps(gl.ExplicitStepper):
+    ...     def advance(self, t, x, stop):
+    ...         h = min(1e-3, stop - t)
+    ...         return t + h, x + h * self.f(t, x)
+    >>> class Euler(gl.Method):
+    ...     name = "euler"
+    ...     def stepper(self, problem):
+    ...         return Steps()
+    >>> class Decay(gl.Component):
+    ...     x = gl.Variable("1", "quantity", start=1.0)
+    ...     def equations(self):
+    ...         return [gl.Eq(gl.der(self.x), -self.x)]
+    >>> result = gl.simulate(Decay(), 1.0, samples=2, method=Euler())
+    >>> bool(abs(result["x"][-1] - 0.999**1000) < 1e-12)
+    True
+    """
+
+    name: str
+    jacobian: bool = False
+
+    def __str__(self) -> str:
+        return self.name
+
+    def fits(self, run: Run) -> str | None:
+        """What the method lacks for a run, as the rest of a sentence ("needs ..."), or None where it can integrate it."""
+        return None
+
+    @abstractmethod
+    def stepper(self, problem: Problem) -> Stepper:
+        """What takes the steps through a problem."""
+
+    def solve(self, run: Run, why: str) -> Solution:
+        """Integrate a run."""
+        if reason := self.fits(run):
+            raise refusal(self.name, reason)
+        return carried_out(run, why, lambda callbacks: self._to_the_end(run, callbacks))
+
+    def _to_the_end(self, run: Run, callbacks: Callbacks) -> Solution:
+        problem = problem_of(run, callbacks, self.jacobian)
+        return finished(run, to_the_end(Driver(problem, self.stepper(problem))), self.name)
+
+
+def refusal(name: str, reason: str) -> ArgumentError:
+    """The error of a method that does not fit a run."""
+    return ArgumentError(f"method={name!r} {reason}; use method='auto', 'rk' or 'ida'")
+
+
+def carried_out(run: Run, why: str, integrated: Callable[[Callbacks], Solution]) -> Solution:
+    """What a run comes to, with its Python functions listened to; errors say what a user may do about them."""
+    callbacks = Callbacks()
+    try:
+        with callbacks.listening() if any(map(is_function, run.signals)) else nullcontext():
+            solution = integrated(callbacks)
+    except SolverError as problem:
+        raise callbacks.failure() or explained(problem, run.scene) from None
+    failure = callbacks.failure()
+    if failure is not None:
+        raise failure
+    stats = {"method": solution.stats["method"], "why": why} | solution.stats
+    if said := run.coarse_clock(int(stats.get("steps") or 0)):
+        warnings.warn(said, RuntimeWarning, stacklevel=2)
+    return replace(solution, stats=stats)
+
+
+def finished(run: Run, solution: Solution, name: str) -> Solution:
+    """A solution in the scene's terms: its states only, finite, with its events by name."""
+    if not np.isfinite(solution.x).all():
+        bad = int(np.argmax(~np.isfinite(solution.x).all(axis=1)))
+        raise SolverError(f"the solution is not finite at t = {solution.t[bad]:g} s")
+    n = len(run.scene.states)
+    stats: dict[str, Any] = {"method": name, "states": n, **solution.stats}
+    return replace(solution, x=solution.x[:, :n], x_last=solution.x_last[:n], events=named_events(run, solution), stats=stats)
+
+
+def explained(problem: SolverError, scene: Scene) -> SolverError:
+    """The same error; where nonlinear equations are solved on the way, with a word on these."""
+    iterated = scene.program.iterated
+    owners = dict.fromkeys(owner_of(scene.structure, int(e)) for s in iterated for e in s.equations)
+    if not owners or "chatter" in str(problem):
+        return problem
+    names = ", ".join(owners)
+    if not any(s.constrained for s in iterated):
+        return SolverError(
+            f"{problem}. The nonlinear equations of {names} may have no solution further on, or need better guesses: guess={{...}} of "
+            "their variables"
+        )
+    return SolverError(
+        f"{problem}. The constraints of {names} may have become singular there for the states in use "
+        f"({', '.join(scene.state_names[:6])}): start nearer to the end, or declare other variables as state='prefer'"
+    )

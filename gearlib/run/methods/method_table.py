@@ -1,0 +1,47 @@
+"""The methods by name; `register_method` adds one."""
+
+from __future__ import annotations
+
+from gearlib.arguments import shown
+from gearlib.errors import ArgumentError, nearest
+from gearlib.run.methods.automatic import Alternating, Automatic
+from gearlib.run.methods.closed_form import Exact
+from gearlib.run.methods.explicit import Explicit, Explicit5, Explicit8
+from gearlib.run.methods.implicit import Implicit
+from gearlib.run.methods.method import Integrates, Method
+
+BY_TURNS = Alternating()  # as "auto" does where a scene is not linear
+METHODS: dict[str, Integrates] = {m.name: m for m in (Automatic(), Exact(), Implicit(), Explicit(), Explicit5(), Explicit8())}
+
+
+def register_method(method: Method) -> None:
+    """Let a method be asked for by its name: ``simulate(method=method.name)``, in this process.
+
+    Raises
+    ------
+    ArgumentError
+        Not a `Method`, or a name that one of gearlib's own has.
+    """
+    if not isinstance(method, Method) or not isinstance(getattr(method, "name", None), str):
+        raise ArgumentError(f"register_method({shown(method)}): expected an instance of a subclass of gl.Method with a name")
+    if method.name in METHODS and type(METHODS[method.name]).__module__.startswith("gearlib."):
+        raise ArgumentError(f"there is a method {method.name!r} in gearlib; give yours another name")
+    METHODS[method.name] = method
+
+
+def method_of(asked: str | Method) -> Integrates:
+    """The method that a name stands for, or the one that is given.
+
+    Raises
+    ------
+    ArgumentError
+        There is none; says which there are.
+    """
+    if isinstance(asked, Method):
+        return asked
+    if not isinstance(asked, str) or asked not in METHODS:
+        advice = (
+            nearest(asked, list(METHODS)) if isinstance(asked, str) else f"Valid names: {', '.join(METHODS)}, or a gl.Method"
+        )
+        raise ArgumentError(f"there is no method {shown(asked)}; {advice}")
+    return METHODS[asked]

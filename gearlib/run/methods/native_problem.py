@@ -1,0 +1,155 @@
+"""The problem of a run, made of its scene's native code and numbers; what its solution means in the scene's names."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.native.layout import EACH, Shared, lay_out, operations
+from gearlib.native.scene_functions import NativeScene
+from gearlib.run.methods.run import Run, is_function
+from gearlib.run.scene import Scene, settle_once
+from gearlib.solvers.inputs.callback import Callbacks, with_callbacks
+from gearlib.solvers.inputs.table import Table, breakpoints, values
+from gearlib.solvers.problem import Effort, Native, Problem, Solution
+
+Floats = NDArray[np.float64]
+MOST_STEPS = 100_000_000
+MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints: near a point where these are singular the steps shrink for ever
+# Measured, ns: of a native function's call, of an addition in it, of a Python function and of a table among its inputs
+CALL, ADDITION, CALLBACK, LOOK_UP = 15.0, 0.3, 1500.0, 30.0
+
+
+def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
+    """What an integrator sees of a run; ``jacobian``: whether it needs df/dx."""
+    scene = run.scene
+    native: NativeScene = scene.native_with_jacobian if jacobian else scene.native
+    t0 = float(run.times[0])
+    program = scene.program
+    inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
+    modes = run.modes
+    if modes is None:
+        modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
+    data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
+    functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
+    index = native.index
+    tables = [(k, s) for k, s in enumerate(run.signals) if isinstance(s, Table)]
+    if program.guards and any((np.diff(table.t) == 0.0).any() for _, table in tables):
+        # a divisor may jump over zero with its input: no numerator is large beside infinity
+        data[native.rhs.layout.guards :][: EACH * program.n_guards].reshape(-1, EACH)[:, 1] = np.inf
+    if tables:
+        from gearlib.solvers.inputs.table_lookup import with_tables
+
+        functions, data, index = with_tables(native, data, tables)
+    moving = [(k, s) for k, s in enumerate(run.signals) if is_function(s)]
+
+    def wrap(name: str, third: Any) -> Native | None:
+        function = functions[name]
+        return (
+            with_callbacks(function, native.shared, moving, callbacks, third) if function is not None and moving else function
+        )
+
+    double = ctypes.POINTER(ctypes.c_double)
+    fired = ctypes.POINTER(ctypes.c_int32)
+    relations = scene.relations
+    n_roots = int((~relations.on_time).sum()) if relations is not None else 0
+    pattern = native.pattern
+    nothing = np.ones(0 if scene.states else 1)  # the integrators need a state: without any, one that stands still
+    problem = Problem(
+        rhs=wrap("rhs", double), x0=np.append(run.start.states, nothing), data=data, index=index,  # type: ignore[arg-type]
+        differential=np.ones(max(len(scene.states), 1), bool), nominal=np.append(scene.nominal, nothing), jac=wrap("jac", double),
+        jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
+        roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
+        modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
+        time_events=_time_events(run, t0, float(run.times[-1])), longest_step=run.longest_step,
+        state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
+        culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
+        times=run.times, rtol=run.rtol, atol=run.atol if scene.states else None,
+        max_steps=MOST_STEPS_CONSTRAINED if program.iterated else MOST_STEPS, may_leave=any(s.constrained for s in program.iterated),
+    )  # fmt: skip
+    return problem
+
+
+def _effort(scene: Scene, native: NativeScene, functions: int, tables: int) -> Effort:
+    """What a call of each native function costs."""
+    call = CALL + CALLBACK * functions + LOOK_UP * tables
+    rhs = ADDITION * operations(scene.program, native.rhs.layout)
+    entries = 0.0 if native.pattern is None else native.pattern.size
+    relations = 0.0
+    if scene.relations is not None and native.update is not None:
+        relations = ADDITION * operations(scene.relations.program, native.update.layout)
+    return Effort(call + rhs, call + 3.0 * rhs + 4.0 * ADDITION * entries, call + relations, call + 3.0 * relations)
+
+
+def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
+    """What cannot be evaluated where a run ended."""
+    from gearlib.run.refusals.blame import culprit
+
+    modes = data[shared.relations :][: shared.n_relations].copy()
+    inputs = values(run.signals, np.array([t]), shared.n_inputs)[:, 0]
+    span = float(run.times[-1] - run.times[0])
+    return culprit(run.scene, run.numbers, t, span, x[: len(run.scene.states)], inputs, modes)
+
+
+def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
+    """Relations and discrete variables that an event iteration which failed would change once more."""
+    scene, n = run.scene, run.scene.model.n_relations
+    if scene.relations is None or run.numbers.relations is None:
+        return ""
+    modes = data[shared.relations :][: shared.n_relations, None]
+    inputs = data[shared.inputs :][: shared.n_inputs, None]
+    new = settle_once(scene.relations, run.numbers.relations, np.array([t]), x[: len(scene.states), None], inputs, modes)
+    places = np.flatnonzero((new != modes)[:, 0]).tolist()
+    names = [scene.model.discretes.names[i - n] for i in places if i >= n]
+    return ", ".join(names) or "; ".join(dict.fromkeys(scene.relation_names[i] for i in places))
+
+
+def _time_events(run: Run, t0: float, t1: float) -> Floats:
+    """Known times to step to exactly, after the start; at the end only where something may happen there."""
+    found = breakpoints(run.signals)
+    last = t1 if run.scene.relations is not None else math.nextafter(t1, t0)
+    found = found[(found > t0) & (found <= last)]
+    switches = _switches(run)
+    return np.unique(np.concatenate([found, [t for t, _ in switches]])) if switches else found
+
+
+def memory(scene: Scene, data: Floats) -> tuple[Floats, Floats]:
+    """Slots and modes where a run ended: its branch of nonlinear equations, and friction's mode, are not forgotten."""
+    program = scene.program
+    shared = Shared(len(scene.model.parameters.names), scene.n_modes, len(program.inputs))
+    slots = data[lay_out(program, shared, shared.size).slots :][: program.n_slots]
+    return slots.copy(), data[shared.relations :][: shared.n_relations].copy()
+
+
+def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
+    """Time, and component with equation, of each event."""
+    relations = run.scene.relations
+    if relations is None or not len(solution.event_times):
+        return []
+    names, times, roots = run.scene.root_names, solution.event_times.tolist(), solution.event_roots.tolist()
+    if min(roots) >= 0:
+        return list(zip(times, map(names.__getitem__, roots), strict=True))
+    timed = _names_of_time_events(run)
+    return [(t, names[r] if r >= 0 else timed.get(t, "an input")) for t, r in zip(times, roots, strict=True)]
+
+
+def _names_of_time_events(run: Run) -> dict[float, str]:
+    """Component and equation of what switches at a time, all of them where there are several."""
+    found: dict[float, list[str]] = {}
+    for t, number in _switches(run):
+        found.setdefault(t, []).append(run.scene.relation_names[number])
+    return {t: "; ".join(dict.fromkeys(names)) for t, names in found.items()}
+
+
+def _switches(run: Run) -> list[tuple[float, int]]:
+    """When the conditions in time switch after the start, and which; what does so within rounding of the end does so there."""
+    from gearlib.equations.switch_times import rounding
+
+    t0, t1 = float(run.times[0]), float(run.times[-1])
+    found = run.scene.time_switches(run.numbers.parameters, t0, t1 + 2.0 * rounding(t0, t1))
+    return [(min(t, t1), number) for t, number in found]
