@@ -205,7 +205,7 @@ class System(Compiled):
     def sweep(
         self, parameters: Any, t_end: float, *, names: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
         reduce: Mapping[str, Callable[[Any], Any]] | None = None, t_start: float | None = None, samples: int | None = None,
-        times: ArrayLike | None = None, method: str = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
+        times: ArrayLike | None = None, method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None, executor: Any = None,
         threads: int | None = None, to: str | os.PathLike[str] | None = None, progress: Any = False,
