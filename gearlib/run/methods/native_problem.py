@@ -66,7 +66,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
-        time_events=_time_events(run, t0, float(run.times[-1])), longest_step=run.longest_step,
+        time_events=time_events(run, t0, float(run.times[-1])), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
         culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
         times=run.times, rtol=run.rtol, atol=run.atol if scene.states else None,
@@ -109,7 +109,7 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
     return ", ".join(names) or "; ".join(dict.fromkeys(scene.relation_names[i] for i in places))
 
 
-def _time_events(run: Run, t0: float, t1: float) -> Floats:
+def time_events(run: Run, t0: float, t1: float) -> Floats:
     """Known times to step to exactly, after the start; at the end only where something may happen there."""
     found = breakpoints(run.signals)
     last = t1 if run.scene.relations is not None else math.nextafter(t1, t0)
@@ -134,11 +134,11 @@ def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
     names, times, roots = run.scene.root_names, solution.event_times.tolist(), solution.event_roots.tolist()
     if min(roots) >= 0:
         return list(zip(times, map(names.__getitem__, roots), strict=True))
-    timed = _names_of_time_events(run)
+    timed = _names_oftime_events(run)
     return [(t, names[r] if r >= 0 else timed.get(t, "an input")) for t, r in zip(times, roots, strict=True)]
 
 
-def _names_of_time_events(run: Run) -> dict[float, str]:
+def _names_oftime_events(run: Run) -> dict[float, str]:
     """Component and equation of what switches at a time, all of them where there are several."""
     found: dict[float, list[str]] = {}
     for t, number in _switches(run):

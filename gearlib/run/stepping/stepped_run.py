@@ -21,6 +21,7 @@ from gearlib.run.segment import Segment
 from gearlib.run.simulate import earlier_run
 from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
+from gearlib.run.stepping.live_run import LiveRun, can_live
 from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
@@ -114,6 +115,7 @@ class SteppedRun:
         else:
             begin = translation.start(scene, parameters, t_start, start, self.inputs.signals, discrete=True)
         self.events: list[Any] = []
+        self._live: LiveRun | None = None
         self._now = Moment(
             t_start, begin.states, begin.modes, begin.guess, scene, scene.prepared(parameters),
             absolute_tolerance(atol, len(scene.states)), self.inputs.signals, 0,
@@ -137,14 +139,57 @@ class SteppedRun:
         t = real("t", t, "a finite number of seconds")
         if not SHORTEST <= t - self.t <= LONGEST:
             raise ArgumentError(f"advance({t!r}): expected a time later than the run's, {self.t!r} s, by {LONGEST:g} s at most")
-        self._go_to(np.array([self.t, t]))
+        if not self._lives_on(t):
+            self._go_to(np.array([self.t, t]))
+
+    def _run(self, times: Floats) -> Run:
+        """What is asked of the method for a step."""
+        now = self._now
+        longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
+        start = Start(now.states, now.guess, ())
+        return Run(now.scene, now.numbers, start, self.inputs.signals, times, self._rtol, now.atol, now.modes, longest)
+
+    def _lives_on(self, t: float) -> bool:
+        """Go on with what the method has found out so far; whether that could be done."""
+        now, live, signals = self._now, self._live, self.inputs.signals
+        self._live = None  # unless it arrives
+        run = self._run(np.array([now.t, t]))
+        if live is None or not live.takes(signals):
+            if live is not None:
+                live.close()
+            live = LiveRun(run, self._method) if can_live(run, self._method) else None
+        if live is None:
+            return False
+        try:
+            arrived = live.to(run)
+            here = replace(now, t=t, states=live.states, modes=live.modes, signals=signals)
+            if arrived:
+                here = self._checked(here)
+        except BaseException:
+            live.close()
+            raise
+        if not arrived:
+            live.close()
+            return False
+        self.events += live.events
+        self._live, self._now = live, replace(here, n_events=len(self.events))
+        return True
+
+    def _checked(self, here: Moment) -> Moment:
+        """A moment that keeps to the least values of its variables, with guesses on its branch of nonlinear equations."""
+        if here.scene.model.bounded:
+            refuse_too_small([_part(here, here.signals)], self._rtol)
+        program = here.scene.program
+        if not program.iterated:
+            return here
+        part, guess = _part(here, here.signals), here.guess.copy()
+        for v in program.undifferentiated[0].tolist():
+            guess[v] = part.history((v, 0))[0]
+        return replace(here, guess=guess)
 
     def _go_to(self, times: Floats) -> None:
         now, signals = self._now, self.inputs.signals
-        start = Start(now.states, now.guess, ())
-        longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
-        run = Run(now.scene, now.numbers, start, signals, times, self._rtol, now.atol, now.modes, longest)
-        parts = integrate_through(run, self._method, self._translation.switched)
+        parts = integrate_through(self._run(times), self._method, self._translation.switched)
         run, outcome = parts[-1]
         refuse_too_small([Segment.of(part, found) for part, found in parts], self._rtol)
         modes = outcome.modes[-1].copy() if run.scene.n_modes else None
@@ -152,12 +197,7 @@ class SteppedRun:
             now, t=float(times[-1]), states=outcome.x[-1].copy(), modes=modes, scene=run.scene, numbers=run.numbers,
             atol=run.atol, signals=signals, guess=run.start.guess,
         )  # fmt: skip
-        program = run.scene.program
-        if program.iterated:  # on the branch on which the run is
-            part, guess = _part(here, signals), run.start.guess.copy()
-            for v in program.undifferentiated[0].tolist():
-                guess[v] = part.history((v, 0))[0]
-            here = replace(here, guess=guess)
+        here = self._checked(here)
         self.events += [event for _, found in parts for event in found.events]
         self._now = replace(here, n_events=len(self.events))
 
@@ -176,7 +216,8 @@ class SteppedRun:
         return float(sign * part.history(node)[0])
 
     def state(self) -> Moment:
-        """All that the run goes on from, to come back to it with `restore`."""
+        """All that the run goes on from, to come back to it with `restore`. The next step begins anew, as it will after `restore`."""
+        self._let_go()
         return replace(self._now, signals=self.inputs.signals)
 
     def restore(self, state: Moment) -> None:
@@ -189,8 +230,15 @@ class SteppedRun:
         """
         if not isinstance(state, Moment) or state.scene.structure is not self._translation.structure:
             raise ArgumentError(f"restore({shown(state)}): expected what state() of a run of {self._translation.name} gave")
+        self._let_go()
         self._now, self.inputs.signals = state, state.signals
         del self.events[state.n_events :]
+
+    def _let_go(self) -> None:
+        """Forget what the method has found out."""
+        if self._live is not None:
+            self._live.close()
+            self._live = None
 
     def __repr__(self) -> str:
         return f"<SteppedRun of {self._translation.name} at {self.t:g} s>"

@@ -58,6 +58,9 @@ class Stepper(ABC):
     def failure(self, code: int) -> GearlibError:
         """The exception that tells why a run ended with a code of the stepper's own."""
 
+    def until(self, t: float, longest_step: float) -> None:  # noqa: B027  (most have nothing to do)
+        """A run that was done goes on to a later time, s, with no step longer than that."""
+
     def recovers(self, code: int) -> bool:
         """Whether the run may go on after a failure, since the stepper has found a way."""
         return False
@@ -83,6 +86,7 @@ class Driver:
     def __init__(self, problem: Problem, stepper: Stepper) -> None:
         _check(problem)
         self.problem, self.stepper, self.status = problem, stepper, "more"
+        self.t_end, self._steps_before = float(problem.times[-1]), 0
         times = problem.times
         n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
         stops, n_timed = _stops(problem.time_events, times)
@@ -143,8 +147,8 @@ class Driver:
 
     def advance(self, steps: int = STEPS_PER_CALL) -> str:
         """Go on by so many steps, or until something happens; returns the status."""
-        record, left = self.record, self.problem.max_steps - self.record.steps
-        if left <= 0 and self.t < self.problem.times[-1]:
+        record, left = self.record, self.problem.max_steps + self._steps_before - self.record.steps
+        if left <= 0 and self.t < self.t_end:
             raise self._failure(drive_loop.STEP_LIMIT)
         if record.capacity < record.events + record.n_roots + 2:
             self._make_room()
@@ -178,8 +182,33 @@ class Driver:
                 f"the event iteration does not settle {where}: the algebraic unknowns carry event functions to and fro"
             )
         if code == drive_loop.STEP_LIMIT:
-            return SolverError(f"gave up {where} towards t = {problem.times[-1]:.9g} s: max_steps is {problem.max_steps}")
+            return SolverError(f"gave up {where} towards t = {self.t_end:.9g} s: max_steps is {problem.max_steps}")
         return self.stepper.failure(code)
+
+    def go_on(self, t: float, time_events: Floats, longest_step: float) -> None:
+        """Let a run that is done go on to a later time, s, as if it had not stopped; it has no more samples.
+
+        Parameters
+        ----------
+        t
+            s, later than where the run is.
+        time_events
+            Known times to step to exactly until then.
+        longest_step
+            s.
+        """
+        record, self.t_end, self.status = self.record, t, "more"
+        self._steps_before = record.steps
+        stops, record.n_timed = _stops(time_events, np.array([self.t, t])) if time_events.size else (np.array([t]), 0)
+        self.stops = stops - record.origin
+        record.stops, record.n_stops, record.stop = address_of(self.stops), stops.size, 0
+        record.n_times = record.sample = 0
+        self.stepper.until(t, longest_step)
+
+    def begin_anew(self) -> None:
+        """Something that the model depends on was set from outside: the next step begins anew, after an event iteration."""
+        self.record.started = 0
+        self.fired[:] = 0
 
     def _make_room(self) -> None:
         """Let the event log grow."""

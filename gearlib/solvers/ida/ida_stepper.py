@@ -77,12 +77,14 @@ class IdaStepper(Stepper):
         self.rtol, self.full_atol = max(SAFETY * problem.rtol, FINEST), np.broadcast_to(problem.absolute_tolerance, (n,))
         self.atol = SAFETY * self.full_atol
         self.differential = np.asarray(problem.differential, dtype=np.float64)[self.permuted]
-        # a root is located to a hundred roundings of its step's end
-        self.record.slack = 200.0 * EPS * max(abs(t0 - record.origin), abs(t1 - record.origin))
+        self.record.slack = _located(max(abs(t0 - record.origin), abs(t1 - record.origin)))
         self.record.span, self.record.rtol, self.record.ic_span = t1 - t0, self.rtol, 0.01 * (t1 - t0) or 1.0
         self.record.n_algebraic = n - int(np.count_nonzero(self.differential))
         self.record.look_at, self.record.looked_t = CHUNK, record.t
         self.record.patience = PATIENCE if problem.may_leave else -1
+
+    def until(self, t: float, longest_step: float) -> None:
+        self.record.slack = _located(abs(t - self.record.origin))
 
     @property
     def work(self) -> float:
@@ -165,6 +167,11 @@ class IdaStepper(Stepper):
             f"{float(left.max()):.3g} at the values tried first"
         )
         return StartError(text) if t == self.problem.times[0] else SolverError(text)
+
+
+def _located(t: float) -> float:
+    """How exactly IDA locates a root by then, s: to a hundred roundings of its step's end."""
+    return 200.0 * EPS * t
 
 
 def work(problem: Problem, operations: tuple[float, float], steps: int, rhs: int, jac: int, restarts: int) -> float:

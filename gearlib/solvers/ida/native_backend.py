@@ -104,6 +104,13 @@ class NativeIda(IdaStepper):
         record.step, record.interpolate = found["ida_step"], found["ida_interpolate"]
         record.accept, record.restart = found["ida_accept"], found["ida_restart"]
 
+    def until(self, t: float, longest_step: float) -> None:
+        super().until(t, longest_step)
+        if self.solver is not None:
+            self.sundials.IDASetMaxStep(
+                self.solver.mem, longest_step if longest_step < math.inf else 0.0
+            )  # 0: as long as it likes
+
     def worst_state(self) -> int:
         worst = self.solver.worst() if self.solver is not None and self.record.done > 0 else -1
         return int(self.matrix.order[worst]) if self.matrix.order is not None and worst >= 0 else worst

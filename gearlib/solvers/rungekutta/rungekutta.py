@@ -91,6 +91,9 @@ class RungeKutta(Stepper):
         record.slack, record.slack_share = 1e-16 * span, loop.LOCATED
         record.step, record.interpolate, record.accept, record.restart = _functions()
 
+    def until(self, t: float, longest_step: float) -> None:
+        self.record.h_max = longest_step
+
     @property
     def work(self) -> float:
         return work(self.problem, self.order, self.record.steps, self.record.events)

@@ -1,0 +1,169 @@
+"""`LiveRun`: a run's driver, kept from one advance to the next with all that its method has found out."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.switch_times import rounding
+from gearlib.errors import SolverError
+from gearlib.native.layout import Shared
+from gearlib.run.methods.explicit import Explicit
+from gearlib.run.methods.implicit import Implicit
+from gearlib.run.methods.method import Integrates, Method, explained
+from gearlib.run.methods.method_table import BY_TURNS
+from gearlib.run.methods.native_problem import memory, named_events, problem_of, time_events
+from gearlib.run.methods.run import Run, is_function
+from gearlib.solvers.drive.driver import Driver
+from gearlib.solvers.ida.ida_stepper import trial
+from gearlib.solvers.inputs.callback import Callbacks
+from gearlib.solvers.inputs.table import Table
+from gearlib.solvers.rungekutta.rungekutta import RungeKutta
+
+Floats = NDArray[np.float64]
+AHEAD = 200.0  # advances for which time events are looked up at once
+LONG = 10.0  # trials' work of stiff steps that Runge-Kutta takes before IDA does, and of IDA before the two are compared
+
+
+def can_live(run: Run, method: Integrates) -> bool:
+    """Whether a run's driver can be kept: tables and scenes without states are begun anew at each advance."""
+    stepped = method is BY_TURNS or isinstance(method, Method)
+    return stepped and bool(run.scene.states) and not any(isinstance(s, Table) for s in run.signals)
+
+
+class LiveRun:
+    """A driver on its way from one advance to the next.
+
+    Where the method is chosen by the run itself, Runge-Kutta takes the steps until stability has limited them for long, then IDA, as long
+    as it gets further for the same work.
+
+    Parameters
+    ----------
+    run : Run
+        From where the run is to the first time to advance to.
+    method : Integrates
+        One that `can_live`.
+
+    Attributes
+    ----------
+    events : list of (float, str)
+        Those of the last advance.
+    """
+
+    events: list[tuple[float, str]]
+
+    def __init__(self, run: Run, method: Integrates) -> None:
+        self.run, self.signals = run, run.signals
+        self._turns, self._wait, self._rival_pace = method is BY_TURNS, 1.0, 0.0  # s of the motion for a ns of work
+        self._method = method if isinstance(method, Method) else Explicit()
+        self._known, self._known_until = np.empty(0), -np.inf
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin with the run's method where the run begins."""
+        run, self.callbacks = self.run, Callbacks()
+        problem = problem_of(run, self.callbacks, self._method.jacobian)
+        stepper = self._method.stepper(problem)
+        self.driver, self._new, self._seen = Driver(problem, stepper), True, 0
+        self._modes, self._t, self._trial = problem.modes, self.driver.t, trial(problem)
+        if self._turns and isinstance(stepper, RungeKutta):
+            stepper.watch(self._wait * LONG * self._trial)
+
+    def _change(self, method: Method) -> None:
+        """Go on with another method."""
+        scene, old = self.run.scene, self.driver
+        slots, held = memory(scene, old.data)
+        start = replace(self.run.start, states=self.states)
+        times = np.array([old.t, self.run.times[-1]])
+        self.run, self._method = replace(self.run, start=start, times=times, modes=held, slots=slots), method
+        old.close()
+        self._begin()
+
+    @property
+    def states(self) -> Floats:
+        """Where the run is."""
+        return self.driver.x[: len(self.run.scene.states)].copy()
+
+    @property
+    def modes(self) -> Floats | None:
+        """Relations and discrete variables there."""
+        return self.driver.data[self._modes].copy() if self.run.scene.n_modes else None
+
+    def takes(self, signals: tuple[Any, ...]) -> bool:
+        """Set inputs from here on; whether that could be done."""
+        changed = [k for k, (a, b) in enumerate(zip(self.signals, signals, strict=True)) if a is not b]
+        if not all(isinstance(s[k], Real) for s in (self.signals, signals) for k in changed):
+            return False
+        if changed:
+            scene = self.run.scene
+            program = scene.program
+            place = Shared(len(scene.model.parameters.names), scene.n_modes, len(program.inputs)).inputs
+            for k in changed:
+                if k < len(program.inputs):
+                    self.driver.data[place + k] = float(signals[k])
+            self.signals = signals
+            self.run = replace(self.run, signals=signals)
+            self.driver.begin_anew()
+        return True
+
+    def to(self, run: Run) -> bool:
+        """Go on to the end of a run that begins here; False where its states do not determine the motion all the way.
+
+        Raises
+        ------
+        SolverError
+            The integration failed.
+        """
+        self.run, self.events = run, []
+        t0, t = float(run.times[0]), float(run.times[-1])
+        if self._turns and isinstance(self._method, Implicit) and self.driver.work > LONG * self._trial:
+            if self.driver.t - self._t < self._rival_pace * self.driver.work:
+                self._wait *= 2.0
+                self._change(Explicit())
+        if not self._new:
+            self.driver.go_on(t, self._time_events(t0, t), run.longest_step)
+        try:
+            with self.callbacks.listening() if any(map(is_function, run.signals)) else nullcontext():
+                status = self._arrive()
+        except SolverError as problem:
+            raise self.callbacks.failure() or explained(problem, run.scene) from None
+        if (failure := self.callbacks.failure()) is not None:
+            raise failure
+        self._log()
+        self._new = False
+        return status == "done"
+
+    def _arrive(self) -> str:
+        """Take the steps; where stability limits them, IDA's."""
+        while (status := self.driver.advance()) in ("more", "stiff"):
+            stepper = self.driver.stepper
+            if status == "stiff" and isinstance(stepper, RungeKutta) and self.driver.t < self.driver.t_end:
+                self._rival_pace = stepper.pace
+                self._log()
+                self._change(Implicit())
+        return status
+
+    def _time_events(self, t0: float, t: float) -> Floats:
+        """Known times to step to exactly; they are looked up many advances ahead."""
+        if not self.run.scene.time_switches.timed:
+            return self._known
+        same = 2.0 * rounding(t0, t)
+        if t + same > self._known_until:
+            self._known_until = t0 + AHEAD * (t - t0)
+            self._known = time_events(self.run, t0, self._known_until)
+        return np.minimum(self._known[(self._known > t0 + same) & (self._known <= t + same)], t)
+
+    def _log(self) -> None:
+        """Take the events that are new."""
+        seen, self._seen = self._seen, self.driver.record.events
+        if self._seen > seen:
+            self.events += named_events(self.run, self.driver.solution())[seen:]
+
+    def close(self) -> None:
+        """Free what the method holds."""
+        self.driver.close()
