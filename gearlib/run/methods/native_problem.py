@@ -29,7 +29,6 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     """What an integrator sees of a run; ``jacobian``: whether it needs df/dx."""
     scene = run.scene
     native: NativeScene = scene.native_with_jacobian if jacobian else scene.native
-    t0 = float(run.times[0])
     program = scene.program
     inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
     modes = run.modes
@@ -66,7 +65,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
-        time_events=time_events(run, t0, float(run.times[-1])), longest_step=run.longest_step,
+        time_events=time_events(run), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
         culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
         times=run.times, rtol=run.rtol, atol=run.atol if scene.states else None,
@@ -109,9 +108,9 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
     return ", ".join(names) or "; ".join(dict.fromkeys(scene.relation_names[i] for i in places))
 
 
-def time_events(run: Run, t0: float, t1: float) -> Floats:
+def time_events(run: Run) -> Floats:
     """Known times to step to exactly, after the start; at the end only where something may happen there."""
-    found = breakpoints(run.signals)
+    found, t0, t1 = breakpoints(run.signals), float(run.times[0]), float(run.times[-1])
     last = t1 if run.scene.relations is not None else math.nextafter(t1, t0)
     found = found[(found > t0) & (found <= last)]
     switches = _switches(run)

@@ -155,7 +155,7 @@ class LiveRun:
         same = 2.0 * rounding(t0, t)
         if t + same > self._known_until:
             self._known_until = t0 + AHEAD * (t - t0)
-            self._known = time_events(self.run, t0, self._known_until)
+            self._known = time_events(replace(self.run, times=np.array([t0, self._known_until])))
         return np.minimum(self._known[(self._known > t0 + same) & (self._known <= t + same)], t)
 
     def _log(self) -> None:

@@ -85,8 +85,9 @@ class SteppedRun:
     """A run at a time; `System.stepper` begins one.
 
     ``run.advance(t)`` integrates up to a time, ``run["load.w"]`` is a variable's value there, ``run.inputs["torque.tau"] = 3.0``
-    sets an input from there on. Between two calls the run keeps all of its state: integrated states, discrete variables, and the
-    modes of clutches and friction.
+    sets an input from there on. Between two calls the run keeps all of its state: integrated states, discrete variables, the
+    modes of clutches and friction, and what its method has found out: step sizes, orders, Jacobians. A number that is set as an input
+    keeps it too; functions that are set, and tables, make the method begin anew.
 
     Attributes
     ----------

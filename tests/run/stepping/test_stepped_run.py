@@ -204,3 +204,109 @@ def test_refusals(drive: gl.System) -> None:
         run[0]  # type: ignore[index]
     with pytest.raises(NameLookupError, match=r"load\.w"):
         run["load.ww"]
+
+
+# ---------------------------------------------------------------- what is kept from one advance to the next
+
+
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the methods with which a driver was begun, one for each time."""
+    from gearlib.run.stepping import live_run
+
+    found: list[str] = []
+
+    class Counted(live_run.Driver):
+        def __init__(self, problem: Any, stepper: Any) -> None:
+            found.append(type(stepper).__name__)
+            super().__init__(problem, stepper)
+
+    monkeypatch.setattr(live_run, "Driver", Counted)
+    return found
+
+
+@pytest.mark.parametrize("method", ["auto", "rk5", "rk8", "ida"])
+def test_a_thousand_advances_are_one_run(method: str, begun: list[str]) -> None:
+    """One driver, about one step for each advance, and the answer of a whole run."""
+    run = gl.compile(TwoStageGearbox(), outputs=["load.w"]).stepper(method=method, rtol=1e-6)
+    for k in range(1, 1001):
+        run.advance(5e-5 * k)
+    assert len(begun) == 1
+    assert run._live is not None
+    assert run._live.driver.record.steps < 3500
+    whole = gl.compile(TwoStageGearbox(), outputs=["load.w"]).simulate(0.05, samples=2, rtol=1e-9)
+    assert run["load.w"] == pytest.approx(whole["load.w"][-1], rel=1e-5)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_inputs_that_are_set_keep_the_driver(drive: gl.System, method: str, begun: list[str]) -> None:
+    run, w = drive.stepper(rtol=1e-9, method=method, inputs={"torque.tau": 0.0}), 0.0
+    for k in range(50):
+        run.inputs["torque.tau"] = tau = math.sin(1.0 + k)
+        run.advance(0.02 * (k + 1))
+        w = tau / 0.5 + (w - tau / 0.5) * math.exp(-0.25 * 0.02)
+        assert run["load.w"] == pytest.approx(w, rel=1e-7, abs=1e-9)
+    assert len(begun) == 1
+    run.inputs["torque.tau"] = lambda t: 1.0  # what is no number makes the run begin anew
+    run.advance(2.0)
+    run.advance(2.5)
+    assert len(begun) == 2
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_conditions_in_time_are_met_in_each_advance(method: str) -> None:
+    """Steps of 0.01 s through a square wave of 0.03 s, whose integral is known; some of its edges are ends of steps."""
+
+    class Square(gl.Component):
+        x = gl.Variable("1", "integral", start=0.0)
+        z = gl.Variable("1", "lag", start=0.0)
+
+        def equations(self) -> list[Any]:
+            edges = gl.Piecewise((1.0, gl.time < 0.03), (-1.0, gl.time < 0.0655), (2.0, gl.time < 3.001), (0.0, True))
+            return [gl.Eq(gl.der(self.x), edges), gl.Eq(gl.der(self.z), 10.0 * (self.x - self.z))]
+
+    run = gl.compile(Square()).stepper(method=method, rtol=1e-9)
+    for k in range(1, 401):
+        run.advance(0.01 * k)
+        t = run.t
+        expected = min(t, 0.03) - min(max(t - 0.03, 0.0), 0.0355) + 2.0 * min(max(t - 0.0655, 0.0), 2.9355)
+        assert run["x"] == pytest.approx(expected, abs=1e-9)
+    assert [round(t, 9) for t, _ in run.events] == [0.03, 0.0655, 3.001]
+
+
+def test_stiffness_is_met_by_ida(begun: list[str]) -> None:
+    """x' = -1e6 (x - y), y' = -y: Runge-Kutta would need some 300 000 steps for a second."""
+
+    class Stiff(gl.Component):
+        x = gl.Variable("1", "", start=1.0)
+        y = gl.Variable("1", "", start=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -1e6 * (self.x - self.y * self.y)), gl.Eq(gl.der(self.y), -self.y)]
+
+    run = gl.compile(Stiff()).stepper(rtol=1e-7)
+    for k in range(1, 101):
+        run.advance(0.01 * k)
+    assert begun == ["RungeKutta", "NativeIda"]
+    assert run["y"] == pytest.approx(math.exp(-1.0), rel=1e-5)
+    assert run["x"] == pytest.approx(math.exp(-2.0), rel=1e-5)
+
+
+def test_a_run_that_fails_can_go_on_with_another_input() -> None:
+    class Root(gl.Component):
+        u = gl.Input("1", "rate")
+        x = gl.Variable("1", "", start=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.u * gl.sqrt(self.x))]
+
+    run = gl.compile(Root()).stepper(inputs={"u": -1.0}, rtol=1e-8)
+    run.advance(0.5)
+    run.advance(1.0)
+    assert run["x"] == pytest.approx(0.25, rel=1e-6)
+    with pytest.raises(SolverError):
+        run.advance(3.0)
+    assert (run.t, run["x"]) == (1.0, pytest.approx(0.25, rel=1e-6))
+    run.inputs["u"] = 1.0
+    run.advance(2.0)
+    assert run["x"] == pytest.approx(1.0, rel=1e-6)
