@@ -7,6 +7,7 @@ records and prototypes that it names are those of the module. A module may add f
 from __future__ import annotations
 
 import ast
+import ctypes
 import hashlib
 import importlib
 from collections.abc import Iterator, Mapping
@@ -15,6 +16,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from gearlib.compiler.cache import COMPILING, kept_bytes
 from gearlib.compiler.object_code import compiler_digest, linked, optimised
 from gearlib.compiler.translate import Environment, Prototype, fields_of, is_record, translated
@@ -22,11 +25,35 @@ from gearlib.compiler.translate import Environment, Prototype, fields_of, is_rec
 _loaded: list[Any] = []  # libraries; addresses of their functions are kept in many places, so they stay in memory
 
 
+RECORD = Prototype("int32", ("int",))  # a function that takes the address of a record
+
+
 @dataclass(frozen=True)
 class NativeFunctions:
     """Addresses of the exported functions of some modules, valid until the process ends."""
 
     addresses: Mapping[str, int]
+
+    def call(self, name: str, record: ctypes.Structure, **arrays: NDArray[Any]) -> int:
+        """Call a function that takes a record; ctypes releases Python's lock while it runs.
+
+        Parameters
+        ----------
+        name : str
+        record : ctypes.Structure
+        **arrays
+            Fields of the record that are addresses of arrays: contiguous, of 64-bit numbers.
+
+        Returns
+        -------
+        int
+            What the function returns.
+        """
+        for field, array in arrays.items():
+            if not array.flags.c_contiguous or array.dtype.itemsize != 8:
+                raise ValueError(f"{field} must be contiguous and of 64-bit numbers")
+            setattr(record, field, array.ctypes.data)
+        return RECORD(self.addresses[name], ctypes.addressof(record))
 
 
 @cache

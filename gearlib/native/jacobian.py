@@ -31,11 +31,7 @@ class Pattern:
 def pattern_of(plan: DerivativePlan) -> Pattern:
     """The sparsity of what a plan computes: a row for each slot that is wanted, a column for each seed."""
     counts = np.bincount(plan.seeds, minlength=plan.n_seeds)
-    return Pattern(np.concatenate([[0], np.cumsum(counts)]), plan.rows[_by_column(plan)], plan.n_entries)
-
-
-def _by_column(plan: DerivativePlan) -> Integers:
-    return np.lexsort((plan.rows, plan.seeds))
+    return Pattern(np.concatenate([[0], np.cumsum(counts)]), plan.rows[plan.by_column], plan.n_entries)
 
 
 def jacobian_body(program: Program, layout: Layout, plan: DerivativePlan) -> tuple[Body, int]:
@@ -75,7 +71,7 @@ def jacobian_body(program: Program, layout: Layout, plan: DerivativePlan) -> tup
         if len(step.added):
             _plain(pieces[-1], "d", step.first + step.added, step.added_sources)
     body.include_all(pieces)
-    out = plan.sources[_by_column(plan)]
+    out = plan.sources[plan.by_column]
     source = body.array(out)
     count = body.array([len(out)])
     body.lines += [f"a, h = {source}, {count}", "for k in range(index[h]):", "    values[k] = data[d + index[a + k]]"]

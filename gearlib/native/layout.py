@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.compiler.translate import Prototype
 from gearlib.program.interpret import Prepared, constant_values
 from gearlib.program.program import Batch, Linear, Newton, Program
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+# A model's native function: ``int32 f(double t, void *x, void *out, void *data, void *index)``.
+MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
 SEARCH = 6.0  # times an addition: an operation of an elimination in short loops that looks for pivots
 EACH = 3  # numbers that are remembered of a divisor
 

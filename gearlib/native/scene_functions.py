@@ -88,22 +88,22 @@ def compile_scene(
     shared = Shared(len(parameter_names), n_modes, len(program.inputs))
     layout = lay_out(program, shared, shared.size)
     text, body = rhs_source(program, layout, names, parameter_names)
-    rhs = _compile("rhs", text, body, layout)
+    rhs = compile_function("rhs", text, body, layout)
     end, guards = layout.size + body.n_coefficients, (layout.guards, program.n_guards)
     jac = pattern = roots = update = None
     if jacobian is not None:
         layout = lay_out(program, shared, end, jacobian.multiplied)
         pattern = pattern_of(jacobian)
         body, end = jacobian_body(program, layout, jacobian)
-        jac = _compile("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
+        jac = compile_function("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
     if relations is not None:
         layout = lay_out(relations.program, shared, end)
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
-            roots = _compile("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
+            roots = compile_function("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
         body = update_body(relations, layout, n_relations, n_discrete, guards)
         end = layout.size + body.n_coefficients
-        update = _compile("update", function("update", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
+        update = compile_function("update", function("update", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []
     bases, base = [], 5
     for part in (rhs, jac, roots, update):
@@ -115,6 +115,7 @@ def compile_scene(
     return NativeScene(rhs, jac, pattern, roots, update, shared, index, end)
 
 
-def _compile(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:
+def compile_function(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:
+    """Compile the source of one function."""
     full = HEADER + (SOLVE if "solve(" in text else "") + text
     return NativeFunction(compiled(full, name), body, layout, full)

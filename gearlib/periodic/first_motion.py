@@ -110,12 +110,14 @@ class Forced:
 
         @lru_cache(maxsize=8)
         def at(omega: float) -> Driven:
-            return Driven(scene, scene.numbers(translation.parameter_values(self.values(omega))), signals, omega, growth)
+            return Driven(
+                scene, *scene.compiled_numbers(translation.parameter_values(self.values(omega))), signals, omega, growth
+            )
 
         if self.frequency is not None:
             return at
-        fixed = scene.numbers(translation.parameter_values(self.parameters))
-        return lambda omega: Driven(scene, fixed, signals, omega, growth)
+        fixed = scene.compiled_numbers(translation.parameter_values(self.parameters))
+        return lambda omega: Driven(scene, *fixed, signals, omega, growth)
 
     def growth(self, scene: Scene) -> Floats:
         """How far each state gets over one radian of phase."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.program.derivatives import At, dense, entries
+from gearlib.native.evaluator import Evaluator
 from gearlib.program.interpret import batch_values, evaluate
 from gearlib.run.scene import Numbers, Scene
 
@@ -46,6 +46,7 @@ class Driven:
 
     scene: Scene
     numbers: Numbers
+    evaluator: Evaluator
     inputs: Callable[[Floats, float], Floats]  # (phases, frequency) -> (inputs, phases)
     omega: float
     growth: Floats  # of the states over one radian of phase: mesh phases grow, everything else repeats
@@ -67,10 +68,8 @@ class Driven:
 
     def linear_rates(self, phase: Floats, x: Floats, modes: Floats) -> tuple[Floats, Floats]:
         """Rates, and their derivatives by the states, shape (phases, states, states)."""
-        t = phase / self.omega
-        slots = evaluate(self.numbers.main, t, x, self.inputs(phase, self.omega), modes)
-        plan = self.scene.jacobian
-        return slots[self.scene.program.output_slots], dense(plan, entries(plan, At(self.numbers.main, t, slots, modes)))
+        slots, slopes = self.evaluator.derivatives(phase / self.omega, x, self.inputs(phase, self.omega), modes)
+        return slots[self.scene.program.output_slots], slopes
 
     def roots(self, phase: Floats, x: Floats, modes: Floats) -> Floats:
         """What the relations compare with zero, by number of the relation, shape (modes, phases)."""

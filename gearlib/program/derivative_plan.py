@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,6 +129,11 @@ class DerivativePlan:
     @property
     def shape(self) -> tuple[int, int]:
         return len(self.wanted), self.n_seeds
+
+    @cached_property
+    def by_column(self) -> Integers:
+        """The order of the derivatives column by column."""
+        return np.lexsort((self.rows, self.seeds))
 
     @property
     def multiplied(self) -> Integers:

@@ -7,7 +7,7 @@ factorised matrices of linear blocks.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -32,6 +32,9 @@ class Prepared:
     program: Program
     parameters: Floats
     solutions: tuple[Floats | Factored, ...]  # in the order of the linear blocks: (unknowns, known)
+    compiled: Callable[[Floats, Floats, Floats, Floats, Floats | None, bool], Floats] | None = (
+        None  # what `evaluate` calls instead
+    )
 
     @property
     def listed(self) -> list[float]:
@@ -199,6 +202,8 @@ def evaluate(
     -------
     array, shape (slots, times)
     """
+    if prepared.compiled is not None:
+        return prepared.compiled(t, states, inputs, relations, guess, forgiving)
     program = prepared.program
     slots = np.zeros((program.n_slots, len(t)))
     n, m = len(program.states), len(program.inputs)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.flatten.model import FlatModel
+from gearlib.native.evaluator import CompiledProgram, Evaluator
 from gearlib.native.events import relation_of
 from gearlib.native.layout import Shared, fill, lay_out
 from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_source
@@ -217,6 +218,24 @@ class Scene:
         main = prepare(self.program, self.structure, parameters)
         relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
         return Numbers(parameters, main, relations)
+
+    @cached_property
+    def _at_points(self) -> tuple[CompiledProgram, CompiledProgram | None]:
+        """The program with its Jacobian and that of the relations, compiled for evaluation at many points."""
+        sizes = len(self.model.parameters.names), self.n_modes
+        relations = self.relations
+        return (
+            CompiledProgram(self.program, *sizes, self.jacobian),
+            None if relations is None else CompiledProgram(relations.program, *sizes),
+        )
+
+    def compiled_numbers(self, parameters: Floats) -> tuple[Numbers, Evaluator]:
+        """Numbers whose programs are evaluated by compiled code, and what gives derivatives as well: for many points, many times."""
+        numbers, (main, others) = self.numbers(parameters), self._at_points
+        evaluator, relations = main.evaluator(numbers.main), numbers.relations
+        if relations is not None and others is not None:
+            relations = replace(relations, compiled=others.evaluator(relations).slots)
+        return Numbers(parameters, replace(numbers.main, compiled=evaluator.slots), relations), evaluator
 
     def prepared(self, parameters: Floats) -> Numbers:
         """The same, cached for the parameters that were last used."""

@@ -26,11 +26,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.compiler.translate import Prototype
-
-# A model's native function: ``int32 f(double t, void *x, void *out, void *data, void *index)``.
-MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

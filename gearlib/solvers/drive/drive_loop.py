@@ -17,8 +17,8 @@ from __future__ import annotations
 
 from gearlib.compiler.small_language import floats_at, int32, int32s_at, ints_at, native
 from gearlib.compiler.translate import Prototype
+from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_record import DriveRecord
-from gearlib.solvers.problem import MODEL
 
 STEPPED, FOUND, RETRY = 0, 1, 2  # what a step returns
 ROOT, TIMED, START = 0, 1, 2  # why a stepper begins anew

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -314,15 +313,6 @@ def hermitian_bounds(address: int) -> int32:
     return 0
 
 
-@cache
-def _function(name: str) -> Any:
-    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(native_functions(__name__).addresses[name])
-
-
 def call(name: str, record: ctypes.Structure, **arrays: NDArray[Any]) -> None:
-    """Call a compiled loop with a record, some of whose fields are arrays: contiguous, of 64-bit numbers."""
-    for field, array in arrays.items():
-        if not array.flags.c_contiguous or array.dtype.itemsize != 8:
-            raise ValueError(f"{field} must be contiguous and of 64-bit numbers")
-        setattr(record, field, array.ctypes.data)
-    _function(name)(ctypes.addressof(record))
+    """Call one of the loops above."""
+    native_functions(__name__).call(name, record, **arrays)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from functools import cache
-from typing import Any
 
-from gearlib.compiler.native_module import native_functions
 from gearlib.compiler.small_language import floats_at, int32, ints_at, native, record
 
 ROUNDING = 1e-18  # terms of Taylor's series below it, of what they are added to, are left out
@@ -97,9 +94,3 @@ def by_series(address: int) -> int32:
             x[r] = z[r]
             out[r] = z[r]
     return 0
-
-
-@cache
-def function(name: str) -> Any:
-    """One of the loops; it takes the address of its record."""
-    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(native_functions(__name__).addresses[name])

@@ -13,7 +13,6 @@ equal intervals are recognised, and the rounding of intervals does not add up.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -111,7 +110,8 @@ def solve(A: Floats, B: Floats, signals: Sequence[Table | float], x0: Floats, ti
            [0.875],
            [1.   ]])
     """
-    from gearlib.solvers.exponential import corner_loops as corners_kernel
+    from gearlib.compiler.native_module import native_functions
+    from gearlib.solvers.exponential import corner_loops
 
     n, m = B.shape
     lengths = cuts.lengths
@@ -129,12 +129,10 @@ def solve(A: Floats, B: Floats, signals: Sequence[Table | float], x0: Floats, ti
         name, which = "by_matrices", np.searchsorted(cuts.kinds, lengths).astype(np.int64)
         E = np.array([deviation(G, float(h))[:n] for h in cuts.kinds * cuts.unit])
     work = np.zeros((3, len(G)))
-    record = corners_kernel.Corners(n=n, inputs=m, count=len(lengths), rate=rate, reach=REACH)
+    record = corner_loops.Corners(n=n, inputs=m, count=len(lengths), rate=rate, reach=REACH)
     arrays = {"matrices": E, "which": which, "G": G, "lengths": seconds, "drive": drive, "x": x, "out": out[1:],
               "z": work[0], "term": work[1], "following": work[2]}  # fmt: skip
-    for field, array in arrays.items():
-        setattr(record, field, array.ctypes.data)
-    corners_kernel.function(name)(ctypes.addressof(record))
+    native_functions(corner_loops.__name__).call(name, record, **arrays)
     states = out[cuts.rows]
     if not np.isfinite(states).all():
         t = times[int(np.argmin(np.isfinite(states).all(axis=1)))]

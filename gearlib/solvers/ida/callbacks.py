@@ -13,10 +13,10 @@ import math
 
 from gearlib.compiler.small_language import floats, floats_at, int32, int32s_at, ints_at, native
 from gearlib.compiler.translate import Prototype
+from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, START, STEPPED, TIMED
 from gearlib.solvers.ida.ida_stepper import CHUNK, PROBES, REACH, ROOTS_FAILED, SLOPE_OVER, STALLED, START_FAILED
 from gearlib.solvers.ida.user_data import IdaRecord
-from gearlib.solvers.problem import MODEL
 
 IDA_ONE_STEP, IDA_STOP_RETURN, IDA_ROOT_RETURN, IDA_YA_YDP_INIT = 2, 1, 2, 1
 NEGATIVE_ZERO = -1e-300  # what an event function that is exactly zero is taken for: zero belongs to the negative side

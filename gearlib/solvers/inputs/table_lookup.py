@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from gearlib.compiler.native_module import native_functions
 from gearlib.compiler.small_language import floats_at, int32, ints_at, native
+from gearlib.native.layout import MODEL
 from gearlib.native.scene_functions import TABLES, NativeScene
 from gearlib.solvers.inputs.callback import Wrapped
 from gearlib.solvers.inputs.table import Table
-from gearlib.solvers.problem import MODEL
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

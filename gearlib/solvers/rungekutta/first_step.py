@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gearlib.compiler.small_language import floats_at, native
-from gearlib.solvers.problem import MODEL
+from gearlib.native.layout import MODEL
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.stages import add_slope
 

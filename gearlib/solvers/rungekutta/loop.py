@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 from gearlib.compiler.small_language import floats_at, int32, int32s_at, native
+from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_loop import FOUND, RETRY, RHS_FAILED, START, STEPPED, STIFF, TIMED
-from gearlib.solvers.problem import MODEL
 from gearlib.solvers.rungekutta.first_step import first_step, is_stiff, note, sign
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.root_finding import NEW, OLD, SLOPE_NEW, SLOPE_OLD, crossing, just_beyond, row, slopes

@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 
 from gearlib.compiler.small_language import blocks, floats_at, generated, native, where
-from gearlib.solvers.problem import MODEL
+from gearlib.native.layout import MODEL
 from gearlib.solvers.rungekutta.record import LoopRecord
 from gearlib.solvers.rungekutta.tableaux import DOP853_A, DOP853_C, DOP853_D, DOP853_E, TSIT5_A, TSIT5_C, TSIT5_E, TSIT5_R
 
