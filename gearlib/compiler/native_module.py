@@ -10,8 +10,8 @@ import ast
 import ctypes
 import hashlib
 import importlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,17 +25,22 @@ from gearlib.compiler.translate import Environment, Prototype, fields_of, is_rec
 _loaded: list[Any] = []  # libraries; addresses of their functions are kept in many places, so they stay in memory
 
 
-RECORD = Prototype("int32", ("int",))  # a function that takes the address of a record
-
-
 @dataclass(frozen=True)
 class NativeFunctions:
     """Addresses of the exported functions of some modules, valid until the process ends."""
 
     addresses: Mapping[str, int]
+    _loops: dict[str, Any] = field(default_factory=dict)
+
+    def loop(self, name: str) -> Callable[[int], int]:
+        """A function that takes the address of a record; ctypes releases Python's lock while it runs."""
+        if name not in self._loops:
+            self._loops[name] = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64)(self.addresses[name])
+        found: Callable[[int], int] = self._loops[name]
+        return found
 
     def call(self, name: str, record: ctypes.Structure, **arrays: NDArray[Any]) -> int:
-        """Call a function that takes a record; ctypes releases Python's lock while it runs.
+        """Call a function that takes a record.
 
         Parameters
         ----------
@@ -49,11 +54,11 @@ class NativeFunctions:
         int
             What the function returns.
         """
-        for field, array in arrays.items():
+        for key, array in arrays.items():
             if not array.flags.c_contiguous or array.dtype.itemsize != 8:
-                raise ValueError(f"{field} must be contiguous and of 64-bit numbers")
-            setattr(record, field, array.ctypes.data)
-        return RECORD(self.addresses[name], ctypes.addressof(record))
+                raise ValueError(f"{key} must be contiguous and of 64-bit numbers")
+            setattr(record, key, array.ctypes.data)
+        return self.loop(name)(ctypes.addressof(record))
 
 
 @cache

@@ -5,8 +5,6 @@ from __future__ import annotations
 import ctypes
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -153,7 +151,7 @@ class Driver:
         if record.capacity < record.events + record.n_roots + 2:
             self._make_room()
         record.budget = max(1, min(steps, left))
-        code = _loop()(record.address)
+        code = native_functions(drive_loop.__name__).loop("advance")(record.address)
         if code >= 0:
             self.status = _STATUS[code]
         elif self.stepper.raised is not None:
@@ -245,14 +243,6 @@ def integrate(driver: Driver) -> Solution:
         return driver.solution()
     finally:
         driver.close()
-
-
-@cache
-def _loop() -> Callable[[int], int]:
-    """The compiled loop; ctypes releases Python's lock while it runs."""
-    functions = native_functions(drive_loop.__name__)
-    advance: Any = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64)(functions.addresses["advance"])
-    return lambda address: int(advance(address))
 
 
 def address_of(array: NDArray[Any]) -> int:
