@@ -89,8 +89,8 @@ class CompiledProgram:
     plan: DerivativePlan | None = None
 
     @cached_property
-    def _code(self) -> tuple[NativeFunction, int]:
-        """The function, and how large its data block is."""
+    def _code(self) -> tuple[NativeFunction, int, Integers]:
+        """The function, how large its data block is, and its index block."""
         program, shared = self.program, Shared(self.n_parameters, self.n_relations, len(self.program.inputs))
         layout = lay_out(program, shared, shared.size, np.arange(program.n_slots))
         if self.plan is None:
@@ -98,19 +98,16 @@ class CompiledProgram:
             body.lines, size = body.lines[:-CLOSING], layout.size + body.n_coefficients
         else:
             body, size = jacobian_body(program, layout, self.plan)
-        return compile_function("slots", function("slots", ["x", "values", "data", "index"], body, 0), body, layout), size
-
-    @property
-    def code(self) -> NativeFunction:
-        return self._code[0]
+        text = function("slots", ["x", "values", "data", "index"], body, 0)
+        return compile_function("slots", text, body, layout), size, np.concatenate([[1], body.packed(1)])
 
     def evaluator(self, prepared: Prepared) -> Evaluator:
         """Evaluates the program with one set of parameters."""
-        code, size = self._code
+        code, size, index = self._code
         data = np.zeros(size)
         data[: self.n_parameters] = prepared.parameters
         fill(data, code.layout, code.body.coefficients, prepared)
-        return Evaluator(self, prepared, data, np.concatenate([[1], code.body.packed(1)]))
+        return Evaluator(self.plan, code, prepared, data, index)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +116,16 @@ class Evaluator:
 
     Attributes
     ----------
-    compiled : CompiledProgram
+    plan : DerivativePlan or None
+        Of the derivatives that are computed.
+    code : NativeFunction
     prepared : Prepared
     data, index : arrays
         The two blocks that the function works on.
     """
 
-    compiled: CompiledProgram
+    plan: DerivativePlan | None
+    code: NativeFunction
     prepared: Prepared
     data: Floats
     index: Integers
@@ -138,7 +138,7 @@ class Evaluator:
 
     def derivatives(self, t: Floats, states: Floats, inputs: Floats, relations: Floats) -> tuple[Floats, Floats]:
         """All slots, and the derivatives that the plan lists as full matrices, shape (times, wanted, seeds)."""
-        plan = self.compiled.plan
+        plan = self.plan
         assert plan is not None, "compiled with a plan"
         slots, values, failed = self._at(t, states, inputs, relations, None, False)
         found = np.zeros((len(t), *plan.shape))
@@ -153,16 +153,12 @@ class Evaluator:
         self, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None, forgiving: bool
     ) -> tuple[Floats, Floats, Integers]:
         """Slots, listed derivatives, and the points at which the compiled code gave up, so that they were interpreted."""
-        code, plan, count = self.compiled.code, self.compiled.plan, len(t)
-        layout, program = code.layout, self.compiled.program
-        first = np.zeros(program.n_slots) if guess is None else guess
-        if first.ndim == 2:  # a guess for each point
-            return (
-                evaluate(self.prepared, t, states, inputs, relations, guess, forgiving),
-                np.empty((count, 0)),
-                np.arange(count),
-            )
-        self.data[layout.slots : layout.slots + program.n_slots] = first
+        code, plan, count = self.code, self.plan, len(t)
+        layout, program = code.layout, self.prepared.program
+        if guess is not None and guess.ndim == 2:  # one for each point
+            found = evaluate(self.prepared, t, states, inputs, relations, guess, forgiving)
+            return found, np.empty((count, 0)), np.arange(count)
+        self.data[layout.slots : layout.slots + program.n_slots] = 0.0 if guess is None else guess
         arrays = {
             "t": np.ascontiguousarray(t, float),
             "states": np.ascontiguousarray(states.T, float),
