@@ -75,6 +75,13 @@ def test_blocks(values: list[float], t: float) -> None:
     assert frame.sum == pytest.approx(expected @ expected, abs=1e-12)
 
 
+def test_arrays_of_a_record_are_contiguous_and_of_64_bits() -> None:
+    numbers = np.arange(16.0)
+    for wrong in (numbers[::2], numbers.astype(np.float32)):
+        with pytest.raises(ValueError, match="x must be contiguous and of 64-bit numbers"):
+            native_functions(NAME).call("vectors", sample_loops.Frame(n=8), x=wrong, y=numbers)
+
+
 def test_what_is_compiled_once_is_kept(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     native_functions(NAME)
     kept = {path.name for path in own_folder.rglob("gearlib_model_*")}
