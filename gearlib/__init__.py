@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from gearlib.language.expressions import pi as pi
     from gearlib.language.expressions import pre as pre
     from gearlib.language.expressions import reinit as reinit
+    from gearlib.language.expressions import sample as sample
     from gearlib.language.expressions import sign as sign
     from gearlib.language.expressions import sin as sin
     from gearlib.language.expressions import sinh as sinh
@@ -130,8 +131,8 @@ _HOME = {
     **dict.fromkeys(
         [
             "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "When", "acos", "asin", "atan", "atan2", "cos", "cosh", "der",
-            "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sign", "sin", "sinh", "sqrt", "tan",
-            "tanh", "time",
+            "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sample", "sign", "sin", "sinh", "sqrt",
+            "tan", "tanh", "time",
         ],
         "gearlib.language.expressions",
     ),

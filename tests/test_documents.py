@@ -25,6 +25,7 @@ PAGES = [
     "docs/components.md",
     "docs/errors.md",
     "docs/own_gearbox.md",
+    "docs/blocks.md",
 ]
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

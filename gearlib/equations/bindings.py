@@ -75,10 +75,27 @@ def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
 _templates: dict[Any, Template] = {}
 
 
-def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str = "an input") -> BoundInput:
-    """The equation that binds an input to an expression (or a number)."""
+def discrete_name(number: int, before: bool = False) -> str:
+    """What a discrete variable of the whole model is called in a binding."""
+    return f"pre(discrete[{number}])" if before else f"discrete[{number}]"
+
+
+def is_discrete_name(name: str) -> bool:
+    return name.startswith(("discrete[", "pre(discrete["))
+
+
+def bind_input(
+    expression: Any,
+    is_parameter: Callable[[str], bool],
+    path: str = "an input",
+    discrete: Callable[[str], int] = lambda name: -1,
+) -> BoundInput:
+    """The equation that binds an input to an expression (or a number); ``discrete`` gives the number of a discrete variable, or -1."""
     check_depth(expression, path)
-    expression, relations = lift_relations(checked(value_of(expression, path), path))
+    value = checked(value_of(expression, path), path)
+    numbers = {s: discrete(s.name.removeprefix("pre(").removesuffix(")")) for s in value.free_symbols}
+    held = {s: real_symbol(discrete_name(k, s.name.startswith("pre("))) for s, k in numbers.items() if k >= 0}
+    expression, relations = lift_relations(value.xreplace(held), is_discrete_name)
     if expression.is_Number or expression.is_NumberSymbol:
         return BoundInput(_template(real_symbol("p0"), (), ("p0",)), {}, {"p0": float(expression)})
     values: dict[str, str | float] = {}
@@ -105,7 +122,7 @@ def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str =
     renamed: dict[Any, Any] = {}
     for symbol in sorted(symbols, key=str):
         name = symbol.name
-        if symbol == time or name in values or name.startswith("relation_"):
+        if symbol == time or name in values or name.startswith("relation_") or is_discrete_name(name):
             continue
         base, order = parse_column(name)
         if is_parameter(base):
@@ -124,5 +141,7 @@ def bind_input(expression: Any, is_parameter: Callable[[str], bool], path: str =
 def _template(value: Any, relations: tuple[Relation, ...], parameters: tuple[str, ...]) -> Template:
     key = (value, relations)
     if key not in _templates:
-        _templates[key] = make_template("binding", real_symbol("bound") - value, parameters, relations)
+        symbols = value.free_symbols.union(*(r.g.free_symbols for r in relations))
+        discretes = {s.name for s in symbols if is_discrete_name(s.name)}
+        _templates[key] = make_template("binding", real_symbol("bound") - value, parameters, relations, discretes)
     return _templates[key]

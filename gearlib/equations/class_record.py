@@ -162,7 +162,7 @@ def check_values(component: Component) -> None:
     """Refuse values given to parts whose units do not fit; those of an assembly that was met before are not measured again."""
     pairs = tuple(values_given(component))
     parts = tuple((n, type(p), tuple(p._structural.items())) for n, p in component._parts.items())
-    key = (parts, tuple((value, where) for value, _, where in pairs))  # what is wanted there follows from the parts
+    key = (parts, pairs)
     known = _fitting.setdefault(type(component), set())
     if pairs and key not in known:
         refuse_misfits(unit_errors(component, pairs))

@@ -15,7 +15,22 @@ from gearlib.arguments import shown
 from gearlib.equations.template import Template, template_of_value
 from gearlib.errors import DeclarationError, nearest
 from gearlib.language.declarations import Discrete
-from gearlib.language.expressions import Eq, Reinit, When, holds, pre, value_of
+from gearlib.language.expressions import (
+    Alternating,
+    Eq,
+    JustBefore,
+    Reinit,
+    Sample,
+    When,
+    alternates,
+    holds,
+    initial,
+    no_event,
+    pre,
+    real_symbol,
+    time,
+    value_of,
+)
 
 
 @dataclass(frozen=True)
@@ -51,7 +66,16 @@ def split_equations(
     values: list[tuple[str, Any, bool]] = []
     known = dict(discretes)
     reinits: dict[str, list[tuple[Any, Any]]] = {}
+    samples: dict[Any, Any] = {}  # condition -> that of its instants, in discrete variables
     states: dict[str, Any] = {}
+
+    def sampled(expression: Any) -> Any:
+        """An expression with its `gl.sample` as comparisons of hidden discrete variables."""
+        for found in sorted(expression.atoms(Sample), key=str):
+            if found not in samples:
+                samples[found] = _instants(name, found, f"sample_{len(samples)}", is_parameter, known, values)
+            expression = expression.xreplace({found > 0: samples[found], found: value_of(samples[found])})
+        return expression
 
     def action(given: Any, due: Any) -> None:
         if isinstance(given, Reinit):
@@ -79,12 +103,12 @@ def split_equations(
             hidden = sympy.Symbol(f"when_{sum(n.startswith('when_') for n in known)}", real=True)
             condition = value_of(equation.condition, f"{name}: the condition of When")
             at_start = any(symbol.name == "initial()" for symbol in condition.free_symbols)
-            if all(is_parameter(symbol.name) for symbol in condition.free_symbols):
+            if not condition.has(Sample) and all(is_parameter(symbol.name) for symbol in condition.free_symbols):
                 raise DeclarationError(
                     f"{name}: When({equation.condition}): the condition holds parameters only, and never becomes true during a run; "
                     "gl.initial() holds at the start"
                 )
-            known[hidden.name] = Discrete("condition of a When", start=0.0 if at_start else 1.0)
+            known[hidden.name] = Discrete("condition of a When", start=0.0 if at_start or condition.has(Sample) else 1.0)
             values.append((hidden.name, condition, False))
             if at_start and any(isinstance(given, Reinit) for given in equation.actions):
                 raise DeclarationError(
@@ -99,6 +123,9 @@ def split_equations(
 
     values += [(target, sympy.Piecewise(*ways, (states[target], True)), True) for target, ways in reinits.items()]
 
+    written = [(target, sampled(value), reinit) for target, value, reinit in list(values)]  # adds the hidden ones to `values`
+    values = [*values[len(written) :], *written]
+
     def is_discrete(symbol: str) -> bool:
         return symbol in known or symbol == "initial()" or (symbol.startswith("pre(") and symbol[4:-1] in known)
 
@@ -111,3 +138,25 @@ def split_equations(
         if count != 1:
             raise DeclarationError(f"{name}: the discrete variable '{discrete}' has {count} equations; expected one")
     return Split(tuple(continuous), updates, known)
+
+
+def _instants(
+    name: str, found: Any, hidden: str, is_parameter: Callable[[str], bool], known: dict[str, Discrete], values: list[Any]
+) -> Any:
+    """The condition that a `gl.sample` holds, and the hidden discrete variables that it needs.
+
+    One has the side of a function of time that alternates at the instants; the other is its value before the event, where a run is
+    started its value just before then.
+    """
+    period, offset = found.args
+    if wrong := sorted(s.name for s in found.free_symbols if not is_parameter(s.name)):
+        raise DeclarationError(
+            f"{name}: gl.sample{found.args} depends on {wrong[0]}; its instants are given by numbers and parameters"
+        )
+    side, before = real_symbol(hidden), real_symbol(f"{hidden}_before")
+    known[side.name] = Discrete("side of a function that alternates at the instants of sample()")
+    known[before.name] = Discrete("its value before the event")
+    start = no_event(value_of(Alternating(JustBefore(time), period, offset) > 0))
+    values.append((side.name, value_of(alternates(period, offset)), False))
+    values.append((before.name, sympy.Piecewise((start, initial()), (pre(side), True)), False))
+    return sympy.Ne(side, before)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,16 @@ from gearlib.equations.template import Relation, Template, column_symbol
 from gearlib.language.expressions import time
 
 CALL, DIVISION = 20, 4  # additions that a function such as the sine, and a division or a square root, take as long as
+
+
+class _ArrayPrinter(NumPyPrinter):  # type: ignore[misc]
+    """NumPy's printer, with conditions of arrays whose shapes differ: of time alone, of parameters alone."""
+
+    def _print_And(self, e: Any) -> str:
+        return reduce("logical_and({}, {})".format, map(str, map(self._print, e.args)))
+
+    def _print_Or(self, e: Any) -> str:
+        return reduce("logical_or({}, {})".format, map(str, map(self._print, e.args)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +57,7 @@ class Kernel:
     def function(self) -> Callable[..., Any]:
         """A function of arrays: ``f(t, *columns, *parameters, *relations)`` in the order of the attributes."""
         names = ["t", *(f"x{i}" for i in self.columns), *(f"p{i}" for i in self.parameters), *(f"r{i}" for i in self.relations)]
-        printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
+        printer = _ArrayPrinter({"fully_qualified_modules": False, "strict": False})
         source = f"lambda {', '.join(names)}: {printer.doprint(self.expression)}"
         function: Callable[..., Any] = eval(source, dict(vars(np)))
         return function

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError, Signal, add, multiply, parse
 from gearlib.errors import ArgumentError
+from gearlib.language.expressions import Alternating
 
 Floats = NDArray[np.float64]
 
 MAX_SWITCHES = 100_000  # of one relation
+MOST_INSTANTS = 10_000_000  # of one sample
 
 
 def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
@@ -90,6 +92,8 @@ def _differences(expression: Any) -> list[Any]:
 
 def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
     """Zeros of the difference of two expressions of time. Absolute time: the zero of time - a is then a to the last bit."""
+    if isinstance(pair[0], Alternating) and pair[1] == 0:
+        return _instants(float(pair[0].args[1]), float(pair[0].args[2]), t0, t_end)
     signal = add(parse(pair[0], 0.0), multiply({0j: [-1.0]}, parse(pair[1], 0.0)))
     rates = [rate for rate in signal if rate != 0]
     constant = signal.get(0j, [0.0])
@@ -102,6 +106,18 @@ def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
         if len(rates) == 2 and all(rate.real == 0 for rate in rates):
             return _sinusoid_roots(constant[0].real, signal, t0, t_end)
     raise OutsideClassError(f"the zeros of {pair[0]} - ({pair[1]}) are not known in closed form")
+
+
+def _instants(period: float, offset: float, t0: float, t_end: float) -> list[float]:
+    """offset + k * period, as it is rounded: no instant has the error of the ones before it."""
+    if not period > 0.0:
+        raise OutsideClassError(f"a period is {period:g} s, which is not positive")
+    first, last = max(math.floor((t0 - offset) / period) - 1, 0), math.ceil((t_end - offset) / period) + 1
+    if last - first > MOST_INSTANTS:
+        raise OutsideClassError(f"there are {last - first} instants, more than {MOST_INSTANTS}")
+    times = offset + period * np.arange(first, max(last, first))
+    found: list[float] = times[(times > t0) & (times < t_end)].tolist()
+    return found
 
 
 def _polynomial_roots(c: list[float]) -> list[float]:

@@ -18,7 +18,7 @@ from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
 from gearlib.errors import DeclarationError, NameLookupError
-from gearlib.language.expressions import Eq, as_condition, real_symbol, time, total_derivative
+from gearlib.language.expressions import Alternating, Eq, JustBefore, Sample, as_condition, real_symbol, time, total_derivative
 
 LARGEST = sys.float_info.max
 Column = tuple[str, int]  # a variable and the order of its derivative
@@ -26,6 +26,7 @@ _DER = re.compile(r"der\((.*)\)$")
 KNOWN = (
     sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2, sympy.sinh, sympy.cosh, sympy.tanh,
     sympy.asinh, sympy.acosh, sympy.atanh, sympy.exp, sympy.log, sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Piecewise,
+    Alternating, JustBefore,
 )  # fmt: skip
 
 
@@ -256,6 +257,11 @@ def checked(expression: Any, label: str) -> Any:
     for node in expression.atoms(sympy.Function, sympy.Derivative, sympy.Integral, sympy.Sum, sympy.Subs):
         if not isinstance(node, KNOWN) and node.func.__name__ != "no_event":
             hint = "; the time derivative is gl.der(x)" if isinstance(node, sympy.Derivative) else ""
+            if isinstance(node, Sample):
+                raise DeclarationError(
+                    f"{label} holds gl.sample{node.args}, which holds at single instants; it belongs into gl.When, or into the equation of "
+                    "a gl.Discrete"
+                )
             raise DeclarationError(f"{label} holds {node}, which is no function of gearlib{hint}")
     for node in expression.atoms(sympy.Piecewise):
         if node.args[-1][1] != sympy.true:

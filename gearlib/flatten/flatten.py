@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.arguments import shown
+from gearlib.equations.bindings import is_discrete_name
 from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
@@ -310,6 +311,9 @@ def _discrete_indices(template: Template, tree: Tree, instance: int) -> list[int
             continue
         before = name.startswith("pre(")
         local = name[4:-1] if before else name
+        if is_discrete_name(name):  # a binding names it by its number
+            places.append(int(local[len("discrete[") : -1]) + n * before)
+            continue
         own = tree.first_discrete[instance] + list(tree.records[instance].discretes).index(local)
         places.append(own + n * before)
     return places

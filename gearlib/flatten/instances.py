@@ -16,6 +16,7 @@ from gearlib.equations.class_record import ClassRecord, Met, check_values, class
 from gearlib.errors import BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.model import Instance
+from gearlib.flatten.signals import joined_signals
 from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component, _inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input
@@ -52,6 +53,7 @@ def walk(root: Component) -> Tree:
             composites.append((component, number_))
     for component, number_ in composites:
         _add_links(tree, component, number_)
+        _add_signals(tree, component, number_)
     _bind_all(tree, root)
     for component in first_of_kind:
         check_values(component)
@@ -124,7 +126,20 @@ def _add_links(tree: Tree, component: Component, number_: int) -> None:
                     "connect parts of this model only"
                 )
             link.append(2 * tree.port_numbers[where, port.connector.name] + inside)
-        tree.links.append(link)
+        if link:
+            tree.links.append(link)
+
+
+def _add_signals(tree: Tree, component: Component, number_: int) -> None:
+    for part, local, source in joined_signals(component, tree.instances[number_].path):
+        key = tree.numbers[id(part)], local
+        if key in tree.signals:
+            path = tree.instances[key[0]].path
+            raise ConnectionError(
+                f"{path or tree.instances[key[0]].kind}: '{local}' takes two signals: {source}, which "
+                f"{tree.instances[number_].path or type(component).__name__} joins to it, and {tree.signals[key][1]}"
+            )
+        tree.signals[key] = component, source
 
 
 def _bind_all(tree: Tree, root: Component) -> None:
@@ -153,12 +168,21 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
         if isinstance(variable, Input):
             bound = bindings[name] if name in bindings else _evaluated(variable.default, component, prefix + name)
             own = instance.first_variable + record.variable_index[name]
-            if bound is NO_VALUE or bound is None:
+            if (number_, name) in tree.signals:
+                if name in bindings and bindings[name] is not None:
+                    raise BindingError(
+                        f"{prefix}{name} is bound to {shown(bindings[name])}, and connected to the signal "
+                        f"{tree.signals[number_, name][1]}; leave one of them out"
+                    )
+            elif bound is NO_VALUE or bound is None:
                 tree.inputs.append(own)
             else:
                 _bind_input(
                     tree, component, parent if name in bindings else component, own, prefix + name, bound, variable.unit
                 )
+        if (number_, name) in tree.signals:
+            scope, signal = tree.signals[number_, name]
+            _bind_input(tree, component, scope, own_variable(instance, record, name), prefix + name, signal, variable.unit)
         if variable.start is not None and name not in component._start:
             _set_start(tree, prefix, name, own_variable(instance, record, name), variable.start, None, True, variable.unit)
         elif variable.guess and name not in component._start and name not in component._guess:
@@ -282,7 +306,10 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
     def is_parameter(name: str) -> bool:
         return scope is not None and _resolve(tree, scope, name)[1] == "parameter"
 
-    bound: BoundInput = bind_input(value, is_parameter, path)
+    def discrete(name: str) -> int:
+        return -1 if scope is None else _discrete(tree, scope, name)
+
+    bound: BoundInput = bind_input(value, is_parameter, path, discrete)
     variables = [own if n == "bound" else _variable(tree, scope, bound.variables[n], path) for n in bound.template.locals]
     parameters = []
     for n in bound.template.parameters:
@@ -314,6 +341,16 @@ def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
         if local in record.parameter_index:
             return instance.first_parameter + record.parameter_index[local], "parameter"
     return -1, None
+
+
+def _discrete(tree: Tree, scope: Component, name: str) -> int:
+    """The number of a discrete variable as seen from ``scope``, -1 where the name is none."""
+    part, local = descend(scope, name)
+    if part is None or id(part) not in tree.numbers:
+        return -1
+    number_ = tree.numbers[id(part)]
+    known = tree.records[number_].discretes
+    return tree.first_discrete[number_] + list(known).index(local) if local in known else -1
 
 
 def _variable(tree: Tree, scope: Component | None, name: str, path: str = "") -> int:

@@ -9,6 +9,7 @@ from typing import Any
 from gearlib.equations.class_record import ClassRecord
 from gearlib.equations.template import Template
 from gearlib.flatten.model import Instance
+from gearlib.language.component import Component
 
 
 @dataclass
@@ -31,6 +32,7 @@ class Tree:
     ports: list[tuple[int, str]] = field(default_factory=list)  # (instance, connector)
     port_numbers: dict[tuple[int, str], int] = field(default_factory=dict)
     numbers: dict[int, int] = field(default_factory=dict)  # id(component) -> instance
+    signals: dict[tuple[int, str], tuple[Component, Any]] = field(default_factory=dict)  # (instance, input) -> scope, signal
     records: list[ClassRecord] = field(default_factory=list)
     n_variables: int = 0
     discrete_names: list[str] = field(default_factory=list)

@@ -80,32 +80,54 @@ class Port:
 
 @dataclass(frozen=True)
 class Connection:
-    """Two or more ports whose potentials are equal and whose flows sum to zero."""
+    """Two or more ports whose potentials are equal and whose flows sum to zero; or signals that are equal."""
 
     ports: tuple[Port, ...]
+    signals: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
         if not (isinstance(self.ports, tuple) and all(isinstance(port, Port) for port in self.ports)):
             raise ConnectionError(f"Connection: ports is {shown(self.ports)}; expected connectors, as connect() takes them")
+        if not (isinstance(self.signals, tuple) and all(isinstance(signal, sympy.Symbol) for signal in self.signals)):
+            raise ConnectionError(f"Connection: signals is {shown(self.signals)}; expected signals, as connect() takes them")
 
 
 def connect(*ports: Port) -> Connection:
-    """Join connectors: their potentials become equal, their flows sum to zero.
+    """Join connectors: their potentials become equal, their flows sum to zero. Or join signals: inputs take the value of the other.
 
     Parameters
     ----------
-    *ports : Port
-        Two or more connectors of one kind, such as ``self.motor.flange_b``.
+    *ports : Port, or variables and inputs
+        Two or more connectors of one kind, such as ``self.motor.flange_b``; or a signal, such as ``self.controller.y`` or
+        ``self.sensor.w``, and inputs of parts that it drives, such as ``self.torque.tau``. Among signals, a variable of the
+        enclosing component is its output, and its own inputs are sources.
 
     Raises
     ------
     ConnectionError
-        Fewer than two, something that is no connector, different kinds, or a connector twice.
+        Fewer than two, something that is no connector, different kinds, a connector twice; signals of which none or more than one
+        can be the source.
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Drive(gl.Component):
+    ...     def assemble(self):
+    ...         self.ramp, self.torque, self.load = gp.blocks.Ramp(height=3.0), gp.Torque(), gp.Inertia(J=1.5)
+    ...         return [gl.connect(self.ramp.y, self.torque.tau), gl.connect(self.torque.flange, self.load.flange_a)]
+    >>> float(gl.simulate(Drive(), t_end=1.0, samples=3)["load.w"][-1])
+    1.0
     """
+    if ports and all(isinstance(port, sympy.Symbol) for port in ports):
+        return _joined_signals(ports)
     for port in ports:
         if not isinstance(port, Port):
             hint = " (name one of its connectors)" if isinstance(port, Component) else ""
-            raise ConnectionError(f"connect() joins connectors, such as motor.flange_b; got {shown(port)}{hint}")
+            if isinstance(port, sympy.Expr):
+                hint = " (an expression is bound where the part is made, as in tau=2 * self.controller.y)"
+            raise ConnectionError(
+                f"connect() joins connectors, such as motor.flange_b; got {shown(port)}{hint}; or signals, such as gain.y and torque.tau"
+            )
     if len(ports) < 2:
         raise ConnectionError(f"connect() needs two connectors, got {len(ports)}")
     first = ports[0]
@@ -122,6 +144,15 @@ def connect(*ports: Port) -> Connection:
             raise ConnectionError(f"{_port_path(port)} is connected to itself")
         seen.add(place)
     return Connection(ports)
+
+
+def _joined_signals(signals: tuple[Any, ...]) -> Connection:
+    if len(signals) < 2:
+        raise ConnectionError(f"connect() needs two signals, got only {signals[0]}")
+    for k, signal in enumerate(signals):
+        if signal in signals[:k]:
+            raise ConnectionError(f"{signal} is connected to itself")
+    return Connection((), signals)
 
 
 def _port_path(port: Port) -> str:
@@ -482,6 +513,11 @@ class Component:
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}{' ' + self._path() if self._path() else ''}>"
+
+
+def signals_of(component: Component) -> list[tuple[Any, ...]]:
+    """The signals that a composite joins: symbols as seen from inside of it."""
+    return [connection.signals for connection in component._assembled() if connection.signals]
 
 
 @contextmanager

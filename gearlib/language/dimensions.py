@@ -20,7 +20,7 @@ from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
 from gearlib.errors import ModelError
-from gearlib.language.component import Component, _inside, equations_of, reads_of
+from gearlib.language.component import Component, _inside, equations_of, reads_of, signals_of
 from gearlib.language.declarations import Connector, Derivative, Discrete, Input, Parameter
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, value_of
 from gearlib.language.units import NONE, SECOND, Dimension, dimension, name_of
@@ -133,7 +133,9 @@ def values_compared(component: Component, equations: Iterable[Eq | When]) -> Ite
 
 
 def values_given(component: Component) -> Iterator[Pair]:
-    """Values by default, and those given to parts: expressions, since a number is in the declared unit."""
+    """Values by default, and those given to parts: expressions, since a number is in the declared unit; signals that are joined."""
+    for signals in signals_of(component):
+        yield from ((signals[0], other, "") for other in signals[1:])
     with _inside(component):
         for name, own in component._declarations.items():
             if isinstance(own, (Parameter, Input)) and _may_be_symbolic(own.default):

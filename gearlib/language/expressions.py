@@ -23,7 +23,7 @@ from gearlib.errors import ArgumentError, DeclarationError
 
 __all__ = [
     "And", "Eq", "Max", "Min", "Not", "Or", "Piecewise", "When", "acos", "asin", "atan", "atan2", "cos", "cosh", "der",
-    "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sign", "sin", "sinh", "sqrt", "tan", "tanh",
+    "equals", "exp", "holds", "initial", "log", "no_event", "pi", "pre", "reinit", "sample", "sign", "sin", "sinh", "sqrt", "tan", "tanh",
     "time",
 ]  # fmt: skip
 
@@ -356,6 +356,78 @@ def total_derivative(expression: Any, constants: frozenset[str]) -> Any:
         if symbol != time and symbol.name not in constants:
             total += sympy.diff(expression, symbol) * real_symbol(f"der({symbol.name})")
     return total
+
+
+class Alternating(sympy.Function):  # type: ignore[misc]
+    """Of time, a period and an offset: positive from ``offset`` on for a period, negative for the next, and so on; negative before."""
+
+    is_real = True
+
+    def _eval_derivative(self, symbol: Any) -> Any:
+        return sympy.S.Zero
+
+    def _pythoncode(self, printer: Any) -> str:
+        t, period, offset = (printer.doprint(a) for a in self.args)
+        return f"(sin({math.pi!r} * (({t}) - ({offset})) / ({period})) if ({t}) >= ({offset}) else -1.0)"
+
+    def _numpycode(self, printer: Any) -> str:
+        t, period, offset = (printer.doprint(a) for a in self.args)
+        return f"where(({t}) >= ({offset}), sin({math.pi!r} * (({t}) - ({offset})) / ({period})), -1.0)"
+
+
+class JustBefore(sympy.Function):  # type: ignore[misc]
+    """A time so little earlier that what happens at it is still to come; events take conditions of time half as much later."""
+
+    is_real = True
+
+    def _pythoncode(self, printer: Any) -> str:
+        t = printer.doprint(self.args[0])
+        return f"(({t}) - 2e-12 * max(abs({t}), 1e-3))"
+
+    def _numpycode(self, printer: Any) -> str:
+        t = printer.doprint(self.args[0])
+        return f"(({t}) - 2e-12 * maximum(abs({t}), 1e-3))"
+
+
+def alternates(period: Any, offset: Any = 0) -> Any:
+    """The condition that holds from ``offset`` on for a period, not for the next, and so on; it switches at ``offset + k * period``."""
+    return Alternating(time, as_number(period, "the period"), as_number(offset, "the offset")) > 0
+
+
+class Sample(sympy.Function):  # type: ignore[misc]
+    """Of a period and an offset: what `sample` writes, until equations of discrete variables are told from the others."""
+
+    is_real = True
+
+
+def sample(period: Any, offset: Any = 0) -> Any:
+    """The condition that becomes true at the instants ``offset``, ``offset + period``, ``offset + 2 * period``, ...
+
+    It holds at these instants only, for `When` and in equations of discrete variables. An instant at which the run is started counts,
+    if it is one.
+
+    Parameters
+    ----------
+    period, offset : number or expression of parameters
+        s.
+
+    Examples
+    --------
+    >>> import gearlib as gl
+    >>> class Counter(gl.Component):
+    ...     n = gl.Discrete("instants so far")
+    ...     def equations(self):
+    ...         return [gl.When(gl.sample(0.25, 0.1), gl.Eq(self.n, gl.pre(self.n) + 1))]
+    >>> result = gl.simulate(Counter(), 1.0, samples=6)
+    >>> result["n"]
+    array([0., 1., 2., 3., 3., 4.])
+    >>> [float(t) for t, _ in result.events]
+    [0.1, 0.35, 0.6, 0.85]
+    """
+    found = as_number(period, "the period of sample()")
+    if found.is_number and not found > 0:
+        raise DeclarationError(f"sample(): the period is {period}; expected a positive number of seconds")
+    return Sample(found, as_number(offset, "the offset of sample()")) > 0
 
 
 def no_event(expression: Any) -> Any:

@@ -56,12 +56,14 @@ def _outline(component: Owner, name: str, depth: int, level: int, more: tuple[Te
     if depth > 0 and component._parts:
         for connection in connections:
             pins = tuple(_pin(component, port) for port in connection.ports)
-            nets.append(Net(pins, domain(connection.ports[0].connector)))
+            if pins:
+                nets.append(Net(pins, domain(connection.ports[0].connector)))
         for port in more:  # of a part's part
             inner, _, rest = port.name.partition(".")
             if rest and port.domain != "signal":
                 nets.append(Net((Pin(OWN, port.name), Pin(inner, rest)), port.domain))
-        nets = joined(nets) + _signals(component)
+        joined_signals = [Net(tuple(map(_signal_pin, c.signals)), "signal") for c in connections if c.signals]
+        nets = joined(nets) + joined([*joined_signals, *_signals(component)])
         others: dict[str, dict[str, Terminal]] = {part: {} for part in (OWN, *component._parts)}
         for net in nets:
             for pin in net.pins:
@@ -120,6 +122,11 @@ def _signals(component: Owner) -> list[Net]:
                     if source.part != name:
                         targets.setdefault(source, []).append(Pin(name, own))
     return [Net((source, *ends), "signal") for source, ends in targets.items()]
+
+
+def _signal_pin(signal: object) -> Pin:
+    part, _, variable = str(signal).partition(".")
+    return Pin(part, variable) if variable else Pin(OWN, part)
 
 
 def _sources(component: Owner, value: object) -> Iterator[Pin]:

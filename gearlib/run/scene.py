@@ -357,6 +357,27 @@ def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, 
     return tuple(sorted(states))
 
 
+def needed_discretes(structure: Structure, targets: Iterable[Node]) -> tuple[int, ...]:
+    """The discrete variables that some variables depend on at the same moment, and those that these depend on."""
+    model, dependence = structure.model, structure.dependence
+    known = len(model.discretes)
+    unknowns, _ = reach(dependence, targets, dynamic=False, events=True)
+    found: set[int] = set()
+    waiting: list[int] = []
+    for node in unknowns:
+        g, i = structure.rows[dependence.choice.solved_by[node][0]]
+        waiting += model.groups[g].discretes[i].tolist()
+    while waiting:
+        place = waiting.pop()
+        if place >= 2 * known or place % known in found:  # the last one says that the run is being started
+            continue
+        found.add(place % known)
+        for update in model.discretes.updates:
+            if not update.reinit:
+                waiting += update.equations.discretes[update.targets == place % known].ravel().tolist()
+    return tuple(sorted(found))
+
+
 def needed_inputs(structure: Structure, targets: Iterable[Node]) -> tuple[str, ...]:
     """The unbound inputs that some variables depend on, through their states and through events."""
     model, dependence = structure.model, structure.dependence

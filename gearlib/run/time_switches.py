@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.quasipolynomials import TIME
 from gearlib.equations.switch_times import distinct, times_of_breakpoints
+from gearlib.language.expressions import Alternating
 from gearlib.program.program import Batch
 from gearlib.program.relations import Relations
 
@@ -107,4 +108,14 @@ def _line(expression: Any, symbols: Sequence[Any]) -> Callable[..., tuple[Any, A
     return function
 
 
-_BRANCHES = (sympy.Piecewise, sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.floor, sympy.ceiling)
+_BRANCHES = (
+    Alternating,
+    sympy.Piecewise,
+    sympy.Abs,
+    sympy.sign,
+    sympy.Heaviside,
+    sympy.Max,
+    sympy.Min,
+    sympy.floor,
+    sympy.ceiling,
+)

@@ -21,7 +21,7 @@ from gearlib.language.recipes import packed
 from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
-from gearlib.run.scene import Scene, needed_inputs, needed_states
+from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Start, start_values, start_variable
 from gearlib.run.steady import steady_state
 from gearlib.run.zeros import can_be_solved, factors
@@ -366,6 +366,8 @@ def asked_scene(structure: Structure, outputs: tuple[str, ...] | None) -> Scene:
         return Scene(structure, tuple(sorted({*wanted, *needed_states(structure, targets)})), tuple(discretes))
     discretes = [model.discretes.names.index(n) for n in outputs if n in model.discretes.names]
     nodes = output_nodes(structure, [n for n in outputs if n not in model.discretes.names])
+    if len(model.discretes):
+        discretes = sorted({*discretes, *needed_discretes(structure, nodes)})
     states = needed_states(structure, [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))])
     computed = [n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states]
     return Scene(structure, states, tuple(discretes), tuple(computed))

@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gearparts import blocks as blocks
     from gearparts.bond_graph import BondGraphPart as BondGraphPart
     from gearparts.bond_graph import from_bond_graph as from_bond_graph
     from gearparts.gears.gear_pair import GearPair as GearPair
@@ -188,6 +189,8 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(_HOME[name]), name)
         globals()[name] = value
         return value
+    if name == "blocks":  # signal blocks keep a name space of their own
+        return importlib.import_module("gearparts.blocks")
     if name.startswith("_"):  # asked by Python itself: __path__, __wrapped__, ...
         raise AttributeError(f"module 'gearparts' has no attribute '{name}'")
     from gearlib.errors import nearest

@@ -84,7 +84,7 @@ def test_a_single_connection_is_no_list() -> None:
     ("ports", "message"),
     [
         (lambda s: (s.a, s.b), r"joins connectors, such as motor\.flange_b; got <Inertia a> \(name one of its connectors\)"),
-        (lambda s: (s.a.w, s.b.w), r"joins connectors, such as motor\.flange_b; got a\.w"),
+        (lambda s: (s.a.w, s.b.w), r"joins the signals a\.w, b\.w, each of which has a value of its own"),
         (lambda s: (s.a.flange_a, "b.flange_a"), r"joins connectors, such as motor\.flange_b; got 'b\.flange_a'"),
         (lambda s: (s.a.flange_a,), r"connect\(\) needs two connectors, got 1"),
         (lambda s: (s.a.flange_a, s.a.flange_a), r"a\.flange_a is connected to itself"),

@@ -333,6 +333,12 @@ def language() -> list[Call]:
         Call("holds", gl.holds, lambda: {"variable": n}),
         Call("equals", gl.equals, lambda: {"variable": n, "value": 1}),
         Call("initial", gl.initial),
+        Call(
+            "sample",
+            lambda period, offset: solved(gl.When(gl.sample(period, offset), gl.Eq(n, 1))),
+            lambda: {"period": 0.1, "offset": 0.0},
+        ),
+        Call("connect signals", gl.connect, positional=lambda: [x, leaf.y]),
         Call("no_event", gl.no_event, lambda: {"expression": x > 1}),
         Call("reinit", gl.reinit, lambda: {"state": x, "value": 1.0}),
         Call("connect", gl.connect, positional=lambda: [gp.Inertia(J=1.0).flange_a, gp.Inertia(J=1.0).flange_a]),

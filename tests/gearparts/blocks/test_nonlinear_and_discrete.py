@@ -1,0 +1,146 @@
+"""Nonlinear and sampled blocks, and sources that repeat, in one model, against formulas and loops by hand."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BoundError
+from tests.gearparts.blocks.bench import Driven
+
+B = gp.blocks
+H = 0.07  # s, between instants
+
+
+class Everything(gl.Component):
+    """One of each, driven by sin(7 t)."""
+
+    def assemble(self) -> list[gl.Connection]:
+        u = gl.sin(7 * gl.time)
+        self.pulse = B.Pulse(period=0.3, width=40.0, amplitude=2.0, start_time=0.1, n_period=4.0)
+        self.trapezoid = B.Trapezoid(period=0.5, rising=0.1, width=0.2, falling=0.1, start_time=0.15, amplitude=3.0)
+        self.limiter, self.dead_zone = B.Limiter(y_max=0.5, y_min=-0.3, u=u), B.DeadZone(u_max=0.4, u=u)
+        self.rate, self.hysteresis = B.RateLimiter(rising=2.0, falling=-5.0, Td=1e-3), B.Hysteresis(u_low=-0.2, u_high=0.6, u=u)
+        self.switch, self.logical = B.Switch(u1=1 * gl.time, u3=-5.0), B.LogicalSwitch(u3=1.0)
+        self.sampler, self.delay = B.Sampler(sample_period=H, u=u), B.UnitDelay(sample_period=H, u=u, start={"taken": 9.0})
+        self.hold = B.ZeroOrderHold(sample_period=H, start_time=0.02, u=u)
+        self.triggered = B.TriggeredSampler(u=1 * gl.time)
+        self.pid = B.DiscretePID(sample_period=0.05, k=2.0, Ti=0.3, Td=0.1, y_max=1.0, u_s=1.0, u_m=u)
+        return [
+            gl.connect(self.pulse.y, self.rate.u, self.triggered.trigger, self.logical.u1),
+            gl.connect(self.hysteresis.y, self.switch.u2, self.logical.u2),
+        ]
+
+
+@lru_cache
+def run(method: str = "auto") -> Any:
+    return gl.simulate(Everything(), 2.0, samples=401, method=method)
+
+
+@pytest.mark.parametrize("method", ["auto", "ida"])
+def test_every_block_follows_its_law(method: str) -> None:
+    r = run(method)
+    t = r.time
+    u = np.sin(7 * t)
+    since = t - 0.1 + 1e-12
+    pulse = (since >= 0) & (since % 0.3 < 0.12) & (since < 1.2)
+    assert np.array_equal(r["pulse.y"], 2.0 * pulse)
+    phase = (t - 0.15 + 1e-12) % 0.5
+    assert r["trapezoid.y"] == pytest.approx(
+        np.where(t < 0.15 - 1e-12, 0, np.interp(phase, [0, 0.1, 0.3, 0.4], [0, 3, 3, 0])), abs=1e-9
+    )
+    assert np.array_equal(r["limiter.y"], np.clip(u, -0.3, 0.5))
+    assert r["dead_zone.y"] == pytest.approx(np.maximum(u - 0.4, 0) + np.minimum(u + 0.4, 0), abs=1e-15)
+    k = np.floor(t / H + 1e-9)
+    assert r["sampler.y"] == pytest.approx(np.sin(7 * k * H), abs=1e-14)
+    assert r["delay.y"] == pytest.approx(np.where(k > 0, np.sin(7 * (k - 1) * H), 9.0), abs=1e-14)
+    k = np.floor((t - 0.02) / H + 1e-9)
+    assert r["hold.y"] == pytest.approx(np.where(k >= 0, np.sin(7 * (0.02 + k * H)), 0.0), abs=1e-14)
+    k = np.clip(np.floor(since / 0.3), -1, 3)
+    assert r["triggered.y"] == pytest.approx(np.where(k >= 0, 0.1 + 0.3 * k, 0.0), abs=1e-14)
+    on, states = False, []
+    for value in np.sin(7 * np.linspace(0.0, 2.0, 40001)):
+        on = bool(value > 0.6 or (on and value >= -0.2))
+        states.append(on)
+    chosen = np.array(states)[::100]
+    assert np.array_equal(r["hysteresis.y"], chosen)
+    assert np.array_equal(r["switch.y"], np.where(chosen, t, -5.0))
+    assert np.array_equal(r["logical.y"], np.where(chosen, pulse, True))
+
+
+def test_the_digital_controller_is_the_loop_by_hand() -> None:
+    integral = derivative = last = 0.0
+    found = []
+    for n in range(41):
+        measured = np.sin(7 * n * 0.05)
+        derivative = (0.1 * derivative - 2.0 * 0.1 * 10.0 * (measured - last if n else 0.0)) / (0.1 + 10.0 * 0.05)
+        v = 2.0 * (1.0 - measured) + integral + derivative
+        y = min(max(v, -1.0), 1.0)
+        integral += 0.05 * (2.0 * (1.0 - measured) / 0.3 + (y - v) / (0.9 * 0.3))
+        last = measured
+        found.append(y)
+    r = run()
+    assert 1.0 in found
+    assert len(set(found)) > 10
+    assert r["pid.y"] == pytest.approx(np.array(found)[np.floor(r.time / 0.05 + 1e-9).astype(int)], abs=1e-12)
+
+
+def test_a_limited_rate() -> None:
+    t, y = run().time, run()["rate.y"]
+    inside = (t > 0.1) & (t < 0.21)
+    assert y[inside] == pytest.approx(2.0 * (t[inside] - 0.1), abs=1e-5)
+    inside = (t > 0.23) & (t < 0.26)
+    assert np.diff(y[inside]) == pytest.approx(-5.0 * 0.005, abs=1e-6)
+
+
+def test_sources_that_repeat_do_so_from_any_start() -> None:
+    r = gl.simulate(Everything(), 2.0, t_start=0.31, samples=170, outputs=["trapezoid.y", "pulse.y"])
+    phase = (r.time - 0.15 + 1e-12) % 0.5
+    assert r["trapezoid.y"] == pytest.approx(np.interp(phase, [0, 0.1, 0.3, 0.4], [0, 3, 3, 0]), abs=1e-9)
+    since = r.time - 0.1 + 1e-12
+    assert np.array_equal(r["pulse.y"], 2.0 * ((since % 0.3 < 0.12) & (since < 1.2)))
+
+
+def test_units_fit() -> None:
+    assert gl.check_units(Everything()) == []
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: B.Limiter(y_max=1.0, y_min=2.0), r"block\.room is -1; expected at least 0"),
+        (lambda: B.Hysteresis(u_low=2.0, u_high=1.0), r"block\.room is -1"),
+        (lambda: B.Sampler(sample_period=0.0), r"block\.sample_period is 0; expected at least"),
+        (lambda: B.Trapezoid(period=0.3, rising=0.1, width=0.2, falling=0.1), r"block\.pause is -0\.1; expected at least 0"),
+        (lambda: B.Pulse(period=0.3, width=140.0), r"block\.width is 140; expected at most 100"),
+    ],
+)
+def test_values_that_are_refused(make: Any, message: str) -> None:
+    with pytest.raises(BoundError, match=message):
+        gl.compile(Driven(make=make))
+
+
+def test_a_digital_controller_in_the_loop() -> None:
+    class Loop(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.controller = B.DiscretePID(sample_period=0.01, k=4.0, Ti=0.5, y_max=20.0, u_s=10.0)
+            self.torque, self.load, self.speed = gp.Torque(), gp.Inertia(J=2.0), gp.SpeedSensor()
+            return [
+                gl.connect(self.speed.w, self.controller.u_m), gl.connect(self.controller.y, self.torque.tau),
+                gl.connect(self.torque.flange, self.load.flange_a, self.speed.flange),
+            ]  # fmt: skip
+
+    r = gl.simulate(Loop(), 2.0, samples=201)
+    w, integral, speeds = 0.0, 0.0, []
+    for _ in range(201):
+        speeds.append(w)
+        v = 4.0 * (10.0 - w) + integral
+        y = min(max(v, -20.0), 20.0)
+        integral += 0.01 * (4.0 * (10.0 - w) / 0.5 + (y - v) / (0.9 * 0.5))
+        w += 0.01 * y / 2.0
+    assert r["load.w"] == pytest.approx(speeds, abs=1e-11)
