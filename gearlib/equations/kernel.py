@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property, reduce
+from functools import cache, cached_property, partial, reduce
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,14 +23,11 @@ from gearlib.language.expressions import time
 CALL, DIVISION = 20, 4  # additions that a function such as the sine, and a division or a square root, take as long as
 
 
-class _ArrayPrinter(NumPyPrinter):  # type: ignore[misc]
-    """NumPy's printer, with conditions of arrays whose shapes differ: of time alone, of parameters alone."""
-
-    def _print_And(self, e: Any) -> str:
-        return reduce("logical_and({}, {})".format, map(str, map(self._print, e.args)))
-
-    def _print_Or(self, e: Any) -> str:
-        return reduce("logical_or({}, {})".format, map(str, map(self._print, e.args)))
+# Conditions of arrays whose shapes differ (of time alone, of parameters alone) are joined by two and two
+_NAMES = vars(np) | {
+    "logical_and": SimpleNamespace(reduce=partial(reduce, np.logical_and)),
+    "logical_or": SimpleNamespace(reduce=partial(reduce, np.logical_or)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +55,9 @@ class Kernel:
     def function(self) -> Callable[..., Any]:
         """A function of arrays: ``f(t, *columns, *parameters, *relations)`` in the order of the attributes."""
         names = ["t", *(f"x{i}" for i in self.columns), *(f"p{i}" for i in self.parameters), *(f"r{i}" for i in self.relations)]
-        printer = _ArrayPrinter({"fully_qualified_modules": False, "strict": False})
+        printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
         source = f"lambda {', '.join(names)}: {printer.doprint(self.expression)}"
-        function: Callable[..., Any] = eval(source, dict(vars(np)))
+        function: Callable[..., Any] = eval(source, dict(_NAMES))
         return function
 
     @cached_property
