@@ -16,11 +16,11 @@ from gearlib.equations.template import Template, template_of_value
 from gearlib.errors import DeclarationError, nearest
 from gearlib.language.declarations import Discrete
 from gearlib.language.expressions import (
-    Alternating,
     Eq,
     JustBefore,
     Reinit,
     Sample,
+    SquareWave,
     When,
     alternates,
     holds,
@@ -156,7 +156,7 @@ def _instants(
     side, before = real_symbol(hidden), real_symbol(f"{hidden}_before")
     known[side.name] = Discrete("side of a function that alternates at the instants of sample()")
     known[before.name] = Discrete("its value before the event")
-    start = no_event(value_of(Alternating(JustBefore(time), period, offset) > 0))
+    start = no_event(value_of(SquareWave(JustBefore(time), period, offset) > 0))
     values.append((side.name, value_of(alternates(period, offset)), False))
     values.append((before.name, sympy.Piecewise((start, initial()), (pre(side), True)), False))
     return sympy.Ne(side, before)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError, Signal, add, multiply, parse
 from gearlib.errors import ArgumentError
-from gearlib.language.expressions import Alternating
+from gearlib.language.expressions import SquareWave
 
 Floats = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def _differences(expression: Any) -> list[Any]:
 
 def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
     """Zeros of the difference of two expressions of time. Absolute time: the zero of time - a is then a to the last bit."""
-    if isinstance(pair[0], Alternating) and pair[1] == 0:
+    if isinstance(pair[0], SquareWave) and pair[1] == 0:
         return _instants(float(pair[0].args[1]), float(pair[0].args[2]), t0, t_end)
     signal = add(parse(pair[0], 0.0), multiply({0j: [-1.0]}, parse(pair[1], 0.0)))
     rates = [rate for rate in signal if rate != 0]

@@ -18,7 +18,7 @@ from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
 from gearlib.errors import DeclarationError, NameLookupError
-from gearlib.language.expressions import Alternating, Eq, JustBefore, Sample, as_condition, real_symbol, time, total_derivative
+from gearlib.language.expressions import Eq, JustBefore, Sample, SquareWave, as_condition, real_symbol, time, total_derivative
 
 LARGEST = sys.float_info.max
 Column = tuple[str, int]  # a variable and the order of its derivative
@@ -26,7 +26,7 @@ _DER = re.compile(r"der\((.*)\)$")
 KNOWN = (
     sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2, sympy.sinh, sympy.cosh, sympy.tanh,
     sympy.asinh, sympy.acosh, sympy.atanh, sympy.exp, sympy.log, sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Piecewise,
-    Alternating, JustBefore,
+    SquareWave, JustBefore,
 )  # fmt: skip
 
 

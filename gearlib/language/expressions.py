@@ -358,7 +358,7 @@ def total_derivative(expression: Any, constants: frozenset[str]) -> Any:
     return total
 
 
-class Alternating(sympy.Function):  # type: ignore[misc]
+class SquareWave(sympy.Function):  # type: ignore[misc]
     """Of time, a period and an offset: positive from ``offset`` on for a period, negative for the next, and so on; negative before."""
 
     is_real = True
@@ -391,7 +391,7 @@ class JustBefore(sympy.Function):  # type: ignore[misc]
 
 def alternates(period: Any, offset: Any = 0) -> Any:
     """The condition that holds from ``offset`` on for a period, not for the next, and so on; it switches at ``offset + k * period``."""
-    return Alternating(time, as_number(period, "the period"), as_number(offset, "the offset")) > 0
+    return SquareWave(time, as_number(period, "the period"), as_number(offset, "the offset")) > 0
 
 
 class Sample(sympy.Function):  # type: ignore[misc]

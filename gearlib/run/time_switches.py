@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gearlib.equations.quasipolynomials import TIME
 from gearlib.equations.switch_times import distinct, times_of_breakpoints
-from gearlib.language.expressions import Alternating
+from gearlib.language.expressions import SquareWave
 from gearlib.program.program import Batch
 from gearlib.program.relations import Relations
 
@@ -109,7 +109,7 @@ def _line(expression: Any, symbols: Sequence[Any]) -> Callable[..., tuple[Any, A
 
 
 _BRANCHES = (
-    Alternating,
+    SquareWave,
     sympy.Piecewise,
     sympy.Abs,
     sympy.sign,
