@@ -13,6 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [
     "README.md",
+    "docs/index.md",
     "docs/quickstart.md",
     "docs/xp_train.md",
     "docs/phases.md",
@@ -56,6 +57,13 @@ def test_every_page_that_the_readme_names_exists() -> None:
     links = re.findall(r"\]\(([^)#:]+)\)", (ROOT / "README.md").read_text(encoding="utf-8"))
     assert len(links) >= 6
     assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    docs = ROOT / "docs"
+    trees = re.findall(r"```\{toctree\}\n(.*?)```", (docs / "index.md").read_text(encoding="utf-8"), re.DOTALL)
+    named = [line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")]
+    assert sorted(named) == sorted({"gallery/index"} | {page.stem for page in docs.glob("*.md")} - {"index"})
 
 
 def test_files_that_the_row_by_row_page_names_exist() -> None:
