@@ -73,7 +73,7 @@ class Runs:
             return self._read(name).reshape(self.shape + self._values[name].shape)
         if name in self._samples.numbers:
             return self._samples.numbers[name].reshape(self.shape)
-        raise NameLookupError(f"the runs have kept no '{name}'; {nearest(name, [*self._values, *self._samples.numbers])}")
+        raise NameLookupError(f"the runs have kept nothing of the name '{name}'; {nearest(name, [*self._values, *self._samples.numbers])}")
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
@@ -91,7 +91,7 @@ class Runs:
     def unit(self, name: str) -> str:
         """Unit of a value; empty where it is not known."""
         if one_name("name", name, "load.w") not in self._units:
-            raise NameLookupError(f"the runs have kept no '{name}'; {nearest(name, self._units)}")
+            raise NameLookupError(f"the runs have kept nothing of the name '{name}'; {nearest(name, self._units)}")
         return self._units[name]
 
     def to_xarray(self) -> xarray.Dataset:

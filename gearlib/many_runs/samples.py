@@ -23,9 +23,18 @@ RUN = "run"  # the one axis of runs that are no grid
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """All combinations of some values; `grid` makes it."""
+    """All combinations of some values; `grid` makes it.
 
-    values: Mapping[str, Any]
+    Attributes
+    ----------
+    axes : mapping
+        The values along each axis: arrays of numbers, or tuples of tables.
+    fixed : mapping
+        What is the same in all runs.
+    """
+
+    axes: Mapping[str, Any]
+    fixed: Mapping[str, Any]
 
 
 def grid(values: Mapping[str, Any] | None = None, /, **more: Any) -> Grid:
@@ -55,7 +64,10 @@ def grid(values: Mapping[str, Any] | None = None, /, **more: Any) -> Grid:
            [2., 4.],
            [1., 2.]])
     """
-    return Grid(by_name("grid", values, "a mapping of paths to sequences of numbers", "load.J") | more)
+    axes, fixed = _sorted(by_name("values", values, "a mapping of paths to sequences of numbers", "load.J") | more, "values")
+    if empty := [name for name, column in axes.items() if not len(column)]:
+        raise ArgumentError(f"values: there is no run, those of {empty[0]} are empty")
+    return Grid(axes, fixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +157,7 @@ def as_samples(given: Any, names: Sequence[str] | None = None) -> Samples:
     if isinstance(given, np.ndarray):
         raise ArgumentError("parameters is an array; say what its columns are: names=['K_g', 'C_v']")
     values = by_name("parameters", given, EXPECTED, "load.J")
-    columns, fixed = _sorted(values)
+    columns, fixed = _sorted(values, "parameters")
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{name} {n}" for name, n in list(lengths.items())[:8])
@@ -169,9 +181,7 @@ def _of_array(given: Any, names: list[str]) -> Samples:
 
 
 def _factorial(given: Grid) -> Samples:
-    columns, fixed = _sorted(dict(given.values))
-    if empty := [name for name, column in columns.items() if not len(column)]:
-        raise ArgumentError(f"parameters: there is no run, the values of {empty[0]} are empty")
+    columns, fixed = given.axes, given.fixed
     shape = tuple(len(column) for column in columns.values())
     if not shape:
         return Samples({}, fixed, {RUN: None}, (1,))
@@ -181,7 +191,7 @@ def _factorial(given: Grid) -> Samples:
     return Samples(spread, fixed, columns, shape)
 
 
-def _sorted(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _sorted(values: Mapping[str, Any], what: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """What varies, and what does not."""
     columns: dict[str, Any] = {}
     fixed: dict[str, Any] = {}
@@ -191,19 +201,19 @@ def _sorted(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         elif is_real(value):
             fixed[name] = float(value)
         else:
-            columns[name] = _column(name, value)
+            columns[name] = _column(f"{what}['{name}']", value)
     return columns, fixed
 
 
-def _column(name: str, value: Any) -> Any:
+def _column(what: str, value: Any) -> Any:
     """A column of finite numbers, or of tables and functions."""
     expected = "a number, or a sequence with a finite number (for an input, or a table) for each run"
     if isinstance(value, (list, tuple)) and any(isinstance(one, Table) or callable(one) for one in value):
         wrong = [one for one in value if not (isinstance(one, Table) or callable(one) or is_real(one))]
         if wrong:
-            raise ArgumentError(f"parameters['{name}'] holds {shown(wrong[0])}; expected {expected}")
+            raise ArgumentError(f"{what} holds {shown(wrong[0])}; expected {expected}")
         return tuple(value)
-    found = reals(f"parameters['{name}']", value, expected)
+    found = reals(what, value, expected)
     if found.ndim != 1:
-        raise ArgumentError(f"parameters['{name}'] is {shown(value)}; expected {expected}")
+        raise ArgumentError(f"{what} is {shown(value)}; expected {expected}")
     return found.copy()

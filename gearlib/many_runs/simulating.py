@@ -117,6 +117,8 @@ def simulating(
         chosen = ()
     else:
         chosen = translation.states if translation.outputs is None else translation.outputs
+    if not chosen and not functions:
+        raise ArgumentError("outputs is empty, and so is reduce: nothing would be kept of the runs")
     for name in chosen:
         check_output(translation, name)
     for name in samples.names:

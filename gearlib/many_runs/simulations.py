@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from gearlib.arguments import by_name
 from gearlib.errors import ArgumentError
 from gearlib.files.sweep_files import sweep_path
 from gearlib.many_runs.carry_out import carry_out, check_executor
@@ -33,8 +34,8 @@ def sweep_runs(
     starts = {name[len(START) : -1]: value for name, value in samples.fixed.items() if kinds[name] == "start"}
     if starts and not (start is None or isinstance(start, Mapping)):
         raise ArgumentError(f"parameters give {next(iter(starts))} a start value, and start={start!r:.60} gives all of them")
-    if inputs is not None and not isinstance(inputs, Mapping):
-        translation.input_signals(inputs)  # refuses it
+    if inputs is not None:
+        inputs = by_name("inputs", inputs, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
     if twice := {*given, *first} & {*(inputs or {})}:
         raise ArgumentError(f"the input {twice.pop()} is given in parameters and in inputs; give it once")
     all_inputs = {**(inputs or {}), **given, **first} if inputs is not None or given or first else None
