@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from gearlib.linear.frequency_response import FrequencyResponse as FrequencyResponse
     from gearlib.linear.frequency_response import frequency_response as frequency_response
     from gearlib.linear.frequency_response import transmission_error_response as transmission_error_response
+    from gearlib.many_runs.analysing import sweep as sweep
     from gearlib.many_runs.runs import Runs as Runs
     from gearlib.many_runs.samples import grid as grid
     from gearlib.periodic.describing_function import PreloadedBacklash as PreloadedBacklash
@@ -119,6 +120,7 @@ _HOME = {
     **dict.fromkeys(["Passivity", "passivity"], "gearlib.feedback.passivity"),
     **dict.fromkeys(["StabilityReport", "stability"], "gearlib.feedback.stability"),
     "Runs": "gearlib.many_runs.runs",
+    "sweep": "gearlib.many_runs.analysing",
     "grid": "gearlib.many_runs.samples",
     "PowerFlow": "gearlib.statics.power_flow",
     **dict.fromkeys(["mobility", "power_flow", "speed_ratio"], "gearlib.statics.statics"),

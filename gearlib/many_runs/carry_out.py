@@ -103,9 +103,11 @@ class _Turn:
     def one(self, run: int, given: dict[str, Any]) -> None:
         """Carry out a run here."""
         try:
-            self.gathering.add(run, self.gathering.work.row(given))
+            row = self.gathering.work.row(given)
         except GearlibError as problem:
             self.gathering.fail(run, problem)
+        else:
+            self.gathering.add(run, row)
         self.came(1)
 
     def came(self, count: int) -> None:

@@ -102,7 +102,7 @@ class Gathering:
                 self._values = blank(row, self._file.batch)
             return
         self.coordinates = coordinates
-        self._layout = {
+        layout = {
             name: StoredArray(
                 self._axes(name, np.shape(value)), np.shape(value), "c16" if np.iscomplexobj(value) else "f8",
                 {"units": self.work.unit(name), "coordinates": " ".join(self.samples.numbers)},
@@ -110,23 +110,23 @@ class Gathering:
             for name, value in row.items()
         }  # fmt: skip
         if self.path is None:
-            self._refuse_too_much()
-            self._values = blank(row, len(self.samples))
+            self._refuse_too_much(layout)
+            self._layout, self._values = layout, blank(row, len(self.samples))
             return
         shape = list(self.samples.shape)
         told = {
             "digest": self._digest, "model": self.model, "shape": shape, "axes": list(self.samples.axes), **versions(),
             "coordinates": {name: np.asarray(numbers).tolist() for name, numbers in coordinates.items()},
         }  # fmt: skip
-        self._file = create(self.path, SweepLayout(len(self.samples), self._layout, self._columns(), told))
-        self._values = blank(row, self._file.batch)
+        self._file = create(self.path, SweepLayout(len(self.samples), layout, self._columns(), told))
+        self._layout, self._values = layout, blank(row, self._file.batch)
 
     def _axes(self, name: str, shape: tuple[int, ...]) -> tuple[str, ...]:
         named = self.work.dimensions(name)
         return named if len(named) == len(shape) else tuple(f"{name}_{k}" for k in range(len(shape)))
 
-    def _refuse_too_much(self) -> None:
-        needed = 8.0 * len(self.samples) * sum(math.prod(v.shape) for v in self._layout.values())
+    def _refuse_too_much(self, layout: Mapping[str, StoredArray]) -> None:
+        needed = 8.0 * len(self.samples) * sum(math.prod(v.shape) for v in layout.values())
         there = _memory()
         if needed > there:
             raise ArgumentError(
@@ -135,18 +135,18 @@ class Gathering:
             )
 
     def add(self, run: int, row: Row) -> None:
-        """A run that went well; `ArgumentError` where its values have other shapes than those of the others."""
+        """A run that went well; it failed after all where its values have other shapes than those of the others."""
         self._prepare(row.values, row.coordinates)
-        if self._file is None:
-            put(self._values, run, row.values)
-            self.done[run] = True
+        try:
+            put(self._values, run if self._file is None else len(self._waiting), row.values)
+        except ArgumentError as problem:
+            self.fail(run, problem)
             return
-        known = {name: np.empty(0) for name in self._layout}
-        if row.values.keys() != known.keys():
-            raise ArgumentError("a run gave other values than the first one")
-        put(self._values, len(self._waiting), row.values)
-        self._waiting.append(run)
-        self._written_soon()
+        if self._file is None:
+            self.done[run] = True
+        else:
+            self._waiting.append(run)
+            self._written_soon()
 
     def fail(self, run: int, problem: GearlibError) -> None:
         """A run that failed."""
@@ -164,11 +164,8 @@ class Gathering:
         for i, run in enumerate(runs.tolist()):
             if i in chunk.errors:
                 self.fail(run, chunk.errors[i])
-                continue
-            try:
+            else:
                 self.add(run, Row({name: values[i] for name, values in chunk.values.items()}, chunk.coordinates))
-            except GearlibError as problem:
-                self.fail(run, problem)
 
     def _written_soon(self) -> None:
         assert self._file is not None
@@ -207,11 +204,14 @@ class Gathering:
             "runs": n, "done": int(self.done.sum()), "failed": len(self.errors), "done_before": self.before,
             "seconds": time.perf_counter() - self._begin,
         }  # fmt: skip
-        units = {name: self.work.unit(name) for name in [*self._layout, *self.samples.names]}
-        values = self._values
+        layout, read = self._layout, file.read if file is not None else self._values.__getitem__
+        if self.work.reshapes and layout:
+            shown, axes = self.work.finished(self.samples, {name: read(name) for name in layout})
+            layout = {name: StoredArray(axes[name], np.shape(array)[1:]) for name, array in shown.items()}
+            read = shown.__getitem__
+        units = {name: self.work.unit(name) for name in [*layout, *self.samples.names]}
         return Runs(
-            self.model, self.samples, self._layout, file.read if file is not None else values.__getitem__, self.coordinates, self.done,
-            self.errors, units, stats,
+            self.model, self.samples, layout, read, self.coordinates, self.done, self.errors, units, stats,
         )  # fmt: skip
 
 

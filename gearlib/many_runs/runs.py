@@ -73,7 +73,9 @@ class Runs:
             return self._read(name).reshape(self.shape + self._values[name].shape)
         if name in self._samples.numbers:
             return self._samples.numbers[name].reshape(self.shape)
-        raise NameLookupError(f"the runs have kept nothing of the name '{name}'; {nearest(name, [*self._values, *self._samples.numbers])}")
+        raise NameLookupError(
+            f"the runs have kept nothing of the name '{name}'; {nearest(name, [*self._values, *self._samples.numbers])}"
+        )
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)

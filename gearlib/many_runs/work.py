@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError, GearlibError
 from gearlib.language.recipes import packed
-from gearlib.many_runs.samples import rows
+from gearlib.many_runs.samples import Samples, rows
 
 Values = Mapping[str, NDArray[Any]]
 Warned = tuple[type[Warning], str]
@@ -35,6 +35,11 @@ class Row:
 
 class Work(ABC):
     """What is done in each run of a sweep."""
+
+    @property
+    def reshapes(self) -> bool:
+        """Whether `finished` makes other values of those of all runs."""
+        return False
 
     @abstractmethod
     def row(self, given: Mapping[str, Any]) -> Row:
@@ -53,6 +58,10 @@ class Work(ABC):
     @abstractmethod
     def unit(self, name: str) -> str:
         """Unit of a value; empty where it is not known."""
+
+    def finished(self, samples: Samples, values: Values) -> tuple[Values, Mapping[str, tuple[str, ...]]]:
+        """What is shown in place of the values of all runs, arrays of shape (runs, ...), and the names of their axes."""
+        return values, {}
 
     @abstractmethod
     def identity(self) -> Iterator[bytes]:

@@ -15,6 +15,7 @@ from gearlib.errors import ArgumentError
 from gearlib.optional import optional
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
+from gearlib.vibration.likeness import same_modes
 from gearlib.vibration.modes import Modes, modes
 
 if TYPE_CHECKING:
@@ -227,8 +228,6 @@ def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
 
 def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
     """Numbers of the modes at each speed, with each mode in its own column."""
-    from scipy.optimize import linear_sum_assignment
-
     n = min(len(r) - r.free for r in runs)
     places = np.empty((len(runs), n), np.int64)
     places[0] = runs[0].free + np.arange(n)
@@ -236,16 +235,13 @@ def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
         if runs[i] is runs[i - 1]:
             places[i] = places[i - 1]
             continue
-        before = runs[i - 1].shapes[:, places[i - 1]]
-        now = runs[i].shapes[:, runs[i].free :]
-        scale = np.maximum(np.abs(before).max(axis=1, initial=0.0), np.abs(now).max(axis=1, initial=0.0))
-        before, now = (m / np.where(scale > 0, scale, 1.0)[:, None] for m in (before, now))
-        likeness = (
-            np.abs(before.conj().T @ now) / np.linalg.norm(before, axis=0)[:, None] / np.linalg.norm(now, axis=0)[None, :]
+        last, this = runs[i - 1], runs[i]
+        _, chosen = same_modes(
+            last.shapes[:, places[i - 1]],
+            last.frequencies[places[i - 1]],
+            this.shapes[:, this.free :],
+            this.frequencies[this.free :],
         )
-        f = runs[i].frequencies[runs[i].free :]
-        near = np.abs(np.log(runs[i - 1].frequencies[places[i - 1]][:, None] / f[None, :]))
-        _, chosen = linear_sum_assignment(near - likeness)
         places[i] = runs[i].free + chosen
     return places
 

@@ -134,6 +134,7 @@ def analyses() -> list[Call]:
             lambda: {"component": Drive(), "t_end": 0.1, "samples": 3},
             taken=frozenset(inspect.signature(gl.System.simulate).parameters) - {"self", "t_end"} | {"outputs", "nonsense"},
         ),
+        Call("sweep", gl.sweep, lambda: {"analysis": gl.modes, "system": system(), "parameters": {"load.J": [1.0, 2.0]}}),
         Call("grid", gl.grid, lambda: {"values": {"load.J": [1.0, 2.0]}}),
         Call("check_units", gl.check_units, lambda: {"component": Drive()}),
         Call("register_method", gl.register_method, lambda: {"method": Idle()}),

@@ -1,0 +1,93 @@
+"""Modes of many runs, each followed from run to run, so that a branch keeps its number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.many_runs.samples import Samples
+from gearlib.vibration.likeness import same_modes
+
+Complexes = NDArray[np.complex128]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """Modes of many runs, with each branch in its own column.
+
+    Attributes
+    ----------
+    eigenvalues : complex array (runs, branches)
+        1/s; NaN where a branch has no mode.
+    numbers : array (runs, branches)
+        Which mode of the run it is, counted from the lowest that vibrates; NaN where there is none.
+    """
+
+    eigenvalues: Complexes
+    numbers: NDArray[np.float64]
+
+
+def followed(samples: Samples, eigenvalues: Complexes, shapes: Complexes) -> Branches:
+    """Follow the modes of runs from each run to those that are nearest in what varies.
+
+    Parameters
+    ----------
+    samples : Samples
+        What varies.
+    eigenvalues : complex array (runs, modes)
+        By magnitude, NaN behind the last one.
+    shapes : complex array (runs, states, modes)
+    """
+    count = np.isfinite(eigenvalues).sum(axis=1)
+    n = int(count.max(initial=0))
+    found = np.full((len(eigenvalues), n), np.nan + 0j)
+    numbers = np.full((len(eigenvalues), n), np.nan)
+    kept: dict[int, tuple[Complexes, NDArray[np.float64]]] = {}
+    for run, before in nearest_first(samples, np.flatnonzero(count)):
+        k = int(count[run])
+        now, sizes = shapes[run][:, :k], np.abs(eigenvalues[run, :k])
+        if before < 0:
+            there, modes = np.arange(k), np.arange(k)
+            known, known_sizes = now.copy(), sizes.copy()
+        else:
+            known, known_sizes = (part.copy() for part in kept[before])
+            there, modes = same_modes(known, known_sizes, now, sizes)
+            new = np.setdiff1d(np.arange(k), modes)[: n - known.shape[1]]  # a vibration that was overdamped, say
+            there = np.concatenate([there, known.shape[1] + np.arange(len(new))])
+            modes = np.concatenate([modes, new])
+            known = np.concatenate([known, now[:, new]], axis=1)
+            known_sizes = np.concatenate([known_sizes, sizes[new]])
+        known[:, there], known_sizes[there] = now[:, modes], sizes[modes]
+        kept[run] = known, known_sizes
+        found[run, there], numbers[run, there] = eigenvalues[run, modes], modes
+    return Branches(found, numbers)
+
+
+def nearest_first(samples: Samples, runs: Integers) -> list[tuple[int, int]]:
+    """Runs in an order in which each follows one that came before and is near to it, as pairs; the first one follows -1.
+
+    The pairs are the shortest tree that joins the runs in the space of what varies, each parameter scaled to its range (Prim).
+
+    >>> from gearlib.many_runs.samples import as_samples
+    >>> nearest_first(as_samples({"a": [0.0, 3.0, 1.0, 2.0]}), np.arange(4))
+    [(0, -1), (2, 0), (3, 2), (1, 3)]
+    """
+    if not len(runs):
+        return []
+    columns = [column[runs] for column in samples.numbers.values()] or [runs.astype(float)]
+    place = np.column_stack(columns)
+    width = np.ptp(place, axis=0)
+    place = (place - place.min(axis=0)) / np.where(width > 0.0, width, 1.0)
+    distance, nearest = np.full(len(runs), np.inf), np.full(len(runs), -1)
+    open_, here, found = np.ones(len(runs), bool), 0, []
+    for _ in range(len(runs)):
+        found.append((int(runs[here]), int(runs[nearest[here]]) if nearest[here] >= 0 else -1))
+        open_[here] = False
+        new = np.square(place - place[here]).sum(axis=1)
+        closer = open_ & (new < distance)
+        distance[closer], nearest[closer] = new[closer], here
+        here = int(np.argmin(np.where(open_, distance, np.inf)))
+    return found

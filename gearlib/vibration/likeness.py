@@ -1,0 +1,49 @@
+"""`same_modes`: which modes of one operating point are those of another, by the likeness of their shapes and frequencies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def same_modes(before: Any, frequencies_before: Floats, now: Any, frequencies_now: Floats) -> tuple[Integers, Integers]:
+    """Pair modes with the same modes elsewhere: those that are most alike, on the whole.
+
+    Likeness is the modal assurance criterion (its root, over states that are scaled to the same size) less the distance of the
+    frequencies (their ratio's logarithm), so that modes whose shapes say little are told apart by frequency.
+
+    Parameters
+    ----------
+    before, now : complex arrays (states, modes)
+        Shapes.
+    frequencies_before, frequencies_now : arrays (modes,)
+        Hz.
+
+    Returns
+    -------
+    arrays of int
+        Numbers of modes before, and of the same modes now; of fewer modes where one side has fewer.
+
+    References
+    ----------
+    R. J. Allemang, "The modal assurance criterion", Sound and Vibration 37 (2003).
+
+    Examples
+    --------
+    >>> shapes = np.eye(2)
+    >>> same_modes(shapes, np.array([1.0, 2.0]), shapes[:, ::-1], np.array([1.4, 1.6]))[1]
+    array([1, 0])
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    scale = np.maximum(np.abs(before).max(axis=1, initial=0.0), np.abs(now).max(axis=1, initial=0.0))
+    before, now = (m / np.where(scale > 0, scale, 1.0)[:, None] for m in (before, now))
+    likeness = np.abs(before.conj().T @ now) / np.linalg.norm(before, axis=0)[:, None] / np.linalg.norm(now, axis=0)[None, :]
+    apart = np.abs(np.log(frequencies_before[:, None] / frequencies_now[None, :]))
+    first, second = linear_sum_assignment(apart - likeness)
+    return first, second
