@@ -53,7 +53,7 @@ def followed(samples: Samples, eigenvalues: Complexes, shapes: Complexes) -> Bra
             there, modes = np.arange(k), np.arange(k)
             known, known_sizes = now.copy(), sizes.copy()
         else:
-            known, known_sizes = (part.copy() for part in kept[before])
+            known, known_sizes = kept[before][0].copy(), kept[before][1].copy()
             there, modes = same_modes(known, known_sizes, now, sizes)
             new = np.setdiff1d(np.arange(k), modes)[: n - known.shape[1]]  # a vibration that was overdamped, say
             there = np.concatenate([there, known.shape[1] + np.arange(len(new))])
