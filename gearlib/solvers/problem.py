@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -82,7 +83,7 @@ class Problem:
     max_steps: int = 100_000_000  # after which to give up
     may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated further on
 
-    @property
+    @cached_property
     def absolute_tolerance(self) -> Floats:
         """``rtol * nominal`` unless given."""
         return self.rtol * self.nominal if self.atol is None else np.asarray(self.atol, dtype=np.float64)

@@ -62,12 +62,10 @@ class Alternating:
 
     def solve(self, run: Run, why: str) -> Solution:
         """Integrate a run; ``stats["why"]`` of the solution says which method went from where to where."""
-        legs: list[Leg] = []
-        solution = carried_out(run, why, lambda callbacks: _alternated(run, callbacks, legs))
-        return replace(solution, stats=solution.stats | {"why": f"{why}; {_told(legs)}"}) if len(legs) > 1 else solution
+        return carried_out(run, lambda callbacks: _alternated(run, callbacks, why))
 
 
-def _alternated(run: Run, callbacks: Callbacks, legs: list[Leg]) -> Solution:
+def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
     from gearlib.solvers.ida.ida import ida
     from gearlib.solvers.ida.ida_stepper import trial
 
@@ -81,8 +79,7 @@ def _alternated(run: Run, callbacks: Callbacks, legs: list[Leg]) -> Solution:
     def implicit(legs: Sequence[Leg]) -> Driver:
         return Driver(problem_of(_rest(run, legs), callbacks, jacobian=True), ida())
 
-    legs += alternate(explicit, implicit, trial(start), float(run.times[-1]))
-    return _joined(run, legs, order)
+    return _joined(run, alternate(explicit, implicit, trial(start), float(run.times[-1])), why)
 
 
 def _wanted(run: Run, legs: Sequence[Leg]) -> list[slice]:
@@ -112,9 +109,10 @@ def _rest(run: Run, legs: Sequence[Leg]) -> Run:
     )  # fmt: skip
 
 
-def _joined(run: Run, legs: Sequence[Leg], order: int) -> Solution:
+def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:
     """One solution of all legs."""
-    whole = [finished(run, leg.solution, "ida" if leg.method == "implicit" else f"rk{order}") for leg in legs]
+    why = f"{why}; {_told(legs)}" if len(legs) > 1 else why
+    whole = [finished(run, leg.solution, "auto", why) for leg in legs]
     last = whole[-1]
     if len(legs) == 1:
         return last

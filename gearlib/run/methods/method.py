@@ -82,11 +82,11 @@ class Method(ABC):
         """Integrate a run."""
         if reason := self.fits(run):
             raise refusal(self.name, reason)
-        return carried_out(run, why, lambda callbacks: self._to_the_end(run, callbacks))
+        return carried_out(run, lambda callbacks: self._to_the_end(run, callbacks, why))
 
-    def _to_the_end(self, run: Run, callbacks: Callbacks) -> Solution:
+    def _to_the_end(self, run: Run, callbacks: Callbacks, why: str) -> Solution:
         problem = problem_of(run, callbacks, self.jacobian)
-        return finished(run, to_the_end(Driver(problem, self.stepper(problem))), self.name)
+        return finished(run, to_the_end(Driver(problem, self.stepper(problem))), self.name, why)
 
 
 def refusal(name: str, reason: str) -> ArgumentError:
@@ -94,7 +94,7 @@ def refusal(name: str, reason: str) -> ArgumentError:
     return ArgumentError(f"method={name!r} {reason}; use method='auto', 'rk' or 'ida'")
 
 
-def carried_out(run: Run, why: str, integrated: Callable[[Callbacks], Solution]) -> Solution:
+def carried_out(run: Run, integrated: Callable[[Callbacks], Solution]) -> Solution:
     """What a run comes to, with its Python functions listened to; errors say what a user may do about them."""
     callbacks = Callbacks()
     try:
@@ -105,19 +105,18 @@ def carried_out(run: Run, why: str, integrated: Callable[[Callbacks], Solution])
     failure = callbacks.failure()
     if failure is not None:
         raise failure
-    stats = {"method": solution.stats["method"], "why": why} | solution.stats
-    if said := run.coarse_clock(int(stats.get("steps") or 0)):
+    if said := run.coarse_clock(int(solution.stats.get("steps") or 0)):
         warnings.warn(said, RuntimeWarning, stacklevel=2)
-    return replace(solution, stats=stats)
+    return solution
 
 
-def finished(run: Run, solution: Solution, name: str) -> Solution:
+def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
     """A solution in the scene's terms: its states only, finite, with its events by name."""
     if not np.isfinite(solution.x).all():
         bad = int(np.argmax(~np.isfinite(solution.x).all(axis=1)))
         raise SolverError(f"the solution is not finite at t = {solution.t[bad]:g} s")
     n = len(run.scene.states)
-    stats: dict[str, Any] = {"method": name, "states": n, **solution.stats}
+    stats: dict[str, Any] = {"method": name, "why": why, "states": n, **solution.stats}
     return replace(solution, x=solution.x[:, :n], x_last=solution.x_last[:n], events=named_events(run, solution), stats=stats)
 
 
