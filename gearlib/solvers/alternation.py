@@ -44,6 +44,7 @@ class Leg:
     """A part of a run that one method went; ``stayed``: by choice, rather than on trial."""
 
     method: str  # "explicit" or "implicit"
+    run: Driver  # as it ended
     solution: Solution
     stayed: bool = True
 
@@ -76,13 +77,13 @@ def alternate(
     stepper.watch()
     while True:
         if _to_the_end(run):
-            return [*legs, Leg("explicit", run.solution())]
+            return [*legs, Leg("explicit", run, run.solution())]
         pace = max(stepper.pace, 1e-300)
         left = (t_end - run.t) / pace
         if left < (WORTH_DECAY if stepper.damped else WORTH_VIBRATION) * trial:
             stepper.watch(left / 2)  # what is left becomes less; it may also become harder
             continue
-        here, spent = Leg("explicit", run.solution()), before + run.work
+        here, spent = Leg("explicit", run, run.solution()), before + run.work
         other = implicit([*legs, here])
         try:
             faster = _tried(other, pace, max(trial, SHARE * min(spent, left / 2), EARLY * left))
@@ -94,7 +95,7 @@ def alternate(
         try:
             legs.append(here)
             to_the_end = faster and _stays(other, pace, spent, trial)
-            legs.append(Leg("implicit", other.solution(), stayed=faster))
+            legs.append(Leg("implicit", other, other.solution(), stayed=faster))
             if to_the_end:
                 return legs
             before = spent + other.work

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from gearlib.errors import ArgumentError, SolverError, StartError
-from gearlib.solvers.drive.driver import Stepper, integrate
+from gearlib.solvers.drive.driver import Driver, Stepper, integrate
 from gearlib.solvers.drive.explicit_stepper import ExplicitStepper
 from gearlib.solvers.ida.ida import ida
 from gearlib.solvers.problem import Floats, Problem
@@ -121,3 +122,24 @@ def test_what_a_method_in_python_raises_comes_out() -> None:
 
     with pytest.raises(KeyError, match="mine"):
         integrate(driver(ball(), [0.0, 1.0], Wrong(), rtol=1e-6))
+
+
+@steppers
+@pytest.mark.parametrize("other", ["rk5", "ida", "Python"])
+@pytest.mark.parametrize("steps", [1, 7, 60])
+def test_a_run_is_handed_over_with_its_samples_and_events(name: str, other: str, steps: int) -> None:
+    """From wherever it is: nothing is lost, told twice or known otherwise; the first driver may go on, too."""
+    times = np.linspace(0.0, 0.8, 33)
+    whole = integrate(driver(ball(), times, STEPPERS[name](), rtol=1e-9))
+    first = driver(ball(), times, STEPPERS[name](), rtol=1e-9)
+    first.advance(steps)
+    here = replace(first.problem, x0=first.x.copy(), data=first.data.copy())
+    second = integrate(Driver(here, STEPPERS[other](), first))
+    while first.advance() == "more":
+        pass
+    for found in (second, first.solution()):
+        assert found.t.tolist() == times.tolist()
+        assert found.x == pytest.approx(whole.x, abs=2e-6)
+        apart = np.diff(found.event_times, prepend=0.0) > 1e-6
+        assert found.event_roots[apart].tolist() == [-1, -1, 0]
+    first.close()

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from gearlib.errors import SolverError
 from gearlib.run.methods.closed_form import exact_form, solved, too_many_corners
@@ -16,13 +13,13 @@ from gearlib.run.methods.method import carried_out, finished
 from gearlib.run.methods.native_problem import memory, problem_of
 from gearlib.run.methods.run import Run
 from gearlib.solvers.alternation import Leg, alternate
-from gearlib.solvers.drive.driver import Driver
+from gearlib.solvers.drive.driver import Driver, Stepper
 from gearlib.solvers.inputs.callback import Callbacks
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import Solution
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
-COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work")  # over the legs of a run
+COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "restarts", "work")  # over the legs of a run
 
 
 class Automatic:
@@ -74,59 +71,29 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
 
     def explicit(legs: Sequence[Leg]) -> tuple[Driver, RungeKutta]:
         stepper = RungeKutta(order)
-        return Driver(problem_of(_rest(run, legs), callbacks, jacobian=False) if legs else start, stepper), stepper
+        return (handed_over(run, callbacks, legs[-1].run, stepper, False) if legs else Driver(start, stepper)), stepper
 
     def implicit(legs: Sequence[Leg]) -> Driver:
-        return Driver(problem_of(_rest(run, legs), callbacks, jacobian=True), ida())
+        return handed_over(run, callbacks, legs[-1].run, ida(), True)
 
     return _joined(run, alternate(explicit, implicit, trial(start), float(run.times[-1])), why)
 
 
-def _wanted(run: Run, legs: Sequence[Leg]) -> list[slice]:
-    """The samples of each leg that are the run's: a leg begins where the one before ended, which may be no sample, or one more time."""
-    found, done = [], 0
-    for leg in legs:
-        t = leg.solution.t
-        first = 0 if done < len(run.times) and len(t) and t[0] == run.times[done] else 1
-        found.append(slice(first, None))
-        done += len(t) - first
-    return found
-
-
-def _rest(run: Run, legs: Sequence[Leg]) -> Run:
-    """What is left of a run after some legs."""
-    if not legs:
-        return run
-    scene, last = run.scene, legs[-1]
-    done = sum(len(leg.solution.t[wanted]) for leg, wanted in zip(legs, _wanted(run, legs), strict=True))
-    t, times = last.solution.t_last, run.times[done:]
-    if not len(times) or times[0] > t:
-        times = np.concatenate([[t], times])
-    slots, held = memory(scene, last.solution.data)
-    start, longest = replace(run.start, states=last.solution.x_last[: len(scene.states)]), run.longest_step
-    return replace(
-        run, start=start, times=times, modes=held, slots=slots, max_step=longest if longest < math.inf else None
-    )  # fmt: skip
+def handed_over(run: Run, callbacks: Callbacks, before: Driver, stepper: Stepper, jacobian: bool) -> Driver:
+    """A run that goes on with another stepper from where a driver has got to."""
+    slots, held = memory(run.scene, before.data)
+    start = replace(run.start, states=before.x[: len(run.scene.states)].copy())
+    return Driver(problem_of(replace(run, start=start, modes=held, slots=slots), callbacks, jacobian), stepper, before)
 
 
 def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:
-    """One solution of all legs."""
-    why = f"{why}; {_told(legs)}" if len(legs) > 1 else why
-    whole = [finished(run, leg.solution, "auto", why) for leg in legs]
-    last = whole[-1]
-    if len(legs) == 1:
-        return last
-    wanted = _wanted(run, legs)
-    parts = list(zip(whole, wanted, strict=True))
-    stats = dict(last.stats)
-    for counted in COUNTED:
-        counts = [leg.stats.get(counted, 0) for leg in whole]
-        if counted in stats:  # scikit-sundae cannot tell the steps
-            stats[counted] = None if None in counts else sum(counts)
-    return replace(
-        last, t=np.concatenate([leg.t[part] for leg, part in parts]), x=np.vstack([leg.x[part] for leg, part in parts]),
-        modes=np.vstack([leg.modes[part] for leg, part in parts]), events=[event for leg in whole for event in leg.events], stats=stats,
-    )  # fmt: skip
+    """The solution, which the last leg holds, with what all of them did."""
+    whole = finished(run, legs[-1].solution, "auto", f"{why}; {_told(legs)}" if len(legs) > 1 else why)
+    for counted in COUNTED if len(legs) > 1 else ():
+        counts = [leg.solution.stats.get(counted, 0) for leg in legs]
+        if counted in whole.stats:  # scikit-sundae cannot tell the steps
+            whole.stats[counted] = None if None in counts else sum(counts)
+    return whole
 
 
 def _told(legs: Sequence[Leg]) -> str:

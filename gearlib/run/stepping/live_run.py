@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from gearlib.equations.switch_times import rounding
 from gearlib.errors import SolverError
 from gearlib.native.layout import Shared
+from gearlib.run.methods.automatic import handed_over
 from gearlib.run.methods.explicit import Explicit
 from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.method import Integrates, Method, explained
 from gearlib.run.methods.method_table import BY_TURNS
-from gearlib.run.methods.native_problem import memory, named_events, problem_of, time_events
+from gearlib.run.methods.native_problem import named_events, problem_of, time_events
 from gearlib.run.methods.run import Run, is_function
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.ida.ida_stepper import trial
@@ -62,27 +63,29 @@ class LiveRun:
         self._turns, self._wait, self._rival_pace = method is BY_TURNS, 1.0, 0.0  # s of the motion for a ns of work
         self._method = method if isinstance(method, Method) else Explicit()
         self._known, self._known_until = np.empty(0), -np.inf
+        self.callbacks, self._seen = Callbacks(), 0
         self._begin()
 
-    def _begin(self) -> None:
-        """Begin with the run's method where the run begins."""
-        run, self.callbacks = self.run, Callbacks()
-        problem = problem_of(run, self.callbacks, self._method.jacobian)
-        stepper = self._method.stepper(problem)
-        self.driver, self._new, self._seen = Driver(problem, stepper), True, 0
-        self._modes, self._t, self._trial = problem.modes, self.driver.t, trial(problem)
+    def _begin(self, before: Driver | None = None) -> None:
+        """Begin with the run's method, at the start or where another one has got to."""
+        run, jacobian = self.run, self._method.jacobian
+        if before is None:
+            problem = problem_of(run, self.callbacks, jacobian)
+            stepper = self._method.stepper(problem)
+            self.driver = Driver(problem, stepper)
+        else:
+            stepper = self._method.stepper(before.problem)
+            self.driver = handed_over(run, self.callbacks, before, stepper, jacobian)
+            before.close()
+        self._new, self._modes, self._t = True, self.driver.problem.modes, self.driver.t
+        self._trial = trial(self.driver.problem)
         if self._turns and isinstance(stepper, RungeKutta):
             stepper.watch(self._wait * LONG * self._trial)
 
     def _change(self, method: Method) -> None:
         """Go on with another method."""
-        scene, old = self.run.scene, self.driver
-        slots, held = memory(scene, old.data)
-        start = replace(self.run.start, states=self.states)
-        times = np.array([old.t, self.run.times[-1]])
-        self.run, self._method = replace(self.run, start=start, times=times, modes=held, slots=slots), method
-        old.close()
-        self._begin()
+        self._method = method
+        self._begin(self.driver)
 
     @property
     def states(self) -> Floats:

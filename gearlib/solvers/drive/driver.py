@@ -23,6 +23,7 @@ __all__ = ["Driver", "Stepper", "address_of", "integrate"]
 STEPS_PER_CALL = 1000  # Python looks after interrupts in between
 PATIENCE = 12  # refused evaluations that are borne before a run is said to have left what its states describe
 _EVENTS_AT_FIRST = 256
+LASTING = ("times", "out", "modes", "log_t", "log_root")  # what one method hands over to the next
 _STATUS = {drive_loop.DONE: "done", drive_loop.MORE: "more", drive_loop.LOG_FULL: "more", drive_loop.STIFF: "stiff"}
 
 
@@ -74,6 +75,15 @@ class Stepper(ABC):
 class Driver:
     """A run on its way: a problem, and the stepper that takes it there.
 
+    Parameters
+    ----------
+    problem
+        Its start is where the run begins, or is handed over.
+    stepper
+    before
+        The driver of the same run that another stepper has brought this far. Samples and events are added to its own; it may itself
+        go on if nothing comes of the hand-over.
+
     Attributes
     ----------
     status : str
@@ -81,24 +91,28 @@ class Driver:
         where stability limits the steps of an explicit method that was told to look.
     """
 
-    def __init__(self, problem: Problem, stepper: Stepper) -> None:
+    record: DriveRecord
+
+    def __init__(self, problem: Problem, stepper: Stepper, before: Driver | None = None) -> None:
         _check(problem)
         self.problem, self.stepper, self.status = problem, stepper, "more"
         self.t_end, self._steps_before = float(problem.times[-1]), 0
+        self.events_before = 0 if before is None else before.record.events
         times = problem.times
         n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
-        stops, n_timed = _stops(problem.time_events, times)
-        first, last = float(times[0]), float(times[-1])
-        origin = late_start(first, last)
+        first, last = float(times[0]) if before is None else before.t, self.t_end
+        stops, n_timed = _stops(problem.time_events, first, last)
+        origin = late_start(first, last) if before is None else before.record.origin
         first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
         n_modes, size = max(last_mode - first_mode, 0), BLOCK * max(1, -(-n // BLOCK))
-        capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
         # memory in one piece: a call of numpy takes as long as some steps of a small model
         own = stepper.memory(size, n_roots)
         lengths = {
-            "x": size, **own, "fired": n_roots, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
-            "times": n_times, "out": n_times * n, "modes": n_times * n_modes, "log_t": capacity, "log_root": capacity,
+            "x": size, **own, "fired": n_roots, "data": problem.data.size, "index": problem.index.size, "stops": stops.size
         }  # fmt: skip
+        capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
+        if before is None:
+            lengths |= dict(zip(LASTING, (n_times, n_times * n, n_times * n_modes, capacity, capacity), strict=True))
         self.record, whole = stepper.Record(), np.empty(sum(lengths.values()))
         record, start, at, parts = self.record, address_of(whole), 0, {}
         for name, length in lengths.items():
@@ -106,21 +120,27 @@ class Driver:
             parts[name] = whole[at : at + length]
             at += length
         whole[: (record.data - start) // 8] = 0.0
-        parts["x"][:n] = problem.x0
-        parts["data"][:], parts["stops"][:], parts["times"][:] = problem.data, stops - origin, times - origin
+        parts["x"][:n], parts["data"][:], parts["stops"][:] = problem.x0, problem.data, stops - origin
         parts["index"].view(np.int64)[:] = problem.index
+        if before is None:
+            record.n_times, record.capacity = n_times, capacity
+            parts["times"][:] = times - origin
+            self._lasting = {name: parts[name] for name in LASTING}
+            self._out, self._modes = parts["out"].reshape(n_times, n), parts["modes"].reshape(n_times, n_modes)
+        else:
+            self._lasting, self._out, self._modes = dict(before._lasting), before._out, before._modes
+            for name in (*LASTING, "n_times", "capacity", "sample", "events"):
+                setattr(record, name, getattr(before.record, name))
         record.address = ctypes.addressof(record)
         record.rhs = problem.rhs.address
         record.roots = problem.roots.address if problem.roots is not None else 0
         record.update = problem.update.address if problem.update is not None else 0
-        record.n, record.n_roots, record.n_times, record.n_stops, record.n_timed = n, n_roots, n_times, stops.size, n_timed
-        record.capacity, record.n_modes, record.first_mode = capacity, n_modes, first_mode
+        record.n, record.n_roots, record.n_stops, record.n_timed = n, n_roots, stops.size, n_timed
+        record.n_modes, record.first_mode = n_modes, first_mode
         record.origin, record.t, record.burst_start = origin, first - origin, first - origin
-        record.window = max(1e-9 * (last - first), 1e6 * 2.2e-16 * max(abs(first - origin), abs(last - origin)))
+        record.window = max(1e-9 * (last - float(times[0])), 1e6 * 2.2e-16 * max(abs(first - origin), abs(last - origin)))
         self.x, self.data, self.fired = parts["x"][:n], parts["data"], parts["fired"].view(np.int32)[:n_roots]
-        self.times, self.stops = parts["times"], parts["stops"]  # from the record's origin on
-        self._out, self._modes = parts["out"].reshape(n_times, n), parts["modes"].reshape(n_times, n_modes)
-        self._log_t, self._log_root = parts["log_t"], parts["log_root"].view(np.int64)
+        self.times, self.stops = self._lasting["times"], parts["stops"]  # from the record's origin on
         stepper.attach(self, {name: parts[name] for name in own})
 
     @property
@@ -136,12 +156,12 @@ class Driver:
     @property
     def event_times(self) -> Floats:
         """s."""
-        return self.record.origin + self._log_t[: self.record.events]
+        return self.record.origin + self._lasting["log_t"][: self.record.events]
 
     @property
     def event_roots(self) -> NDArray[np.int64]:
         """Which event function crossed zero, -1 for a time event."""
-        return self._log_root[: self.record.events].copy()
+        return self._lasting["log_root"].view(np.int64)[: self.record.events].copy()
 
     def advance(self, steps: int = STEPS_PER_CALL) -> str:
         """Go on by so many steps, or until something happens; returns the status."""
@@ -197,7 +217,7 @@ class Driver:
         """
         record, self.t_end, self.status = self.record, t, "more"
         self._steps_before = record.steps
-        stops, record.n_timed = _stops(time_events, np.array([self.t, t])) if time_events.size else (np.array([t]), 0)
+        stops, record.n_timed = _stops(time_events, self.t, t) if time_events.size else (np.array([t]), 0)
         self.stops = stops - record.origin
         record.stops, record.n_stops, record.stop = address_of(self.stops), stops.size, 0
         record.n_times = record.sample = 0
@@ -212,8 +232,9 @@ class Driver:
         """Let the event log grow."""
         record = self.record
         record.capacity = 2 * record.capacity + record.n_roots
-        self._log_t, self._log_root = np.resize(self._log_t, record.capacity), np.resize(self._log_root, record.capacity)
-        record.log_t, record.log_root = address_of(self._log_t), address_of(self._log_root)
+        for name in ("log_t", "log_root"):
+            self._lasting[name] = np.resize(self._lasting[name], record.capacity)
+            setattr(record, name, address_of(self._lasting[name]))
 
     def solution(self) -> Solution:
         """What has been found so far."""
@@ -251,13 +272,13 @@ def address_of(array: NDArray[Any]) -> int:
     return ctypes.addressof(ctypes.c_char.from_buffer(buffer))  # a third of the time of ``array.ctypes.data``
 
 
-def _stops(time_events: Floats, times: Floats) -> tuple[Floats, int]:
+def _stops(time_events: Floats, first: float, last: float) -> tuple[Floats, int]:
     """Times to step to exactly: the time events within the span, and the end. How many of them are time events."""
     if time_events.size == 0:
-        return times[-1:], 0
-    inside = np.unique(time_events[(time_events > times[0]) & (time_events <= times[-1])])
-    if inside.size == 0 or inside[-1] < times[-1]:
-        return np.append(inside, times[-1]), inside.size
+        return np.array([last]), 0
+    inside = np.unique(time_events[(time_events > first) & (time_events <= last)])
+    if inside.size == 0 or inside[-1] < last:
+        return np.append(inside, last), inside.size
     return inside, inside.size
 
 

@@ -96,7 +96,7 @@ class RungeKutta(Stepper):
 
     @property
     def work(self) -> float:
-        return work(self.problem, self.order, self.record.steps, self.record.events)
+        return work(self.problem, self.order, self.record.steps, self.record.events - self.driver.events_before)
 
     def watch(self, work_first: float = 0.0) -> None:
         """Look for stiffness, and stop once it limits the steps, after so much more work."""
