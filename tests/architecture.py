@@ -48,8 +48,7 @@ IMPLEMENTATIONS = {
         "gearlib.statics.steady_motion.assemble",
     ),
     "event iteration": (
-        "gearlib.run.scene.settle_once",
-        "gearlib.native.events.update_body",
+        "gearlib.program.event_iteration.EventIteration",
         "gearlib.solvers.drive.drive_loop.settle",
     ),
     "sparse elimination": (

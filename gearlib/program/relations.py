@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.program.build import Builder, Found, build
+from gearlib.program.event_iteration import EventIteration, event_iteration
 from gearlib.program.program import Batch, Newton, Program
 from gearlib.reduce.reduction import Structure
 
@@ -33,10 +34,9 @@ class Relations:
     on_time: NDArray[np.bool_]  # of each used one: compares nothing but time
 
     @cached_property
-    def timed(self) -> tuple[NDArray[np.bool_] | None, ...]:
-        """Of each batch, the rows whose relation depends on time only; None where there is none."""
-        masks = [np.isin(batch.targets, self.used[self.on_time]) for batch in self.batches]
-        return tuple(mask if mask.any() else None for mask in masks)
+    def event_iteration(self) -> EventIteration:
+        """How the discrete state follows from the states at an event."""
+        return event_iteration(self.batches, self.discretes, self.reinits, self.used[self.on_time])
 
 
 def relations_of(structure: Structure, program: Program, wanted: Sequence[int] = ()) -> Relations:

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from gearlib.flatten.model import FlatModel
 from gearlib.native.evaluator import CompiledProgram, Evaluator
-from gearlib.native.events import relation_of
 from gearlib.native.layout import Shared, fill, lay_out
 from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_source
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, state_plan
+from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase, right_hand
 from gearlib.program.interpret import Prepared, batch_values, evaluate, owner_of, prepare
-from gearlib.program.program import Batch, Newton, Program
+from gearlib.program.program import Newton, Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.reduce.reduction import Structure
 from gearlib.run.time_switches import TimeSwitches, time_switches
@@ -323,32 +323,19 @@ def settle_once(
     relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats, modes: Floats,
     guess: Floats | None = None, forgiving: bool = False,
 ) -> Floats:  # fmt: skip
-    """One pass of the event iteration, in the order of the native one: discrete variables, unknowns, relations."""
+    """One pass of the event iteration."""
     new = modes.copy()
     slots = np.zeros((prepared.program.n_slots, len(t)))
-    if any(batch.arguments.size for batch in relations.discretes):
-        slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
-    for batch in relations.discretes:  # in the order and with the meaning of the native event iteration
-        new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
-    slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
-    late = t + 1e-12 * np.maximum(np.abs(t), 1e-3)
-    pairs = zip(relations.batches, relations.timed, strict=True)
-    flags = [_relation_flags(b, timed, late, t, slots, prepared.parameters, new) for b, timed in pairs]
-    for batch, flag in zip(relations.batches, flags, strict=True):
-        new[batch.targets] = flag
+    for phase in relations.event_iteration.passed:
+        match phase:
+            case UnknownsPhase():
+                slots = evaluate(prepared, t, states, inputs, new, guess, forgiving)
+            case DiscretesPhase(batch):
+                new[batch.targets] = batch_values(batch, t, slots, prepared.parameters, new)
+            case RelationsPhase(batch, on_time):
+                values = batch_values(batch, right_hand(t) if on_time else t, slots, prepared.parameters, new)
+                new[batch.targets] = phase.hold(values)
     return new
-
-
-def _relation_flags(
-    batch: Batch, timed: NDArray[np.bool_] | None, late: Floats, t: Floats, slots: Floats, parameters: Floats, flags: Floats
-) -> Floats:
-    """1 where a relation holds, 0 where it does not; relations of time (``timed``) take their right-hand limit."""
-    g = batch_values(batch, t, slots, parameters, flags) * np.ones((len(batch), len(t)))
-    if timed is not None:
-        g[timed] = (batch_values(batch, late, slots, parameters, flags) * np.ones((len(batch), len(t))))[timed]
-    strict, negated = relation_of(batch)
-    test = {(False, False): np.greater_equal, (True, False): np.greater, (False, True): np.less_equal, (True, True): np.less}
-    return test[strict, negated](g, 0).astype(float)
 
 
 def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, ...]:

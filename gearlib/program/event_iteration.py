@@ -1,0 +1,114 @@
+"""The event iteration as an ordered list of phases: `gearlib.run.scene` carries it out with numpy, `gearlib.native.events` prints it.
+
+At an event, one phase of a pass follows the other, and passes follow each other until one changes nothing. Then states are given new
+values and the values before the event are set to those after it; if that changes anything, all is repeated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import relation_kernel
+from gearlib.program.program import Batch
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+_COMPARED = {">=": np.greater_equal, ">": np.greater, "<=": np.less_equal, "<": np.less}
+
+
+@dataclass(frozen=True)
+class UnknownsPhase:
+    """All slots of the program are computed with the discrete state at hand."""
+
+
+@dataclass(frozen=True)
+class DiscretesPhase:
+    """Discrete variables take the values of a batch."""
+
+    batch: Batch
+
+
+@dataclass(frozen=True, eq=False)
+class RelationsPhase:
+    """Relations hold where a batch's values, compared with zero, say so.
+
+    Attributes
+    ----------
+    batch : Batch
+    on_time : bool
+        They compare nothing but time, and take their right-hand limit. The others are event functions: one whose root was located
+        takes the side that it crossed to.
+    """
+
+    batch: Batch
+    on_time: bool
+
+    @property
+    def comparison(self) -> str:
+        """How values that hold compare with zero."""
+        return {(False, False): ">=", (True, False): ">", (False, True): "<=", (True, True): "<"}[relation_of(self.batch)]
+
+    def hold(self, values: Floats) -> Floats:
+        """1 where a relation holds, 0 where it does not."""
+        return np.asarray(_COMPARED[self.comparison](values, 0.0), float)
+
+
+@dataclass(frozen=True, eq=False)
+class EventIteration:
+    """The phases.
+
+    Attributes
+    ----------
+    passed : tuple
+        Of one pass.
+    reinits : tuple of Batch
+        New values of states, given between passes that change nothing.
+    """
+
+    passed: tuple[UnknownsPhase | DiscretesPhase | RelationsPhase, ...]
+    reinits: tuple[Batch, ...]
+
+    @cached_property
+    def event_functions(self) -> tuple[RelationsPhase, ...]:
+        """The phases whose relations need a root search."""
+        return tuple(p for p in self.passed if isinstance(p, RelationsPhase) and not p.on_time)
+
+
+def event_iteration(
+    relations: tuple[Batch, ...], discretes: tuple[Batch, ...], reinits: tuple[Batch, ...], on_time: Integers
+) -> EventIteration:
+    """The event iteration of some batches; ``on_time``: the relations that compare nothing but time."""
+    passed: list[UnknownsPhase | DiscretesPhase | RelationsPhase] = []
+    if any(batch.arguments.size for batch in discretes):
+        passed.append(UnknownsPhase())
+    passed += map(DiscretesPhase, discretes)  # first, so that what has just become stuck is tried as locked
+    passed.append(UnknownsPhase())
+    for batch in relations:
+        timed = np.isin(batch.targets, on_time)
+        passed += [
+            RelationsPhase(batch.take(np.flatnonzero(timed == here)), here) for here in (False, True) if (timed == here).any()
+        ]
+    return EventIteration(tuple(passed), reinits)
+
+
+def right_hand(t: Floats) -> Floats:
+    """Times at which conditions in time are tested, so that they take their right-hand limit."""
+    return np.asarray(t + 1e-12 * np.maximum(np.abs(t), 1e-3), float)
+
+
+def compares_with_before(batch: Batch) -> bool:
+    """Whether a discrete variable's value before the event is part of what a relation compares."""
+    template, n = batch.kernel.template, len(batch.kernel.template.relations)
+    return any(template.discretes[i - n].startswith("pre(") for i in batch.kernel.relations if i >= n)
+
+
+def relation_of(batch: Batch) -> tuple[bool, bool]:
+    """(strict, negated) of the relation that a kernel belongs to."""
+    for j, relation in enumerate(batch.kernel.template.relations):
+        if relation_kernel(batch.kernel.template, j) is batch.kernel:
+            return relation.strict, relation.negated
+    raise AssertionError("a kernel without its relation")

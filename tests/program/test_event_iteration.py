@@ -1,0 +1,97 @@
+"""The event iteration carried out with numpy and the one that is printed settle on the same discrete state."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import gearlib as gl
+from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase
+from gearlib.run.scene import settle_once
+from tests.stress.described import Model
+from tests.stress.hybrid_draw import hybrid_train
+
+Floats = NDArray[np.float64]
+UPDATE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[ctypes.c_void_p] * 4)
+
+
+class Latch(gl.Component):
+    """A speed that grows; a flag that remembers whether it was above 1; a relation that depends on the flag; one of time."""
+
+    x = gl.Variable("1")
+    y = gl.Variable("1")
+    z = gl.Variable("1")
+    above = gl.Discrete("1")
+    rate = gl.Parameter("1/s", default=1.0)
+
+    def equations(self) -> list[Any]:
+        level = gl.Piecewise((2.0, self.above > 0.5), (1.0, True))
+        return [
+            gl.Eq(gl.der(self.x), self.rate * gl.Piecewise((0.5, self.y > 1.5), (1.0, True))),
+            gl.Eq(self.y, self.x * level),
+            gl.Eq(self.z, gl.Piecewise((self.y, gl.time >= 1.0), (-self.y, True))),
+            gl.When(self.x >= 1.0, gl.Eq(self.above, 1.0)),
+        ]
+
+
+def native_settled(scene: Any, numbers: Any, t: float, x: Floats, flags: Floats) -> tuple[int, Floats]:
+    """What the printed iteration returns, and the discrete state that it ends with."""
+    native, model = scene.native, scene.model
+    data = scene.data(native, numbers, np.zeros(len(scene.program.inputs)), flags, np.zeros(model.n_variables))
+    fired = np.zeros(max(len(scene.root_names), 1), np.int32)
+    states = x.copy()
+    result = UPDATE(native.update.address)(t, *(a.ctypes.data for a in (states, fired, data, native.index)))
+    return result, data[native.shared.relations :][: native.shared.n_relations]
+
+
+def agree(system: gl.System, seed: int) -> None:
+    """From the discrete state that one settles on, the other changes nothing; also where relations begin anyhow."""
+    scene, rng = system.translation.scene, np.random.default_rng(seed)
+    numbers, n = scene.numbers(system.translation.parameter_values({})), scene.model.n_relations
+    assert scene.relations is not None
+    for _ in range(6):
+        t, x = rng.uniform(0.1, 2.0), scene.nominal * rng.uniform(-2.0, 2.0, len(scene.states))
+        at = np.array([t]), x[:, None], np.zeros((len(scene.program.inputs), 1))
+        settled = scene.modes(numbers, *at)
+        if (settle_once(scene.relations, numbers.relations, *at, settled) != settled).any():
+            continue  # nothing fits there
+        result, found = native_settled(scene, numbers, t, x, settled[:, 0])
+        assert result == 0
+        np.testing.assert_array_equal(found, settled[:, 0])
+        start = settled[:, 0].copy()
+        start[:n] = rng.random(n) < 0.5
+        result, found = native_settled(scene, numbers, t, x, start)
+        if result >= 0:
+            np.testing.assert_array_equal(settle_once(scene.relations, numbers.relations, *at, found[:, None])[:, 0], found)
+
+
+@pytest.mark.parametrize("seed", [4, 23, 79])
+def test_random_trains_that_switch(seed: int) -> None:
+    agree(gl.compile(Model(train=hybrid_train(seed))), seed)
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("seed", range(60))
+def test_many_random_trains_that_switch(seed: int) -> None:
+    agree(gl.compile(Model(train=hybrid_train(seed))), seed)
+
+
+def test_phases_are_in_order() -> None:
+    """What the iteration consists of, from the model: unknowns, flags, unknowns with the flags, relations; those of time apart."""
+    system = gl.compile(Latch(), outputs=["x", "z", "above"])
+    relations = system.translation.scene.relations
+    assert relations is not None
+    phases = relations.event_iteration.passed
+    kinds = [type(phase) for phase in phases]
+    discretes = kinds.count(DiscretesPhase)
+    first = kinds.index(RelationsPhase)
+    assert kinds[:first][-discretes - 1 :] == [*[DiscretesPhase] * discretes, UnknownsPhase]
+    assert set(kinds[first:]) == {RelationsPhase}
+    tested = [(number, phase.on_time) for phase in phases[first:] for number in phase.batch.targets.tolist()]
+    assert sorted(number for number, _ in tested) == relations.used.tolist()
+    assert {number for number, on_time in tested if on_time} == set(relations.used[relations.on_time].tolist())
+    agree(system, 1)
