@@ -61,7 +61,6 @@ IMPLEMENTATIONS = {
     ),
     "Newton's method": (
         "gearlib.program.interpret._newton",
-        "gearlib.program.interpret._newton_at_once",
         "gearlib.native.source._newton",
         "gearlib.run.start_values._satisfy",
         "gearlib.run.steady._closed",

@@ -23,6 +23,7 @@ from gearlib.reduce.reduction import Structure
 Floats = NDArray[np.float64]
 SINGULAR = 1e-13  # reciprocal condition below which a matrix counts as singular
 MOST_DENSE = 400  # unknowns up to which a block's matrix is handled as a full one
+ENTRIES = 1_000_000  # of the matrices of a block at many times that are solved together
 
 
 @dataclass(frozen=True)
@@ -216,9 +217,8 @@ def evaluate(
         elif isinstance(step, Linear):
             slots[step.unknowns] = next(solutions) @ slots[step.known]
         else:
-            solve = _newton if guess is None or guess.ndim == 1 else _newton_at_once
             try:
-                solve(step, prepared, t, slots, relations, guess)
+                _newton(step, prepared, t, slots, relations, guess)
             except SolverError:
                 if not forgiving:
                     raise
@@ -226,51 +226,41 @@ def evaluate(
 
 
 def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None) -> None:
-    """Newton's method, time by time, warm-started from the previous solution."""
-    n = len(step.unknowns)
-    z = np.zeros(n) if guess is None else guess[step.unknowns].copy()
-    for i in range(len(t)):
-        if step.linear:  # from nothing: a guess takes digits from what is small, and what is undetermined shall be zero
-            z = np.zeros(n)
-        here, flags, now = slots[:, i : i + 1].copy(), relations[:, i : i + 1], t[i : i + 1]
-        for iteration in range(50):
-            here[step.unknowns, 0] = z
-            residual = assemble(step.residuals, now, here, prepared.parameters, flags, n)[:, 0]
-            matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n)[:, 0].reshape(n, n)
-            try:
-                change = np.linalg.solve(matrix, residual)
-            except np.linalg.LinAlgError:
-                change = _singular_step(step, matrix, residual, z, t[i])
-            z = z - change
-            if step.linear or np.abs(change).max() <= 1e-14 * np.abs(z).max() + 1e-300:
-                break
-            if iteration > 8 and np.abs(change).max() <= 1e-11 * np.abs(z).max() + ROUNDING:
-                break
-        else:
-            raise SolverError(
-                f"the nonlinear equations {_labels(step)} were not solved at t = {t[i]:g} s; they have no solution there, or need "
-                "better guesses: guess={...} of their variables"
-            )
-        slots[step.unknowns, i] = z
+    """Solve a block: at all times together where each has a start of its own, else time by time, each from the solution before."""
+    n, times = len(step.unknowns), len(t)
+    if step.linear or (guess is not None and guess.ndim == 2):
+        # linear ones from nothing: a guess takes digits from what is small, and what is undetermined shall be zero
+        start = np.zeros((n, times)) if step.linear or guess is None else guess[step.unknowns]
+        together = max(1, ENTRIES // n**2)
+        for first in range(0, times, together):
+            here = slice(first, first + together)
+            _iterate(step, prepared, t[here], slots[:, here], relations[:, here], start[:, here])
+        return
+    last = np.zeros((n, 1)) if guess is None else guess[step.unknowns, None]
+    for i in range(times):
+        here = slice(i, i + 1)
+        _iterate(step, prepared, t[here], slots[:, here], relations[:, here], last)
+        last = slots[step.unknowns, here]
 
 
-def _newton_at_once(
-    step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None
-) -> None:
-    """Newton's method vectorised over time, each from its own guess; times with a singular matrix one by one."""
-    assert guess is not None
-    n = len(step.unknowns)
-    z = guess[step.unknowns].copy()
-    left = np.arange(len(t))
+def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, start: Floats) -> None:
+    """Newton's method, vectorised over time; times among which a matrix is singular are solved one by one."""
+    n, z, left = len(step.unknowns), start.copy(), np.arange(len(t))
     for iteration in range(50):
-        here, flags = slots[:, left], relations[:, left]
+        here, flags, now = slots[:, left], relations[:, left], t[left]
         here[step.unknowns] = z[:, left]
-        residual = assemble(step.residuals, t[left], here, prepared.parameters, flags, n)
-        matrix = assemble(step.jacobian, t[left], here, prepared.parameters, flags, n * n).T.reshape(-1, n, n)
+        residual = assemble(step.residuals, now, here, prepared.parameters, flags, n)
+        matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n).T.reshape(-1, n, n)
         try:
             change = np.linalg.solve(matrix, residual.T[:, :, None])[:, :, 0].T
         except np.linalg.LinAlgError:
-            break
+            if len(left) > 1:
+                slots[step.unknowns] = z
+                for i in left.tolist():
+                    one = slice(i, i + 1)
+                    _iterate(step, prepared, t[one], slots[:, one], relations[:, one], start[:, one])
+                return
+            change = _singular_step(step, matrix[0], residual[:, 0], z[:, left[0]], float(now[0]))[:, None]
         z[:, left] -= change
         size, moved = np.abs(z[:, left]).max(axis=0), np.abs(change).max(axis=0)
         done = moved <= 1e-14 * size + 1e-300
@@ -280,10 +270,11 @@ def _newton_at_once(
         if not len(left):
             break
     slots[step.unknowns] = z
-    for i in left.tolist():
-        one = slots[:, i : i + 1].copy()
-        _newton(step, prepared, t[i : i + 1], one, relations[:, i : i + 1], guess[:, i])
-        slots[:, i] = one[:, 0]
+    if len(left):
+        raise SolverError(
+            f"the nonlinear equations {_labels(step)} were not solved at t = {t[left[0]]:g} s; they have no solution there, or need "
+            "better guesses: guess={...} of their variables"
+        )
 
 
 def _singular_step(step: Newton, matrix: Floats, residual: Floats, z: Floats, t: float) -> Floats:
