@@ -325,7 +325,7 @@ def test_other_numbers_never_translate_or_compile_again(monkeypatch: pytest.Monk
         system.simulate(t_end=0.1, method=method, inputs={"torque.tau": 1.0})["b.w"]
     calls: list[str] = []
     for module, name in (
-        (object_code, "kept_bytes"),
+        (object_code, "cached_bytes"),
         (scene_functions, "compiled"),
         (scene_module, "compile_scene"),
         (scene_module, "build"),

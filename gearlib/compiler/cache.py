@@ -1,7 +1,7 @@
 """On-disk cache of object code: its folder, its permissions, its maximum size.
 
 The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of what it was made from, so concurrent writers
-agree, and every file appears complete or not at all. Object code is kept with a checksum (`kept_bytes`). What cannot be kept there is
+agree, and every file appears complete or not at all. Object code is cached with a checksum (`cached_bytes`). What cannot be cached there is
 made anew: a damaged or unwritable cache costs time, never a result. A folder in which somebody else can write is not used, with a
 warning (`gearlib.compiler.ownership`).
 """
@@ -83,7 +83,7 @@ def _private() -> Path:
     return Path(_temporary.name)
 
 
-def kept_bytes(name: str, make: Callable[[], bytes]) -> bytes:
+def cached_bytes(name: str, make: Callable[[], bytes]) -> bytes:
     """Content of a cached file; computed and written where the file is missing or damaged.
 
     Parameters

@@ -18,7 +18,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from gearlib.compiler.cache import COMPILING, kept_bytes
+from gearlib.compiler.cache import COMPILING, cached_bytes
 from gearlib.compiler.object_code import compiler_digest, linked, optimised
 from gearlib.compiler.translate import Environment, Prototype, fields_of, is_record, translated
 
@@ -86,7 +86,7 @@ def native_functions(*modules: str) -> NativeFunctions:
     names = [node.name for node, _ in functions() if ast.unparse(node.returns or ast.Constant(None)) == "int32"]
     with COMPILING:
         try:
-            code = kept_bytes(f"gearlib_model_{digest}.o", lambda: optimised(translated(functions(), fused=True)))
+            code = cached_bytes(f"gearlib_model_{digest}.o", lambda: optimised(translated(functions(), fused=True)))
             addresses, library = linked(code, names)
         except RuntimeError:  # damage that the checksum did not show
             addresses, library = linked(optimised(translated(functions(), fused=True)), names)

@@ -11,7 +11,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from gearlib.compiler.cache import COMPILING, kept_bytes
+from gearlib.compiler.cache import COMPILING, cached_bytes
 from gearlib.compiler.translate import intermediate
 
 COMPILER = ("data_flow.py", "instructions.py", "native_module.py", "object_code.py", "translate.py")
@@ -58,7 +58,7 @@ def compiled(source: str, name: str) -> CompiledFunction:
     with COMPILING:
         digest = hashlib.sha256("\0".join((compiler_digest(), source)).encode()).hexdigest()[:24]
         try:
-            code = kept_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source))
+            code = cached_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source))
             addresses, library = linked(code, [name])
         except RuntimeError:  # damage that the checksum did not show
             addresses, library = linked(object_code(source), [name])

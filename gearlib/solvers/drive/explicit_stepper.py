@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ class ExplicitStepper(PythonStepper):
     function that crosses zero twice within a step goes unnoticed.
     """
 
-    def attach(self, driver: Driver, memory: dict[str, Floats]) -> None:
+    def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
         super().attach(driver, memory)
         self._evaluations = 0
         self._sides = np.zeros(self.record.n_roots)

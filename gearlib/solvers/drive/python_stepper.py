@@ -35,7 +35,7 @@ class PythonStepper(Stepper):
     An exception in one of them ends the run and comes out of it; `FailedError` ends it with a code.
     """
 
-    def attach(self, driver: Driver, memory: dict[str, Floats]) -> None:
+    def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
         self.driver, self.problem, self.record = driver, driver.problem, driver.record
         self._rhs, self._roots = _MODEL(self.record.rhs), _MODEL(self.record.roots) if self.record.roots else None
         methods: dict[str, Callable[..., int | None]] = {

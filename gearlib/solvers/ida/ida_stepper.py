@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -68,7 +69,7 @@ class IdaStepper(Stepper):
             raise ArgumentError(f"linear_solver must be 'dense', 'band', 'sparse' or None, not {shown(linear_solver)}")
         self.linear_solver = linear_solver
 
-    def attach(self, driver: Driver, memory: dict[str, Floats]) -> None:
+    def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
         problem, record = driver.problem, driver.record
         self.driver, self.problem, self.record = driver, problem, record  # type: ignore[assignment]
         n, t0, t1 = problem.x0.size, float(problem.times[0]), float(problem.times[-1])

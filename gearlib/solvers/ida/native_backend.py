@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,7 @@ class NativeIda(IdaStepper):
         super().__init__(linear_solver)
         self.sundials, self.backend = sundials, f"native: SUNDIALS {sundials.version}"
 
-    def attach(self, driver: Driver, memory: dict[str, Floats]) -> None:
+    def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
         super().attach(driver, memory)
         order, n = self.matrix.order, driver.x.size
         y = driver.x if order is None else driver.x[order]

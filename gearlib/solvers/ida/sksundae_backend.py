@@ -14,6 +14,7 @@ import ctypes
 import functools
 import io
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -68,7 +69,7 @@ class SundaeIda(IdaStepper, PythonStepper):
             raise SolverError("the package scikit-sundae, which brings SUNDIALS, is not installed") from problem
         self._interface = IDA
 
-    def attach(self, driver: Driver, memory: dict[str, Floats]) -> None:
+    def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
         PythonStepper.attach(self, driver, memory)
         IdaStepper.attach(self, driver, memory)
         n, n_roots = driver.x.size, self.record.n_roots

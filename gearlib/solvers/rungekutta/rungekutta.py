@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from gearlib.arguments import shown
@@ -78,14 +79,15 @@ class RungeKutta(Stepper):
             "atol": size,
         }  # fmt: skip
 
-    def attach(self, driver: Driver, memory: dict[str, Floats]) -> None:
+    def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
         problem = driver.problem
         if not problem.differential.all():
             raise ArgumentError("an explicit method cannot solve a problem with algebraic unknowns")
         self.driver, self.problem, self.record = driver, problem, driver.record  # type: ignore[assignment]
         record, n, span = self.record, problem.x0.size, float(problem.times[-1] - problem.times[0])
-        memory["atol"][n:], memory["atol"][:n] = 1.0, problem.absolute_tolerance
-        record.order, record.size, record.rtol, record.span = self.order, memory["y"].size, problem.rtol, span
+        atol = memory("atol")
+        atol[n:], atol[:n] = 1.0, problem.absolute_tolerance
+        record.order, record.size, record.rtol, record.span = self.order, atol.size, problem.rtol, span
         record.h_max, record.h = min(0.1 * span, problem.longest_step), self.first_step or 0.0
         record.patience = PATIENCE if problem.may_leave else -1
         record.slack, record.slack_share = 1e-16 * span, loop.LOCATED
