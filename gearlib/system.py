@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from gearlib.arguments import flag, name_list, real
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
+from gearlib.run.forms.scene_form import scene_form
 from gearlib.run.methods.method import Method
-from gearlib.run.request import check_options
+from gearlib.run.request import check_form, check_options
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.simulate import earlier_run, request, run, warn_of_zero_inputs
 from gearlib.run.summary import summary
@@ -125,11 +126,38 @@ class System(Compiled):
         """Inputs that nothing is bound to."""
         return self.translation.inputs
 
-    def summary(self) -> str:
-        """What came in, what each phase did, and what is integrated."""
+    def summary(self, form: str = "ode") -> str:
+        """What came in, what each phase did, and what is integrated.
+
+        Parameters
+        ----------
+        form : {"ode", "torn", "dae"}
+            As in `simulate`: what IDA is handed. With ``"dae"`` all differential and algebraic unknowns are listed by name.
+
+        Raises
+        ------
+        ArgumentError
+            No such form.
+
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Spin(gl.Component):
+        ...     def assemble(self):
+        ...         self.body, self.drag, self.ground = gp.Inertia(J=1.0), gp.Damper(d=2.0), gp.Fixed()
+        ...         links = [(self.body.flange_b, self.drag.flange_a), (self.drag.flange_b, self.ground.flange)]
+        ...         return [gl.connect(a, b) for a, b in links]
+        >>> for line in gl.compile(Spin()).summary(form="dae").splitlines()[-3:]:
+        ...     print(line.strip())
+        dae         6 unknowns and as many equations, of which 5 are algebraic; index 1
+        differential  body.w
+        algebraic     der(body.phi), der(drag.flange_b.phi), der(drag.phi_rel), drag.w_rel, drag.tau
+        """
         own = self.translation
+        check_form("ida", form, "native")
         free = own.start(own.scene, own.parameter_values(None), 0.0, None, [0.0] * len(own.inputs)).free
-        return summary(own.name, own.scene, own.outputs, free, own.left_out, own.inputs)
+        handed = None if form == "ode" else scene_form(own.scene, form).equations
+        return summary(own.name, own.scene, own.outputs, free, own.left_out, own.inputs, handed)
 
     @property
     def source(self) -> str:
@@ -142,7 +170,7 @@ class System(Compiled):
         parameters: Mapping[str, float] | None = None,
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None, progress: bool = False,
-        audit: bool = False,
+        audit: bool = False, form: str = "ode", backend: str = "native",
     ) -> SimulatedResult:  # fmt: skip
         """Integrate from ``t_start`` to ``t_end``.
 
@@ -181,6 +209,12 @@ class System(Compiled):
         audit : bool
             Whether to check the run's energies at once: ``result.stats["energy_residual"]`` is the largest residual of
             `Result.energy_balance` over the energy that was exchanged, and a warning says if the tolerance does not explain it.
+        form : {"ode", "torn", "dae"}
+            What ``method="ida"`` is handed. ``"ode"``: the states; all other unknowns are computed from them in each evaluation.
+            ``"torn"``: also the tearing variables of nonlinear blocks. ``"dae"``: the index-reduced equations F(t, y, y') = 0 as they
+            are, with every algebraic unknown that is needed; `summary` names them.
+        backend : {"native", "sksundae"}
+            How ``method="ida"`` is driven: by compiled callbacks, or through scikit-sundae's Python interface.
 
         Returns
         -------
@@ -194,7 +228,7 @@ class System(Compiled):
         audit = flag("audit", audit)
         translation, asked = request(
             self.translation, t_end, t_start=t_start, samples=samples, times=times, method=method, rtol=rtol, atol=atol,
-            parameters=parameters, start=start, inputs=inputs, max_step=max_step, progress=progress,
+            parameters=parameters, start=start, inputs=inputs, max_step=max_step, progress=progress, form=form, backend=backend,
         )  # fmt: skip
         result = run(translation, asked)
         warn_of_zero_inputs(translation, asked.zero_inputs)

@@ -180,6 +180,13 @@ def partial_kernel(template: Template, column: int) -> Kernel:
     return _kernel(template, template.partials[column].expression)
 
 
+def difference_kernel(label: str) -> Kernel:
+    """One column minus another one: the equation of two names for one thing."""
+    one, other = column_symbol(("one", 0)), column_symbol(("other", 0))
+    template = Template(label, one - other, (("one", 0), ("other", 0)), ())
+    return _kernel(template, template.residual)
+
+
 @cache
 def relation_kernel(template: Template, relation: int) -> Kernel:
     """What a relation compares with zero."""

@@ -27,6 +27,10 @@ from gearlib.structure.tearing import Tearing, tear
 Integers = NDArray[np.int64]
 # (kernel, group, times differentiated) -> (row of the group, target, sign) of each instance
 Found = dict[tuple[Kernel, int, int], list[tuple[int, int, int]]]
+# kernel, group, row, kind (0 relations, 1 discrete variables, 2 states), target, sign of what must be evaluated at events
+Place = tuple[Kernel, int, int, int, int, int]
+# template, group, row, times differentiated, columns inside a block, (column, unknown of the block, sign) of these
+_Row = tuple[Template, int, int, int, frozenset[int], list[tuple[int, int, int]]]
 
 
 def build(structure: Structure, targets: Iterable[Node], states: Sequence[Node] | None, dynamic: bool) -> Program:
@@ -68,6 +72,7 @@ class Builder:
             for node in block:
                 self.slots.setdefault(node, len(self.slots))
         self.n_slots = len(self.slots)
+        self.residuals: dict[Node, int] = {}  # slots of residuals, by the tearing variable that is among the states
         self.table = np.full((1 + max((k for _, k in self.slots), default=0), self.model.n_variables), -1)
         for (v, k), slot in self.slots.items():
             self.table[k, v] = slot
@@ -82,20 +87,22 @@ class Builder:
         others: list[Linear | Newton] = []
         for block in self.blocks:
             done = len(block) == 1 and self._assign(block, scalar, pivots)
-            if not done:
-                others.append(self._block(block, scalar))
+            if not done and (emitted := self._block(block, scalar, pivots)) is not None:
+                others.append(emitted)
         batches = self._batches(scalar)
         checks = self._batches(pivots)
         n_known = len(self.states) + len(self.inputs)
         steps = schedule(batches, others, self.n_slots, n_known)
         place, steps = renumber(steps, self.n_slots, n_known)
         slots = {node: int(place[slot]) for node, slot in self.slots.items()}
-        return Program(self.states, self.inputs, slots, int(place.max(initial=-1)) + 1, steps, outputs, checks)
+        n_slots = int(place.max(initial=-1)) + 1
+        residuals = tuple(int(place[self.residuals[node]]) for node in self.states if node in self.residuals)
+        return Program(self.states, self.inputs, slots, n_slots, steps, outputs, checks, residuals)
 
-    def places(self, used: Integers) -> list[tuple[Kernel, int, int, int, int, int]]:
-        """(kernel, group, row, kind, target, sign) of what must be evaluated: 0 relations, 1 discrete variables, 2 states."""
+    def places(self, used: Integers) -> list[Place]:
+        """What must be evaluated at events, where some modes are used."""
         model, n_relations, n_discrete = self.model, self.model.n_relations, len(self.model.discretes)
-        found: list[tuple[Kernel, int, int, int, int, int]] = []
+        found: list[Place] = []
         for relation in used[used < n_relations].tolist():
             g = int(np.searchsorted(model.first_relations, relation, side="right")) - 1
             i, j = divmod(relation - int(model.first_relations[g]), len(self.groups[g].template.relations))
@@ -142,7 +149,8 @@ class Builder:
     def _place(self, e: int) -> tuple[int, int]:
         return self.structure.rows[e]
 
-    def _template(self, e: int, k: int) -> tuple[Template, int, int]:
+    def template(self, e: int, k: int) -> tuple[Template, int, int]:
+        """The template of an equation's k-th derivative, its group and its row there."""
         g, i = self._place(e)
         return differentiated(self.model.groups[g].template, k), g, i
 
@@ -163,7 +171,7 @@ class Builder:
     def _assign(self, block: Block, scalar: Found, pivots: Found) -> bool:
         """Emit an explicit assignment; False where the equation is not linear in the unknown."""
         node, (e, k) = block[0], self.structure.choice.solved_by[block[0]]
-        template, g, i = self._template(e, k)
+        template, g, i = self.template(e, k)
         mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
         if len(mine) != 1:
             return False
@@ -190,15 +198,15 @@ class Builder:
         self.table[k, v] = self.slots[node] = self.table[m, w]
         return True
 
-    def _block(self, block: Block, scalar: Found) -> Linear | Newton:
-        """Emit a block of several unknowns: linear with constant matrix, or torn, for Newton's method."""
+    def _block(self, block: Block, scalar: Found, pivots: Found) -> Linear | Newton | None:
+        """Emit a block of several unknowns: linear with constant matrix, or torn, for Newton's method; None if its tears are states."""
         position = {node: c for c, node in enumerate(block)}
         solving = [self.structure.choice.solved_by[node] for node in block]
         rows = []
         safe: list[dict[int, bool]] = []
         constant = linear = True
         for e, k in solving:
-            template, g, i = self._template(e, k)
+            template, g, i = self.template(e, k)
             inside = [(c, position[node], sign) for c, node, sign in self._positions(template, g, i) if node in position]
             columns = frozenset(c for c, _, _ in inside)
             partials = [template.partials[c] for c, _, _ in inside]
@@ -209,6 +217,9 @@ class Builder:
         order = tear(safe) if not (constant and linear) else Tearing(tuple(range(len(rows))), tuple(range(len(rows))), 0)
         place = {column: c for c, column in enumerate(order.columns)}
         rows = [rows[r] for r in order.rows]
+        if not linear and set(tears := [block[u] for u in order.tears]) <= set(self.states):
+            self._torn(rows, tears, order.columns, block, scalar, pivots)
+            return None
         unknowns = np.array([self.slots[block[u]] for u in order.columns], np.int64)
         equations = np.array([solving[r][0] for r in order.rows], np.int64)
         matrix: Found = defaultdict(list)
@@ -232,6 +243,23 @@ class Builder:
                 scalar[kernel, g, k].append((i, self.n_slots, 1))
                 self.n_slots += 1
         return Linear(unknowns, entries, np.array(known, np.int64), np.array(known_rows, np.int64), equations)
+
+    def _torn(
+        self, rows: list[_Row], tears: list[Node], columns: tuple[int, ...], block: Block, scalar: Found, pivots: Found
+    ) -> None:  # fmt: skip
+        """Emit a block whose tearing variables are known: an assignment for each other unknown, a residual for each of them."""
+        lead = len(rows) - len(tears)
+        for (template, g, i, k, _, inside), u in zip(rows[:lead], columns, strict=False):
+            column, sign = next((c, sign) for c, place, sign in inside if place == u)
+            kernel = solve_kernel(template, column)
+            assert kernel is not None, "a row is solved for what it holds with a constant coefficient"
+            if template.partials[column].number is None:
+                pivots[partial_kernel(template, column), g, k].append((i, 0, 1))
+            scalar[kernel, g, k].append((i, self.slots[block[u]], sign))
+        for (template, g, i, k, _, _), node in zip(rows[lead:], tears, strict=True):
+            scalar[residual_kernel(template), g, k].append((i, self.n_slots, 1))
+            self.residuals[node] = self.n_slots
+            self.n_slots += 1
 
     def _batches(self, found: Found) -> tuple[Batch, ...]:
         return tuple(self.batch(kernel, g, k, rows) for (kernel, g, k), rows in found.items())

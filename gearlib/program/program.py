@@ -162,6 +162,8 @@ class Program:
         What the program is for; derivatives of the states, usually.
     pivots : tuple of Batch
         Coefficients that are divided by, and so must not vanish.
+    residuals : tuple of int
+        Slots of residuals, which the outputs are followed by where algebraic unknowns are left to the integrator.
     """
 
     states: tuple[Node, ...]
@@ -171,10 +173,11 @@ class Program:
     steps: tuple[Step, ...]
     outputs: tuple[Node, ...]
     pivots: tuple[Batch, ...]
+    residuals: tuple[int, ...] = ()
 
     @cached_property
     def output_slots(self) -> Integers:
-        return np.array([self.slots[n] for n in self.outputs], np.int64)
+        return np.array([*(self.slots[n] for n in self.outputs), *self.residuals], np.int64)
 
     @cached_property
     def undifferentiated(self) -> tuple[Integers, Integers]:
@@ -212,7 +215,10 @@ class Program:
     def guards(self) -> tuple[Guard, ...]:
         """What is divided by and may change its sign, of all equations that are solved one by one."""
         found, n = [], 0
+        residuals = np.array(self.residuals, np.int64)
         for batch in (step for step in self.steps if isinstance(step, Batch)):
+            if np.isin(batch.targets, residuals).any():
+                continue
             for kernel in batch.kernel.divisors:
                 columns = [batch.kernel.columns.index(c) for c in kernel.columns]
                 parameters = [batch.kernel.parameters.index(p) for p in kernel.parameters]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.program.build import Builder, Found, build
+from gearlib.program.build import Builder, Found, Place, build
 from gearlib.program.event_iteration import EventIteration, event_iteration
 from gearlib.program.program import Batch, Newton, Program
 from gearlib.reduce.reduction import Structure
+from gearlib.structure.incidence import Node
 
 Integers = NDArray[np.int64]
 
@@ -43,28 +44,33 @@ def relations_of(structure: Structure, program: Program, wanted: Sequence[int] =
     """Relations and discrete variables that a program, or an output, depends on, transitively."""
     model = structure.model
     builder = Builder(structure, (), program.states)
-    used = np.union1d(_used_modes(program), model.n_relations + np.array(wanted, np.int64))
+    used = np.union1d(used_modes(program), model.n_relations + np.array(wanted, np.int64))
     while True:
         places = builder.places(used)
         nodes = sorted({n for p in places for n in builder.nodes(*p[:3])})
         helper = build(structure, nodes, program.states, dynamic=False)
         found = [builder.modes(*p[:3]) for p in places]
-        more = np.unique(np.concatenate([used, _used_modes(helper), *found]).astype(np.int64))
+        more = np.unique(np.concatenate([used, used_modes(helper), *found]).astype(np.int64))
         if len(more) == len(used):
             break
         used = more
-    builder.table = _slot_table(helper, model.n_variables)
+    builder.table = slot_table(helper.slots, model.n_variables)
+    return update_rules(builder, helper, places, used[used < model.n_relations])
+
+
+def update_rules(builder: Builder, program: Program, places: Sequence[Place], relations: Integers) -> Relations:
+    """The batches of all places, over the slots of a program that are in the builder's table."""
     kinds: list[Found] = [defaultdict(list) for _ in range(3)]
     for kernel, g, i, kind, target, sign in places:
         kinds[kind][kernel, g, 0].append((i, target, sign))
     batches = [tuple(builder.batch(kernel, g, k, rows) for (kernel, g, k), rows in kind.items()) for kind in kinds]
-    relations = used[used < model.n_relations]
     moving = {p[4] for p in places if p[3] == 0 and (builder.nodes(*p[:3]) or len(builder.modes(*p[:3])))}
     on_time = np.array([int(r) not in moving for r in relations], bool)
-    return Relations(helper, batches[0], batches[1], batches[2], relations, on_time)
+    return Relations(program, batches[0], batches[1], batches[2], relations, on_time)
 
 
-def _used_modes(program: Program) -> Integers:
+def used_modes(program: Program) -> Integers:
+    """Relations and discrete values that a program depends on."""
     parts = [np.empty(0, np.int64)]
     for step in program.steps:
         if isinstance(step, Batch):
@@ -74,8 +80,9 @@ def _used_modes(program: Program) -> Integers:
     return np.unique(np.concatenate(parts))
 
 
-def _slot_table(program: Program, n_variables: int) -> Integers:
-    table = np.full((1 + max((k for _, k in program.slots), default=0), n_variables), -1)
-    for (v, k), slot in program.slots.items():
+def slot_table(slots: Mapping[Node, int], n_variables: int) -> Integers:
+    """The slot of each variable and order of derivative, -1 where there is none."""
+    table = np.full((1 + max((k for _, k in slots), default=0), n_variables), -1)
+    for (v, k), slot in slots.items():
         table[k, v] = slot
     return table

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import is_real, real, reals, shown, whole
-from gearlib.errors import ArgumentError
+from gearlib.errors import ArgumentError, nearest
+from gearlib.run.forms.scene_form import BACKENDS, FORMS
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import method_of
 
@@ -36,6 +37,8 @@ class Request:
     progress: bool
     max_step: float | None
     zero_inputs: tuple[str, ...] = ()  # that nobody gave
+    form: str = "ode"
+    backend: str = "native"
 
 
 def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None, states: int = 0) -> Floats:
@@ -94,6 +97,18 @@ def check_options(method: str | Method, rtol: float, max_step: float | None) -> 
     method_of(method)
     if not (is_real(rtol) and 1e-13 <= rtol <= 0.1):
         raise ArgumentError(f"rtol is {shown(rtol)}; expected a number from 1e-13 to 0.1")
+
+
+def check_form(method: str | Method, form: str, backend: str) -> None:
+    """Raise `ArgumentError` for an unknown form of the equations or backend of IDA, or one that the method does not take."""
+    for name, given, known in (("form", form, FORMS), ("backend", backend, BACKENDS)):
+        if not isinstance(given, str) or given not in known:
+            advice = nearest(given, known) if isinstance(given, str) else f"Valid names: {', '.join(known)}"
+            raise ArgumentError(f"there is no {name} {shown(given)}; {advice}")
+        if given != known[0] and method != "ida":
+            raise ArgumentError(
+                f"{name}={given!r} is a choice of method='ida', and the method is {method!s}; give method='ida'"
+            )
 
 
 def absolute_tolerance(atol: ArrayLike | None, n: int) -> Floats | None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +66,7 @@ class Scene:
     _computing: dict[Node, Program] = field(default_factory=dict)
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
     _prepared: dict[bytes, Numbers] = field(default_factory=dict)
+    forms: dict[str, Any] = field(default_factory=dict)  # made by `gearlib.run.forms.scene_form`
 
     @property
     def model(self) -> FlatModel:
@@ -182,12 +184,7 @@ class Scene:
     @cached_property
     def relation_names(self) -> dict[int, str]:
         """Component and equation of each relation that is used."""
-        owner: dict[int, str] = {}
-        for batch in () if self.relations is None else self.relations.batches:
-            for i, number in enumerate(batch.targets.tolist()):
-                who, label = owner_of(self.structure, int(batch.equations[i])), batch.kernel.template.label
-                owner[number] = label if label.startswith(f"{who}: ") else f"{who}: {label}"  # the outermost one is its class
-        return owner
+        return relation_names(self.structure, self.relations)
 
     @cached_property
     def nominal(self) -> Floats:
@@ -266,29 +263,57 @@ class Scene:
     ) -> Floats:
         """The data block of a run. Its iterations start at values of variables, or at slots of the main program where it goes on."""
         guess = self.guess(self.program, start) if slots is None else slots
-        shared = native.shared
-        data = np.zeros(native.size)
-        data[: shared.n_parameters] = numbers.parameters
-        data[shared.relations : shared.relations + shared.n_relations] = flags
-        data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
-        fill(data, native.rhs.layout, native.rhs.body.coefficients, numbers.main, guess)
-        if native.jac is not None:
-            fill(data, native.jac.layout, native.jac.body.coefficients, numbers.main, guess)
-        for part in (native.roots, native.update):
-            if part is not None and numbers.relations is not None:
-                program = numbers.relations.program
-                others = self.guess(program, start)
-                for node in self.program.slots.keys() & program.slots.keys() if slots is not None and program.iterated else ():
-                    others[program.slots[node]] = guess[self.program.slots[node]]
-                fill(data, part.layout, part.body.coefficients, numbers.relations, others)
-        return data
+
+        def guesses(program: Program) -> Floats:
+            if program is self.program:
+                return guess
+            others = self.guess(program, start)
+            for node in self.program.slots.keys() & program.slots.keys() if slots is not None and program.iterated else ():
+                others[program.slots[node]] = guess[self.program.slots[node]]
+            return others
+
+        return data_block(native, numbers, inputs, flags, guesses)
 
     def guess(self, program: Program, start: Floats) -> Floats:
-        """Where Newton's iterations start: the start values of variables, zero for their derivatives."""
-        result = np.zeros(program.n_slots)
-        variables, slots = program.undifferentiated
-        result[slots] = start[variables]
-        return result
+        """Where Newton's iterations start."""
+        return guess_of(program, start)
+
+
+def guess_of(program: Program, start: Floats) -> Floats:
+    """Where Newton's iterations start: the start values of variables, zero for their derivatives."""
+    result = np.zeros(program.n_slots)
+    variables, slots = program.undifferentiated
+    result[slots] = start[variables]
+    return result
+
+
+def data_block(
+    native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Callable[[Program], Floats]
+) -> Floats:  # fmt: skip
+    """The data block of native functions; ``guess`` gives the slots at which a program's iterations start."""
+    shared = native.shared
+    data = np.zeros(native.size)
+    data[: shared.n_parameters] = numbers.parameters
+    data[shared.relations : shared.relations + shared.n_relations] = flags
+    data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
+    main = guess(numbers.main.program)
+    for part in (native.rhs, native.jac):
+        if part is not None:
+            fill(data, part.layout, part.body.coefficients, numbers.main, main)
+    for part in (native.roots, native.update):
+        if part is not None and numbers.relations is not None:
+            fill(data, part.layout, part.body.coefficients, numbers.relations, guess(numbers.relations.program))
+    return data
+
+
+def relation_names(structure: Structure, relations: Relations | None) -> dict[int, str]:
+    """Component and equation of each relation."""
+    owner: dict[int, str] = {}
+    for batch in () if relations is None else relations.batches:
+        for i, number in enumerate(batch.targets.tolist()):
+            who, label = owner_of(structure, int(batch.equations[i])), batch.kernel.template.label
+            owner[number] = label if label.startswith(f"{who}: ") else f"{who}: {label}"  # the outermost one is its class
+    return owner
 
 
 def modes_at_start(

@@ -48,7 +48,9 @@ class Segment:
     def of(cls, run: Run, solution: Solution, first: int = 0) -> Segment:
         """What a run brought back, from one of its samples on."""
         time, states, modes = run.times[first : len(solution.x)], solution.x[first:], solution.modes[first:]
-        return cls(run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]))
+        known = {node: history[first:] for node, history in solution.algebraic.items()}
+        begin = float(run.times[0])
+        return cls(run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, begin, known)
 
     def history(self, node: Node) -> Floats:
         """A variable that depends on the integrated states."""

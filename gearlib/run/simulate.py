@@ -17,7 +17,7 @@ from gearlib.run.methods.method_table import method_of
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
-from gearlib.run.request import Request, absolute_tolerance, check_options, output_times
+from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
@@ -48,7 +48,10 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         begin = translation.start(scene, parameters, float(grid[0]), asked.start, signals, discrete=True)
         refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
     absolute = absolute_tolerance(asked.atol, len(scene.states))
-    first = Run(scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step)
+    first = Run(
+        scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step, form=asked.form,
+        backend=asked.backend,
+    )  # fmt: skip
     if asked.progress:
         print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
     parts = integrate_through(first, method_of(asked.method), translation.switched)
@@ -70,7 +73,7 @@ def request(
     translation: Translation, t_end: float, *, t_start: float | None = None, samples: int | None = None,
     times: ArrayLike | None = None, method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
     parameters: Mapping[str, float] | None = None, start: Any = None, inputs: Mapping[str, Any] | None = None,
-    max_step: float | None = None, progress: bool = False,
+    max_step: float | None = None, progress: bool = False, form: str = "ode", backend: str = "native",
 ) -> tuple[Translation, Request]:  # fmt: skip
     """The translation that fits what is asked of a run, and the request with all of it checked, as `System.simulate` takes it.
 
@@ -85,6 +88,7 @@ def request(
     t_end = real("t_end", t_end, "a finite number of seconds")
     grid = output_times(t_start, t_end, samples, times, len(translation.states))
     check_options(method, rtol, max_step)
+    check_form(method, form, backend)
     show = flag("progress", progress)
     if parameters is None and earlier:
         numbers = earlier[0].request.parameters
@@ -96,7 +100,8 @@ def request(
         zero = tuple(name for name in names if name not in (inputs or ()))
     else:
         signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
-    return translation, Request(t_start, grid, method, float(rtol), atol, numbers, start, signals, show, max_step, zero)
+    numbers_of_run = (t_start, grid, method, float(rtol), atol, numbers, start, signals, show, max_step, zero, form, backend)
+    return translation, Request(*numbers_of_run)
 
 
 def warn_of_zero_inputs(

@@ -60,6 +60,7 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
     """The rest of a run, in other states where others will do."""
     scene, t, x = run.scene, np.array([left.t_last]), left.x_last
     here, held = memory(scene, left.data)
+    here = here if left.branch is None else left.branch
     structure = scene.structure
     orders = structure.differentiation.orders
     known = np.zeros((max(2, *orders.values()), scene.model.n_variables))

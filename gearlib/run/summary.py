@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
+from gearlib.flatten.model import FlatModel
 from gearlib.program.program import Linear, Newton
+from gearlib.program.residual_form import ResidualForm
 from gearlib.run.scene import Scene, node_name
 
 MOST = 12
@@ -12,7 +15,7 @@ MOST = 12
 
 def summary(
     name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], zero: Sequence[str],
-    inputs: Sequence[str],
+    inputs: Sequence[str], handed: ResidualForm | None = None,
 ) -> str:  # fmt: skip
     """A few lines for each phase."""
     structure, model, program = scene.structure, scene.model, scene.program
@@ -52,7 +55,20 @@ def summary(
         lines.append(f"  inputs      0 unless a run is given them: {_some(list(inputs))}")
     if free:
         lines.append(f"  start       at their guess, since nothing fixes them: {_some(list(free))}")
-    return "\n".join(lines)
+    return "\n".join([*lines, *([] if handed is None else _unknowns(model, handed))])
+
+
+def _unknowns(model: FlatModel, handed: ResidualForm) -> list[str]:
+    """What IDA is handed, all of it by name."""
+    names = [node_name(model, node) for node in handed.unknowns]
+    n, form = handed.n_states, "dae" if handed.implicit else "torn"
+    index = 1 if len(names) > n else 0
+    count = f"{len(names)} unknown{'s' if len(names) != 1 else ''} and as many equations"
+    lines = [f"  {form:<11} {count}, of which {len(names) - n} are algebraic; index {index}"]
+    for label, part in (("differential", names[:n]), ("algebraic", names[n:])):
+        text = textwrap.wrap(", ".join(part) or "none", 110, break_long_words=False, break_on_hyphens=False)
+        lines += [f"    {label if i == 0 else '':<13} {line}" for i, line in enumerate(text)]
+    return lines
 
 
 def _some(items: Sequence[str]) -> str:

@@ -2,6 +2,9 @@
 
     M x' = f(t, x),    M = diag(differential),    x(t_start) = x0
 
+or, where it is ``implicit``, F(t, x, x') = 0, with x' of the differential unknowns, which come first. Native functions then find x' behind
+all of x, and ``rhs`` gives F.
+
 Every native function has a C signature over the state ``x``, a block of numbers ``data`` (parameters, factorised matrices, the
 values of relations, work space) and a block of integers ``index`` (which the generated loops run over)::
 
@@ -19,7 +22,7 @@ variables in ``data[modes]``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -75,6 +78,7 @@ class Problem:
     state_names: tuple[str, ...] = ()  # for messages
     root_names: tuple[str, ...] = ()
     unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing
+    implicit: bool = False  # rhs gives F(t, x, x'); the pattern of jac has columns of x' behind those of x
     culprit: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what cannot be evaluated from there on
     effort: Effort = field(default_factory=lambda: Effort(100.0, 300.0, 50.0, 100.0))
     times: Floats = field(default_factory=lambda: np.zeros(1))  # of the samples, s, not decreasing: the first is the start
@@ -90,6 +94,11 @@ class Problem:
 
     def state_name(self, k: int) -> str:
         return self.state_names[k] if k < len(self.state_names) else f"state {k}"
+
+    def equation_name(self, k: int) -> str:
+        """What row k of ``rhs`` gives: the derivative of a state, or the equation of an algebraic unknown."""
+        name = self.state_name(k)
+        return f"der({name})" if k >= len(self.differential) or self.differential[k] else f"the equation of {name}"
 
     def root_name(self, k: int) -> str:
         return self.root_names[k] if k < len(self.root_names) else f"root {k}"
@@ -119,3 +128,7 @@ class Solution:
     event_roots: Integers  # (events,) index of the root that fired, -1 for a time event
     stats: dict[str, Any]  # method, steps, rhs, jac, events, rejected, ...
     events: Sequence[tuple[float, str]] = ()  # time, and component with equation, where these are known
+    algebraic: Mapping[tuple[int, int], Floats] = field(
+        default_factory=dict
+    )  # histories of unknowns that IDA was handed, by node
+    branch: Floats | None = None  # slots of the scene's program at the end, where ``data`` does not hold them

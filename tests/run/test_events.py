@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -364,13 +363,11 @@ def test_short_events_are_found_at_every_tolerance_that_lets_the_solution_get_th
     assert begins == pytest.approx(expected, abs=0.3 * math.acos(top))
 
 
-@pytest.mark.parametrize("native", [True, False])
-def test_short_events_are_found_along_both_roads_to_ida(peak, native, monkeypatch):
-    from gearlib.solvers.ida import ida
-
-    monkeypatch.setattr(ida, "ida", partial(ida.ida, native=native))
-    result = peak.simulate(30.0, samples=2, method="ida", rtol=1e-8)
-    assert result.stats["backend"].startswith("native" if native else "scikit-sundae")
+@pytest.mark.parametrize("form", ["ode", "dae"])
+@pytest.mark.parametrize("backend", ["native", "sksundae"])
+def test_short_events_are_found_through_both_backends_of_ida(peak, backend, form):
+    result = peak.simulate(30.0, samples=2, method="ida", rtol=1e-8, backend=backend, form=form)
+    assert result.stats["backend"].startswith("native" if backend == "native" else "scikit-sundae")
     assert (result["above"][-1], result["below"][-1]) == (5.0, 5.0)
 
 

@@ -86,7 +86,10 @@ class Method(ABC):
 
     def _to_the_end(self, run: Run, callbacks: Callbacks, why: str) -> Solution:
         problem = problem_of(run, callbacks, self.jacobian)
-        return finished(run, to_the_end(Driver(problem, self.stepper(problem))), self.name, why)
+        return finished(run, to_the_end(Driver(problem, self._stepper(run, problem))), self.name, why)
+
+    def _stepper(self, run: Run, problem: Problem) -> Stepper:
+        return self.stepper(problem)
 
 
 def refusal(name: str, reason: str) -> ArgumentError:
@@ -115,8 +118,11 @@ def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
     if not np.isfinite(solution.x).all():
         bad = int(np.argmax(~np.isfinite(solution.x).all(axis=1)))
         raise SolverError(f"the solution is not finite at t = {solution.t[bad]:g} s")
-    n = len(run.scene.states)
+    n, handed = len(run.scene.states), run.handed
     stats: dict[str, Any] = {"method": name, "why": why, "states": n, **solution.stats}
+    if handed is not None:
+        branch = handed.slots(solution.x_last)
+        solution = replace(solution, algebraic=handed.histories(solution.x), branch=branch)
     return replace(solution, x=solution.x[:, :n], x_last=solution.x_last[:n], events=named_events(run, solution), stats=stats)
 
 

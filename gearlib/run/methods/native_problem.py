@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from gearlib.native.layout import EACH, Shared, lay_out, operations
 from gearlib.native.scene_functions import NativeScene
+from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
 from gearlib.solvers.inputs.callback import Callbacks, with_callbacks
@@ -27,6 +29,8 @@ CALL, ADDITION, CALLBACK, LOOK_UP = 15.0, 0.3, 1500.0, 30.0
 
 def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     """What an integrator sees of a run; ``jacobian``: whether it needs df/dx."""
+    if (handed := run.handed) is not None:
+        return _handed_problem(run, callbacks, handed)
     scene = run.scene
     native: NativeScene = scene.native_with_jacobian if jacobian else scene.native
     program = scene.program
@@ -35,6 +39,31 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     if modes is None:
         modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
     data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
+    nothing = np.ones(0 if scene.states else 1)  # the integrators need a state: without any, one that stands still
+    return _wired(
+        run, callbacks, scene, native, data, np.append(run.start.states, nothing), np.append(scene.nominal, nothing),
+        np.ones(max(len(scene.states), 1), bool), run.atol if scene.states else None,
+    )  # fmt: skip
+
+
+def _handed_problem(run: Run, callbacks: Callbacks, form: SceneForm) -> Problem:
+    """The problem in a form that leaves algebraic unknowns to IDA."""
+    parameters, t0 = run.numbers.parameters, float(run.times[0])
+    inputs = values(run.signals, run.times[:1], len(form.program.inputs))[:, 0]
+    modes = form.modes(parameters, t0, run.start, inputs) if run.modes is None else run.modes
+    data = form.data(parameters, inputs, modes, run.start.guess)
+    x0 = form.first(run.numbers, t0, run.start, inputs, modes, run.slots)
+    atol = None if run.atol is None else np.concatenate([run.atol, run.rtol * form.nominal[len(run.atol) :]])
+    problem = _wired(run, callbacks, form, form.native_with_jacobian, data, x0, form.nominal, form.differential, atol)
+    return replace(problem, implicit=form.implicit)
+
+
+def _wired(
+    run: Run, callbacks: Callbacks, scene: Scene | SceneForm, native: NativeScene, data: Floats, x0: Floats, nominal: Floats,
+    differential: NDArray[np.bool_], atol: Floats | None,
+) -> Problem:  # fmt: skip
+    """The problem of native functions, with the run's inputs at them."""
+    program = scene.program
     functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
     index = native.index
     tables = [(k, s) for k, s in enumerate(run.signals) if isinstance(s, Table)]
@@ -58,23 +87,22 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     relations = scene.relations
     n_roots = int((~relations.on_time).sum()) if relations is not None else 0
     pattern = native.pattern
-    nothing = np.ones(0 if scene.states else 1)  # the integrators need a state: without any, one that stands still
-    problem = Problem(
-        rhs=wrap("rhs", double), x0=np.append(run.start.states, nothing), data=data, index=index,  # type: ignore[arg-type]
-        differential=np.ones(max(len(scene.states), 1), bool), nominal=np.append(scene.nominal, nothing), jac=wrap("jac", double),
+    iterated = run.scene.program.iterated
+    return Problem(
+        rhs=wrap("rhs", double), x0=x0, data=data, index=index,  # type: ignore[arg-type]
+        differential=differential, nominal=nominal, jac=wrap("jac", double),
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
         time_events=time_events(run), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
         culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
-        times=run.times, rtol=run.rtol, atol=run.atol if scene.states else None,
-        max_steps=MOST_STEPS_CONSTRAINED if program.iterated else MOST_STEPS, may_leave=any(s.constrained for s in program.iterated),
+        times=run.times, rtol=run.rtol, atol=atol,
+        max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
     )  # fmt: skip
-    return problem
 
 
-def _effort(scene: Scene, native: NativeScene, functions: int, tables: int) -> Effort:
+def _effort(scene: Scene | SceneForm, native: NativeScene, functions: int, tables: int) -> Effort:
     """What a call of each native function costs."""
     call = CALL + CALLBACK * functions + LOOK_UP * tables
     rhs = ADDITION * operations(scene.program, native.rhs.layout)
@@ -111,7 +139,7 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
 def time_events(run: Run) -> Floats:
     """Known times to step to exactly, after the start; at the end only where something may happen there."""
     found, t0, t1 = breakpoints(run.signals), float(run.times[0]), float(run.times[-1])
-    last = t1 if run.scene.relations is not None else math.nextafter(t1, t0)
+    last = t1 if (run.handed or run.scene).relations is not None else math.nextafter(t1, t0)
     found = found[(found > t0) & (found <= last)]
     switches = _switches(run)
     return np.unique(np.concatenate([found, [t for t, _ in switches]])) if switches else found
@@ -127,10 +155,10 @@ def memory(scene: Scene, data: Floats) -> tuple[Floats, Floats]:
 
 def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
     """Time, and component with equation, of each event."""
-    relations = run.scene.relations
-    if relations is None or not len(solution.event_times):
+    integrated = run.handed or run.scene
+    if integrated.relations is None or not len(solution.event_times):
         return []
-    names, times, roots = run.scene.root_names, solution.event_times.tolist(), solution.event_roots.tolist()
+    names, times, roots = integrated.root_names, solution.event_times.tolist(), solution.event_roots.tolist()
     if min(roots) >= 0:
         return list(zip(times, map(names.__getitem__, roots), strict=True))
     timed = _names_oftime_events(run)
@@ -141,7 +169,7 @@ def _names_oftime_events(run: Run) -> dict[float, str]:
     """Component and equation of what switches at a time, all of them where there are several."""
     found: dict[float, list[str]] = {}
     for t, number in _switches(run):
-        found.setdefault(t, []).append(run.scene.relation_names[number])
+        found.setdefault(t, []).append((run.handed or run.scene).relation_names[number])
     return {t: "; ".join(dict.fromkeys(names)) for t, names in found.items()}
 
 
@@ -150,5 +178,6 @@ def _switches(run: Run) -> list[tuple[float, int]]:
     from gearlib.equations.switch_times import rounding
 
     t0, t1 = float(run.times[0]), float(run.times[-1])
-    found = run.scene.time_switches(run.numbers.parameters, t0, t1 + 2.0 * rounding(t0, t1))
+    integrated = run.handed or run.scene
+    found = integrated.time_switches(run.numbers.parameters, t0, t1 + 2.0 * rounding(t0, t1))
     return [(min(t, t1), number) for t, number in found]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.run.forms.scene_form import SceneForm, scene_form
 from gearlib.run.scene import Numbers, Scene
 from gearlib.run.start_values import Start
 from gearlib.solvers.inputs.table import Table
@@ -32,6 +33,13 @@ class Run:
     modes: Floats | None = None  # relations and discrete variables to begin with, where a run goes on
     max_step: float | None = None  # s
     slots: Floats | None = None  # of the scene's program, where a run goes on: its branch of nonlinear equations
+    form: str = "ode"  # what IDA is handed
+    backend: str = "native"  # how it is driven
+
+    @property
+    def handed(self) -> SceneForm | None:
+        """The scene with the algebraic unknowns that are left to IDA, if any are."""
+        return None if self.form == "ode" else scene_form(self.scene, self.form)
 
     @property
     def longest_step(self) -> float:

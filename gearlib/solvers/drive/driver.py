@@ -35,6 +35,7 @@ class Stepper(ABC):
     """
 
     Record: type[DriveRecord] = DriveRecord
+    looks_every: int = STEPS_PER_CALL  # steps after which `spent` is asked
     raised: BaseException | None = None  # what one of its functions raised, where these are Python's
 
     def memory(self, size: int, n_roots: int) -> dict[str, int]:
@@ -67,6 +68,10 @@ class Stepper(ABC):
 
     def leaves(self, code: int) -> bool:
         """Whether a failure means that the right-hand side does not exist further on."""
+        return False
+
+    def spent(self) -> bool:
+        """Whether the states hardly determine the motion any more, so that the run must go on with others."""
         return False
 
     def close(self) -> None:  # noqa: B027  (most have nothing to free)
@@ -109,7 +114,8 @@ class Driver:
         # memory in one piece: a call of numpy takes as long as some steps of a small model
         own = stepper.memory(size, n_roots)
         lengths = {
-            "x": size, **own, "fired": n_roots, "data": problem.data.size, "index": problem.index.size, "stops": stops.size
+            "x": 2 * size if problem.implicit else size,
+            **own, "fired": n_roots, "data": problem.data.size, "index": problem.index.size, "stops": stops.size,
         }  # fmt: skip
         capacity = n_roots + (_EVENTS_AT_FIRST if n_roots or n_timed else 2)
         if before is None:
@@ -174,10 +180,12 @@ class Driver:
             raise self._failure(drive_loop.STEP_LIMIT)
         if record.capacity < record.events + record.n_roots + 2:
             self._make_room()
-        record.budget = max(1, min(steps, left))
+        record.budget = max(1, min(steps, left, self.stepper.looks_every))
         code = native_functions(drive_loop.__name__).loop("advance")(record.address)
         if code >= 0:
             self.status = _STATUS[code]
+            if self.status == "more" and self.stepper.spent():
+                self.status = "left"
         elif self.stepper.raised is not None:
             raise self.stepper.raised
         elif self.stepper.recovers(code):

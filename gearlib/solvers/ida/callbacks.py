@@ -16,6 +16,7 @@ from gearlib.compiler.translate import Prototype
 from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_loop import FOUND, RHS_FAILED, START, STEPPED, TIMED
 from gearlib.solvers.ida.ida_stepper import CHUNK, PROBES, REACH, ROOTS_FAILED, SLOPE_OVER, STALLED, START_FAILED
+from gearlib.solvers.ida.start_matrices import AHEAD, NEWTON_LIMIT, SETTLED
 from gearlib.solvers.ida.user_data import IdaRecord
 
 IDA_ONE_STEP, IDA_STOP_RETURN, IDA_ROOT_RETURN, IDA_YA_YDP_INIT = 2, 1, 2, 1
@@ -30,6 +31,8 @@ CALC_IC = Prototype("int32", ("int", "int32", "float"))
 GET_DKY = Prototype("int32", ("int", "float", "int32", "int"))
 SET_STOP = Prototype("int32", ("int", "float"))
 SOLVE = Prototype("int32", ("int", "float", "int", "int", "int", "int32"))
+LS_SETUP = Prototype("int32", ("int", "int"))
+LS_SOLVE = Prototype("int32", ("int", "int", "int", "int", "float"))
 EPS = 2.220446049250313e-16
 
 
@@ -81,74 +84,97 @@ def to_natural(s: IdaRecord, y: int, x: int) -> None:
 
 
 @native
-def natural(s: IdaRecord, y: int) -> int:
-    """The address of the states in the model's order, from a vector in IDA's order."""
-    if s.order == 0:
+def natural(s: IdaRecord, y: int, dy: int) -> int:
+    """The address of the states in the model's order, with their derivatives where it asks for them, from vectors in IDA's order."""
+    if s.order == 0 and s.implicit == 0:
         return y
     to_natural(s, y, s.natural)
+    if s.implicit != 0:
+        to_natural(s, dy, s.natural + 8 * s.n)
     return s.natural
 
 
 @native
+def defect(s: IdaRecord, t: float, y: int, dy: int, r: int) -> int:
+    """F(t, x, x') or diag(differential) x' - f(t, x), in IDA's order at an address; t counts from the epoch."""
+    n = s.n
+    f_address = r if s.order == 0 else s.f
+    status = MODEL(s.rhs, s.origin + t, natural(s, y, dy), f_address, s.data, s.index)
+    f = floats_at(f_address)
+    if status < 0:
+        refuse(s, t, f, 0)
+        return -1
+    if status > 0 or not all_finite(f, n):
+        return refuse(s, t, f, n)
+    target, rate, d, order = floats_at(r), floats_at(dy), floats_at(s.differential), ints_at(s.order)
+    if s.implicit != 0:
+        for i in range(n if s.order != 0 else 0):
+            target[i] = f[order[i]]
+    elif s.order == 0:
+        for i in range(n):
+            target[i] = d[i] * rate[i] - f[i]
+    else:
+        for i in range(n):
+            target[i] = d[i] * rate[i] - f[order[i]]
+    return 0
+
+
+@native
 def residual(t: float, yy: int, yp: int, rr: int, user: int) -> int32:
-    """r = diag(differential) x' - f(t, x), an ``IDAResFn``."""
+    """The residual, an ``IDAResFn``."""
     s = IdaRecord(user)
     s.n_rhs += 1
     if t != s.attempt_time:
         s.attempt_time = t
         s.attempts += 1
-    n = s.n
-    r_address = array_of(s, rr)
-    f_address = r_address if s.order == 0 else s.f
-    x = natural(s, array_of(s, yy))
-    status = MODEL(s.rhs, s.origin + (s.since + t), x, f_address, s.data, s.index)
-    f = floats_at(f_address)
-    if status < 0:
-        refuse(s, s.since + t, f, 0)
-        return -1
-    if status > 0 or not all_finite(f, n):
-        return refuse(s, s.since + t, f, n)
-    r, dy, d = floats_at(r_address), floats_at(array_of(s, yp)), floats_at(s.differential)
-    if s.order == 0:
-        for i in range(n):
-            r[i] = d[i] * dy[i] - f[i]
-    else:
-        order = ints_at(s.order)
-        for i in range(n):
-            r[i] = d[i] * dy[i] - f[order[i]]
-    return 0
+    return defect(s, s.since + t, array_of(s, yy), array_of(s, yp), array_of(s, rr))
 
 
 @native
-def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int, t1: int, t2: int, t3: int) -> int32:
-    """cj diag(differential) - df/dx, an ``IDALsJacFn``: SUNDIALS hands the matrix over cleared."""
-    s = IdaRecord(user)
+def jacobian_values(s: IdaRecord, t: float, y: int, dy: int) -> int:
+    """The nonzeros of the model's Jacobian, into ``values``."""
     s.n_jac += 1
-    x = natural(s, array_of(s, yy))
-    status = MODEL(s.jac, s.origin + (s.since + t), x, s.values, s.data, s.index)
+    status = MODEL(s.jac, s.origin + t, natural(s, y, dy), s.values, s.data, s.index)
     values = floats_at(s.values)
     if status < 0:
         return -1
     if status > 0 or not all_finite(values, s.nnz):
-        return refuse(s, s.since + t, values, 0)
-    position, diagonal = ints_at(s.position), ints_at(s.diagonal)
-    matrix = floats_at(s.matrix)  # the bound is not looked at
+        return refuse(s, t, values, 0)
+    return 0
+
+
+@native
+def fill_matrix(s: IdaRecord, of_states: float, of_rates: float) -> None:
+    """A cleared matrix: of_rates dF/dx' + dF/dx, the columns of differential unknowns in the latter times ``of_states``."""
+    values, matrix = floats_at(s.values), floats_at(s.matrix)
+    position, diagonal, part = ints_at(s.position), ints_at(s.diagonal), ints_at(s.part)
+    sign = 1.0 if s.implicit != 0 else -1.0
     for k in range(s.nnz):
-        matrix[position[k]] = -values[k]
+        factor = of_states if part[k] == 0 else (1.0 if part[k] == 1 else of_rates)
+        matrix[position[k]] += sign * factor * values[k]
     for k in range(s.n_diagonal):
-        matrix[diagonal[k]] += cj
+        matrix[diagonal[k]] += of_rates
     source, target = int32s_at(s.pattern_source), int32s_at(s.pattern)
     starts_source, starts = int32s_at(s.starts_source), int32s_at(s.starts)
     for k in range(s.n + 1 if s.n_pattern > 0 else 0):  # a sparse matrix comes with its pattern cleared as well
         starts[k] = starts_source[k]
     for k in range(s.n_pattern):
         target[k] = source[k]
-    return 0
 
 
 @native
-def event_values(s: IdaRecord, t: float, y: int, g: int) -> int:
-    status = MODEL(s.roots, s.origin + t, natural(s, y), g, s.data, s.index)
+def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int, t1: int, t2: int, t3: int) -> int32:
+    """cj dF/dx' + dF/dx, an ``IDALsJacFn``: SUNDIALS hands the matrix over cleared."""
+    s = IdaRecord(user)
+    status = jacobian_values(s, s.since + t, array_of(s, yy), array_of(s, yp))
+    if status == 0:
+        fill_matrix(s, 1.0, cj)
+    return status
+
+
+@native
+def event_values(s: IdaRecord, t: float, y: int, dy: int, g: int) -> int:
+    status = MODEL(s.roots, s.origin + t, natural(s, y, dy), g, s.data, s.index)
     values = floats_at(g)
     for k in range(s.n_roots):
         if values[k] == 0.0:
@@ -158,9 +184,13 @@ def event_values(s: IdaRecord, t: float, y: int, g: int) -> int:
 
 @native
 def take_sides(s: IdaRecord, t: float) -> int:
-    """Take the signs of the event functions at (t, y) for their sides."""
+    """Take the signs of the event functions at (t, y) for their sides; just after it where algebraic unknowns were found anew."""
     if s.n_roots > 0:
-        if event_values(s, t, s.y, s.g) != 0:
+        y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
+        later = AHEAD * s.slack if s.n_algebraic > 0 else 0.0
+        for i in range(s.n):
+            ahead[i] = y[i] + later * dy[i]
+        if event_values(s, t + later, s.probe, s.dy, s.g) != 0:
             return ROOTS_FAILED
         g, sides = floats_at(s.g), int32s_at(s.sides)
         for k in range(s.n_roots):
@@ -188,7 +218,7 @@ def turning(s: IdaRecord, t: float, y: int, dy: int, g: int) -> None:
     here, slope, ahead = floats_at(y), floats_at(dy), floats_at(s.probe)
     for i in range(s.n):
         ahead[i] = here[i] + dt * slope[i]
-    if event_values(s, t + dt, s.probe, s.later) != 0:
+    if event_values(s, t + dt, s.probe, dy, s.later) != 0:
         return
     for k in range(s.n_roots):
         rise = sides[k] * (later[k] - values[k]) / dt
@@ -204,9 +234,10 @@ def roots(t: float, yy: int, yp: int, g: int, user: int) -> int32:
     """
     s = IdaRecord(user)
     y = array_of(s, yy)
-    status = event_values(s, s.since + t, y, g)
+    dy = array_of(s, yp)
+    status = event_values(s, s.since + t, y, dy, g)
     if status == 0:
-        turning(s, s.since + t, y, array_of(s, yp), g)
+        turning(s, s.since + t, y, dy, g)
     return status
 
 
@@ -214,6 +245,79 @@ def roots(t: float, yy: int, yp: int, g: int, user: int) -> int32:
 def steps_so_far(s: IdaRecord) -> int:
     GET_STEPS(s.get_steps, s.mem, s.counter)
     return s.earlier + ints_at(s.counter)[0]
+
+
+@native
+def slopes(s: IdaRecord, t: float) -> None:
+    """The slopes of the algebraic unknowns, with the matrix that `consistent` left factorised: their event functions move with them."""
+    delta = PROBES[1] * (floats_at(s.stops)[s.stop] - t)
+    y, dy, d, change = floats_at(s.y), floats_at(s.dy), floats_at(s.differential), floats_at(s.change)
+    now, later, ahead = floats_at(s.between), floats_at(s.defect), floats_at(s.probe)
+    s.n_rhs += 2
+    if delta <= 0.0 or defect(s, t, s.y, s.dy, s.between) != 0:
+        return
+    for i in range(s.n):
+        ahead[i] = y[i] + delta * d[i] * dy[i]
+    if defect(s, t + delta, s.probe, s.dy, s.defect) != 0:
+        return
+    for i in range(s.n):
+        later[i] -= now[i]
+    if LS_SOLVE(s.ls_solve, s.linear_solver, s.sun_matrix, s.change_vector, s.defect_vector, 0.0) != 0 or not all_finite(
+        change, s.n
+    ):
+        return
+    for i in range(s.n):
+        if d[i] == 0.0:
+            dy[i] = -change[i] / delta
+
+
+@native
+def consistent(s: IdaRecord, t: float) -> int:
+    """Newton's iteration for x' and the algebraic unknowns, with the differential ones held: zero where they have been found.
+
+    These are the equations that ``IDACalcIC`` solves. It has but one matrix, in which the columns of x' hold what belongs to the
+    differential unknowns as well, and so converges linearly.
+    """
+    n, settled = s.n, False
+    y, dy, d, scale, change = (
+        floats_at(s.y),
+        floats_at(s.dy),
+        floats_at(s.differential),
+        floats_at(s.scale),
+        floats_at(s.change),
+    )
+    y_before, dy_before, matrix = floats_at(s.y_before), floats_at(s.dy_before), floats_at(s.matrix)
+    for i in range(n):
+        y_before[i], dy_before[i] = y[i], dy[i]
+        dy[i] *= d[i]
+    for _ in range(NEWTON_LIMIT):
+        s.n_rhs += 1
+        if defect(s, t, s.y, s.dy, s.defect) != 0 or jacobian_values(s, t, s.y, s.dy) != 0:
+            break
+        for k in range(s.n_matrix):
+            matrix[k] = 0.0
+        fill_matrix(s, 0.0, 1.0)
+        if LS_SETUP(s.ls_setup, s.linear_solver, s.sun_matrix) != 0:
+            break
+        if LS_SOLVE(s.ls_solve, s.linear_solver, s.sun_matrix, s.change_vector, s.defect_vector, 0.0) != 0:
+            break
+        if not all_finite(change, n):
+            break
+        largest = 0.0
+        for i in range(n):
+            if d[i] != 0.0:
+                dy[i] -= change[i]
+                largest = max(largest, abs(change[i]) / (abs(dy[i]) + scale[i]))
+            else:
+                y[i] -= change[i]
+                largest = max(largest, abs(change[i]) / (abs(y[i]) + scale[i]))
+        if settled:  # once more than needed: the iteration doubles the digits
+            slopes(s, t)
+            return 0
+        settled = largest <= SETTLED
+    for i in range(n):
+        y[i], dy[i] = y_before[i], dy_before[i]
+    return START_FAILED
 
 
 @native
@@ -226,26 +330,29 @@ def restart(s: IdaRecord, t: float) -> int:
     n = s.n
     s.earlier = steps_so_far(s)
     s.restarts += 1
-    s.n_rhs += 1
-    status = MODEL(s.rhs, s.origin + t, natural(s, s.y), s.f, s.data, s.index)
-    f, dy, d = floats_at(s.f), floats_at(s.dy), floats_at(s.differential)
-    if status != 0 or not all_finite(f, n):
-        refuse(s, t, f, n)
-        return RHS_FAILED
-    order = ints_at(s.order)
-    for i in range(n):
-        dy[i] = d[i] * f[i if s.order == 0 else order[i]]
+    if s.implicit == 0:
+        s.n_rhs += 1
+        status = MODEL(s.rhs, s.origin + t, natural(s, s.y, s.dy), s.f, s.data, s.index)
+        f, dy, d = floats_at(s.f), floats_at(s.dy), floats_at(s.differential)
+        if status != 0 or not all_finite(f, n):
+            refuse(s, t, f, n)
+            return RHS_FAILED
+        order = ints_at(s.order)
+        for i in range(n):
+            dy[i] = d[i] * f[i if s.order == 0 else order[i]]
+    solved = consistent(s, t) == 0 if s.jac != 0 and (s.n_algebraic > 0 or s.implicit != 0) else False
     s.since, s.attempt_time, s.step_begin, s.step_end = t, 0.0, 0.0, 0.0
     flag = REINIT(s.reinit, s.mem, 0.0, s.yy, s.yp)
     if flag < 0:
         return flag
-    if s.n_algebraic > 0:
+    if not solved and (s.n_algebraic > 0 or s.implicit != 0):
         flag = CALC_IC(s.calc_ic, s.mem, IDA_YA_YDP_INIT, s.ic_span)
         s.attempt_time = 0.0
         if flag < 0:
             return START_FAILED
         GET_IC(s.get_ic, s.mem, s.yy, s.yp)
-    s.first_reach = s.first_guess = 1000.0 * first_step(s, t)  # of which IDA takes a thousandth
+    step = first_step_of_defect(s, t) if solved else first_step(s, t)
+    s.first_reach = s.first_guess = 1000.0 * step  # of which IDA takes a thousandth
     return take_sides(s, t)
 
 
@@ -259,8 +366,10 @@ def first_step(s: IdaRecord, t: float) -> float:
     n, span = s.n, floats_at(s.stops)[s.stop] - t
     f, probe, d, y, atol = floats_at(s.f), floats_at(s.probe), floats_at(s.differential), floats_at(s.y), floats_at(s.atol)
     order = ints_at(s.order)
-    x = natural(s, s.y)
+    x = natural(s, s.y, s.dy)
     step = span * PROBES[0]
+    if s.implicit != 0:
+        return span * PROBES[1]
     s.n_rhs += 1 + len(PROBES)
     if MODEL(s.rhs, s.origin + t, x, s.f, s.data, s.index) != 0:
         return step
@@ -278,6 +387,44 @@ def first_step(s: IdaRecord, t: float) -> float:
             if total > 0.0 and is_finite(total):
                 step = min(step, math.sqrt(delta / math.sqrt(total / n)))
     return step
+
+
+@native
+def first_step_of_defect(s: IdaRecord, t: float) -> float:
+    """The same where `consistent` has just solved for x' and the algebraic unknowns: with the matrix that it left factorised."""
+    n, span = s.n, floats_at(s.stops)[s.stop] - t
+    d, y, atol, change = floats_at(s.differential), floats_at(s.y), floats_at(s.atol), floats_at(s.change)
+    now, later = floats_at(s.between), floats_at(s.defect)
+    step = span * PROBES[0]
+    s.n_rhs += 1 + len(PROBES)
+    if defect(s, t, s.y, s.dy, s.between) != 0:
+        return step
+    for share in PROBES:
+        delta = share * span
+        if s.origin + (t + delta) > s.origin + t and defect(s, t + delta, s.y, s.dy, s.defect) == 0:
+            for i in range(n):
+                later[i] -= now[i]
+            if LS_SOLVE(s.ls_solve, s.linear_solver, s.sun_matrix, s.change_vector, s.defect_vector, 0.0) != 0:
+                return step
+            total = 0.0
+            for i in range(n):
+                weighted = change[i] / (s.rtol * abs(y[i]) + atol[i])
+                if d[i] != 0.0:
+                    total += weighted**2
+                elif abs(weighted) > 1.0:  # what time drives without delay
+                    step = min(step, span * PROBES[1])
+            if total > 0.0 and is_finite(total):
+                step = min(step, math.sqrt(delta / math.sqrt(total / n)))
+    return step
+
+
+@native
+def take_states(s: IdaRecord) -> None:
+    """The states in the model's order, for samples and the event iteration."""
+    to_natural(s, s.y, s.x)
+    if s.implicit != 0:
+        to_natural(s, s.dy, s.x + 8 * s.n)
+    s.done = steps_so_far(s)
 
 
 @native
@@ -300,7 +447,7 @@ def ida_restart(address: int, changed: int, why: int) -> int32:
     status = restart(s, s.t)
     if status < 0:
         return status
-    to_natural(s, s.y, s.x)
+    take_states(s)
     crossed = 0
     if watch:  # the algebraic unknowns jump at an event; what they carry across zero is an event of the same instant
         for k in range(s.n_roots):
@@ -315,7 +462,7 @@ def just_beyond(s: IdaRecord, t: float) -> bool:
     y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
     for i in range(s.n):
         ahead[i] = y[i] + s.slack * dy[i]
-    if event_values(s, t + s.slack, s.probe, s.g) != 0:
+    if event_values(s, t + s.slack, s.probe, s.dy, s.g) != 0:
         return False
     fired, sides, g, found = int32s_at(s.fired), int32s_at(s.sides), floats_at(s.g), False
     for k in range(s.n_roots):
@@ -334,12 +481,6 @@ def ida_interpolate(address: int, t: float, out: int) -> int32:
     if flag >= 0:
         to_natural(s, s.between, out)
     return flag
-
-
-@native
-def take_states(s: IdaRecord) -> None:
-    to_natural(s, s.y, s.x)
-    s.done = steps_so_far(s)
 
 
 @native

@@ -13,6 +13,7 @@ from gearlib.errors import ArgumentError, GearlibError, SolverError, StartError
 from gearlib.solvers.drive.drive_loop import RHS_FAILED
 from gearlib.solvers.drive.driver import PATIENCE, Driver, Stepper
 from gearlib.solvers.ida.iteration_matrix import plan
+from gearlib.solvers.ida.start_matrices import WATCHED, Watch, of_algebraic
 from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import Floats, Problem
 
@@ -75,11 +76,16 @@ class IdaStepper(Stepper):
         n, t0, t1 = problem.x0.size, float(problem.times[0]), float(problem.times[-1])
         self.matrix = plan(problem, self.linear_solver)
         self.permuted: Any = slice(None) if self.matrix.order is None else self.matrix.order
-        self.rtol, self.full_atol = max(SAFETY * problem.rtol, FINEST), np.broadcast_to(problem.absolute_tolerance, (n,))
+        self.scales, self.full_atol = of_algebraic(problem, np.array(np.broadcast_to(problem.absolute_tolerance, (n,))))
+        self.rtol = max(SAFETY * problem.rtol, FINEST)
         self.atol = SAFETY * self.full_atol
         self.differential = np.asarray(problem.differential, dtype=np.float64)[self.permuted]
         self.record.slack = _located(max(abs(t0 - record.origin), abs(t1 - record.origin)))
         self.record.span, self.record.rtol, self.record.ic_span = t1 - t0, self.rtol, 0.01 * (t1 - t0) or 1.0
+        self.record.implicit = int(problem.implicit)
+        handed = problem.jac is not None and (problem.implicit or not np.all(problem.differential))
+        self.watch = Watch(problem) if handed and problem.may_leave else None
+        self.looks_every = WATCHED if self.watch is not None else self.looks_every
         self.record.n_algebraic = n - int(np.count_nonzero(self.differential))
         self.record.look_at, self.record.looked_t = CHUNK, record.t
         self.record.patience = PATIENCE if problem.may_leave else -1
@@ -93,6 +99,18 @@ class IdaStepper(Stepper):
         return work(
             self.problem, self.matrix.operations(self.problem.x0.size), record.done, record.n_rhs, record.n_jac, record.restarts
         )
+
+    @property
+    def rates(self) -> Floats:
+        """x' in IDA's order."""
+        raise NotImplementedError
+
+    def spent(self) -> bool:
+        if self.watch is None:
+            return False
+        rates = np.zeros(self.problem.x0.size)
+        rates[self.permuted] = self.rates
+        return self.watch.spent(self.driver.t, self.driver.x, rates, self.driver.data.copy())
 
     @property
     def newton(self) -> float:
@@ -115,8 +133,9 @@ class IdaStepper(Stepper):
         }  # fmt: skip
 
     def rhs_at(self, t: float, x: Floats) -> Floats:
-        """f(t, x), for messages."""
+        """f(t, x), for messages; of an implicit problem F(t, x, 0)."""
         f, record = np.zeros(len(x)), self.record
+        x = np.concatenate([x, np.zeros(len(x))])
         signature = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(ctypes.c_void_p,) * 4)
         signature(record.rhs)(t, x.ctypes.data, f.ctypes.data, record.data, record.index)
         return f
@@ -157,7 +176,7 @@ class IdaStepper(Stepper):
         t, state = self.driver.t, self.record.bad_state
         until = f"at t={t if self.bad_time is None else self.bad_time:.9g}; integrated until t={t:.9g}"
         if state >= 0:
-            return f"der({self.problem.state_name(state)}) is not finite {until}"
+            return f"{self.problem.equation_name(state)} is not finite {until}"
         return f"the right-hand side could not be evaluated {until}"
 
     def _no_start(self, when: str) -> GearlibError:

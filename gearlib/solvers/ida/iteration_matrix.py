@@ -1,4 +1,4 @@
-"""Storage of IDA's iteration matrix cj diag(differential) - df/dx: dense, banded or sparse, by counted operations.
+"""Storage of IDA's iteration matrix cj dF/dx' + dF/dx: dense, banded or sparse, by counted operations.
 
 The mechanical chains that gear trains are made of have a narrow band once their unknowns are ordered along the chain (reverse
 Cuthill-McKee); a band then costs a number of operations that is proportional to the number of states. What has no narrow
@@ -13,7 +13,7 @@ doi:10.1145/800195.805928.
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +25,19 @@ _NO_INTEGERS: Integers = np.empty(0, dtype=np.int64)
 
 @dataclass(frozen=True)
 class MatrixPlan:
-    """Storage of the iteration matrix, and the position of each nonzero of df/dx in it."""
+    """Storage of the iteration matrix, and the position of each nonzero of the model's Jacobian in it."""
 
     kind: str  # "dense", "band" or "sparse"
     order: Integers | None = None  # state of each of IDA's unknowns; None: the model's own order
     upper: int = 0  # widths of the band
     lower: int = 0
-    position: Integers = field(default_factory=lambda: _NO_INTEGERS)  # in the matrix' storage, of each nonzero of df/dx
+    position: Integers = field(default_factory=lambda: _NO_INTEGERS)  # in the matrix' storage, of each nonzero of the Jacobian
     diagonal: Integers = field(default_factory=lambda: _NO_INTEGERS)  # the same of each differential unknown's diagonal
-    rows: Integers = field(default_factory=lambda: _NO_INTEGERS)  # in IDA's order, of each nonzero of df/dx
+    rows: Integers = field(default_factory=lambda: _NO_INTEGERS)  # in IDA's order, of each nonzero of the Jacobian
     columns: Integers = field(default_factory=lambda: _NO_INTEGERS)
+    part: Integers = field(
+        default_factory=lambda: _NO_INTEGERS
+    )  # of each nonzero: column of a state 0, an algebraic one 1, of x' 2
     pattern: tuple[NDArray[np.int32], NDArray[np.int32]] | None = None  # column starts and rows of a sparse matrix
 
     def operations(self, n: int) -> tuple[float, float]:
@@ -61,6 +64,12 @@ class MatrixPlan:
         return "dense" if self.kind == "dense" else f"sparse (SuperLU), {len(self.pattern[1]) if self.pattern else 0} nonzeros"
 
 
+def columns_of(problem: Problem) -> Integers:
+    """The column of each nonzero of the Jacobian; those of x' behind all of x."""
+    assert problem.jac_indptr is not None
+    return np.repeat(np.arange(len(problem.jac_indptr) - 1, dtype=np.int64), np.diff(problem.jac_indptr))
+
+
 _remembered: OrderedDict[tuple[int, ...], tuple[tuple[object, ...], MatrixPlan]] = OrderedDict()
 
 
@@ -70,17 +79,28 @@ def plan(problem: Problem, kind: str | None = None) -> MatrixPlan:
     Parameters
     ----------
     problem
-        Gives the pattern of df/dx. Without one the matrix is full.
+        Gives the pattern of its Jacobian. Without one the matrix is full.
     kind
         ``"dense"``, ``"band"`` or ``"sparse"`` to have that one.
     """
     owners = (problem.jac_indptr, problem.jac_indices, problem.differential)
-    key = (*map(id, owners), hash(kind), problem.jac is None)
+    key = (*map(id, owners), hash(kind), problem.jac is None, problem.implicit)
     if key not in _remembered:
-        _remembered[key] = owners, _make(problem, kind)  # holding the arrays keeps their identities from being used again
+        found = _make(problem, kind)
+        _remembered[key] = (
+            owners,
+            replace(found, part=_parts(problem)),
+        )  # holding the arrays keeps their identities from being used again
         if len(_remembered) > 16:
             _remembered.popitem(last=False)
     return _remembered[key][1]
+
+
+def _parts(problem: Problem) -> Integers:
+    if problem.jac_indptr is None:
+        return _NO_INTEGERS
+    columns, n = columns_of(problem), len(problem.x0)
+    return np.where(columns >= n, 2, np.where(np.asarray(problem.differential, bool)[columns % n], 0, 1)).astype(np.int64)
 
 
 def _make(problem: Problem, kind: str | None) -> MatrixPlan:
@@ -88,8 +108,8 @@ def _make(problem: Problem, kind: str | None) -> MatrixPlan:
     if problem.jac_indptr is None or problem.jac_indices is None:
         return MatrixPlan("dense")
     rows = np.asarray(problem.jac_indices, dtype=np.int64)
-    columns = np.repeat(np.arange(n, dtype=np.int64), np.diff(problem.jac_indptr))
-    differential = np.flatnonzero(problem.differential).astype(np.int64)
+    columns = columns_of(problem) % n
+    differential = _NO_INTEGERS if problem.implicit else np.flatnonzero(problem.differential).astype(np.int64)
     if kind == "dense" or (kind is None and n <= 16):
         return _dense(n, rows, columns, differential)
     order = _narrow(n, rows, columns)
@@ -193,4 +213,4 @@ def _sparse(n: int, rows: Integers, columns: Integers, differential: Integers) -
     indptr = np.searchsorted(kept, np.arange(n + 1) * n).astype(np.int32)
     position, diagonal = where[: len(rows)].astype(np.int64), where[len(rows) :].astype(np.int64)
     pattern = (indptr, (kept % n).astype(np.int32))
-    return MatrixPlan("sparse", None, 0, 0, position, diagonal, rows, columns, pattern)
+    return MatrixPlan("sparse", None, 0, 0, position, diagonal, rows, columns, pattern=pattern)

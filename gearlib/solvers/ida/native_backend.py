@@ -28,7 +28,11 @@ _FUNCTIONS = {
     "set_stop": "IDASetStopTime",
     "get_dky": "IDAGetDky",
     "get_steps": "IDAGetNumSteps",
+    "ls_setup": "SUNLinSolSetup",
+    "ls_solve": "SUNLinSolSolve",
 }
+
+_RESTART = Prototype("int32", ("int", "int", "int"))
 
 
 def _functions() -> Mapping[str, int]:
@@ -76,11 +80,13 @@ class NativeIda(IdaStepper):
         problem, matrix, record = self.problem, self.matrix, self.record
         n, n_roots, between = y.size, record.n_roots, np.zeros(y.size)
         self._point(
-            f=np.zeros(n), y=y, dy=dy, natural=np.zeros(n), differential=self.differential,
+            f=np.zeros(n), y=y, dy=dy, natural=np.zeros(2 * n), differential=self.differential,
             order=np.empty(0) if matrix.order is None else matrix.order, atol=self.atol[self.permuted], probe=np.zeros(n),
             between=between, values=np.zeros(len(matrix.position)), position=matrix.position, diagonal=matrix.diagonal,
             sides=np.zeros(n_roots, dtype=np.int32), before=np.zeros(n_roots, dtype=np.int32), g=np.zeros(n_roots),
-            later=np.zeros(n_roots), scratch=np.zeros(1), counter=np.zeros(1, dtype=np.int64),
+            defect=np.zeros(n), change=np.zeros(n), y_before=np.zeros(n), dy_before=np.zeros(n),
+            scale=self.scales[self.permuted], part=matrix.part, later=np.zeros(n_roots),
+            scratch=np.zeros(1), counter=np.zeros(1, dtype=np.int64),
         )  # fmt: skip
         record.nnz, record.n_diagonal = len(matrix.position), len(matrix.diagonal)
         record.jac = 0 if problem.jac is None else problem.jac.address
@@ -89,20 +95,37 @@ class NativeIda(IdaStepper):
         found = _functions()
         solver.create(found["residual"], record.t, record.address, self.rtol, self.arrays["atol"], self.differential)
         self.sundials.IDASetNonlinConvCoef(solver.mem, self.newton)
+        if problem.implicit:
+            self.sundials.IDASetSuppressAlg(solver.mem, 1)
         if problem.longest_step < math.inf:
             self.sundials.IDASetMaxStep(solver.mem, problem.longest_step)
         if matrix.pattern is not None:
             starts, rows = matrix.pattern
             record.matrix, record.pattern, record.starts = solver.use_sparse(len(rows))
-            record.n_pattern = len(rows)
+            record.n_pattern = record.n_matrix = len(rows)
             self._point(pattern_source=rows, starts_source=starts)
         else:
             record.matrix = solver.use_band(matrix.upper, matrix.lower) if matrix.kind == "band" else solver.use_dense()
+            height = min(n - 1, matrix.upper + matrix.lower) + matrix.lower + 1 if matrix.kind == "band" else n
+            record.n_matrix = n * height
         directions = np.repeat(np.array([0, 1], np.int32), n_roots)  # the second half: functions that turn away from zero
         solver.attach(None if problem.jac is None else found["jacobian"], found["roots"], directions)
         record.mem, record.yy, record.yp, record.yd = solver.mem, solver.yy, solver.yp, solver.vector(between)
+        record.linear_solver, record.sun_matrix = solver.linear_solver, solver.matrix
+        record.defect_vector, record.change_vector = solver.vector(self.arrays["defect"]), solver.vector(self.arrays["change"])
         record.step, record.interpolate = found["ida_step"], found["ida_interpolate"]
         record.accept, record.restart = found["ida_accept"], found["ida_restart"]
+        if record.n_algebraic and record.update:  # the event iteration looks at algebraic unknowns
+            code = _RESTART(record.restart, record.address, 1, ROOT)
+            if code < 0:
+                raise self.failure(code)
+            self.driver.fired[:] = 0
+            record.restarts = 0
+
+    @property
+    def rates(self) -> Floats:
+        found: Floats = self.arrays["dy"]
+        return found
 
     def until(self, t: float, longest_step: float) -> None:
         super().until(t, longest_step)
@@ -130,7 +153,7 @@ class NativeIda(IdaStepper):
         eased = self.atol[self.permuted]
         self._point(atol=eased)
         self.sundials.IDASVtolerances(self.solver.mem, self.rtol, self.solver.vector(eased))
-        return Prototype("int32", ("int", "int", "int"))(self.record.restart, self.record.address, 1, ROOT) >= 0
+        return _RESTART(self.record.restart, self.record.address, 1, ROOT) >= 0
 
     def stats(self) -> dict[str, Any]:
         done = self.record.done

@@ -34,6 +34,7 @@ from gearlib.solvers.ida.ida_stepper import (
     START_FAILED,
     IdaStepper,
 )
+from gearlib.solvers.ida.start_matrices import AHEAD, NEWTON_LIMIT, SETTLED, SUPPRESSED, WATCHED, start_matrices
 from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import Floats
 
@@ -74,23 +75,38 @@ class SundaeIda(IdaStepper, PythonStepper):
         IdaStepper.attach(self, driver, memory)
         n, n_roots = driver.x.size, self.record.n_roots
         self.n, self.n_roots, self.algebraic = n, n_roots, np.flatnonzero(self.differential == 0)
-        self.y, self.dy, self.x, self.f = driver.x[self.permuted].copy(), np.zeros(n), np.zeros(n), np.zeros(n)
+        self.implicit = self.problem.implicit
+        self.solve: Any = None  # with the matrix of x' and the algebraic unknowns
+        self.y, self.dy, self.f = driver.x[self.permuted].copy(), np.zeros(n), np.zeros(n)
+        self.x = np.zeros(2 * n if self.implicit else n)
         self.values, self.g, self.sides = np.zeros(len(self.matrix.position)), np.zeros(n_roots), np.zeros(n_roots)
         jac = self.problem.jac
         self.jac: Any = (
             None if jac is None else ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(_pointer,) * 4)(jac.address)
         )
+        self.solved_here = self.jac is not None and (self.implicit or len(self.algebraic) > 0)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a sparse pattern with a Jacobian needs no differences
             self.ida = self._interface(self._caught(self._residual), **self._options())
+        if len(self.algebraic) and self.record.update:  # the event iteration looks at algebraic unknowns
+            try:
+                self._begin(self.record.t)
+            except FailedError as failed:
+                raise self.failure(int(failed.args[0])) from None
+            self.accept()
+            self.record.restarts = 0
+
+    @property
+    def rates(self) -> Floats:
+        return np.asarray(self.dy, np.float64)
 
     def _options(self) -> dict[str, Any]:
         matrix = self.matrix
         options: dict[str, Any] = {
             "rtol": self.rtol,
-            "atol": self.atol[self.permuted],
+            "atol": np.where(self.implicit & (self.differential == 0), SUPPRESSED, 1.0) * self.atol[self.permuted],
             "linsolver": matrix.kind,
-            "max_num_steps": CHUNK,
+            "max_num_steps": CHUNK if self.watch is None else WATCHED,
             "jacfn": self._caught(self._sparse_jacobian if matrix.pattern is not None else self._full_jacobian),
         }
         if self.jac is None:
@@ -105,11 +121,13 @@ class SundaeIda(IdaStepper, PythonStepper):
             starts, rows = matrix.pattern
             options["sparsity"] = csc_matrix((np.ones(len(rows)), rows, starts), shape=(self.n, self.n))
         if len(self.algebraic):
-            options |= {"algebraic_idx": self.algebraic.tolist(), "calc_initcond": "yp0", "calc_init_dt": self.record.ic_span}
+            options["algebraic_idx"] = self.algebraic.tolist()
+        if len(self.algebraic) and not self.solved_here:
+            options |= {"calc_initcond": "yp0", "calc_init_dt": self.record.ic_span}
         if self.n_roots:
 
             def events(t: float, y: Any, dy: Any, g: Any) -> None:
-                self._events(t, y)
+                self._events(t, y, dy)
                 g[: self.n_roots] = self.g
                 g[self.n_roots :] = self._turning(t, y, dy, g[: self.n_roots])
 
@@ -136,8 +154,10 @@ class SundaeIda(IdaStepper, PythonStepper):
         if problem is not None:
             raise problem
 
-    def _natural(self, y: Any) -> Floats:
-        self.x[self.permuted] = y
+    def _natural(self, y: Any, dy: Any) -> Floats:
+        self.x[: self.n][self.permuted] = y
+        if self.implicit:
+            self.x[self.n :][self.permuted] = dy
         return self.x
 
     def _refuse(self, t: float, bad_state: int) -> None:
@@ -147,14 +167,14 @@ class SundaeIda(IdaStepper, PythonStepper):
         if record.refused == record.patience:
             raise FailedError(RHS_FAILED)
 
-    def _jacobian(self, t: float, y: Any) -> int:
-        x, record = self._natural(y), self.record
+    def _jacobian(self, t: float, y: Any, dy: Any) -> int:
+        x, record = self._natural(y, dy), self.record
         return int(self.jac(record.origin + t, x.ctypes.data, self.values.ctypes.data, record.data, record.index))
 
-    def _evaluate(self, t: float, y: Any) -> int:
-        """f at (t, y); a positive result asks for a smaller step."""
+    def _evaluate(self, t: float, y: Any, dy: Any) -> int:
+        """f at (t, y, dy); a positive result asks for a smaller step."""
         self.record.n_rhs += 1
-        status = self.rhs(t, self._natural(y), self.f)
+        status = self.rhs(t, self._natural(y, dy), self.f)
         wrong = np.flatnonzero(~np.isfinite(self.f))
         if status != 0 or len(wrong):
             self._refuse(t, int(wrong[0]) if len(wrong) and status >= 0 else -1)
@@ -165,14 +185,18 @@ class SundaeIda(IdaStepper, PythonStepper):
         if t != record.attempt_time:
             record.attempt_time = t
             record.attempts += 1
-        status = self._evaluate(t, y)
+        status = self._evaluate(t, y, dy)
         if status < 0:
             raise FailedError(-8)
-        r[:] = np.nan if status > 0 else self.differential * dy - self.f[self.permuted]
+        r[:] = np.nan if status > 0 else self._defect(dy)
 
-    def _jacobian_values(self, t: float, y: Any) -> None:
+    def _defect(self, dy: Any) -> Any:
+        """The residual, from what was evaluated last."""
+        return self.f[self.permuted] if self.implicit else self.differential * dy - self.f[self.permuted]
+
+    def _jacobian_values(self, t: float, y: Any, dy: Any) -> None:
         self.record.n_jac += 1
-        status = self._jacobian(t, y)
+        status = self._jacobian(t, y, dy)
         if status < 0:
             raise FailedError(-6)
         if status > 0 or not np.all(np.isfinite(self.values)):
@@ -180,25 +204,32 @@ class SundaeIda(IdaStepper, PythonStepper):
             self.values[:] = np.nan
 
     def _full_jacobian(self, t: float, y: Any, dy: Any, r: Any, cj: float, jj: Any) -> None:
-        self._jacobian_values(t, y)
-        matrix, own = self.matrix, np.flatnonzero(self.differential)
-        jj[own, own] = 0.0
-        jj[matrix.rows, matrix.columns] = -self.values
-        jj[own, own] += cj
+        entries, matrix = self._entries(t, y, dy, cj), self.matrix
+        jj[matrix.rows, matrix.columns] = 0.0
+        if not self.implicit:
+            own = np.flatnonzero(self.differential)
+            jj[own, own] = cj
+        np.add.at(jj, (matrix.rows, matrix.columns), entries)
+
+    def _entries(self, t: float, y: Any, dy: Any, cj: float) -> Any:
+        """What the nonzeros of the model's Jacobian add to the iteration matrix."""
+        self._jacobian_values(t, y, dy)
+        return np.where(self.matrix.part == 2, cj, 1.0) * self.values * (1.0 if self.implicit else -1.0)
 
     def _sparse_jacobian(self, t: float, y: Any, dy: Any, r: Any, cj: float, jj: Any) -> None:
-        self._jacobian_values(t, y)
+        entries = self._entries(t, y, dy, cj)
         jj[:] = 0.0
-        jj[self.matrix.position] = -self.values
+        np.add.at(jj, self.matrix.position, entries)
         jj[self.matrix.diagonal] += cj
 
-    def _events(self, t: float, y: Any) -> None:
-        if self.root_values(t, self._natural(y), self.g) != 0:
+    def _events(self, t: float, y: Any, dy: Any) -> None:
+        if self.root_values(t, self._natural(y, dy), self.g) != 0:
             raise FailedError(ROOTS_FAILED)
         self.g[self.g == 0.0] = _NEGATIVE_ZERO
 
     def _take_sides(self, t: float) -> None:
-        self._events(t, self.y)
+        ahead = AHEAD * self.record.slack if len(self.algebraic) else 0.0
+        self._events(t + ahead, self.y + ahead * self.dy, self.dy)
         self.sides = np.where(self.g > 0, 1.0, -1.0)
 
     def _turning(self, t: float, y: Any, dy: Any, values: Any) -> Any:
@@ -210,7 +241,7 @@ class SundaeIda(IdaStepper, PythonStepper):
             else 1e-3 * self.record.first_guess
         )
         dt = SLOPE_OVER * h
-        if t + dt <= t or self.root_values(t + dt, self._natural(y + dt * dy), self.g) != 0:
+        if t + dt <= t or self.root_values(t + dt, self._natural(y + dt * dy, dy), self.g) != 0:
             return np.full(self.n_roots, _NEGATIVE_ZERO)
         self.g[self.g == 0.0] = _NEGATIVE_ZERO
         rise = self.sides * (self.g - values) / dt
@@ -236,9 +267,13 @@ class SundaeIda(IdaStepper, PythonStepper):
     def _begin(self, t: float) -> None:
         record = self.record
         record.restarts += 1
-        if self._evaluate(t, self.y) != 0:
-            raise FailedError(RHS_FAILED)
-        dy = self.differential * self.f[self.permuted]
+        dy = self.dy
+        if not self.implicit:
+            if self._evaluate(t, self.y, dy) != 0:
+                raise FailedError(RHS_FAILED)
+            dy = self.differential * self.f[self.permuted]
+        if self.solved_here:
+            dy = self._consistent(t, dy * self.differential)
         record.attempt_time = record.step_begin = record.step_end = t
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints SUNDIALS' messages
@@ -255,8 +290,10 @@ class SundaeIda(IdaStepper, PythonStepper):
 
     def _first_step(self, t: float) -> float:
         record, f, probe = self.record, np.zeros(self.n), np.zeros(self.n)
-        span, x = self._stop - t, self._natural(self.y)
+        span, x = self._stop - t, self._natural(self.y, self.dy)
         step = span * PROBES[0]
+        if self.solved_here:
+            return self._first_step_of_defect(t, span)
         record.n_rhs += 1 + len(PROBES)
         if self.rhs(t, x, f) != 0:
             return step
@@ -271,6 +308,56 @@ class SundaeIda(IdaStepper, PythonStepper):
                     step = min(step, float(np.sqrt(delta / np.sqrt(total / self.n))))
         return step
 
+    def _consistent(self, t: float, dy: Any) -> Any:
+        """Find the algebraic unknowns, and x', which is returned."""
+        from scipy.sparse.linalg import splu
+
+        y, settled = self.y.copy(), False
+        scale, own = self.scales[self.permuted], self.differential != 0
+        with contextlib.suppress(RuntimeError, ValueError):  # a matrix that is singular, or not finite
+            for _ in range(NEWTON_LIMIT):
+                if self._evaluate(t, y, dy) != 0:
+                    break
+                right = self._defect(dy)
+                self._jacobian_values(t, y, dy)
+                matrix = start_matrices(self.problem, self.values)[0]
+                self.solve = splu(matrix[:, self.permuted][self.permuted].tocsc()).solve
+                change = self.solve(right)
+                if not np.isfinite(change).all():
+                    break
+                dy, y = dy - change * own, y - change * ~own
+                largest = float((np.abs(change) / (np.where(own, np.abs(dy), np.abs(y)) + scale)).max(initial=0.0))
+                if settled:
+                    self.y = y
+                    return self._with_slopes(t, dy)
+                settled = largest <= SETTLED
+        raise FailedError(START_FAILED)
+
+    def _with_slopes(self, t: float, dy: Any) -> Any:
+        """x' with the slopes of the algebraic unknowns."""
+        delta = PROBES[1] * (self._stop - t)
+        if self._evaluate(t, self.y, dy) == 0 and delta > 0.0:
+            now = self._defect(dy).copy()
+            if self._evaluate(t + delta, self.y + delta * self.differential * dy, dy) == 0 and self.solve is not None:
+                slope = -self.solve(self._defect(dy) - now) / delta
+                if np.isfinite(slope).all():
+                    return np.where(self.differential == 0, slope, dy)
+        return dy
+
+    def _first_step_of_defect(self, t: float, span: float) -> float:
+        step, own = span * PROBES[0], self.differential != 0
+        self._evaluate(t, self.y, self.dy)
+        now, weight = self._defect(self.dy).copy(), self.rtol * np.abs(self.y) + self.atol[self.permuted]
+        for delta in span * np.array(PROBES):
+            if t + delta > t and self._evaluate(t + delta, self.y, self.dy) == 0 and self.solve is not None:
+                weighted = self.solve(self._defect(self.dy) - now) / weight
+                if np.any(np.abs(weighted[~own]) > 1.0):
+                    step = min(step, span * PROBES[1])
+                total = float((weighted[own] ** 2).sum())
+                if total > 0 and np.isfinite(total):
+                    step = min(step, float(np.sqrt(delta / np.sqrt(total / self.n))))
+        return step
+
     @property
     def _stop(self) -> float:
         """The next time to step to exactly."""
@@ -278,7 +365,7 @@ class SundaeIda(IdaStepper, PythonStepper):
 
     def _just_beyond(self, t: float) -> bool:
         slack, fired = self.record.slack, self.driver.fired
-        if self.root_values(t + slack, self._natural(self.y + slack * self.dy), self.g) != 0:
+        if self.root_values(t + slack, self._natural(self.y + slack * self.dy, self.dy), self.g) != 0:
             return False
         self.g[self.g == 0.0] = _NEGATIVE_ZERO
         fired[:] = np.where(self.g * self.sides < 0, -self.sides, 0)
@@ -324,7 +411,10 @@ class SundaeIda(IdaStepper, PythonStepper):
         return FOUND if found else STEPPED
 
     def accept(self) -> None:
-        self.driver.x[:] = self._natural(self.y)
+        x = self._natural(self.y, self.dy)
+        self.driver.x[:] = x[: self.n]
+        if self.implicit:  # behind x, where the event iteration looks for it
+            ctypes.memmove(self.record.x + 8 * self.n, x[self.n :].ctypes.data, 8 * self.n)
 
     def interpolate(self, t: float) -> Floats:
         """Not asked for: no step goes beyond a sample."""

@@ -54,6 +54,9 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "SUNLinSol_Dense": (_pointer, [_pointer, _pointer, _pointer]),
     "SUNLinSol_Band": (_pointer, [_pointer, _pointer, _pointer]),
     "SUNLinSol_SuperLUMT": (_pointer, [_pointer, _pointer, _int, _pointer]),
+    "SUNLinSolInitialize": (_int, [_pointer]),
+    "SUNLinSolSetup": (_int, [_pointer, _pointer]),
+    "SUNLinSolSolve": (_int, [_pointer, _pointer, _pointer, _pointer, _double]),
     "SUNLinSolFree": (_int, [_pointer]),
     "IDACreate": (_pointer, [_pointer]),
     "IDAInit": (_int, [_pointer, _pointer, _double, _pointer, _pointer]),
@@ -64,6 +67,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "IDASetUserData": (_int, [_pointer, _pointer]),
     "IDASetId": (_int, [_pointer, _pointer]),
     "IDASetNonlinConvCoef": (_int, [_pointer, _double]),
+    "IDASetSuppressAlg": (_int, [_pointer, _int]),
     "IDASetMaxOrd": (_int, [_pointer, _int]),
     "IDASetMaxStep": (_int, [_pointer, _double]),
     "IDASetStopTime": (_int, [_pointer, _double]),
@@ -269,6 +273,7 @@ class Solver:
         Of each of these ``directions`` says which crossings are looked for: 1 the rising ones, 0 all.
         """
         lib = self.sundials
+        self._check(lib.SUNLinSolInitialize(self.linear_solver))
         self._check(lib.IDASetLinearSolver(self.mem, self.linear_solver, self.matrix))
         if jacobian is not None:
             self._check(lib.IDASetJacFn(self.mem, jacobian))

@@ -22,6 +22,8 @@ class IdaRecord(DriveRecord):
     set_stop: int
     get_dky: int
     get_steps: int
+    ls_setup: int
+    ls_solve: int
     # addresses: IDA's memory and its vectors: state, derivative, state in between
     mem: int
     yy: int
@@ -31,12 +33,23 @@ class IdaRecord(DriveRecord):
     f: int
     y: int  # the states in IDA's order
     dy: int
-    natural: int  # work space for states in the model's order
+    natural: int  # work space for states in the model's order, and x' behind them where the model asks for it
     differential: int
     order: int
     atol: int
     probe: int
     between: int
+    # addresses: start values of x' and of algebraic unknowns: linear solver, its matrix, right-hand side and solution, before and scales
+    linear_solver: int
+    sun_matrix: int
+    defect_vector: int
+    change_vector: int
+    defect: int
+    change: int
+    y_before: int
+    dy_before: int
+    scale: int
+    part: int
     # addresses: the Jacobian, the iteration matrix, and where the one's entries stand in the other
     values: int
     matrix: int
@@ -55,6 +68,8 @@ class IdaRecord(DriveRecord):
     counter: int
     # whole numbers
     nnz: int
+    n_matrix: int  # numbers that the iteration matrix is stored in
+    implicit: int  # whether the model gives F(t, x, x')
     n_diagonal: int
     n_pattern: int
     n_algebraic: int

@@ -1,0 +1,152 @@
+"""Programs that leave algebraic unknowns to the integrator: residuals of the equations, in place of their solution.
+
+Two forms. In the *index-reduced* one every unknown that a scene needs is an unknown of the integrator, and every equation a residual
+F(t, y, y'): nothing is solved, ordered or eliminated. In the *torn* one the tearing variables of the nonlinear blocks are, and all
+else is computed from these and the states in sequence, so that no Newton iteration goes on within an evaluation.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import difference_kernel, residual_kernel
+from gearlib.program.build import Builder, Found, Place, build
+from gearlib.program.program import Batch, Program
+from gearlib.program.relations import Relations, relations_of, slot_table, update_rules, used_modes
+from gearlib.reduce.reduction import Structure
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import reach
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ResidualForm:
+    """What an integrator of differential-algebraic equations is handed.
+
+    Attributes
+    ----------
+    unknowns : tuple of nodes
+        The states, then the algebraic unknowns.
+    n_states : int
+    program : Program
+        Computes the residuals F(t, y, y'), or the derivatives of the states and then the residuals of the algebraic unknowns. Its
+        ``states`` are the unknowns; where it is implicit, they are followed by the derivatives of the states.
+    relations : Relations or None
+        What changes at events, as functions of the same.
+    implicit : bool
+        Whether the program computes F(t, y, y').
+    """
+
+    unknowns: tuple[Node, ...]
+    n_states: int
+    program: Program
+    relations: Relations | None
+    implicit: bool
+
+    @property
+    def algebraic(self) -> tuple[Node, ...]:
+        return self.unknowns[self.n_states :]
+
+
+def torn_form(structure: Structure, program: Program, relations: Relations | None, wanted: Sequence[int]) -> ResidualForm:
+    """The form of a scene's program in which the tearing variables of its nonlinear blocks are unknowns of the integrator.
+
+    Parameters
+    ----------
+    structure : Structure
+    program : Program
+        Computes the derivatives of the states.
+    relations : Relations, optional
+        What changes at events, if anything does.
+    wanted : sequence of int
+        Discrete variables that are outputs.
+    """
+    node_of = {slot: node for node, slot in program.slots.items()}
+    tears = [node_of[slot] for step in program.iterated for slot in step.unknowns[step.lead :].tolist()]
+    unknowns = (*program.states, *tears)
+    found = build(structure, program.outputs, unknowns, dynamic=False)
+    related = None if relations is None else relations_of(structure, found, wanted)
+    return ResidualForm(unknowns, len(program.states), found, related, implicit=False)
+
+
+def index_reduced_form(
+    structure: Structure, states: tuple[Node, ...], outputs: Sequence[Node], wanted: Sequence[int], with_modes: bool
+) -> ResidualForm:
+    """The index-reduced equations as they are: every unknown that a scene needs, and the equation that structure gave to it.
+
+    Parameters
+    ----------
+    structure : Structure
+    states : tuple of nodes
+        That are integrated.
+    outputs : sequence of nodes
+        To be among the unknowns.
+    wanted : sequence of int
+        Discrete variables that are outputs.
+    with_modes : bool
+        Whether anything changes at events.
+    """
+    builder, model = Builder(structure, (), states), structure.model
+    targets = dict.fromkeys([*((v, k + 1) for v, k in states), *outputs])
+    used = model.n_relations + np.array(wanted, np.int64)
+    while True:
+        program = _residuals(structure, builder, states, targets)
+        used = np.unique(np.concatenate([used, used_modes(program)]))
+        places = builder.places(used)
+        used = np.unique(np.concatenate([used, *(builder.modes(*p[:3]) for p in places)]).astype(np.int64))
+        more = {n for p in places for n in builder.nodes(*p[:3])} - program.slots.keys()
+        if not more and len(builder.places(used)) == len(places):
+            break
+        targets.update(dict.fromkeys(sorted(more)))
+    n = len(program.states) - len(states)
+    relations = _relations(builder, program, places, used) if with_modes else None
+    return ResidualForm(program.states[:n], len(states), program, relations, implicit=True)
+
+
+def _residuals(structure: Structure, builder: Builder, states: tuple[Node, ...], targets: dict[Node, None]) -> Program:
+    """One residual for each unknown, from the equation that structure gave to it."""
+    place = {state: i for i, state in enumerate(states)}
+    rates = [(v, k + 1) for v, k in states]
+    found, _ = reach(structure.dependence, targets, dynamic=True)
+    algebraic = sorted(set(found) - set(rates))
+    unknowns = (*states, *algebraic)
+    n = len(unknowns)
+    slots = {node: n + i for i, node in enumerate(rates)} | {node: i for i, node in enumerate(unknowns)}
+    first_input = n + len(states)
+    slots |= {node: first_input + i for i, node in enumerate(builder.inputs)}
+    first = first_input + len(builder.inputs)
+    builder.table = slot_table(slots, structure.model.n_variables)
+    rows: Found = defaultdict(list)
+    for i, node in enumerate((*rates, *algebraic)):
+        if node not in place:
+            e, k = structure.choice.solved_by[node]
+            template, g, row = builder.template(e, k)
+            rows[residual_kernel(template), g, k].append((row, first + i, 1))
+    steps = [builder.batch(kernel, g, k, instances) for (kernel, g, k), instances in rows.items()]
+    both = [(i, place[node]) for i, node in enumerate(rates) if node in place]  # a state and its derivative, both integrated
+    if both:
+        steps.append(_same(np.array(both, np.int64), n, first))
+    residuals = tuple(range(first, first + n))
+    return Program((*unknowns, *rates), builder.inputs, slots, first + n, tuple(steps), (), (), residuals)
+
+
+def _same(pairs: Integers, n: int, first: int) -> Batch:
+    """y'_i - y_j for states whose derivative is a state."""
+    count = len(pairs)
+    ones, nothing = np.ones(count, np.int64), np.zeros((count, 0), np.int64)
+    arguments = np.column_stack([n + pairs[:, 0], pairs[:, 1]])
+    kernel = difference_kernel("derivative of a state that is a state")
+    return Batch(kernel, -ones, first + pairs[:, 0], ones, arguments, np.ones_like(arguments), nothing, nothing)
+
+
+def _relations(builder: Builder, program: Program, places: list[Place], used: Integers) -> Relations:
+    """What relations and discrete variables compare, read off the unknowns."""
+    known = len(program.states) + len(program.inputs)
+    helper = Program(program.states, program.inputs, program.slots, known, (), (), ())
+    return update_rules(builder, helper, places, used[used < builder.model.n_relations])

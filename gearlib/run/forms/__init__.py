@@ -1,0 +1,1 @@
+"""Forms of the equations that IDA is handed."""
