@@ -1,0 +1,97 @@
+"""The equations as networkx graphs: as they were written, and after index reduction, with names and roles as attributes.
+
+Nodes are ``("equation", e, k)`` and ``("variable", v, k)``: the k-th derivative of equation e or of variable v of the flat model. What can
+be asked of them is what networkx has: matchings, components, orders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import networkx as nx
+
+from gearlib.reduce.reduction import Structure
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import reach
+
+Vertex = tuple[str, int, int]
+
+
+def flat_graph(structure: Structure) -> nx.Graph:
+    """The bipartite graph of the flat equations and the variables that stand in them, aliases eliminated.
+
+    An equation has the attributes ``bipartite`` (0), ``path`` of its component and ``label``; a variable ``bipartite`` (1), ``path``,
+    ``given`` (an input that nothing is bound to) and ``order`` of its highest derivative; an edge the ``orders`` of derivative with which
+    the variable stands in the equation.
+
+    Parameters
+    ----------
+    structure : Structure
+    """
+    model = structure.model
+    given = frozenset(model.inputs.tolist())
+    graph: nx.Graph = nx.Graph(name="flat equations")
+    for e, (g, i) in enumerate(structure.rows):
+        equation = ("equation", e, 0)
+        graph.add_node(equation, bipartite=0, path=model.owner(g, i), label=model.groups[g].template.label)
+        orders: dict[int, list[int]] = {}
+        for v, order in structure.dependence.columns(e, 0):
+            orders.setdefault(v, []).append(order)
+        for v, present in orders.items():
+            variable = ("variable", v, 0)
+            highest = max(*present, graph.nodes[variable]["order"] if variable in graph else 0, 0)
+            graph.add_node(variable, bipartite=1, path=model.name(v), given=v in given, order=highest)
+            graph.add_edge(equation, variable, orders=tuple(sorted(present)))
+    return graph
+
+
+def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
+    """The index-reduced equations that some unknowns need, sorted into blocks.
+
+    An arc goes from each variable to the equations that it stands in, and from an equation to the variable that it determines. An
+    equation has the attributes ``bipartite`` (0), ``path``, ``label``, ``differentiated`` (how often) and ``block``; a variable
+    ``bipartite`` (1), ``path`` (``der(...)`` of a derivative), ``state``, ``given`` and ``block`` (None of a state or an input). Blocks are
+    numbered in the order in which they can be computed; the graph's attribute ``blocks`` has the variables of each.
+
+    Parameters
+    ----------
+    structure : Structure
+    targets : iterable of nodes
+        Such as the derivatives of the states that are integrated.
+    """
+    model, dependence = structure.model, structure.dependence
+    inside = sorted(reach(dependence, targets, dynamic=True)[0])
+    blocks = _blocks(structure, inside)
+    block_of = {node: b for b, block in enumerate(blocks) for node in block}
+    graph: nx.DiGraph = nx.DiGraph(name="index-reduced equations")
+
+    def variable(node: Node) -> Vertex:
+        vertex = ("variable", *node)
+        if vertex not in graph:
+            graph.add_node(
+                vertex, bipartite=1, path="der(" * node[1] + model.name(node[0]) + ")" * node[1],
+                state=node in dependence.is_state, given=node[0] in dependence.given, block=block_of.get(node),
+            )  # fmt: skip
+        return vertex
+
+    for node in inside:
+        e, k = dependence.choice.solved_by[node]
+        g, i = structure.rows[e]
+        equation, label = ("equation", e, k), model.groups[g].template.label
+        graph.add_node(equation, bipartite=0, path=model.owner(g, i), label=label, differentiated=k, block=block_of[node])
+        graph.add_edge(equation, variable(node))
+        graph.add_edges_from((variable(other), equation) for other in dependence.columns(e, k) if other != node)
+    graph.graph["blocks"] = tuple(tuple(("variable", *node) for node in block) for block in blocks)
+    return graph
+
+
+def _blocks(structure: Structure, unknowns: list[Node]) -> list[tuple[Node, ...]]:
+    """Strongly connected components of "depends on", in the topological order of their condensation."""
+    inside, dependence = set(unknowns), structure.dependence
+    needs: nx.DiGraph = nx.DiGraph()
+    needs.add_nodes_from(unknowns)
+    needs.add_edges_from((other, node) for node in unknowns for other in dependence.of(node) if other in inside)
+    condensed = nx.condensation(needs)
+    members = nx.get_node_attributes(condensed, "members")
+    order = nx.lexicographical_topological_sort(condensed, key=lambda c: min(members[c]))
+    return [tuple(sorted(members[c])) for c in order]
