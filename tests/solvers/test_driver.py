@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -143,3 +145,19 @@ def test_a_run_is_handed_over_with_its_samples_and_events(name: str, other: str,
         apart = np.diff(found.event_times, prepend=0.0) > 1e-6
         assert found.event_roots[apart].tolist() == [-1, -1, 0]
     first.close()
+
+
+@pytest.mark.parametrize("name", ["rk5", "rk8", "ida"])
+def test_memory_of_a_run_that_is_over_does_not_wait_for_the_garbage_collector(name: str) -> None:
+    gc.collect()
+    gc.disable()
+    try:
+        run = driver(ball(), np.linspace(0.0, 0.8, 9), STEPPERS[name](), rtol=1e-6)
+        while run.advance() == "more":
+            pass
+        run.close()
+        gone = weakref.ref(run)
+        del run
+        assert gone() is None
+    finally:
+        gc.enable()

@@ -167,6 +167,10 @@ class LiveRun:
         if self._seen > seen:
             self.events += named_events(self.run, self.driver.solution())[seen:]
 
+    def __del__(self) -> None:
+        if "driver" in vars(self):
+            self.close()
+
     def close(self) -> None:
         """Free what the method holds."""
         self.driver.close()

@@ -44,7 +44,10 @@ class Stepper(ABC):
 
     @abstractmethod
     def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
-        """Get ready to begin; the run's record is complete but for the stepper's part. ``memory`` gives what was asked for."""
+        """Get ready to begin; the run's record is complete but for the stepper's part. ``memory`` gives what was asked for.
+
+        A reference to the driver is to be weak, lest the samples of runs that are over wait for the garbage collector.
+        """
 
     @property
     @abstractmethod

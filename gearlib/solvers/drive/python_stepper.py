@@ -6,6 +6,7 @@ import ctypes
 from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
+from weakref import proxy
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class PythonStepper(Stepper):
     """
 
     def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
-        self.driver, self.problem, self.record = driver, driver.problem, driver.record
+        self.driver, self.problem, self.record = proxy(driver), driver.problem, driver.record
         self._rhs, self._roots = _MODEL(self.record.rhs), _MODEL(self.record.roots) if self.record.roots else None
         methods: dict[str, Callable[..., int | None]] = {
             "step": self.step, "interpolate": self._interpolate, "accept": self.accept, "restart": self.restart,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from typing import Any
+from weakref import proxy
 
 import numpy as np
 
@@ -72,7 +73,7 @@ class IdaStepper(Stepper):
 
     def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
         problem, record = driver.problem, driver.record
-        self.driver, self.problem, self.record = driver, problem, record  # type: ignore[assignment]
+        self.driver, self.problem, self.record = proxy(driver), problem, record  # type: ignore[assignment]
         n, t0, t1 = problem.x0.size, float(problem.times[0]), float(problem.times[-1])
         self.matrix = plan(problem, self.linear_solver)
         self.permuted: Any = slice(None) if self.matrix.order is None else self.matrix.order

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from typing import Any
+from weakref import proxy
 
 from gearlib.arguments import shown
 from gearlib.compiler.native_module import native_functions
@@ -83,7 +84,7 @@ class RungeKutta(Stepper):
         problem = driver.problem
         if not problem.differential.all():
             raise ArgumentError("an explicit method cannot solve a problem with algebraic unknowns")
-        self.driver, self.problem, self.record = driver, problem, driver.record  # type: ignore[assignment]
+        self.driver, self.problem, self.record = proxy(driver), problem, driver.record  # type: ignore[assignment]
         record, n, span = self.record, problem.x0.size, float(problem.times[-1] - problem.times[0])
         atol = memory("atol")
         atol[n:], atol[:n] = 1.0, problem.absolute_tolerance

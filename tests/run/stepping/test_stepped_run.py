@@ -315,3 +315,14 @@ def test_a_run_that_fails_can_go_on_with_another_input() -> None:
     run.inputs["u"] = 1.0
     run.advance(2.0)
     assert run["x"] == pytest.approx(1.0, rel=1e-6)
+
+
+def test_what_a_forgotten_run_holds_is_freed(drive: gl.System) -> None:
+    run = drive.stepper(method="ida", inputs={"torque.tau": 1.0})
+    run.advance(0.1)
+    run.advance(0.2)
+    assert run._live is not None
+    stepper: Any = run._live.driver.stepper
+    assert stepper.solver is not None
+    del run
+    assert stepper.solver is None
