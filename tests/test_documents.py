@@ -22,6 +22,7 @@ PAGES = [
     "docs/gear_physics.md",
     "docs/energy.md",
     "docs/files.md",
+    "docs/many_runs.md",
     "docs/accuracy.md",
     "docs/components.md",
     "docs/errors.md",

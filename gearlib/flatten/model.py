@@ -106,11 +106,12 @@ class ParameterTable:
         for k, value in given.items():
             values[k] = value
         changed = tuple(given)
-        if changed not in self._affected:
+        affected = self._affected.get(changed)
+        if affected is None:
             if len(self._affected) >= MOST_AFFECTED:
                 self._affected.clear()
-            self._affected[changed] = self._depending_on(changed)
-        return self._computed(values, self._affected[changed], list(changed))
+            affected = self._affected[changed] = self._depending_on(changed)
+        return self._computed(values, affected, list(changed))
 
     def derivatives(self, values: Floats, seeds: Sequence[int], given: Collection[int] = ()) -> list[tuple[int, int, float]]:
         """How parameters change with some of them: (parameter, which of the seeds, derivative), the seeds themselves among them.

@@ -89,12 +89,13 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
         return "an input is a table of cubics"
     plan = _plan(scene)
     key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
-    if plan.form and plan.form[0]() is numbers and plan.form[1] == key:
-        found: LinearForm = plan.form[2]
+    known, last = plan.form, plan.last  # other threads may put others in their places meanwhile
+    if known and known[0]() is numbers and known[1] == key:
+        found: LinearForm = known[2]
         return found
-    if plan.last[:1] != (key,):
-        plan.last = (key, *_drives(scene, numbers, signals, plan))
-    inputs, mix = plan.last[1:]
+    if last[:1] != (key,):
+        last = plan.last = (key, *_drives(scene, numbers, signals, plan))
+    inputs, mix = last[1:]
     form = LinearForm(*_matrices(scene, numbers, plan, mix), inputs)
     plan.form = (ref(numbers), key, form)
     return form

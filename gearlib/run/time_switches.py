@@ -76,10 +76,12 @@ class TimeSwitches:
             return []
         parts = [parameters[t.parameters].tobytes() for t in self.timed]
         key = b"".join([*parts, np.array([t0, t_end]).tobytes()])
-        if key not in self._last:
+        found = self._last.get(key)
+        if found is None:
+            found = [switch for timed in self.timed for switch in timed.times(parameters, t0, t_end)]
             self._last.clear()
-            self._last[key] = [switch for timed in self.timed for switch in timed.times(parameters, t0, t_end)]
-        return self._last[key]
+            self._last[key] = found
+        return found
 
 
 def time_switches(relations: Relations | None) -> TimeSwitches:

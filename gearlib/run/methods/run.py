@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ class Run:
         """The scene with the algebraic unknowns that are left to IDA, if any are."""
         return None if self.form == "ode" else scene_form(self.scene, self.form)
 
-    @property
+    @cached_property
     def longest_step(self) -> float:
         """What no event and no pulse that lasts longer is stepped over by.
 

@@ -254,6 +254,8 @@ Signal = Any  # a number, a FunctionInput, or a Table
 def breakpoints(signals: Sequence[Signal]) -> Floats:
     """Times at which tables have corners."""
     tables = [s.t for s in signals if isinstance(s, Table)]
+    if not tables:
+        return np.empty(0)
     corners = np.sort(np.concatenate([np.empty(0), *tables]))
     return corners[np.diff(corners, prepend=-np.inf) > 0]
 

@@ -1,0 +1,118 @@
+"""Runs per second of the XP train (8 states, 0.5 s, rtol 1e-6): ``python tests/benchmarks/many_runs.py`` prints a table.
+
+A loop over `System.simulate`, sweeps in this process, by threads, by processes and on dask (where it is installed), and SciPy and
+heyoka beside them. The times are the least of some repetitions, in one process.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+import gearlib as gl
+import gearparts as gp
+
+T_END, SAMPLES = 0.5, 501
+INPUTS = {"tau_in": 100.0}
+
+
+def least(function: Callable[[], Any], count: int, repeat: int = 3) -> float:
+    """Microseconds a run."""
+    times = []
+    for _ in range(repeat):
+        begin = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - begin)
+    return 1e6 * min(times) / count
+
+
+def ways(system: gl.System, K_g: Any, method: str) -> Iterator[tuple[str, Callable[[], Any]]]:
+    """Ways to carry out the same runs."""
+    options: dict[str, Any] = {"samples": SAMPLES, "method": method, "inputs": INPUTS}
+
+    def loop() -> None:
+        for value in K_g.tolist():
+            system.simulate(T_END, parameters={"K_g": value}, **options)["w_out"]
+
+    def sweep(**more: Any) -> Callable[[], Any]:
+        return lambda: system.sweep({"K_g": K_g}, T_END, outputs=["w_out"], **options, **more)
+
+    yield "loop over simulate", loop
+    yield "sweep", sweep()
+    yield "sweep, end values only", lambda: system.sweep({"K_g": K_g}, T_END, reduce={"end": end}, **options)
+    for threads in (2, 4):
+        yield f"sweep, {threads} threads", sweep(threads=threads)
+    with ProcessPoolExecutor(2, mp_context=get_context("forkserver")) as pool:
+        yield "sweep, 2 processes", sweep(executor=pool)
+    if importlib.util.find_spec("distributed") is not None:
+        from distributed import Client, LocalCluster
+
+        cluster = LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None)
+        with cluster, Client(cluster) as client, client.get_executor() as executor:
+            yield "sweep, dask with 2 workers", sweep(executor=executor)
+
+
+def end(result: gl.Result) -> float:
+    return float(result["w_out"][-1])
+
+
+def others(system: gl.System, count: int) -> Iterator[tuple[str, Callable[[], Any]]]:
+    """SciPy and heyoka on the same linear equations."""
+    from scipy.integrate import solve_ivp
+
+    linear = system.linearize(["tau_in"], ["w_out"], sparse=True)
+    A, b = np.asarray(linear.A), np.asarray(linear.B)[:, 0] * INPUTS["tau_in"]
+    times = np.linspace(0.0, T_END, SAMPLES)
+
+    def scipy_loop() -> None:
+        for _ in range(count):
+            solve_ivp(lambda t, x: A @ x + b, (0.0, T_END), np.zeros(len(A)), "RK45", times, rtol=1e-6, atol=1e-9)
+
+    yield "SciPy RK45, a loop", scipy_loop
+    if importlib.util.find_spec("heyoka") is not None:
+        import heyoka as hy
+
+        x = hy.make_vars(*[f"x{i}" for i in range(len(A))])
+        right = [(x[i], sum((A[i, j] * x[j] for j in range(len(A)) if A[i, j]), hy.expression(b[i]))) for i in range(len(A))]
+        one = hy.taylor_adaptive(right, [0.0] * len(A), tol=1e-6)
+        eight = hy.taylor_adaptive_batch(right, np.zeros((len(A), 8)), tol=1e-6)
+
+        def scalar() -> None:
+            for _ in range(count):
+                one.time, one.state[:] = 0.0, 0.0
+                one.propagate_until(T_END)
+
+        def batch() -> None:
+            for _ in range(-(-count // 8)):
+                eight.set_time(0.0)
+                eight.state[:] = 0.0
+                eight.propagate_until(T_END)
+
+        yield "heyoka, end value (without transmission error)", scalar
+        yield "heyoka, batches of 8, end value", batch
+
+
+def main(count: int) -> None:
+    """Print the table."""
+    system = gl.compile(gp.ZhouCui2022(), outputs=["w_out"])
+    K_g = np.linspace(1e8, 3e8, count)
+    print(f"| {count} runs of the XP train | method | us a run | runs per second |\n|---|---|---|---|")
+    for method in ("rk5", "auto"):
+        for name, function in ways(system, K_g, method):
+            function()  # compiled, and workers begun
+            us = least(function, count)
+            print(f"| {name} | {method} | {us:.0f} | {1e6 / us:.0f} |", flush=True)
+    for name, function in others(system, min(count, 16)):
+        us = least(function, min(count, 16))
+        print(f"| {name} | | {us:.0f} | {1e6 / us:.0f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 500)
