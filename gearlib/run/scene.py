@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gearlib.flatten.model import FlatModel
 from gearlib.native.evaluator import CompiledProgram, Evaluator
-from gearlib.native.layout import Shared, fill, lay_out, operations
+from gearlib.native.layout import Shared, fill, lay_out
 from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_source
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, state_plan
@@ -67,7 +67,6 @@ class Scene:
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
     _prepared: dict[bytes, Numbers] = field(default_factory=dict)
     forms: dict[str, Any] = field(default_factory=dict)  # made by `gearlib.run.forms.scene_form`
-    _operations: dict[bool, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def model(self) -> FlatModel:
@@ -171,15 +170,6 @@ class Scene:
         return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model.parameters.names,
                              self.model.n_relations, len(self.model.discretes),
                              self.jacobian if jacobian else None)  # fmt: skip
-
-    def operations(self, native: NativeScene) -> tuple[float, float]:
-        """Roughly how many additions the derivatives of the states cost, and the relations at an event."""
-        key = native.jac is not None
-        if key not in self._operations:
-            updated = self.relations is not None and native.update is not None
-            events = operations(self.relations.program, native.update.layout) if updated else 0.0  # type: ignore[union-attr]
-            self._operations[key] = operations(self.program, native.rhs.layout), events
-        return self._operations[key]
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.native.layout import EACH, Shared, lay_out
+from gearlib.native.layout import EACH, Shared, lay_out, operations
 from gearlib.native.scene_functions import NativeScene
 from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
@@ -105,9 +105,11 @@ def _wired(
 def _effort(scene: Scene | SceneForm, native: NativeScene, functions: int, tables: int) -> Effort:
     """What a call of each native function costs."""
     call = CALL + CALLBACK * functions + LOOK_UP * tables
-    right, events = scene.operations(native)
-    rhs, relations = ADDITION * right, ADDITION * events
+    rhs = ADDITION * operations(scene.program, native.rhs.layout)
     entries = 0.0 if native.pattern is None else native.pattern.size
+    relations = 0.0
+    if scene.relations is not None and native.update is not None:
+        relations = ADDITION * operations(scene.relations.program, native.update.layout)
     return Effort(call + rhs, call + 3.0 * rhs + 4.0 * ADDITION * entries, call + relations, call + 3.0 * relations)
 
 
