@@ -26,6 +26,10 @@ def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pyt
     assert "nan" not in printed
     if script.stem == "xp_train":
         assert "8 integrated" in printed
+        assert "91 unknowns and as many equations, of which 83 are algebraic; index 1" in printed
+        ways = re.findall(r"^  (states only|scikit-sundae|exact) +(\S+) ", printed, re.MULTILINE)
+        assert [way for way, _ in ways] == ["states only", "scikit-sundae", "exact"]
+        assert max(float(difference) for way, difference in ways if way != "scikit-sundae") < 1e-7
         differences = [float(d) for d in re.findall(r"^  \w+ +(\S+e-\d+)$", printed, re.MULTILINE)]
         assert len(differences) == 6
         assert max(differences) < 1e-7
