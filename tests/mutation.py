@@ -7,15 +7,17 @@ mutant survives when its share of processor time is used up and no test of the l
 
 =============  =======================================================================================
 ``assertion``  a claim of a test did not hold, see below
-``crash``      tests failed with raw exceptions only (an index, a type, a key), or hung
+``exception``  no claim, but a test met an exception that it did not expect
+``crash``      nothing but a module that cannot be imported, a hang, or the end of the process
 ``survived``   no test failed
 ``accepted``   no claim failed, and ``tests/mutants.toml`` says why none need (equivalent, only slower)
 =============  =======================================================================================
 
 A claim of a test fails where its ``assert`` does, where what it expects to be raised is not, where a doctest prints something else,
 and where gearlib refuses (a `GearlibError`) or warns: the test says that there is an answer, and the library checked that there is
-none. A raw exception is no claim: whatever runs the line meets it, and nothing is known of the values that the line gives. So a mutant
-that only ever crashes has been run by a test, but its kin that do not crash may pass; the bar of 97 % counts claims alone.
+none. A mutant may also break the code so that it gives no value at all (an index, a type, a shape): then no assertion can be reached,
+and the test that ran the line fails by that exception. Both are tests that notice, and count for the bar of 97 %; they are counted
+apart, since an exception says nothing of how well the values are watched. A crash is credited to no test.
 
 Options follow ``ARGS=`` of make: ``-n 300``, ``--seed 7``, ``--folder gearlib/structure gearlib/reduce``, ``--again LOG`` for the
 unnoticed of a log.
@@ -198,8 +200,12 @@ def sample(n: int, seed: int, under: tuple[str, ...]) -> Iterator[Mutant]:
 
 
 def unnoticed(log: Path) -> Iterator[Mutant]:
-    """Those of a log that no assertion noticed, wherever their lines are now."""
-    wanted = {tuple(one["key"]) for one in map(json.loads, log.read_text().splitlines()) if one["verdict"] != "assertion"}
+    """Those of a log that no test noticed, wherever their lines are now."""
+    wanted = {
+        tuple(one["key"])
+        for one in map(json.loads, log.read_text().splitlines())
+        if one["verdict"] not in ("assertion", "exception")
+    }
     files = {key[0] for key in wanted}
     everywhere = [m for m in modules() if Path(m).name in files]
     made = (mutant(m, *change) for m in everywhere for place in places(m) for change in place)
@@ -263,12 +269,16 @@ def is_claim(failure: BaseException) -> bool:
     return isinstance(failure, said) or any(kind.__name__ == "GearlibError" for kind in type(failure).__mro__)
 
 
+FOUND = {"assertions": "assertion", "exceptions": "exception", "crashes": "crash"}  # what notices, and the verdict
+
+
 class Notice:
     """A pytest plugin that runs likely and quick tests first, and stops at the first assertion that fails or when the time is up."""
 
     def __init__(self, budget: float, likely: str, took: dict[str, float]) -> None:
         self.budget, self.likely, self.took = budget, likely, took
         self.assertions: list[str] = []
+        self.exceptions: list[str] = []
         self.crashes: list[str] = []
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
@@ -281,15 +291,17 @@ class Notice:
 
     def pytest_exception_interact(self, node: pytest.Item | pytest.Collector, call: Any) -> None:
         failures = getattr(call.excinfo.value, "failures", [call.excinfo.value])  # a doctest's failures come together
-        found = self.assertions if any(map(is_claim, failures)) else self.crashes
-        found.append(node.nodeid)
+        if getattr(call, "when", "") != "call":
+            self.crashes.append(node.nodeid)
+        else:
+            (self.assertions if any(map(is_claim, failures)) else self.exceptions).append(node.nodeid)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
         started = time.process_time()
         done = yield
         self.took[item.nodeid] = round(time.process_time() - started, 2)
-        if self.assertions or len(self.crashes) > 20 or time.process_time() > self.budget:
+        if self.assertions or len(self.exceptions) > 5 or time.process_time() > self.budget:
             item.session.shouldstop = "enough is known"
         return done
 
@@ -316,7 +328,7 @@ def in_child(copy: Path, targets: list[str], budget: float, likely: str = "") ->
             code = pytest.main([*options, "--continue-on-collection-errors", *targets], plugins=[notice])
             if code not in (0, 1, 2, 5):  # passed, failed, stopped, no tests
                 notice.crashes.append(f"pytest: {code}")
-            said.write_text(json.dumps({"assertions": notice.assertions, "crashes": notice.crashes}))
+            said.write_text(json.dumps({kind: getattr(notice, kind) for kind in FOUND}))
             times.write_text(json.dumps(notice.took))
         os._exit(0)
     started = time.monotonic()
@@ -326,7 +338,7 @@ def in_child(copy: Path, targets: list[str], budget: float, likely: str = "") ->
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
             break
-    return dict(json.loads(said.read_text())) if said.exists() else {"assertions": [], "crashes": ["the process"]}
+    return dict(json.loads(said.read_text())) if said.exists() else {**{kind: [] for kind in FOUND}, "crashes": ["the process"]}
 
 
 def definition(module: str, line: int) -> str:
@@ -345,17 +357,16 @@ def tried(one: Mutant, copy: Path, budget: float, number: int, wide: bool) -> Mu
     os.utime(path, (before + 10 * number, before + 10 * number))  # no byte code of another mutant is taken for this one's
     started = time.monotonic()
     tests, likely = tests_of(one.module), definition(one.module, one.line)
-    said: dict[str, list[str]] = {"assertions": [], "crashes": []}
+    said: dict[str, list[str]] = {kind: [] for kind in FOUND}
     try:
         for some in (tests[:2], tests[2:7], *([tests[7:]] if wide else [])):  # most are noticed before others are imported
-            if some and not said["assertions"]:
+            if some and not said["assertions"] and not said["exceptions"]:
                 more = in_child(copy, some, budget, likely)
                 said = {key: said[key] + more[key] for key in said}
     finally:
         path.write_text(source(one.module), encoding="utf-8")
         os.utime(path, (before, before))
-    verdict = "assertion" if said["assertions"] else "crash" if said["crashes"] else "survived"
-    by = next(iter([*said["assertions"], *said["crashes"]]), "")
+    verdict, by = next(((verdict, said[kind][0]) for kind, verdict in FOUND.items() if said[kind]), ("survived", ""))
     return replace(one, verdict=verdict, noticed_by=by, seconds=round(time.monotonic() - started, 1))
 
 
@@ -386,7 +397,7 @@ def main() -> None:
         "--budget", type=float, default=10.0, help="seconds of processor time for the likeliest tests of a mutant"
     )
     parser.add_argument("--wide", action="store_true", help="run all quick tests, not the likeliest seven files only")
-    parser.add_argument("--again", type=Path, help="a log, whose mutants that no assertion noticed are tried again")
+    parser.add_argument("--again", type=Path, help="a log, whose mutants that no test noticed are tried again")
     parser.add_argument("--log", type=Path, default=ROOT / ".cache" / "mutation.jsonl")
     chosen = parser.parse_args()
     os.environ["GEARLIB_TESTS"] = str(ROOT / ".cache")
@@ -401,7 +412,7 @@ def main() -> None:
         copied(copy)
         for number, one in enumerate(todo, 1):
             done = tried(one, copy, chosen.budget, number, chosen.wide)
-            if done.verdict != "assertion" and done.key in reasons:
+            if done.verdict not in ("assertion", "exception") and done.key in reasons:
                 done = replace(done, verdict="accepted")
             print(
                 f"{number:4} {done.verdict:9} {done.seconds:6.1f} s  {done.module}:{done.line}  {done.old}  ->  {done.new}",
@@ -414,7 +425,7 @@ def main() -> None:
         idle = set()
         for test in noticing:
             said = in_child(copy, [test], 60.0)
-            idle |= {*said["assertions"], *said["crashes"]}
+            idle |= {test for kind in FOUND for test in said[kind]}
     print(summary(results))
     if idle:
         sys.exit(f"these tests fail without a mutant, so what they noticed does not count: {', '.join(sorted(idle))}")
@@ -424,10 +435,11 @@ def summary(results: list[Mutant]) -> str:
     count = Counter(one.verdict for one in results)
     kept = len(results) - count["accepted"]
     lines = [
-        f"{len(results)} mutants: {count['assertion']} noticed by an assertion, {count['crash']} by a crash, "
+        f"{len(results)} mutants: {count['assertion']} noticed by an assertion, {count['exception']} by an exception, "
+        f"{count['crash']} by a crash, "
         f"{count['survived']} survived, {count['accepted']} accepted as equivalent or only slower",
-        f"{100 * count['assertion'] / max(kept, 1):.1f} % of those that matter were noticed by an assertion, "
-        f"{100 * (kept - count['survived']) / max(kept, 1):.1f} % at all",
+        f"{100 * (count['assertion'] + count['exception']) / max(kept, 1):.1f} % of those that matter were noticed by a test "
+        f"({100 * count['assertion'] / max(kept, 1):.1f} % by an assertion)",
     ]
     return "\n".join(lines)
 

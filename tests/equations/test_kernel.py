@@ -115,3 +115,22 @@ def test_relation_and_derivatives_are_made_once() -> None:
     assert differentiated(template, 0) is template
     assert differentiated(template, 2) is differentiated(template, 2)
     assert max(order for _, order in differentiated(make(x * y), 2).columns) == 2
+
+
+@pytest.mark.parametrize(
+    ("expression", "additions"),
+    [
+        (x * y * p + q - 1, 4),
+        (sympy.sqrt(x), 4),
+        (1 / x, 5),
+        (x**7, 2),
+        (x ** sympy.Rational(2, 3), 20),
+        (x**p, 20),
+        (sympy.sin(x + y), 21),
+        (gl.Piecewise((x + y + z, x > 0), (0, True)), 2),
+    ],
+)
+def test_what_an_evaluation_costs(expression: Any, additions: int) -> None:
+    """In additions: a division or a square root counts for 4, a function for 20, a power as many as its squarings."""
+    template = make(z + expression)
+    assert residual_kernel(template).operations == additions + 1

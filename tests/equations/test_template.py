@@ -8,7 +8,7 @@ import pytest
 import sympy
 
 import gearlib as gl
-from gearlib.equations.template import Template, parse_column, template_of
+from gearlib.equations.template import Template, parse_column, piecewise, template_of
 from gearlib.errors import DeclarationError, NameLookupError
 
 x, y, z, p, q = sympy.symbols("x y z p q", real=True)
@@ -127,3 +127,8 @@ def test_names_of_derivatives() -> None:
     assert parse_column("der(der(planets[2].w))") == ("planets[2].w", 2)
     with pytest.raises(NameLookupError, match=r"3 is no name; names are text, such as 'load\.w'"):
         parse_column(3)  # type: ignore[arg-type]
+
+
+def test_the_sign_of_zero_is_zero() -> None:
+    written = piecewise(sympy.sign(x))
+    assert [written.subs(x, value) for value in (-0.3, 0, 0.3)] == [-1, 0, 1]

@@ -64,6 +64,12 @@ def test_root_locus_ends_on_the_axis_at_the_gain_margin() -> None:
     assert "on the imaginary axis at gain 0.6667 (-3.52 dB)" in texts(ax)
 
 
+def test_root_locus_shows_the_origin_and_little_more() -> None:
+    ax = gl.root_locus_plot(control.tf([1], [1, 3, 2]), gains=np.linspace(0, 0.1, 20))
+    left, right = ax.get_xlim()
+    assert left < -2 < 0 < right < 1
+
+
 def test_own_axes_are_used(chain: Callable[..., gl.System]) -> None:
     _, ax = plt.subplots()
     assert gl.nichols_plot(LOOP, axes=ax) is ax

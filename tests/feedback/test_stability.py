@@ -116,6 +116,19 @@ def test_margins_agree_with_python_control_on_small_systems() -> None:
     assert compared > 40
 
 
+def test_margins_do_not_depend_on_the_unit_of_time() -> None:
+    def found(seconds: float) -> Any:
+        return margins(as_loop(control.tf([3.0], np.polymul([seconds, 1], np.polymul([0.4 * seconds, 1], [0.3 * seconds, 1])))))
+
+    one = found(1.0)
+    for seconds in (1e-4, 1e5):
+        other = found(seconds)
+        assert other.modulus_omega * seconds == pytest.approx(one.modulus_omega, rel=1e-5)
+        assert other.modulus_margin == pytest.approx(one.modulus_margin, rel=1e-11)
+        assert other.gain_margin == pytest.approx(one.gain_margin, rel=1e-11)
+        assert other.phase_margin == pytest.approx(one.phase_margin, rel=1e-11)
+
+
 @pytest.mark.parametrize(
     ("numerator", "denominator", "clockwise", "right", "closed"),
     [

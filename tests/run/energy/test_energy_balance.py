@@ -13,6 +13,8 @@ import gearparts as gp
 from gearlib.bondgraph import BondGraph, C, I, One, R, Se
 from gearlib.errors import DeclarationError
 from gearlib.flatten.energies import audited
+from gearlib.run.energy.audit import explained
+from gearlib.run.energy.energy_balance import EnergyBalance
 from tests.gearparts.bench import bench, structural_choices
 
 EXPORTED = [getattr(gp, name) for name in gp.__all__ if name != "BondGraphPart"]
@@ -331,3 +333,29 @@ def test_what_energies_returns_is_checked() -> None:
         audited(Wrong())
     with pytest.raises(gl.GearlibError, match="tauu"):
         audited(Misspelt())
+
+
+def residual_of(residual: float, *, throughput: float, quadrature: float, rtol: float = 1e-6) -> EnergyBalance:
+    time, zero = np.array([0.0, 1.0]), np.zeros(2)
+    return EnergyBalance(
+        time, {}, {}, {}, zero, {}, {}, (), {}, np.array([0.0, residual]), throughput, quadrature, rtol
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_a_residual_is_explained_whatever_the_energies(size: float) -> None:
+    """By the tolerance, by the quadrature, or because it shrinks with the tolerance; not by how small the energies are."""
+
+    def never(rtol: float) -> EnergyBalance:
+        raise AssertionError("nothing to look for")
+
+    def same(rtol: float) -> EnergyBalance:
+        return residual_of(1e-3 * size, throughput=size, quadrature=0.0, rtol=rtol)
+
+    def finer(rtol: float) -> EnergyBalance:
+        return residual_of(1e-3 * size * rtol / 1e-6, throughput=size, quadrature=0.0, rtol=rtol)
+
+    assert explained(residual_of(0.9e-4 * size, throughput=size, quadrature=0.0), never)
+    assert explained(residual_of(0.9e-2 * size, throughput=size, quadrature=1e-3 * size), never)
+    assert explained(same(1e-6), finer)
+    assert not explained(same(1e-6), same)

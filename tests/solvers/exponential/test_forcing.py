@@ -125,6 +125,13 @@ def test_small_roots_of_polynomials_keep_their_digits(c: list[float], root: floa
     assert times[np.argmin(np.abs(times - root))] == pytest.approx(root, rel=1e-15, abs=0)
 
 
+def test_double_roots_are_where_they_are() -> None:
+    """There the slope is rounding, too, and no step along it helps."""
+    for root in np.random.default_rng(5).uniform(0.1, 1.9, 50).tolist():
+        times = times_of_breakpoints(sympy.expand((t - root) ** 2 * (t + 3.0)) > 0, 0.0, 2.0)
+        assert times == pytest.approx(root, rel=1e-6)
+
+
 def test_switches_of_states_are_passed_over() -> None:
     x = sympy.Symbol("x", real=True)
     assert times_of_breakpoints(Piecewise((1, x > 0), (2, t > x), (x, t > 1), (3, True)), 0.0, 2.0).tolist() == [1.0]
