@@ -328,13 +328,15 @@ def in_child(copy: Path, targets: list[str], budget: float, likely: str = "") ->
             code = pytest.main([*options, "--continue-on-collection-errors", *targets], plugins=[notice])
             if code not in (0, 1, 2, 5):  # passed, failed, stopped, no tests
                 notice.crashes.append(f"pytest: {code}")
-            said.write_text(json.dumps({kind: getattr(notice, kind) for kind in FOUND}))
             times.write_text(json.dumps(notice.took))
+            written = said.with_suffix(".part")
+            written.write_text(json.dumps({kind: getattr(notice, kind) for kind in FOUND}))
+            written.replace(said)  # whole, or not there
         os._exit(0)
     started = time.monotonic()
     while os.waitpid(pid, os.WNOHANG) == (0, 0):
         time.sleep(0.05)
-        if time.monotonic() - started > 40 * budget:  # a wait that needs no processor
+        if time.monotonic() - started > 300 * budget:  # a wait that needs no processor, on a machine that is shared
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
             break

@@ -68,8 +68,8 @@ def judge_analyses(train: Train, seed: int = 0) -> Verdict:
         asked("poles", None, lambda system: poles(system, A))
         asked("modes", None, lambda system: modes(system, A))
         asked("response", None, lambda system: response(system, solved, rng))
-        asked("steady state", steady.none, lambda system: steady_state(system, solved, steady))
-        asked("power flow", steady.none or steady.open, lambda system: power_flow(system, solved, steady))
+        asked("steady state", steady.none or steady.doubtful, lambda system: steady_state(system, solved, steady))
+        asked("power flow", steady.none or steady.open or steady.doubtful, lambda system: power_flow(system, solved, steady))
     short = [v for v in verdicts if v.short]
     if short:
         return short[0]
@@ -82,11 +82,12 @@ def judge_analyses(train: Train, seed: int = 0) -> Verdict:
 
 @dataclass(frozen=True)
 class Steady:
-    """Speeds in the steady motion; why there is none; why there are many."""
+    """Speeds in the steady motion; why there is none; why there are many; why it may be refused although the speeds are known."""
 
     speeds: Floats | None
     none: str | None
     open: str | None
+    doubtful: str | None = None
 
 
 def steady_motion(solved: LinearTrain) -> Steady:
@@ -96,8 +97,13 @@ def steady_motion(solved: LinearTrain) -> Steady:
     rigid = constrained(free, solved.elastic)
     z = solved.z.at(0.0)
     v = solved.v_p @ z
+    doubtful = None
     if solved.elastic:
         E = np.array([row / np.abs(row).max() for row in solved.elastic if np.abs(row).max() > 0]).reshape(-1, n)
+        held = np.abs(E @ free).max(axis=1, initial=0.0) < SMALL  # both ends are prescribed: no speed depends on what it takes
+        if np.abs(E[held] @ v).max(initial=0.0) > 1e-9 * (1 + np.abs(v).max(initial=0.0)):
+            doubtful = "a spring between prescribed motions is wound up for ever"
+        E = E[~held]
         v = v + free @ np.linalg.lstsq(E @ free, -E @ v, rcond=SMALL)[0]
         if np.abs(E @ v).max(initial=0.0) > 1e-9 * (1 + np.abs(v).max(initial=0.0)):
             return Steady(None, "a spring is wound up for ever", None)
@@ -107,8 +113,8 @@ def steady_motion(solved: LinearTrain) -> Steady:
     if undamped.shape[1]:
         if np.abs(undamped.T @ (solved.forces(0.0) @ z - solved.preload)).max() > 1e-9:
             return Steady(None, "what is driven has no load", None)
-        return Steady(None, None, "a motion that nothing drives or brakes")
-    return Steady(v + rigid @ np.linalg.solve(damping, force), None, None)
+        return Steady(None, None, "a motion that nothing drives or brakes", doubtful)
+    return Steady(v + rigid @ np.linalg.solve(damping, force), None, None, doubtful)
 
 
 def without_angles(solved: LinearTrain) -> Floats:

@@ -1,0 +1,47 @@
+"""What counts as noticing a mutant."""
+
+from __future__ import annotations
+
+import doctest
+import sys
+from typing import Any
+
+import pytest
+
+import gearlib as gl
+from gearlib.errors import SingularError
+from tests.mutation import FOUND, Mutant, is_claim, summary
+
+
+def raised(error: BaseException) -> Any:
+    try:
+        raise error
+    except BaseException:
+        return sys.exc_info()
+
+
+@pytest.mark.parametrize(
+    ("failure", "claim"),
+    [
+        (AssertionError("1 == 2"), True),
+        (pytest.fail.Exception("DID NOT RAISE"), True),
+        (SingularError("no pivot"), True),
+        (gl.InputWarning("nobody gave it"), True),
+        (RuntimeWarning("overflow"), True),
+        (IndexError("out of bounds"), False),
+        (TypeError("no array"), False),
+    ],
+)
+def test_refusals_and_warnings_are_claims_and_raw_exceptions_are_not(failure: BaseException, claim: bool) -> None:
+    assert is_claim(failure) == claim
+    example = doctest.Example("f()\n", "1\n")
+    shown = doctest.DocTest([example], {}, "f", None, None, None)
+    assert is_claim(doctest.UnexpectedException(shown, example, raised(failure))) == claim
+
+
+def test_exceptions_count_as_noticed_and_crashes_do_not() -> None:
+    verdicts = [*["assertion"] * 5, *["exception"] * 3, "crash", "survived", "accepted", "accepted"]
+    assert {*FOUND.values()} < {*verdicts}
+    text = summary([Mutant("m.py", "", k, 1, "a", "b", verdict) for k, verdict in enumerate(verdicts)])
+    assert "12 mutants: 5 noticed by an assertion, 3 by an exception, 1 by a crash, 1 survived, 2 accepted" in text
+    assert "80.0 % of those that matter were noticed by a test (50.0 % by an assertion)" in text
