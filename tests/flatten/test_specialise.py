@@ -12,7 +12,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.equations.template import template_of
 from gearlib.errors import ModelError
-from gearlib.flatten.specialise import specialised
+from gearlib.flatten.specialise import merged, specialised
 from gearlib.program.schedule import _levels
 
 c = gl.connect
@@ -105,3 +105,22 @@ def test_an_order_of_computation_that_goes_in_a_circle_is_an_error_not_a_loop_wi
     with pytest.raises(ModelError, match="that no equation determines"):
         _levels([[1]], [0, -1], 0)
     assert _levels([[], [0], [0, 1]], [0, 1, 2], 0) == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "expected"),
+    [
+        (((0, 1), (0, 1), (2, 1)), "z**2"),
+        (((0, 1), (1, 1), (1, -1)), "y**2 + sin(x - y)"),
+        (((0, 1), (1, 1), (0, 1)), "z**2 + sin(z - y)"),
+    ],
+)
+def test_locals_that_are_one_variable_are_merged_whichever_comes_first(pattern: Any, expected: str) -> None:
+    x, y, z = sympy.symbols("x y z", real=True)
+    template = template_of(gl.Eq(sympy.sin(x - y) + z**2, 0), "test", lambda name: False)
+    assert template.locals == ("x", "y", "z")
+    wanted = {"x": x, "y": y, "z": z}
+    right = (
+        sympy.sympify(expected, locals=wanted).subs(z, x) if pattern[2] == (0, 1) else sympy.sympify(expected, locals=wanted)
+    )
+    assert sympy.simplify(merged(template, pattern).residual - right) == 0

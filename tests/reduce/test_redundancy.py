@@ -298,3 +298,19 @@ def test_a_disc_that_turns_a_shaft_against_itself_is_refused(angle: float) -> No
                      ("body.flange_a", "disc.flange_a", "disc.flange_b"))  # fmt: skip
     with pytest.raises(gl.GearlibError, match="contradict each other: disc"):
         gl.compile(Lump(**described))
+
+
+class TwoDiscs(gl.Component):
+    """Two shafts side by side, each with an angle between its ends."""
+
+    def assemble(self) -> list[Any]:
+        self.a, self.b, self.body = gp.Disc(delta_phi=0.2), gp.Disc(delta_phi=0.3), gp.Inertia(J=1.0)
+        return [
+            gl.connect(self.a.flange_a, self.b.flange_a, self.body.flange_a),
+            gl.connect(self.a.flange_b, self.b.flange_b),
+        ]
+
+
+def test_angles_that_contradict_each_other_force_nothing_to_stand_still() -> None:
+    with pytest.raises(gl.GearlibError, match=r"rigid loop through (a, b|b, a) cannot turn: its ratios contradict each other"):
+        gl.compile(TwoDiscs())

@@ -121,6 +121,8 @@ class HybridTrain:
         if linear.problems or linear.locked or linear.held_twice or linear.T2.shape[1] or linear.T3.shape[1]:
             raise Unclear("not every free motion has inertia")
         self.n = linear.T1.shape[1]
+        if not self.n:
+            raise Unclear("all motion is prescribed")  # scipy takes one step then, across all events
         self.inverse = linear.inverse[0]
         S = linear.z.S
         self.rate = linear.v_p @ S
