@@ -19,7 +19,7 @@ GearlibError
 └── SolverError            the integration failed; says when and where
 
 GearlibWarning (a UserWarning)
-└── InputWarning           inputs that a run took as 0, since nobody gave them
+└── InputWarning           inputs that nobody gave, or to which nothing can respond
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class GearlibWarning(UserWarning):
 
 
 class InputWarning(GearlibWarning):
-    """Inputs that nobody gave: a run took them as 0."""
+    """Inputs that nobody gave, which a run took as 0; an input of a linear analysis that no equation contains."""
 
 
 def warn(message: str, category: type[Warning]) -> None:

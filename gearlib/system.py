@@ -158,7 +158,7 @@ class System(Compiled):
         check_form("ida", form, "native")
         free = own.start(own.scene, own.parameter_values(None), 0.0, None, [0.0] * len(own.inputs)).free
         handed = None if form == "ode" else scene_form(own.scene, form).equations
-        return summary(own.name, own.scene, own.outputs, free, own.left_out, own.inputs, handed)
+        return summary(own.name, own.scene, own.outputs, free, own.special, own.inputs, handed)
 
     def graph(self, reduced: bool = False) -> Any:
         """The equations as a networkx graph.
@@ -287,6 +287,7 @@ class System(Compiled):
         audit : bool
             Whether to check the run's energies at once: ``result.stats["energy_residual"]`` is the largest residual of
             `Result.energy_balance` over the energy that was exchanged, and a warning says if the tolerance does not explain it.
+            By default that is done when this number is read, since it costs several runs.
         form : {"ode", "torn", "dae"}
             What ``method="ida"`` is handed. ``"ode"``: the states; all other unknowns are computed from them in each evaluation.
             ``"torn"``: also the tearing variables of nonlinear blocks. ``"dae"``: the index-reduced equations F(t, y, y') = 0 as they

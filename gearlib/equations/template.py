@@ -135,6 +135,11 @@ class Template:
         )
 
     @cached_property
+    def cancelling(self) -> tuple[int, ...]:
+        """The columns whose coefficients depend on parameters only and are sums, which may cancel, as ``1 - ratio``."""
+        return tuple(c for c, p in enumerate(self.partials) if p.number is None and p.constant and p.expression.has(sympy.Add))
+
+    @cached_property
     def linear(self) -> bool:
         """Linear in all its variables, with coefficients that are constant during a run."""
         return not self.relations_on_variables and all(p.constant for p in self.partials)

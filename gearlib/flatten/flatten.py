@@ -29,22 +29,22 @@ from gearlib.flatten.model import (
     StartValues,
     UpdateGroup,
 )
-from gearlib.flatten.specialise import Raw, simplified, without_parameters
+from gearlib.flatten.specialise import Raw, Special, simplified, with_values
 from gearlib.flatten.tree import Tree
 from gearlib.flatten.unused import refuse_unused
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
 
 
-def flatten(component: Component, absent: frozenset[int] = frozenset()) -> FlatModel:
+def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
     """Flatten a component and all its parts.
 
     Parameters
     ----------
     component : Component
         The outermost one.
-    absent : frozenset of int
-        Parameters that are zero: the equations are written without them.
+    put_in : frozenset of (int, float)
+        Parameters whose values the equations are written with, since a coefficient is zero there.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def flatten(component: Component, absent: frozenset[int] = frozenset()) -> FlatM
     refuse_unused(tree, component)
     table = _parameter_table(tree)
     check_bounds(table, table.defaults)
-    raw, equalities = _equations(tree, absent)
+    raw, equalities = _equations(tree, put_in)
     sums, zeros, n_sets, n_variables, ports = _connections(tree)
     for kind in sorted({len(s.variables) for s in sums} - {2}):
         members = [s for s in sums if len(s.variables) == kind]
@@ -226,7 +226,7 @@ def _parameter_levels(tree: Tree) -> dict[int, int]:
     return level
 
 
-def _equations(tree: Tree, absent: frozenset[int]) -> tuple[list[Raw], list[tuple[int, int, int]]]:
+def _equations(tree: Tree, put_in: Special) -> tuple[list[Raw], list[tuple[int, int, int]]]:
     first_variable = np.array([i.first_variable for i in tree.instances], np.int64)
     first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
     blocks: list[tuple[Template, Integers, Integers, Integers]] = []
@@ -249,8 +249,8 @@ def _equations(tree: Tree, absent: frozenset[int]) -> tuple[list[Raw], list[tupl
             )
         )
     pieces = [Raw(template, v, np.ones_like(v), parameters, who) for template, v, parameters, who in blocks]
-    if absent:
-        pieces = [part for piece in pieces for part in without_parameters(piece, absent, tree.parameter_names)]
+    if put_in:
+        pieces = [part for piece in pieces for part in with_values(piece, dict(put_in), tree.parameter_names)]
     equalities: list[tuple[int, int, int]] = []
     return _separated(pieces, equalities), equalities
 

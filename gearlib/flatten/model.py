@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,6 +22,17 @@ from gearlib.language.declarations import Connector, Parameter, Variable
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 MOST_AFFECTED = 64  # sets of given parameters whose dependents are remembered
+
+
+def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:
+    """For sorting names so that ``body[10]`` comes after ``body[9]``.
+
+    >>> sorted(["body[10].w", "body[9].w", "axle"], key=alphabetical)
+    ['axle', 'body[9].w', 'body[10].w']
+    """
+    return tuple(
+        (int(part.isdigit()), int(part) if part.isdigit() else 0, part) for part in re.split(r"([0-9]+)", name) if part
+    )
 
 
 @dataclass(frozen=True)
@@ -248,6 +260,26 @@ class FlatModel:
     @cached_property
     def _by_path(self) -> dict[str, int]:
         return {instance.path: i for i, instance in enumerate(self.instances)}
+
+    @cached_property
+    def ranks(self) -> list[int]:
+        """Place of each representative among the paths, the deepest first, then by the alphabet: not by order of declaration.
+
+        Of variables that are equal the highest place counts, since which of them is the representative depends on that order.
+        """
+        paths = [instance.path for instance in self.instances]
+        by_path = sorted(range(len(paths)), key=lambda k: (-paths[k].count("."), alphabetical(paths[k])))
+        place, own = 0, np.arange(len(self.representative))
+        for k in by_path:
+            instance = self.instances[k]
+            count = len(instance.variables)
+            own[instance.first_variable : instance.first_variable + count] = np.arange(place, place + count)
+            place += count
+        found = np.full(len(self.representative), -1)
+        moving = self.sign != 0
+        np.maximum.at(found, self.representative[moving], own[moving])
+        result: list[int] = found.tolist()
+        return result
 
     def name(self, variable: int) -> str:
         """The path of a variable."""

@@ -1,13 +1,14 @@
-"""Specialisation of templates: variables merged by aliases, identically zero, or without a parameter that is zero.
+"""Specialisation of templates: variables merged by aliases, identically zero, or parameters at values that make a coefficient zero.
 
 A spring whose two flanges lie on one rigid set has ``phi_rel = phi - phi``, which is zero whatever ``phi`` is; neither matching nor
-code may see a ``phi`` in it. A body with ``J = 0`` states that its torques cancel, and says nothing of its acceleration. So the
-symbols are put in, the equation is simplified, and what is left is a template of its own: one for each such pattern of a class.
+code may see a ``phi`` in it. A body with ``J = 0`` states that its torques cancel, and says nothing of its acceleration; a gear
+with ``ratio = 1`` says nothing of its support. So the symbols or values are put in, the equation is simplified, and what is left is
+a template of its own: one for each such pattern of a class.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -20,6 +21,10 @@ from gearlib.flatten.aliases import Aliases, Integers
 
 # of each local: the first one that is the same variable (-1: always zero), and its sign relative to that
 Pattern = tuple[tuple[int, int], ...]
+Special = frozenset[tuple[int, float]]  # parameters, with values at which a coefficient is zero
+
+
+LARGEST = 1000  # denominator of a coefficient that is kept as a fraction
 
 
 @dataclass(frozen=True)
@@ -46,15 +51,15 @@ class Raw:
 
 
 @lru_cache(maxsize=10_000)
-def specialised(template: Template, pattern: Pattern, absent: frozenset[str] = frozenset()) -> Template:
-    """The template over the first local of each variable, without the absent parameters.
+def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[str, float]] = frozenset()) -> Template:
+    """The template over the first local of each variable, with the values of some parameters.
 
     Raises
     ------
     SingularError
         It divides by what is then zero.
     """
-    table = {sympy.Symbol(name, real=True): sympy.S.Zero for name in absent}
+    table = {sympy.Symbol(name, real=True): sympy.Rational(value) for name, value in values}  # exact: what cancels is 0
     where = {name: j for j, name in enumerate(template.locals)}
     for name, order in (*template.columns, *template.relation_columns):
         lead, sign = pattern[where[name]]
@@ -73,32 +78,38 @@ def specialised(template: Template, pattern: Pattern, absent: frozenset[str] = f
             known[symbol] = sympy.Symbol(f"relation_{len(relations)}", real=True)
             relations.append(Relation(g, relation.strict, relation.negated))
     residual = residual.xreplace(known)
+    if values:
+        fractions = {r for r in residual.atoms(sympy.Rational) if r.q > LARGEST}
+        residual = residual.xreplace({r: sympy.Float(float(r)) for r in fractions})
     if residual.has(sympy.zoo, sympy.nan, sympy.oo, sympy.S.NegativeInfinity):
         raise SingularError(f"{template.label} divides by zero")
     return make_template(template.label, residual, template.parameters, tuple(relations), template.discretes)
 
 
-def without_parameters(raw: Raw, absent: frozenset[int], names: Sequence[str]) -> list[Raw]:
-    """The equations without some parameters, which are zero.
+def with_values(raw: Raw, values: Mapping[int, float], names: Sequence[str]) -> list[Raw]:
+    """The equations with the values of some parameters.
 
     Raises
     ------
     SingularError
-        One of them is divided by.
+        One of them is zero, and divided by.
     """
-    here = np.isin(raw.parameters, list(absent))
+    here = np.isin(raw.parameters, list(values))
     if not here.any():
         return [raw]
     identity = tuple((j, 1) for j in range(len(raw.template.locals)))
+    alike: dict[tuple[tuple[int, float], ...], list[int]] = {}
+    for row in range(len(raw)):
+        pattern = tuple((p, values[raw.parameters[row, p]]) for p in np.flatnonzero(here[row]).tolist())
+        alike.setdefault(pattern, []).append(row)
     pieces = []
-    for columns in np.unique(here, axis=0):
-        rows = np.flatnonzero((here == columns).all(axis=1))
-        gone = np.flatnonzero(columns)
-        local = frozenset(raw.template.parameters[p] for p in gone)
+    for pattern, rows in alike.items():
+        local = frozenset((raw.template.parameters[p], value) for p, value in pattern)
         try:
-            pieces.append(raw.take(rows, specialised(raw.template, identity, local)))
+            template = specialised(raw.template, identity, local) if local else raw.template
+            pieces.append(raw.take(np.array(rows, np.int64), template))
         except SingularError as problem:
-            named = ", ".join(names[p] for p in raw.parameters[rows[0]][gone])
+            named = ", ".join(names[raw.parameters[rows[0], p]] for p, value in pattern if value == 0.0)
             raise SingularError(f"{problem}: {named} may not be 0") from None
     return pieces
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import name_list
-from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
+from gearlib.errors import ArgumentError, InputWarning, NameLookupError, SolverError, nearest, warn
 from gearlib.flatten.model import FlatModel
 from gearlib.linear.condition import conditions
 from gearlib.linear.held_states import remaining
@@ -20,6 +20,7 @@ from gearlib.program.build import build
 from gearlib.program.derivatives import derivatives, undetermined
 from gearlib.program.interpret import prepare
 from gearlib.program.program import Program
+from gearlib.reduce.rows import some
 from gearlib.run.scene import Scene, needed_states, node_name
 from gearlib.run.translation import Translation
 
@@ -50,7 +51,49 @@ def linearized(
     states = needed_states(translation.structure, translation.nodes(chosen))
     scene, numbers, point = operating_point(translation, states, at, parameters)
     model = linearize(scene, numbers, chosen_inputs, chosen, point)
+    if inputs is not None:
+        _warn_of_unread(translation, chosen_inputs)
     return replace(model, conditions=conditions(scene, numbers, point).said) if worded else model
+
+
+def read_by_equations(model: FlatModel) -> frozenset[int]:
+    """Variables that some equation contains, other than the binding of an input that is itself in no other."""
+    bound: dict[int, set[int]] = {}  # the variables of each input's own binding
+    read: set[int] = set()
+    for group in [*model.groups, *(u.equations for u in model.discretes.updates)]:
+        used = group.signs != 0
+        if group.template.label != "binding":
+            read.update(group.variables[used].tolist())
+            continue
+        j = group.template.locals.index("bound")
+        for row, mask in zip(group.variables, used, strict=True):
+            bound.setdefault(int(row[j]), set()).update(row[mask].tolist())
+    waiting = [v for v in bound if v in read]
+    while waiting:
+        v = waiting.pop()
+        waiting += [w for w in bound[v] if w in bound and w not in read]
+        read |= bound[v]
+    return frozenset(read)
+
+
+def _warn_of_unread(translation: Translation, inputs: Sequence[str]) -> None:
+    """Warn of inputs to which nothing can respond, since their values enter no equation."""
+    model = translation.model
+    read = read_by_equations(model)
+
+    def is_read(name: str) -> bool:
+        return int(model.representative[model.variable(name)]) in read
+
+    for name in inputs:
+        if is_read(name):
+            continue
+        path, _, local = name.rpartition(".")
+        inside = f"{path}." if path else ""
+        others = [
+            n for n in input_names(model) if n.startswith(inside) and n.endswith(f".{local}") and n != name and is_read(n)
+        ]
+        instead = f"; the equations contain {some(others, ', ')}, whose values do not come from it" if others else ""
+        warn(f"{translation.name}: no equation contains the input {name}, and nothing responds to it{instead}", InputWarning)
 
 
 def linearize(

@@ -31,6 +31,7 @@ class Prepared:
     """A program with its parameter values, and with the solution matrix of each linear block."""
 
     program: Program
+    structure: Structure
     parameters: Floats
     solutions: tuple[Floats | Factored, ...]  # in the order of the linear blocks: (unknowns, known)
     compiled: Callable[[Floats, Floats, Floats, Floats, Floats | None, bool], Floats] | None = (
@@ -76,7 +77,9 @@ def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepa
     if wrong.any():
         raise _divided(program, structure, parameters, int(np.argmax(wrong)))
     blocks = [s for s in program.steps if isinstance(s, Linear)]
-    return Prepared(program, parameters, tuple(_solution(b, structure, m) for b, m in zip(blocks, matrices, strict=True)))
+    return Prepared(
+        program, structure, parameters, tuple(_solution(b, structure, m) for b, m in zip(blocks, matrices, strict=True))
+    )
 
 
 def _divided(program: Program, structure: Structure, parameters: Floats, row: int) -> SingularError:
@@ -110,6 +113,12 @@ def owner_of(structure: Structure, equation: int) -> str:
         instance = structure.model.instances[-1 - equation]
         return instance.path or instance.kind
     return structure.model.owner(*structure.rows[equation])
+
+
+def labelled(structure: Structure, batch: Batch, row: int) -> str:
+    """An equation with the path of the component that wrote it."""
+    who, label = owner_of(structure, int(batch.equations[row])), batch.kernel.template.label
+    return label if label.startswith(f"{who}: ") else f"{who}: {label}"  # the outermost one is its class
 
 
 def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | Factored:
@@ -260,7 +269,7 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
                     one = slice(i, i + 1)
                     _iterate(step, prepared, t[one], slots[:, one], relations[:, one], start[:, one])
                 return
-            change = _singular_step(step, matrix[0], residual[:, 0], z[:, left[0]], float(now[0]))[:, None]
+            change = _singular_step(step, prepared.structure, matrix[0], residual[:, 0], z[:, left[0]], float(now[0]))[:, None]
         z[:, left] -= change
         size, moved = np.abs(z[:, left]).max(axis=0), np.abs(change).max(axis=0)
         done = moved <= 1e-14 * size + 1e-300
@@ -272,12 +281,12 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
     slots[step.unknowns] = z
     if len(left):
         raise SolverError(
-            f"the nonlinear equations {_labels(step)} were not solved at t = {t[left[0]]:g} s; they have no solution there, or need "
-            "better guesses: guess={...} of their variables"
+            f"the nonlinear equations {_labels(step, prepared.structure)} were not solved at t = {t[left[0]]:g} s; they have no "
+            "solution there, or need better guesses: guess={...} of their variables"
         )
 
 
-def _singular_step(step: Newton, matrix: Floats, residual: Floats, z: Floats, t: float) -> Floats:
+def _singular_step(step: Newton, structure: Structure, matrix: Floats, residual: Floats, z: Floats, t: float) -> Floats:
     """Minimum-norm Newton step for a singular matrix; a perturbation where a residual remains (x**2 = 4 at x = 0)."""
     finite = bool(np.isfinite(matrix).all() and np.isfinite(residual).all())
     change: Floats = np.zeros(len(z))
@@ -285,13 +294,16 @@ def _singular_step(step: Newton, matrix: Floats, residual: Floats, z: Floats, t:
         change = np.asarray(np.linalg.lstsq(matrix, residual, rcond=None)[0], np.float64)
     if not finite or np.abs(residual - matrix @ change).max() > 1e-9 * np.abs(residual).max():
         if step.linear or not finite:
-            raise SolverError(f"the equations {_labels(step)} have no solution at t = {t:g} s: they depend on each other there")
+            raise SolverError(
+                f"the equations {_labels(step, structure)} have no solution at t = {t:g} s: they depend on each other there"
+            )
         change = np.asarray(change - 1e-3 * np.maximum(np.abs(z), 1.0), np.float64)
     return change
 
 
-def _labels(step: Newton) -> str:
-    labels = list(dict.fromkeys(batch.kernel.template.label for batch in step.residuals))
+def _labels(step: Newton, structure: Structure) -> str:
+    """The equations of a block, each with the path of its component."""
+    labels = list(dict.fromkeys(labelled(structure, b, row) for b in step.residuals for row in range(len(b))))
     return "; ".join(labels[:4]) + (f" and {len(labels) - 4} more" if len(labels) > 4 else "")
 
 

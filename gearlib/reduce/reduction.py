@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
-from gearlib.flatten.model import FlatModel
-from gearlib.reduce.redundancy import alphabetical, balanced, flows_beside, redundant_rows, shifted, without
+from gearlib.flatten.model import FlatModel, alphabetical
+from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, shifted, without
 from gearlib.reduce.rows import Coefficients, Rows
 from gearlib.structure.defining_equations import Determined
 from gearlib.structure.incidence import Entry, Node
@@ -106,7 +106,7 @@ def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
     result = pantelides(len(rows.place), lambda e, k: [n for n in rows.columns(e, k) if n[0] not in given])
     _refuse_differentiated_inputs(model, rows, result, given)
     varying = _varying(model, rows, result)
-    choice = choose_states(result, _entries(model, rows, result, numbers), _badness(model, result), varying)
+    choice = choose_states(result, _entries(model, rows, result, numbers), _badness(model, result), varying, model.ranks)
     if choice.singular:
         owners = sorted({model.owner(*rows.place[e]) for e in choice.singular})
         raise SingularError(
@@ -127,7 +127,7 @@ def choose_again(structure: Structure, numbers: Coefficients) -> Structure | Non
     entries, varying = _entries(model, rows, result, numbers), _varying(model, rows, result)
     by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
     for badness in (by_declaration, {}):
-        choice = choose_states(result, entries, badness, varying)
+        choice = choose_states(result, entries, badness, varying, model.ranks)
         kept = all((v, 0) in choice.states for v in _reinitialised(model))
         if not choice.singular and kept and set(choice.states) != set(structure.states):
             choice = _with_derivatives(model, rows, choice)

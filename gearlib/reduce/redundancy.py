@@ -6,7 +6,6 @@ equation determines. Both are found with numbers, since structure alone cannot t
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.errors import BalanceError, LoopError
-from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
 from gearlib.reduce.imbalance import explained
 from gearlib.reduce.rows import Coefficients, Rows, listed, some
 from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn
@@ -195,17 +194,6 @@ def last_names(model: FlatModel, variables: Collection[int]) -> dict[int, str]:
     for same in np.flatnonzero(np.isin(model.representative, list(names))).tolist():
         names[int(model.representative[same])].append(model.name(same))
     return {v: max(same, key=alphabetical, default=model.name(v)) for v, same in names.items()}
-
-
-def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:
-    """For sorting names so that ``body[10]`` comes after ``body[9]``.
-
-    >>> sorted(["body[10].w", "body[9].w", "axle"], key=alphabetical)
-    ['axle', 'body[9].w', 'body[10].w']
-    """
-    return tuple(
-        (int(part.isdigit()), int(part) if part.isdigit() else 0, part) for part in re.split(r"([0-9]+)", name) if part
-    )
 
 
 def _definitions(model: FlatModel, rows: Rows) -> frozenset[int]:

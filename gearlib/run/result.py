@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import as_path, by_name, flag, name_list, one_name, real, shown
-from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.errors import ArgumentError, NameLookupError, warn
 from gearlib.files.contents import Record, versions
 from gearlib.optional import optional
 from gearlib.run.request import Request
@@ -37,6 +36,21 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 MOST_SHOWN = 30  # outputs in a notebook
 ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the parts of a run
+
+
+class Statistics(dict[str, Any]):
+    """What the solver did; ``["energy_residual"]``, which costs several runs, is there as soon as it is read."""
+
+    check_energy: Callable[[], None] | None = None
+
+    def __missing__(self, key: str) -> Any:
+        if key != "energy_residual" or self.check_energy is None:
+            raise KeyError(key)
+        self.check_energy()
+        return self[key]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
 
 
 class Result(ABC):
@@ -299,7 +313,9 @@ class SimulatedResult(Result):
     ) -> None:  # fmt: skip
         (first, stats, _), *later = parts
         self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
-        self.stats = dict(stats)
+        told = Statistics(stats)
+        told.check_energy = self.check_energy
+        self.stats = told
         for _, more, _ in later:
             self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
         if later:
@@ -504,12 +520,12 @@ class SimulatedResult(Result):
 
         self.stats["energy_residual"] = found.relative_residual
         if not explained(found, tighter):
-            warnings.warn(
+            warn(
                 f"the energy balance is off by {found.relative_residual:.2g} of the energy exchanged, more than rtol = {found.rtol:g} "
                 f"explains, most of all in {found.worst or 'the whole'}: its equations and its energies() contradict each other, or "
                 "the run is wrong (result.energy_balance())",
-                RuntimeWarning, stacklevel=3,
-            )  # fmt: skip
+                RuntimeWarning,
+            )
 
     def __repr__(self) -> str:
         method = self.stats.get("method", "?")
@@ -523,5 +539,6 @@ def _restored(
     """A result that comes from another process."""
     made = [(Segment(translation.with_states(states), *rest), stats, ()) for states, *rest in parts]
     result = SimulatedResult(made, translation, request, run)
-    result.stats, result.events = stats, events
+    result.stats.update(stats)
+    result.events = events
     return result

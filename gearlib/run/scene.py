@@ -17,7 +17,7 @@ from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_sourc
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, state_plan
 from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase, right_hand
-from gearlib.program.interpret import Prepared, batch_values, evaluate, owner_of, prepare
+from gearlib.program.interpret import Prepared, batch_values, evaluate, labelled, prepare
 from gearlib.program.program import Newton, Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.reduce.reduction import Structure
@@ -311,8 +311,7 @@ def relation_names(structure: Structure, relations: Relations | None) -> dict[in
     owner: dict[int, str] = {}
     for batch in () if relations is None else relations.batches:
         for i, number in enumerate(batch.targets.tolist()):
-            who, label = owner_of(structure, int(batch.equations[i])), batch.kernel.template.label
-            owner[number] = label if label.startswith(f"{who}: ") else f"{who}: {label}"  # the outermost one is its class
+            owner[number] = labelled(structure, batch, i)
     return owner
 
 

@@ -14,7 +14,7 @@ MOST = 12
 
 
 def summary(
-    name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], zero: Sequence[str],
+    name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], special: Sequence[str],
     inputs: Sequence[str], handed: ResidualForm | None = None,
 ) -> str:  # fmt: skip
     """A few lines for each phase."""
@@ -47,8 +47,8 @@ def summary(
             f"  redundant   equations of {_some(list(structure.redundant)) or 'connections'} follow from others; the split of torque "
             f"is undetermined there, and set so that these are zero: {_some(list(structure.closed))}"
         )
-    if zero:
-        lines.append(f"  zeros       translated without what they multiply: {_some(list(zero))}")
+    if special:
+        lines.append(f"  zeros       translated with these values, at which a coefficient is zero: {_some(list(special))}")
     kind = "linear, time-invariant" if program.is_linear else "nonlinear, or with coefficients that vary"
     lines.append(f"  scene       {kind}; outputs: {_some(list(outputs)) if outputs is not None else 'everything, on demand'}")
     if inputs:

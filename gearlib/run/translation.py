@@ -16,6 +16,7 @@ from gearlib.arguments import by_name, real, shown
 from gearlib.errors import ArgumentError, ModelError, NameLookupError, SingularError, nearest
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
+from gearlib.flatten.specialise import Special
 from gearlib.language.component import Component
 from gearlib.language.recipes import packed
 from gearlib.reduce.coefficients import coefficients_of
@@ -24,7 +25,7 @@ from gearlib.reduce.rows import some
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Start, start_values, start_variable
 from gearlib.run.steady import steady_state
-from gearlib.run.zeros import can_be_solved, factors
+from gearlib.run.zeros import Sums, can_be_solved, factors, special_values, sums
 from gearlib.solvers.inputs.table import FunctionInput, Table, as_table, values
 from gearlib.structure.incidence import Node
 
@@ -48,9 +49,9 @@ def translate(component: Component, outputs: tuple[str, ...] | None) -> Translat
         What is wrong with the model, and an output that it does not have.
     """
     model = flatten(component)
-    variants = Variants(component, outputs, factors(model), model.parameters.names)
+    variants = Variants(component, outputs, factors(model), sums(model), model.parameters.names)
     defaults = model.parameters.defaults
-    if variants.zeros(defaults):
+    if variants.special(defaults):
         try:
             return variants.fitting(defaults)
         except SingularError:
@@ -60,61 +61,64 @@ def translate(component: Component, outputs: tuple[str, ...] | None) -> Translat
 
 @dataclass(frozen=True, eq=False)
 class Variants:
-    """The translations of one component, which differ by the parameters that are zero and left out of the equations."""
+    """The translations of one component, which differ by the parameters whose values are put into the equations."""
 
     component: Component
     outputs: tuple[str, ...] | None
     factors: Integers  # parameters that a variable is multiplied by
+    sums: Sums  # coefficients that may cancel
     names: tuple[str, ...]
-    known: dict[frozenset[int], Translation] = field(default_factory=dict)  # by the parameters that are left out
-    chosen: dict[frozenset[int], Translation] = field(default_factory=dict)  # by the factors that are zero
+    known: dict[Special, Translation] = field(default_factory=dict)  # by the values that are put in
+    chosen: dict[Special, Translation] = field(default_factory=dict)  # by the values that make a coefficient zero
 
-    def zeros(self, parameters: Floats) -> frozenset[int]:
-        """The factors that are zero."""
-        values = parameters[self.factors]
-        return frozenset() if values.all() else frozenset(self.factors[values == 0.0].tolist())
+    def special(self, parameters: Floats) -> Special:
+        """The parameters, with their values, that make a variable's coefficient zero."""
+        return special_values(self.factors, self.sums, parameters)
 
-    def translated(self, absent: frozenset[int], parameters: Floats, model: FlatModel | None = None) -> Translation:
-        """The translation without some parameters."""
-        if absent not in self.known:
-            model = model or flatten(self.component, absent)
+    def translated(self, put_in: Special, parameters: Floats, model: FlatModel | None = None) -> Translation:
+        """The translation with the values of some parameters in its equations."""
+        if put_in not in self.known:
+            model = model or flatten(self.component, put_in)
             structure = analyse(model, coefficients_of(model, parameters, 0.0))
             scene = asked_scene(structure, self.outputs)
-            self.known[absent] = Translation(structure, scene, self.outputs, self.component, self, absent)
-        return self.known[absent]
+            self.known[put_in] = Translation(structure, scene, self.outputs, self.component, self, put_in)
+        return self.known[put_in]
 
     def fitting(self, parameters: Floats) -> Translation:
-        """The translation that can be solved with these parameters: with all of them, or without those that are zero.
+        """The translation that can be solved with these parameters: the general one, or one with the special values put in.
 
         Raises
         ------
         ModelError
             Neither can.
         """
-        zero = self.zeros(parameters)
-        if zero not in self.chosen:
-            self.chosen[zero] = self._tried(zero, parameters)
-        return self.chosen[zero]
+        special = self.special(parameters)
+        if special not in self.chosen:
+            self.chosen[special] = self._tried(special, parameters)
+        return self.chosen[special]
 
-    def _tried(self, zero: frozenset[int], parameters: Floats) -> Translation:
-        if not zero:
-            return self.translated(zero, parameters)
+    def _tried(self, special: Special, parameters: Floats) -> Translation:
+        if not special:
+            return self.translated(special, parameters)
+        general: Translation | None = None
         try:
-            found = self.translated(frozenset(), parameters)
-            if can_be_solved(found.scene, parameters):
-                return found
+            general = self.translated(frozenset(), parameters)
+            if can_be_solved(general.scene, parameters):
+                return general
         except ModelError:
             pass  # not solved with the zeros in it: tried without
         try:
-            found = self.translated(zero, parameters)
+            found = self.translated(special, parameters)
             found.scene.numbers(parameters)
         except ModelError as problem:
-            raise SingularError(f"with {some(self.zero_names(zero))}: {problem}") from None
+            if general is not None and any(value for _, value in special):
+                general.scene.numbers(parameters)  # names the coefficient that cancels, where it is divided by
+            raise SingularError(f"with {some(self.named(special))}: {problem}") from None
         return found
 
-    def zero_names(self, absent: frozenset[int]) -> list[str]:
+    def named(self, special: Special) -> list[str]:
         """Parameters as ``body.J = 0``."""
-        return [f"{self.names[p]} = 0" for p in sorted(absent)]
+        return [f"{self.names[p]} = {value:g}" for p, value in sorted(special)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +137,8 @@ class Translation:
         What was translated.
     variants : Variants
         The other translations of the same component.
-    absent : frozenset of int
-        Parameters that are zero and left out of the equations.
+    put_in : frozenset of (int, float)
+        Parameters whose values are in the equations, since a coefficient is zero there.
     scenes : dict
         Scenes with other states, as runs and analyses needed them; grows.
     switched : dict
@@ -146,7 +150,7 @@ class Translation:
     outputs: tuple[str, ...] | None
     component: Component
     variants: Variants
-    absent: frozenset[int]
+    put_in: Special
     scenes: dict[tuple[States, tuple[int, ...], States], Scene] = field(default_factory=dict)
     switched: dict[States, Scene] = field(default_factory=dict)
 
@@ -171,9 +175,9 @@ class Translation:
         return tuple(self.model.name(int(v)) for v in self.model.inputs)
 
     @property
-    def left_out(self) -> list[str]:
-        """The parameters that are left out of the equations, as ``body.J = 0``."""
-        return self.variants.zero_names(self.absent)
+    def special(self) -> list[str]:
+        """The parameters whose values are in the equations, as ``body.J = 0``."""
+        return self.variants.named(self.put_in)
 
     def unit(self, name: str) -> str:
         """Unit of a variable or a derivative, where it is known."""
@@ -225,7 +229,7 @@ class Translation:
         What is zero may decide which equation determines what (a body without inertia has no speed of its own), so that where a
         zero would be divided by the model is translated again, once for each set of zeros.
         """
-        if not self.absent and not self.variants.zeros(parameters):
+        if not self.put_in and not self.variants.special(parameters):
             return self
         return self.variants.fitting(parameters)
 
@@ -334,19 +338,20 @@ class Translation:
         return replace(begin, modes=modes[:, 0])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _translated_again, (packed((self.component, self.outputs)), self.absent)
+        return _translated_again, (packed((self.component, self.outputs)), self.put_in)
 
 
 @lru_cache(maxsize=16)
-def _translated_again(recipe: bytes, absent: frozenset[int]) -> Translation:
+def _translated_again(recipe: bytes, put_in: Special) -> Translation:
     """A translation in another process, or of a copy: made once for all results that come from there."""
     component, outputs = pickle.loads(recipe)
     found = translate(component, outputs)
-    if found.absent == absent:
+    if found.put_in == put_in:
         return found
     numbers = found.model.parameters.defaults.copy()
-    numbers[list(absent)] = 0.0
-    return found.variants.translated(absent, numbers)
+    for p, value in put_in:
+        numbers[p] = value
+    return found.variants.translated(put_in, numbers)
 
 
 def output_nodes(structure: Structure, outputs: Iterable[str]) -> list[Node]:

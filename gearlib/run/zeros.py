@@ -1,19 +1,26 @@
-"""Zero parameters that would be divided by; equations without them are used instead.
+"""Parameter values at which a coefficient that would be divided by is zero; equations without it are used instead.
 
 A body without inertia has no acceleration of its own to compute: ``J der(w) = tau_a + tau_b`` with ``J = 0`` says that its torques
-cancel. Which unknown an equation determines then is another question, so that the model is translated again with the coefficient
-absent. Other zeros (the damping of a spring that stands between bodies) change nothing, and cost nothing.
+cancel. A gear's support has the coefficient ``1 - ratio``, and no part in its equation where the ratio is 1. Which unknown an equation
+determines then is another question, so that the model is translated again with the coefficient absent. Other zeros (the damping of a
+spring that stands between bodies) change nothing, and cost nothing.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from gearlib.equations.kernel import Kernel, partial_kernel
 from gearlib.errors import SingularError
 from gearlib.flatten.model import FlatModel, Floats, Integers
+from gearlib.flatten.specialise import Special
 from gearlib.program.interpret import constant_values
 from gearlib.program.program import Newton, Program
 from gearlib.run.scene import Scene
+
+Sums = tuple[
+    tuple[Kernel, Integers], ...
+]  # coefficients as ``1 - ratio``, their parameters: a row for each argument, a column each
 
 
 def factors(model: FlatModel) -> Integers:
@@ -24,6 +31,27 @@ def factors(model: FlatModel) -> Integers:
             if name in group.template.factors:
                 found.update(group.parameters[:, p].tolist())
     return np.array(sorted(found), np.int64)
+
+
+def sums(model: FlatModel) -> Sums:
+    """Constant coefficients that are sums, which may cancel."""
+    kernels = [(group, partial_kernel(group.template, c)) for group in model.groups for c in group.template.cancelling]
+    return tuple((kernel, group.parameters[:, list(kernel.parameters)].T) for group, kernel in kernels)
+
+
+def special_values(multiplied: Integers, added: Sums, parameters: Floats) -> Special:
+    """The parameters, with their values, at which a coefficient is zero: one of the factors, or one of the sums."""
+    values = parameters[multiplied]
+    zero = set() if values.all() else set(multiplied[values == 0.0].tolist())
+    found = {(p, 0.0) for p in zero}
+    for kernel, places in added:
+        with np.errstate(all="ignore"):
+            cancelled = np.flatnonzero(kernel.function(0.0, *parameters[places]) == 0.0)
+        for column in cancelled.tolist():
+            involved = places[:, column].tolist()
+            if zero.isdisjoint(involved):
+                found.update((p, float(parameters[p])) for p in involved)
+    return frozenset(found)
 
 
 def can_be_solved(scene: Scene, parameters: Floats) -> bool:

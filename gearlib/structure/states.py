@@ -44,6 +44,7 @@ def choose_states(
     entries: Iterable[Entry],
     badness: Mapping[Node, tuple[float, ...]],
     varying: frozenset[int] = frozenset(),
+    ranks: Sequence[int] | None = None,
 ) -> StateChoice:
     """Select the states.
 
@@ -57,6 +58,8 @@ def choose_states(
         Of each candidate node (v, k), how little it is wanted as a state; larger is worse.
     varying : frozenset of int
         Equations whose coefficients change during a run.
+    ranks : sequence of int, optional
+        Of each variable: of equals the one with the lowest rank is no state. By default the variables' numbers.
     """
     counts, orders = result.counts, result.orders
     solved_by: dict[Node, Node] = {(v, orders[v]): (e, counts[e]) for e, v in result.assignment.items()}
@@ -65,7 +68,7 @@ def choose_states(
         for k in range(counts[e]):
             if value != 0.0 and order + k < orders[v]:
                 rows[e, k][v, order + k] = rows[e, k].get((v, order + k), 0.0) + value
-    chosen, failed = select_columns(rows, badness, varying)
+    chosen, failed = select_columns(rows, badness, varying, ranks=ranks)
     keys = list(rows)
     partner = maximum_matching([[n for n, a in rows[key].items() if n in chosen and a != 0.0] for key in keys])
     solved_by.update({node: keys[r] for r, node in partner.items()})
@@ -78,6 +81,7 @@ def select_columns(
     badness: Mapping[Node, Sequence[float]],
     varying: frozenset[int] = frozenset(),
     zero: float = ZERO,
+    ranks: Sequence[int] | None = None,
 ) -> tuple[set[Node], list[Node]]:
     """Independent columns, one per row, least wanted first; and the rows without one.
 
@@ -100,7 +104,7 @@ def select_columns(
 
     def key(v: Node) -> Any:
         """The first one has the largest."""
-        return badness.get(v, (0.0,)), -entries[v], largest[v], (-v[0], -v[1])
+        return badness.get(v, (0.0,)), -entries[v], largest[v], (-(v[0] if ranks is None else ranks[v[0]]), -v[1])
 
     waiting = sorted(holders, key=key)
     open_rows = set(work)

@@ -31,7 +31,7 @@ def test_xp_train_for_any_positive_parameters(seed: int | None) -> None:
     lost = sum(params.R[b] * flows[b] ** 2 for b in zc.RESISTANCES)
     values = {
         "w_in": flows[2], "q_ring": x[1], "q_sun": x[4], "q_pair": x[6], "train.x_unit.planets_at_ring.w": flows[11],
-        "train.x_unit.planets_at_sun.w": -flows[35], "train.p_unit.gear_1.w": flows[69], "train.p_unit.gear_2.w": flows[78],
+        "train.x_unit.planets_at_sun.w": -flows[35], "w_sun": flows[69], "w_out": -flows[78],
     }  # fmt: skip
     state = np.array([values[name] for name in proof.states])
     assert state @ proof.Q @ state / 2 == pytest.approx(energy, rel=1e-9)

@@ -68,7 +68,7 @@ def test_symbols_are_put_in_and_relations_decided() -> None:
     opposite = specialised(template, ((0, 1), (0, -1)))
     assert opposite.columns == (("a", 0),)
     assert len(opposite.relations) == 1
-    assert specialised(template, ((0, 1), (1, 1)), frozenset({"k"})).residual.free_symbols >= {a}
+    assert specialised(template, ((0, 1), (1, 1)), frozenset({("k", 0.0)})).residual.free_symbols >= {a}
 
 
 class Opposite(gl.Component):

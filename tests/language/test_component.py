@@ -33,7 +33,7 @@ def test_parts_are_reached_before_and_after_compiling() -> None:
 
     model = composite(assemble, J=gl.Parameter("kg.m2", "inertia", default=2.0))
     assert repr(model.planets[2]) == "<Inertia planets[2]>"
-    assert gl.compile(model, outputs=["load.w"]).states == ("load.w",)
+    assert gl.compile(model, outputs=["load.w"]).states == ("planets[2].w",)
     assert "planets[2].w" in gl.compile(model).variables
 
 

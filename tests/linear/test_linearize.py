@@ -280,3 +280,60 @@ def test_sparse_and_full_matrices_agree(chain: Callable[..., gl.System]) -> None
     assert small.A.nnz < 8000
     full = chain(n=1000).linearize(*names)
     assert np.array_equal(small.A.toarray(), np.array(full.A))
+
+
+class Inside(gl.Component):
+    """A body under a torque that is an input."""
+
+    half = gl.Input("N.m", "half of what moves it outside")
+
+    def assemble(self) -> list[Any]:
+        self.half_torque = gp.Torque(tau=self.half)
+        self.body = gp.Inertia(J=2.0)
+        return [gl.connect(self.half_torque.flange, self.body.flange_a)]
+
+
+class Outside(gl.Component):
+    """Its own torque goes nowhere, or into the one below it."""
+
+    e = gl.Input("N.m", "torque")
+    way = gl.Structural("none", choices=("none", "through"))
+
+    def assemble(self) -> list[Any]:
+        self.inside = Inside(half=0.5 * self.e if self.way == "through" else 1.0)
+        return []
+
+
+def test_an_input_that_no_equation_contains_is_named() -> None:
+    system = gl.compile(Outside())
+    actions: list[Callable[[list[str]], Any]] = [
+        lambda inputs: system.linearize(inputs, ["inside.body.w"]),
+        lambda inputs: system.linearize(inputs, ["inside.body.w"], sparse=True),
+        lambda inputs: gl.frequency_response(system, [1.0], inputs, ["inside.body.w"]),
+    ]
+    for action in actions:
+        with pytest.warns(gl.InputWarning, match=r"Outside: no equation contains the input e, and nothing responds to it$"):
+            action(["e", "inside.half"])
+        action(["inside.half"])
+
+
+def test_an_input_that_reaches_equations_through_others_is_not() -> None:
+    through = gl.compile(Outside(way="through"))
+    gain = through.linearize(["e"], ["inside.body.w"]).B
+    assert gain == pytest.approx(np.array([[0.25]]))
+
+
+def test_what_the_equations_contain_instead_is_named() -> None:
+    class Left(gl.Component):
+        half = gl.Input("N.m", "bound to nothing below")
+
+        def assemble(self) -> list[Any]:
+            self.inside = Inside(half=1.0)
+            return []
+
+    system = gl.compile(Left())
+    with pytest.warns(
+        gl.InputWarning, match=r"the input half, .*; the equations contain inside\.half, whose values do not come from it"
+    ):
+        model = system.linearize(["half"], ["inside.body.w"])
+    assert not np.any(model.B)

@@ -82,7 +82,7 @@ def test_every_set_of_zeros_is_translated_once_and_said_in_the_summary() -> None
     assert without is whole.fitted({"J": 0.0})[0] is without.fitted({"J": 0.0})[0]
     assert without.fitted({})[0] is whole
     massless = gl.System(without)
-    assert "zeros       translated without what they multiply: n.J = 0" in massless.summary()
+    assert "zeros       translated with these values, at which a coefficient is zero: n.J = 0" in massless.summary()
     assert "zeros" not in system.summary()
     poles = [
         np.sort_complex(np.linalg.eigvals(s.linearize(["torque.tau"], ["a.w"], parameters={"J": J}).A))
@@ -93,11 +93,41 @@ def test_every_set_of_zeros_is_translated_once_and_said_in_the_summary() -> None
     assert gl.modes(system, parameters={"J": 0.0}).frequencies == pytest.approx(gl.modes(gl.compile(Train(J=0.0))).frequencies)
 
 
+class Supported(gl.Component):
+    """Two bodies joined by a gear whose support, without inertia, hangs on a spring: a spring of ``c / (1 - ratio)**2`` between them."""
+
+    ratio = gl.Parameter("1", "of the gear", default=0.5)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.a, self.b = gp.Torque(tau=3.0), gp.Inertia(J=1.0), gp.Inertia(J=1.0)
+        self.gear, self.spring = gp.IdealGear(ratio=self.ratio, use_support=True), gp.Spring(c=2.0)
+        return [
+            c(self.torque.flange, self.a.flange_a), c(self.a.flange_b, self.gear.flange_a), c(self.gear.flange_b, self.b.flange_a),
+            c(self.gear.support, self.spring.flange_a), c(self.spring.flange_b, self.b.flange_b),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["rk", "ida", "exact", "auto"])
+def test_a_sum_that_cancels(method: str) -> None:
+    """A gear with ratio 1 says nothing of its support, whose coefficient is 1 - ratio: both bodies turn as one."""
+    systems = [gl.compile(Supported()), gl.compile(Supported(ratio=1.0))]
+    for system in systems:
+        for ratio, right in ((0.5, 3.0 + 0.375 * np.sin(8.0)), (1.0, 3.0)):
+            result = system.simulate(2.0, samples=3, rtol=1e-9, method=method, parameters={"ratio": ratio})
+            assert result["a.w"][-1] == pytest.approx(right, rel=1e-7)
+            assert result["gear.support.tau"] == pytest.approx(-result["spring.flange_a.tau"], abs=1e-9)
+    assert "zeros       translated with these values, at which a coefficient is zero: gear.ratio = 1" in systems[1].summary()
+    assert gl.modes(systems[0]).frequencies[-1] == pytest.approx(4 / (2 * np.pi))
+    assert not np.any(gl.modes(systems[0], parameters={"ratio": 1.0}).frequencies)
+
+
 def test_results_with_zeros_survive_pickling() -> None:
     result = gl.compile(Train()).simulate(1.0, samples=3, parameters={"J": 0.0})
     again = pickle.loads(pickle.dumps(result))
     assert again["n.w"].tolist() == result["n.w"].tolist()
     assert again["k.tau"] == pytest.approx(result["k.tau"])
+    result = gl.compile(Supported()).simulate(1.0, samples=3, parameters={"ratio": 1.0})
+    assert pickle.loads(pickle.dumps(result))["b.w"].tolist() == result["b.w"].tolist()
 
 
 def test_a_run_with_zeros_goes_on() -> None:

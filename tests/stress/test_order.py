@@ -7,6 +7,7 @@ import pytest
 import gearlib as gl
 from tests.stress.analyses_campaign import analysed_train
 from tests.stress.described import Model
+from tests.stress.linear_draw import linear_train
 from tests.stress.order import differences, redundant
 
 
@@ -14,6 +15,11 @@ from tests.stress.order import differences, redundant
 def test_a_few_trains(seed: int) -> None:
     """Rigid loops, prescribed speeds, elastic trains."""
     assert differences(analysed_train(seed), seed + 1) == []
+
+
+@pytest.mark.parametrize("seed", [100030, 100046])
+def test_where_a_free_angle_starts(seed: int) -> None:
+    assert differences(linear_train(seed), seed + 1, ["auto"]) == []
 
 
 @pytest.mark.parametrize("seed", [3, 32, 143, 152, 257, 353])

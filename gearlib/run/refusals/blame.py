@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
-from gearlib.program.interpret import batch_values, evaluate, owner_of
+from gearlib.program.interpret import batch_values, evaluate, labelled
 from gearlib.program.program import Batch
 from gearlib.run.scene import Numbers, Scene, node_name
 
@@ -55,13 +55,8 @@ def _solved(scene: Scene, slot: int) -> str:
     for step in scene.program.steps:
         if isinstance(step, Batch) and slot in step.targets:
             row = int(np.flatnonzero(step.targets == slot)[0])
-            return f" from {_equation(scene, step, row)}"
+            return f" from {labelled(scene.structure, step, row)}"
     return ""
-
-
-def _equation(scene: Scene, batch: Batch, row: int) -> str:
-    who, label = owner_of(scene.structure, int(batch.equations[row])), batch.kernel.template.label
-    return label if label.startswith(f"{who}: ") else f"{who}: {label}"
 
 
 def _first(scene: Scene, numbers: Numbers, t: Floats, slots: Floats, modes: Floats) -> str:
@@ -75,7 +70,7 @@ def _first(scene: Scene, numbers: Numbers, t: Floats, slots: Floats, modes: Floa
             row = int(wrong[0])
             node = next((n for n, slot in scene.program.slots.items() if slot == step.targets[row]), None)
             name = "a value" if node is None else node_name(scene.model, node)
-            return f"; {name} is {values[row, 0]:g} there, from {_equation(scene, step, row)}" + _numbers(
+            return f"; {name} is {values[row, 0]:g} there, from {labelled(scene.structure, step, row)}" + _numbers(
                 scene, step, row, t, slots, numbers
             )
     return ""

@@ -128,4 +128,7 @@ def _fix(model: FlatModel, v: int, least: float, at_start: bool) -> str:
     name = model.name(v)
     if at_start:
         return f"choose start values that make {name} {least:g} or more (start={{...}}), or turn the part round"
-    return f"only a reinit takes it there: let it set values that leave {name} at {least:g} or more"
+    return (
+        f"only a reinit, or motions that are prescribed on both sides, take it there: let them leave {name} at {least:g} or more, "
+        "or give one side an inertia and a spring"
+    )

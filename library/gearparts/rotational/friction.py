@@ -23,6 +23,7 @@ ROUNDING = 1e-10  # an element that could slide, but is held by another one, sta
 # of a locked element is zero on a prescribed motion that rests, and beyond any limit on one that does not, so that the element slides.
 # Anywhere else it is less than the rounding of the acceleration.
 YIELD = 1e-25
+BEYOND = 1e13  # N.m: no shaft bears it; what only prescribed motions call for
 AT_REST = 1e-11  # rad/s: slower than that, what was at rest has not begun to move; a solver's rounding has no sign that means anything
 
 
@@ -240,7 +241,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
 
     Flange_a cannot overtake flange_b: locked, ``der(w_rel) = 0`` with any ``tau < 0``, and with ``tau > 0`` up to ``peak`` times
     the sliding torque at zero speed. Where ``f_normalized > 0`` does not hold, flange_b overruns without a torque.
-    A start with ``w_rel < 0`` is refused.
+    A start with ``w_rel < 0`` is refused, and so is a run in which the motions prescribed on both sides let flange_a overtake.
     """
 
     icon = "one_way_clutch"
@@ -255,6 +256,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
     was_stuck = gl.Discrete("whether it was stuck before the event")
     start_forward = gl.Discrete("starts to slide")
     locked = gl.Discrete("no relative acceleration")
+    forced = gl.Discrete("locked, but driven on by motions that are prescribed on both sides")
     contact = gl.Variable("1", "0 overruns without a torque, 1 stuck, 2 sliding", words=words("one-way clutch"))
 
     def equations(self) -> list[gl.Eq]:
@@ -265,7 +267,10 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
         limit = self.tau0_max * (1 - starts) + (self.tau0 - ROUNDING * largest_at_rest) * starts
         return [
             gl.Eq(self.tau0_max, gl.Piecewise((HYSTERESIS * largest_at_rest, is_free), (peak * self.tau0, True))),
-            gl.Eq(gl.der(self.w_rel), gl.Piecewise((0, locked), (self.sa - self.tau0, True))),
+            gl.Eq(
+                gl.der(self.w_rel),
+                gl.Piecewise((0, gl.holds(self.forced)), (YIELD * self.sa, locked), (self.sa - self.tau0, True)),
+            ),
             gl.Eq(self.tau, gl.Piecewise((self.sa, locked), (0, is_free), (self.level(self.w_rel), True))),
             gl.Eq(self.moving, (1 - gl.pre(self.locked)) * self.w_rel > AT_REST * (1 - gl.pre(self.moving))),
             gl.Eq(self.was_stuck, was_stuck),
@@ -278,6 +283,7 @@ class OneWayClutch(Compliant, Pressed, Dissipative):
                 ),
             ),
             gl.Eq(self.locked, gl.And(was_stuck, gl.Not(gl.holds(self.start_forward)))),
+            gl.Eq(self.forced, self.locked * self.sa < -BEYOND),
             gl.Eq(self.stuck, gl.Or(locked, gl.Not(gl.holds(self.moving)))),
             gl.Eq(self.contact, gl.Piecewise((1, locked), (0, is_free), (2, True))),
             gl.Eq(self.loss_power, gl.Piecewise((0, gl.holds(self.stuck)), (self.tau * self.w_rel, True))),

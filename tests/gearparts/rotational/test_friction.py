@@ -12,7 +12,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.errors import BindingError
+from gearlib.errors import BindingError, SolverError
 from gearparts.rotational.friction import BearingFriction, Brake, Clutch
 from gearparts.rotational.friction import OneWayClutch as OneWayClutchPart
 from gearparts.tables import at_zero, check_rows, interpolated
@@ -434,3 +434,56 @@ def test_a_clutch_between_two_prescribed_motions_slides() -> None:
     for method in ("rk", "ida"):
         result = gl.simulate(Two(), 1.0, samples=8, method=method)
         assert result["c.tau"] == pytest.approx(np.where(result.time < 0.4, -1.0, 1.0) * np.sign(1.0), abs=1e-9)
+
+
+class Overrunning(gl.Component):
+    """A freewheel between two prescribed motions: ``w_rel = w_b - w_a``."""
+
+    w = gl.Structural(None)
+
+    def assemble(self) -> list[Any]:
+        self.wall, self.drive = gp.Fixed(), gp.Speed(w_ref=self.w, exact=True)
+        self.c = gp.OneWayClutch(fn_max=20.0, f_normalized=1.0)
+        return [gl.connect(self.wall.flange, self.c.flange_a), gl.connect(self.c.flange_b, self.drive.flange)]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+@pytest.mark.parametrize("outputs", [None, ["c.tau"], ["drive.flange.tau"]])
+def test_a_freewheel_between_prescribed_motions_slides(method: str, outputs: Any) -> None:
+    """From rest, and again after a rest: locked, the motion would have no solution."""
+    w = gl.Piecewise((gl.sin(gl.time) ** 2, gl.time < 2 * gl.pi), (0.0, gl.time < 7.0), ((gl.time - 7.0) ** 2, True))
+    result = gl.compile(Overrunning(w=w), outputs=outputs).simulate(
+        8.0, times=[0.0, 1.0, 2.0, 5.0, 6.5, 7.5, 8.0], method=method
+    )
+    sliding = [1, 2, 3, 5, 6]  # at rest nothing says what the torque is
+    assert np.abs(result["drive.flange.tau"][sliding]) == pytest.approx(10.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["rk", "ida", "auto"])
+@pytest.mark.parametrize("outputs", [None, ["c.tau"]])
+@pytest.mark.parametrize("times", [[0.0, 1.0, 2.0, 4.0], [0.0, 1.0, 4.0]])
+def test_a_freewheel_that_prescribed_motions_force_backward_is_refused(method: str, outputs: Any, times: Any) -> None:
+    """Between pi/2 and pi flange_a would overtake, whether or not a sample lies there."""
+    system = gl.compile(Overrunning(w=gl.sin(2 * gl.time)), outputs=outputs)
+    with pytest.raises(
+        SolverError, match=r"c\.w_rel is -0\.7568.* at t = 2 s; .*prescribed|equations c: OneWayClutch: .* at t = 4 s"
+    ):
+        _ = system.simulate(4.0, times=times, method=method)["c.tau"]
+
+
+@pytest.mark.parametrize("kind", [gp.Brake, gp.BearingFriction])
+def test_the_torque_of_friction_is_an_output_where_no_state_depends_on_it(kind: type[gl.Component]) -> None:
+    """Discrete variables that only an output needs are kept by the run."""
+
+    class Held(gl.Component):
+        def assemble(self) -> list[Any]:
+            numbers = (
+                {"fn_max": 2.0, "f_normalized": 1.0, "mu_pos": ((0.0, 0.5),)}
+                if kind is gp.Brake
+                else {"tau_pos": ((0.0, 1.0),)}
+            )
+            self.drive, self.b = gp.Speed(w_ref=gl.cos(gl.time), exact=True), kind(**numbers)
+            return [gl.connect(self.drive.flange, self.b.flange_a)]
+
+    result = gl.compile(Held(), outputs=["b.tau"]).simulate(3.0, samples=4)
+    assert result["b.tau"] == pytest.approx(np.sign(np.cos(result.time)), abs=1e-9)

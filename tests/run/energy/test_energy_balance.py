@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from typing import Any
 
@@ -265,7 +266,19 @@ def test_a_sound_run_is_audited_without_a_word() -> None:
         warnings.simplefilter("error")
         result = gl.compile(model).simulate(10.0, samples=3, audit=True, rtol=1e-4, method="rk")
     assert result.stats["energy_residual"] < 1e-2
-    assert "energy_residual" not in gl.compile(model).simulate(1.0).stats
+
+
+def test_the_residual_is_there_as_soon_as_it_is_read() -> None:
+    wrong = chain(gp.Torque(tau=3.0), gp.Inertia(J=1.0), Flipped(c=50.0, d=0.3), gp.Inertia(J=2.0))
+    result = gl.compile(wrong).simulate(1.0, samples=3)
+    assert "energy_residual" not in result.stats
+    with pytest.warns(RuntimeWarning, match="the energy balance is off by .* most of all in c"):
+        residual = result.stats["energy_residual"]
+    assert residual == result.stats["energy_residual"] == result.energy_balance().relative_residual > 1e-3
+    again = pickle.loads(pickle.dumps(gl.simulate(gp.Inertia(J=1.0, start={"w": 2.0}), 1.0, samples=3)))
+    assert again.stats["energy_residual"] < 1e-6
+    with pytest.raises(KeyError):
+        _ = result.stats["no such thing"]
 
 
 # ---------------------------------------------------------------- users' parts
