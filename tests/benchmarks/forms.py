@@ -79,7 +79,8 @@ def table() -> str:
         "",
         f"Elimination is worth a factor of {min(elimination):.1f} to {max(elimination):.1f} (`dae` over `ode`, both native), and the "
         f"native backend one of {min(native):.0f} to {max(native):.0f} (`ode`, scikit-sundae over native). Processor times, native the "
-        f"least of {REPEATED}, scikit-sundae of one; rtol = {RTOL:g}; the error is the largest over the signal's peak, against solutions that share no code with gearlib.",
+        f"least of {REPEATED}, scikit-sundae of one; rtol = {RTOL:g}; the error is the largest over the signal's peak, against "
+        "solutions that share no code with gearlib.",
     ]
     return "\n".join(lines) + "\n"
 
