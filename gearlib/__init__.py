@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from gearlib.language.expressions import tan as tan
     from gearlib.language.expressions import tanh as tanh
     from gearlib.language.expressions import time as time
+    from gearlib.language.sampled import Sampled as Sampled
     from gearlib.linear.frequency_response import FrequencyResponse as FrequencyResponse
     from gearlib.linear.frequency_response import frequency_response as frequency_response
     from gearlib.linear.frequency_response import transmission_error_response as transmission_error_response
@@ -91,6 +92,7 @@ if TYPE_CHECKING:
     from gearlib.run.stepping.stepped_run import SteppedRun as SteppedRun
     from gearlib.solvers.drive.explicit_stepper import ExplicitStepper as ExplicitStepper
     from gearlib.solvers.inputs.table import Table as Table
+    from gearlib.solvers.inputs.table import Table2D as Table2D
     from gearlib.statics.power_flow import PowerFlow as PowerFlow
     from gearlib.statics.statics import mobility as mobility
     from gearlib.statics.statics import power_flow as power_flow
@@ -140,6 +142,7 @@ _HOME = {
     ),
     "Energy": "gearlib.language.energy",
     "EnergyBalance": "gearlib.run.energy.energy_balance",
+    "Sampled": "gearlib.language.sampled",
     "check_units": "gearlib.language.dimensions",
     "Result": "gearlib.run.result",
     "Method": "gearlib.run.methods.method",
@@ -148,7 +151,7 @@ _HOME = {
     **dict.fromkeys(["load_parameters", "save_parameters"], "gearlib.files.parameter_sets"),
     "load_result": "gearlib.stored_result",
     "SteppedRun": "gearlib.run.stepping.stepped_run",
-    "Table": "gearlib.solvers.inputs.table",
+    **dict.fromkeys(["Table", "Table2D"], "gearlib.solvers.inputs.table"),
     **dict.fromkeys(["System", "compile", "simulate"], "gearlib.system"),
 }  # fmt: skip
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from gearlib.arguments import flag, name_list, real
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
+from gearlib.run.controllers import refuse_controllers
 from gearlib.run.forms.scene_form import scene_form
 from gearlib.run.methods.method import Method
 from gearlib.run.request import check_form, check_options
@@ -125,7 +126,7 @@ class System(Compiled):
     @property
     def inputs(self) -> tuple[str, ...]:
         """Inputs that nothing is bound to."""
-        return self.translation.inputs
+        return self.translation.open_inputs
 
     def summary(self, form: str = "ode") -> str:
         """What came in, what each phase did, and what is integrated.
@@ -485,6 +486,7 @@ class System(Compiled):
         from gearlib.linear.linear_model import state_space
         from gearlib.linear.linearize import linearized
 
+        refuse_controllers(self.translation.component, "linearize()")
         model = linearized(self.translation, inputs, outputs, at, parameters, worded=(sparse := flag("sparse", sparse)))
         return model if sparse else state_space(model, self.name)
 

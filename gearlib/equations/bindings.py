@@ -73,6 +73,7 @@ def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 _templates: dict[Any, Template] = {}
+MOST_NUMBERS = 40  # in an expression, that become parameters: those of a table do not, its equation is its own
 
 
 def discrete_name(number: int, before: bool = False) -> str:
@@ -99,8 +100,11 @@ def bind_input(
     if expression.is_Number or expression.is_NumberSymbol:
         return BoundInput(_template(real_symbol("p0"), (), ("p0",)), {}, {"p0": float(expression)})
     values: dict[str, str | float] = {}
+    tabulated = sum(node.is_Number for node in sympy.preorder_traversal(expression)) > MOST_NUMBERS
 
     def lift(e: Any) -> Any:
+        if tabulated:
+            return e
         if e.is_Number or e.is_NumberSymbol:
             if abs(float(e)) in (0.0, 1.0):  # part of the structure, not a number to vary
                 return sympy.Integer(int(e))

@@ -274,7 +274,7 @@ def checked(expression: Any, label: str) -> Any:
                 f"{label} holds {node}, which has no value where no condition is true; end it with (value, True)"
             )
         for _, condition in node.args:
-            as_condition(condition, f"{label} holds {node}, where the condition")
+            as_condition(condition, f"{label} holds a Piecewise, where the condition")
     for huge in expression.atoms(sympy.Number):
         if abs(huge) > LARGEST:
             raise DeclarationError(f"{label} holds {shown(huge)}, which is too large for a computer's numbers")

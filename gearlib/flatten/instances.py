@@ -13,14 +13,15 @@ from typing import Any
 from gearlib.arguments import shown
 from gearlib.equations.bindings import BoundInput, bind_input, canonical, is_expression, number
 from gearlib.equations.class_record import ClassRecord, Met, check_values, class_record, descend
-from gearlib.errors import BindingError, ConnectionError, ModelError, nearest
+from gearlib.errors import ArgumentError, BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.model import Instance
 from gearlib.flatten.signals import joined_signals
 from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component, _inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input
-from gearlib.language.expressions import check_depth
+from gearlib.language.expressions import check_depth, time
+from gearlib.language.tabulated import Tabulated
 
 DEEPEST = 200  # levels of components within components
 
@@ -282,7 +283,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
 
 def _evaluated(value: Any, scope: Component, path: str) -> Any:
     """A value, or what its function makes of the component."""
-    if not callable(value):
+    if not callable(value) or isinstance(value, Tabulated):
         return value
     try:
         with _inside(scope), reads_of(scope):
@@ -292,6 +293,11 @@ def _evaluated(value: Any, scope: Component, path: str) -> Any:
 
 
 def _bind_input(tree: Tree, component: Component, scope: Component | None, own: int, path: str, value: Any, unit: str) -> None:
+    if isinstance(value, Tabulated):
+        try:
+            value = value.expression(time, True)
+        except ArgumentError as problem:
+            raise BindingError(f"{path}: {problem}") from None
     if callable(value):
         raise BindingError(
             f"{path} is bound to the function {shown(value)}; bind an expression of gl.time, or leave the input unbound and give the "

@@ -222,6 +222,9 @@ class Component:
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
     _bounded: ClassVar[tuple[Structural, ...]] = ()
+    _joined: tuple[
+        tuple[Any, str], ...
+    ] = ()  # signals of the enclosing component, and those of its own that an instance joins to them
     _members: ClassVar[list[list[Any]]] = []  # of the class and its bases, when `check_declarations` has found them right
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -517,7 +520,17 @@ class Component:
 
 def signals_of(component: Component) -> list[tuple[Any, ...]]:
     """The signals that a composite joins: symbols as seen from inside of it."""
-    return [connection.signals for connection in component._assembled() if connection.signals]
+    found = [connection.signals for connection in component._assembled() if connection.signals]
+    for name, part in component._parts.items():
+        found += [(signal, real_symbol(f"{name}.{own}")) for signal, own in part._joined]
+    return found
+
+
+def parts_below(component: Component) -> Iterator[tuple[str, Component]]:
+    """All parts of an assembled component, and the parts of these, with their paths."""
+    for name, part in component._parts.items():
+        yield name, part
+        yield from ((f"{name}.{path}", inner) for path, inner in parts_below(part))
 
 
 @contextmanager

@@ -169,12 +169,12 @@ def kind_of(translation: Translation, name: str) -> str:
         if inner not in model.discretes.names:
             start_variable(model, inner)
         return "start"
-    if name in translation.inputs:
+    if name in translation.open_inputs:
         return "input"
     if name not in model.parameters.index:
         valid = [n for n in model.parameters.names if "#" not in n and not n.startswith(START)]
         raise NameLookupError(
-            f"the model has no parameter '{name}'; {nearest(name, [*valid, *translation.inputs])}. An input is named by its path, a "
+            f"the model has no parameter '{name}'; {nearest(name, [*valid, *translation.open_inputs])}. An input is named by its path, a "
             "start value as 'start(load.w)'"
         )
     return "parameter"

@@ -39,6 +39,7 @@ class Request:
     zero_inputs: tuple[str, ...] = ()  # that nobody gave
     form: str = "ode"
     backend: str = "native"
+    pieces: Any = None  # of a run with sampled controllers that is done again: what these gave
 
 
 def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None, states: int = 0) -> Floats:

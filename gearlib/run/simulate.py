@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from gearlib.arguments import flag, real
 from gearlib.errors import ArgumentError, InputWarning, warn
 from gearlib.reduce.rows import some
+from gearlib.run.instants import integrate_sampled
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import method_of
 from gearlib.run.methods.run import Run
@@ -54,7 +55,18 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     )  # fmt: skip
     if asked.progress:
         print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
-    parts = integrate_through(first, method_of(asked.method), translation.switched)
+    if translation.controllers:
+        joined, solution, pieces = integrate_sampled(
+            first,
+            method_of(asked.method),
+            translation.switched,
+            translation.controllers,
+            asked.pieces,
+            begun=earlier is not None,
+        )
+        parts, asked = [(joined, solution)], replace(asked, pieces=pieces, signals=joined.signals)
+    else:
+        parts = integrate_through(first, method_of(asked.method), translation.switched)
     if asked.progress:
         print(
             f"{translation.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s"
@@ -82,7 +94,7 @@ def request(
     ArgumentError, NameLookupError, BoundError
         Each names what was found and what was expected.
     """
-    names = translation.inputs
+    names = translation.open_inputs
     earlier = earlier_run(translation, start)
     t_start = real("t_start", (earlier[1] if earlier else 0.0) if t_start is None else t_start, "a finite number of seconds")
     t_end = real("t_end", t_end, "a finite number of seconds")

@@ -7,6 +7,7 @@ from typing import Any
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
+from gearlib.run.controllers import refuse_controllers
 from gearlib.run.result import Result
 from gearlib.run.translation import Compiled, Translation
 
@@ -20,6 +21,7 @@ def translation_of(system: Compiled) -> Translation:
     """The translation in a compiled system; `ArgumentError` for anything else."""
     if not isinstance(system, Compiled):
         raise ArgumentError(f"expected a compiled system, got {described(system)}")
+    refuse_controllers(system.translation.component, "the analysis")
     return system.translation
 
 

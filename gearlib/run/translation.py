@@ -22,6 +22,7 @@ from gearlib.language.recipes import packed
 from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
+from gearlib.run.controllers import Controller, controllers_of, read_by_controllers
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Start, start_values, start_variable
 from gearlib.run.steady import steady_state
@@ -83,6 +84,9 @@ class Variants:
             scene = asked_scene(structure, self.outputs)
             self.known[put_in] = Translation(structure, scene, self.outputs, self.component, self, put_in)
         return self.known[put_in]
+            scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
+            self.known[absent] = Translation(structure, scene, self.outputs, self.component, self, absent)
+        return self.known[absent]
 
     def fitting(self, parameters: Floats) -> Translation:
         """The translation that can be solved with these parameters: the general one, or one with the special values put in.
@@ -174,6 +178,17 @@ class Translation:
         """Paths of the inputs that nothing is bound to."""
         return tuple(self.model.name(int(v)) for v in self.model.inputs)
 
+    @cached_property
+    def controllers(self) -> tuple[Controller, ...]:
+        """The sampled controllers, which give some of these."""
+        return controllers_of(self.component, self.inputs)
+
+    @property
+    def open_inputs(self) -> tuple[str, ...]:
+        """Paths of the inputs that have to be given: those that no sampled controller gives."""
+        given = {k for controller in self.controllers for k in controller.gives}
+        return tuple(name for k, name in enumerate(self.inputs) if k not in given)
+
     @property
     def special(self) -> list[str]:
         """The parameters whose values are in the equations, as ``body.J = 0``."""
@@ -217,7 +232,7 @@ class Translation:
     def needed_inputs(self) -> tuple[str, ...]:
         """Unbound inputs that the outputs depend on; all of them where anything may be asked for."""
         if self.outputs is None:
-            return self.inputs
+            return self.open_inputs
         names = self.model.discretes.names
         nodes = output_nodes(self.structure, [n for n in self.outputs if n not in names])
         decisive = [n for d, name in enumerate(names) if name in self.outputs for n in discrete_nodes(self.model, d)]
@@ -275,12 +290,12 @@ class Translation:
         ArgumentError, NameLookupError
             Something else, or no such input.
         """
-        names = self.inputs
+        names, open_names = self.inputs, self.open_inputs
         given = by_name("inputs", given, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
         for name, value in given.items():
-            if name not in names:
+            if name not in open_names:
                 bound = self.model.find(name) is not None
-                hint = "it is bound in the model, or no input" if bound else nearest(name, names)
+                hint = "it is bound in the model, or no input" if bound else nearest(name, open_names)
                 raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
             given[name] = value = as_table(value)
             if not (isinstance(value, Table) or callable(value)):
@@ -361,16 +376,20 @@ def output_nodes(structure: Structure, outputs: Iterable[str]) -> list[Node]:
     return [node for n, node in named if model.sign[model.variable(model.column(n)[0])] != 0]
 
 
-def asked_scene(structure: Structure, outputs: tuple[str, ...] | None) -> Scene:
-    """The states and discrete variables that some outputs need, or, with None, all but absolute angles that nothing depends on."""
+def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tuple[str, ...] = ()) -> Scene:
+    """The states and discrete variables that some outputs need, or, with None, all but absolute angles that nothing depends on.
+
+    What sampled controllers read is needed in any case.
+    """
     model = structure.model
     if outputs is None:
         discretes = list(range(len(model.discretes)))
         wanted = [s for s in structure.states if s not in structure.angles]
         targets = [(v, k + 1) for v, k in wanted] + [n for d in discretes for n in discrete_nodes(model, d)]
+        targets += output_nodes(structure, read)
         return Scene(structure, tuple(sorted({*wanted, *needed_states(structure, targets)})), tuple(discretes))
     discretes = [model.discretes.names.index(n) for n in outputs if n in model.discretes.names]
-    nodes = output_nodes(structure, [n for n in outputs if n not in model.discretes.names])
+    nodes = output_nodes(structure, [*(n for n in outputs if n not in model.discretes.names), *read])
     if len(model.discretes):
         discretes = sorted({*discretes, *needed_discretes(structure, nodes)})
     states = needed_states(structure, [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))])

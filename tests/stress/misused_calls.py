@@ -189,6 +189,8 @@ def formulas() -> list[Call]:
     """Functions of numbers."""
     return [
         Call("Table", gl.Table, lambda: {"t": [0.0, 1.0], "y": [0.0, 1.0]}),
+        Call("Table2D", gl.Table2D, lambda: {"x": [0.0, 1.0], "y": [0.0, 1.0], "z": [[0.0, 1.0], [2.0, 3.0]]}),
+        Call("Table2D()", gl.Table2D([0.0, 1.0], [0.0, 1.0], [[0.0, 1.0], [2.0, 3.0]]), lambda: {"x": 0.5, "y": 0.25}),
         Call("Table()", gl.Table([0.0, 1.0], [0.0, 1.0]), lambda: {"time": 0.5}),
         Call("offered", gl.offered, lambda: {"values": {"c": 1.0}}),
         Call("PreloadedBacklash", gl.PreloadedBacklash, lambda: {"c": 1.0, "b": 1.0, "preload": 0.5}),
@@ -339,6 +341,8 @@ def language() -> list[Call]:
             lambda period, offset: solved(gl.When(gl.sample(period, offset), gl.Eq(n, 1))),
             lambda: {"period": 0.1, "offset": 0.0},
         ),
+        Call("Sampled", sampled, lambda: {"function": lambda t, values: 0.0, "period": 0.1, "offset": 0.0}),
+        Call("Table of a variable", lambda events: gl.Table([0, 1], [0, 1])(x, events=events), lambda: {"events": True}),
         Call("connect signals", gl.connect, positional=lambda: [x, leaf.y]),
         Call("no_event", gl.no_event, lambda: {"expression": x > 1}),
         Call("reinit", gl.reinit, lambda: {"state": x, "value": 1.0}),
@@ -363,6 +367,16 @@ def language() -> list[Call]:
         Call("Connector", ported),
         Call("Component", empty),
     ]
+
+
+def sampled(function: Any, period: Any, offset: Any) -> Any:
+    class Governed(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.torque, self.load = gp.Torque(), gp.Inertia(J=1.0)
+            self.law = gl.Sampled(function, period, inputs=[self.load.w], outputs=[self.torque.tau], offset=offset)
+            return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+    return gl.simulate(Governed(), 0.1, samples=3)["load.w"]
 
 
 def connected(ports: Any) -> Any:

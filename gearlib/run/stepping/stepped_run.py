@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import real, shown
 from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.run.instants import integrate_sampled
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import BY_TURNS, method_of
 from gearlib.run.methods.run import Run
@@ -59,7 +60,7 @@ class Inputs(MutableMapping[str, Any]):
 
     def _number(self, name: str) -> int:
         names = self._translation.inputs
-        if name not in names:
+        if name not in self._translation.open_inputs:
             self._translation.input_signals({name: 0.0})  # raises what there is to be said
         return names.index(name)
 
@@ -75,10 +76,10 @@ class Inputs(MutableMapping[str, Any]):
         raise ArgumentError(f"the input {name} cannot be taken away; set it to 0 instead")
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._translation.inputs)
+        return iter(self._translation.open_inputs)
 
     def __len__(self) -> int:
-        return len(self.signals)
+        return len(self._translation.open_inputs)
 
 
 class SteppedRun:
@@ -109,6 +110,7 @@ class SteppedRun:
         scene = translation.scene if translation.outputs is not None else translation.with_states(structure.states)
         self.inputs = Inputs(translation, inputs)
         earlier = earlier_run(translation, start)
+        self._begun = earlier is not None  # a run that goes on has counted an instant at its start
         if earlier:
             begin = earlier[0].moment(scene, earlier[1])
             if inputs is None:
@@ -140,7 +142,7 @@ class SteppedRun:
         t = real("t", t, "a finite number of seconds")
         if not SHORTEST <= t - self.t <= LONGEST:
             raise ArgumentError(f"advance({t!r}): expected a time later than the run's, {self.t!r} s, by {LONGEST:g} s at most")
-        if not self._lives_on(t):
+        if self._translation.controllers or not self._lives_on(t):
             self._go_to(np.array([self.t, t]))
 
     def _run(self, times: Floats) -> Run:
@@ -189,8 +191,13 @@ class SteppedRun:
         return replace(here, guess=guess)
 
     def _go_to(self, times: Floats) -> None:
-        now, signals = self._now, self.inputs.signals
-        parts = integrate_through(self._run(times), self._method, self._translation.switched)
+        now, controllers, switched = self._now, self._translation.controllers, self._translation.switched
+        if controllers:
+            whole, found, pieces = integrate_sampled(self._run(times), self._method, switched, controllers, begun=self._begun)
+            parts, self.inputs.signals = [(whole, found)], pieces.signals[-1]
+        else:
+            parts = integrate_through(self._run(times), self._method, switched)
+        self._begun, signals = True, self.inputs.signals
         run, outcome = parts[-1]
         refuse_too_small([Segment.of(part, found) for part, found in parts], self._rtol)
         modes = outcome.modes[-1].copy() if run.scene.n_modes else None

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import as_path, finite, one_name, one_of, real, reals, shown
+from gearlib.arguments import as_path, finite, flag, one_name, one_of, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.language.tabulated import Tabulated, bilinear, is_symbolic, piecewise_polynomial
 from gearlib.optional import optional
 
 Floats = NDArray[np.float64]
@@ -25,8 +26,13 @@ OUTSIDE = ("hold", "periodic")
 MOST_KNOTS = 10_000_000  # of a periodic table over a run
 
 
-class Table:
-    """Function of time through points.
+class Table(Tabulated):
+    """Function of time, or of a variable, through points.
+
+    It is given to a run, ``simulate(inputs={"torque.tau": table})``, or an input of a part is bound to it, ``gp.Torque(tau=table)``: a
+    function of time whose corners the run steps to exactly. In equations ``table(self.w)`` is a function of a variable, with the exact
+    slopes of its pieces; its corners make no events unless ``table(self.w, events=True)`` asks for them, its jumps do. In equations and
+    bindings at most 200 points are taken.
 
     Parameters
     ----------
@@ -46,6 +52,17 @@ class Table:
     array([0.5, 3. , 3. ])
     >>> Table([0, 1, 2], [0, 1, 0], interpolation="cubic", outside="periodic")(np.array([0.5, 2.5, -1.0]))
     array([0.5, 0.5, 1. ])
+
+    A fan whose torque is tabulated over its speed:
+
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Fan(gl.Component):
+    ...     def assemble(self):
+    ...         self.rotor, self.drive = gp.Inertia(J=1.0), gp.Torque(tau=Table([0, 1, 1], [0, 0, 6]))
+    ...         self.load = gp.Torque(tau=-Table([0, 10, 20], [0, 2, 8])(self.rotor.w))
+    ...         return [gl.connect(self.drive.flange, self.rotor.flange_a, self.load.flange)]
+    >>> float(round(gl.simulate(Fan(), 60.0, samples=2)["rotor.w"][-1], 4))
+    16.6667
     """
 
     def __init__(self, t: ArrayLike, y: ArrayLike, interpolation: str = "linear", outside: str = "hold") -> None:
@@ -187,7 +204,24 @@ class Table:
         found.outside = "hold"
         return found
 
-    def __call__(self, time: Any) -> Floats:
+    def expression(self, x: Any, events: bool) -> Any:
+        """The table as a function of an expression.
+
+        Raises
+        ------
+        ArgumentError
+            A periodic table, or one with more points than an equation takes.
+        """
+        if self.outside == "periodic":
+            raise ArgumentError(
+                "Table(t, y): a periodic table is no function in an equation; leave the input unbound and give the table to "
+                "simulate(inputs={...})"
+            )
+        return piecewise_polynomial("Table(t, y)", x, self.t, self.coefficients, events)
+
+    def __call__(self, time: Any, events: bool = False) -> Any:
+        if is_symbolic(time):
+            return self.expression(time, flag("events", events))
         t = reals("time", time, "finite numbers, s")
         if self.outside == "periodic":
             t = self.t[0] + (t - self.t[0]) % (self.t[-1] - self.t[0])
@@ -204,6 +238,62 @@ class Table:
         piece = np.maximum(k - 1, 0)
         slopes = np.where(k > 0, self.coefficients[1, piece], 0.0)
         return self.y[piece] + slopes * (starts - self.t[piece]), slopes
+
+
+class Table2D:
+    """Function of two variables through the points of a grid: bilinear in each cell, an engine's or a motor's map.
+
+    ``table(self.w, self.throttle)`` is its value in an equation, with exact slopes; beyond the grid it is the value at the nearest place
+    of its edge. The lines of the grid make no events unless ``events=True`` asks for them.
+
+    Parameters
+    ----------
+    x : sequence of float, shape (n,)
+    y : sequence of float, shape (m,)
+        Increasing.
+    z : sequence of sequences of float, shape (n, m)
+        The values; at most 800 points.
+
+    Examples
+    --------
+    >>> torque = Table2D([0, 100, 200], [0, 1], [[0, 50], [0, 80], [0, 60]])
+    >>> torque([50.0, 300.0], 0.5)
+    array([32.5, 30. ])
+    """
+
+    def __init__(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> None:
+        self.x, self.y = (
+            reals(f"Table2D(x, y, z): {name}", given, "an increasing sequence of finite numbers").copy()
+            for name, given in (("x", x), ("y", y))
+        )
+        self.z = reals("Table2D(x, y, z): z", z, "rows of finite numbers, one for each x").copy()
+        if self.x.ndim != 1 or self.y.ndim != 1 or self.z.shape != (len(self.x), len(self.y)) or not self.z.size:
+            raise ArgumentError(
+                f"Table2D(x, y, z): z has the shape {self.z.shape}; expected a row for each of the {self.x.size} x, a number in it for "
+                f"each of the {self.y.size} y"
+            )
+        for name, given in (("x", self.x), ("y", self.y)):
+            if (np.diff(given) <= 0).any():
+                raise ArgumentError(f"Table2D(x, y, z): {name} must increase")
+        for part in (self.x, self.y, self.z):
+            part.flags.writeable = False
+
+    def __call__(self, x: Any, y: Any, events: bool = False) -> Any:
+        if is_symbolic(x) or is_symbolic(y):
+            return bilinear("Table2D(x, y, z)", x, y, self.x, self.y, self.z, flag("events", events))
+        places = np.broadcast_arrays(reals("x", x, "finite numbers"), reals("y", y, "finite numbers"))
+        (i, u), (j, v) = (_cell(knots, place) for knots, place in zip((self.x, self.y), places, strict=True))
+        a, b = np.minimum(i + 1, len(self.x) - 1), np.minimum(j + 1, len(self.y) - 1)
+        lower, upper = (self.z[k, j] + (self.z[k, b] - self.z[k, j]) * v for k in (i, a))
+        return lower + (upper - lower) * u
+
+
+def _cell(knots: Floats, places: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Number of the interval that a place lies in, and how far it lies in it, 0 to 1."""
+    i = np.clip(np.searchsorted(knots, places, side="right") - 1, 0, max(len(knots) - 2, 0))
+    width = knots[np.minimum(i + 1, len(knots) - 1)] - knots[i]
+    share = np.divide(places - knots[i], width, out=np.zeros(np.shape(places)), where=width > 0)
+    return i, np.clip(share, 0.0, 1.0)
 
 
 def _cubics(t: Floats, y: Floats, interpolation: str, periodic: bool) -> Floats:

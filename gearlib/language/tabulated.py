@@ -1,0 +1,115 @@
+"""Tables as expressions: piecewise polynomials of one variable, and bilinear maps of two.
+
+They are differentiated like every expression, so that Jacobians and linear models have the slopes of the pieces. Corners make no events
+unless these are asked for; jumps always do.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from gearlib.errors import ArgumentError
+from gearlib.language.expressions import no_event
+
+Floats = NDArray[np.float64]
+MOST_PIECES = 200  # of an expression; each is code of its own
+
+
+class Tabulated(ABC):
+    """Points that stand for a function; an input may be bound to one as a function of time."""
+
+    @abstractmethod
+    def expression(self, x: Any, events: bool) -> Any:
+        """The function of an expression."""
+
+
+def is_symbolic(value: Any) -> bool:
+    """Whether a value is an expression of variables, or time."""
+    return isinstance(value, sympy.Expr)
+
+
+def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats, events: bool) -> Any:
+    """The function that has ``coefficients`` of the powers of ``x`` minus each knot, from there to the next; constant outside.
+
+    Parameters
+    ----------
+    said : str
+        What it is called in messages.
+    x : expression
+    knots : array, shape (n,)
+        Not decreasing; two equal ones make a jump.
+    coefficients : array, shape (4, n)
+    events : bool
+        Whether corners make events, too.
+
+    Examples
+    --------
+    >>> x = sympy.Symbol("x", real=True)
+    >>> law = piecewise_polynomial("a table", x, np.array([0.0, 2.0]), np.array([[1.0, 5.0], [2.0, 0], [0, 0], [0, 0]]), True)
+    >>> [float(law.subs(x, at)) for at in (-1, 0.5, 3)]
+    [1.0, 2.0, 5.0]
+    """
+    if len(knots) > MOST_PIECES:
+        raise ArgumentError(
+            f"{said} has {len(knots)} points; in an equation, at most {MOST_PIECES} are taken. Leave the input unbound and give the "
+            "table to simulate(inputs={...}), or use fewer points"
+        )
+    jumps = [k for k in range(1, len(knots)) if knots[k] == knots[k - 1] and coefficients[0, k] != coefficients[0, k - 1]]
+    if events:
+        return _between(x, knots, coefficients, 0, len(knots), True)
+    ends = [*jumps, len(knots)]
+    stretches = [_between(x, knots, coefficients, a, b, a == 0) for a, b in zip([0, *jumps], ends, strict=True)]
+    stretches = [no_event(s) if s.has(sympy.Piecewise) else s for s in stretches]
+    return sympy.Piecewise(
+        *((s, x < sympy.Float(knots[k])) for s, k in zip(stretches[:-1], jumps, strict=True)), (stretches[-1], True)
+    )
+
+
+def _between(x: Any, knots: Floats, coefficients: Floats, first: int, end: int, outermost: bool) -> Any:
+    """The pieces of some knots; before the first of all, its value."""
+    branches = [(sympy.Float(coefficients[0, 0]), x < sympy.Float(knots[0]))] if outermost else []
+    for k in range(first, end):
+        if k + 1 < len(knots) and knots[k + 1] == knots[k]:
+            continue  # no width: the next one takes over
+        s, law = x - sympy.Float(knots[k]), sympy.Integer(0)
+        for c in coefficients[::-1, k].tolist():
+            law = (law * s + sympy.Float(c)) if c or law != 0 else law
+        branches.append((law if law != 0 else sympy.Float(0.0), x < sympy.Float(knots[k + 1]) if k + 1 < end else True))
+    return sympy.Piecewise(*branches[:-1], (branches[-1][0], True))
+
+
+def bilinear(said: str, x: Any, y: Any, xs: Floats, ys: Floats, z: Floats, events: bool) -> Any:
+    """The bilinear function through the corners of a grid; outside, the value at the nearest place of its edge.
+
+    Parameters
+    ----------
+    said : str
+    x, y : expression
+    xs, ys : array
+        Increasing, shapes (n,) and (m,).
+    z : array, shape (n, m)
+    events : bool
+        Whether the lines of the grid make events.
+    """
+    cells = (len(xs) + 1) * (len(ys) + 1)
+    if cells > 4 * MOST_PIECES:
+        raise ArgumentError(
+            f"{said} has {len(xs)} x {len(ys)} points; expected {4 * MOST_PIECES} in all or fewer: each cell is code of its own"
+        )
+    rows = [_line(y, ys, [sympy.Float(value) for value in row]) for row in z.tolist()]
+    law = _line(x, xs, rows)
+    return law if events or not law.has(sympy.Piecewise) else no_event(law)
+
+
+def _line(x: Any, knots: Floats, values: list[Any]) -> Any:
+    """Straight lines between values at knots, which may be expressions; constant outside."""
+    branches = [(values[0], x < sympy.Float(knots[0]))]
+    for k in range(len(knots) - 1):
+        share = (x - sympy.Float(knots[k])) / sympy.Float(knots[k + 1] - knots[k])
+        branches.append((values[k] + (values[k + 1] - values[k]) * share, x < sympy.Float(knots[k + 1])))
+    return sympy.Piecewise(*branches, (values[-1], True))

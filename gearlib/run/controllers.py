@@ -1,0 +1,78 @@
+"""Sampled controllers of a compiled model: their instants, what they read, the inputs that they give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import is_real, shown
+from gearlib.equations.switch_times import MOST_INSTANTS, rounding
+from gearlib.errors import ArgumentError
+from gearlib.language.component import Component, parts_below
+from gearlib.language.sampled import Sampled
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """A sampled controller of a compiled model: what it reads, and the numbers of the inputs that it gives."""
+
+    path: str
+    part: Sampled
+    reads: tuple[str, ...]
+    gives: tuple[int, ...]
+
+    def instants(self, t0: float, t1: float) -> list[float]:
+        """Its instants from one time to another, both counted."""
+        period, offset, same = self.part.period, self.part.offset, rounding(t0, t1)
+        first, last = max(math.floor((t0 - offset) / period) - 1, 0), math.ceil((t1 - offset) / period) + 2
+        if last - first > MOST_INSTANTS:
+            raise ArgumentError(f"{self.path} has {last - first} instants from {t0:g} to {t1:g} s, more than {MOST_INSTANTS}")
+        times = offset + period * np.arange(first, max(last, first))
+        found: list[float] = np.clip(times[(times >= t0 - same) & (times <= t1 + same)], t0, t1).tolist()
+        return found
+
+    def __call__(self, t: float, values: Floats) -> list[float]:
+        """What its function returns, as numbers."""
+        called = f"the function of {self.path}, called at t = {t:.9g} s,"
+        try:
+            found = self.part.function(t, values)
+        except Exception as problem:
+            raise ArgumentError(f"{called} raised {type(problem).__name__}: {problem}") from problem
+        numbers = list(np.ravel(found)) if isinstance(found, (np.ndarray, list, tuple)) else [found]
+        if len(numbers) != len(self.gives) or not all(map(is_real, numbers)):
+            expected = f"{len(self.gives)} finite number{'s' if len(self.gives) > 1 else ''}"
+            raise ArgumentError(f"{called} returned {shown(found)}; expected {expected}")
+        return [float(number) for number in numbers]
+
+
+def controllers_of(component: Component, inputs: Sequence[str]) -> tuple[Controller, ...]:
+    """The sampled controllers in a component, and their places among the inputs that nothing is bound to."""
+    found = []
+    for path, part in parts_below(component):
+        if isinstance(part, Sampled):
+            read, given = part.counts
+            gives = tuple(inputs.index(f"{path}.outputs[{k}].u") for k in range(given))
+            found.append(Controller(path, part, tuple(f"{path}.inputs[{k}].y" for k in range(read)), gives))
+    return tuple(found)
+
+
+def read_by_controllers(component: Component) -> tuple[str, ...]:
+    """Paths of what the sampled controllers in a component read."""
+    parts = ((path, part.counts[0]) for path, part in parts_below(component) if isinstance(part, Sampled))
+    return tuple(f"{path}.inputs[{k}].y" for path, count in parts for k in range(count))
+
+
+def refuse_controllers(component: Component, what: str) -> None:
+    """Raise `ArgumentError` where a component has sampled controllers, which ``what`` knows no equations of."""
+    named = ", ".join(path for path, part in parts_below(component) if isinstance(part, Sampled))
+    if named:
+        raise ArgumentError(
+            f"{what} needs equations, and {named} is a Python function (gl.Sampled); leave it out of the model, or put a block of "
+            "gearparts.blocks in its place"
+        )
