@@ -33,7 +33,8 @@ class Car(gl.Component):
     def assemble(self) -> list[gl.Connection]:
         torque = gl.Table2D(SPEEDS, PEDAL, TORQUE)
         self.engine, self.gear = gp.Inertia(J=J_ENGINE, start={"w": W_0}), gp.IdealGear(ratio=RATIO)
-        self.car, self.combustion = gp.Inertia(J=J_CAR), gp.Torque(tau=torque(self.engine.w, FOOT(gl.time)))
+        self.car, self.pedal = gp.Inertia(J=J_CAR), gp.blocks.Gain(k=1.0, u=FOOT)
+        self.combustion = gp.Torque(tau=torque(self.engine.w, self.pedal.y))
         self.drag = gp.Torque(tau=-DRAG(self.car.w))
         return [
             gl.connect(self.combustion.flange, self.engine.flange_a),

@@ -33,6 +33,16 @@ def is_symbolic(value: Any) -> bool:
     return isinstance(value, sympy.Expr)
 
 
+def _refuse_branches(said: str, *arguments: Any) -> None:
+    """A table's argument is written into each of its pieces: one with branches would multiply these."""
+    for x in arguments:
+        if isinstance(x, sympy.Basic) and x.has(sympy.Piecewise, sympy.Max, sympy.Min, sympy.Abs, sympy.sign):
+            raise ArgumentError(
+                f"{said} is given an expression with branches; give this to a variable with an equation of its own, or to a part such as "
+                "gearparts.blocks.Gain(k=1.0, u=...), and the table its output y"
+            )
+
+
 def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats, events: bool) -> Any:
     """The function that has ``coefficients`` of the powers of ``x`` minus each knot, from there to the next; constant outside.
 
@@ -54,6 +64,7 @@ def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats,
     >>> [float(law.subs(x, at)) for at in (-1, 0.5, 3)]
     [1.0, 2.0, 5.0]
     """
+    _refuse_branches(said, x)
     if len(knots) > MOST_PIECES:
         raise ArgumentError(
             f"{said} has {len(knots)} points; in an equation, at most {MOST_PIECES} are taken. Leave the input unbound and give the "
@@ -96,6 +107,7 @@ def bilinear(said: str, x: Any, y: Any, xs: Floats, ys: Floats, z: Floats, event
     events : bool
         Whether the lines of the grid make events.
     """
+    _refuse_branches(said, x, y)
     cells = (len(xs) + 1) * (len(ys) + 1)
     if cells > 4 * MOST_PIECES:
         raise ArgumentError(

@@ -132,6 +132,7 @@ def test_a_map_of_two_variables_is_bilinear_and_holds_its_edge() -> None:
             ArgumentError,
             r"has the shape \(1, 2\); expected a row for each of the 2 x",
         ),
+        (lambda w: gl.Table([0, 1], [0, 1])(abs(w)), ArgumentError, r"expression with branches; give this to a variable"),
         (lambda w: gl.Table2D([0, 0], [0, 1], [[0, 1], [1, 2]])(w, w), ArgumentError, r"x must increase"),
         (lambda w: gl.Table2D(range(40), range(40), np.zeros((40, 40)))(w, w), ArgumentError, r"40 x 40 points; expected 800"),
         (lambda w: gl.Table([0, 1], [0, 1])(w, events=3), ArgumentError, r"events is 3; expected True or False"),
