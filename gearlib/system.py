@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from gearlib.arguments import flag, name_list, real
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
-from gearlib.run.controllers import refuse_controllers
 from gearlib.run.forms.scene_form import scene_form
 from gearlib.run.methods.method import Method
 from gearlib.run.request import check_form, check_options
 from gearlib.run.result import Result, SimulatedResult
+from gearlib.run.sampling.controllers import refuse_controllers
 from gearlib.run.simulate import earlier_run, request, run, warn_of_zero_inputs
 from gearlib.run.summary import summary
 from gearlib.run.translation import Compiled, Translation, translate

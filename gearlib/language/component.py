@@ -518,17 +518,22 @@ class Component:
         return f"<{type(self).__name__}{' ' + self._path() if self._path() else ''}>"
 
 
+def parts_of(component: Component) -> dict[str, Component]:
+    """The parts of an assembled component, by name."""
+    return component._parts
+
+
 def signals_of(component: Component) -> list[tuple[Any, ...]]:
     """The signals that a composite joins: symbols as seen from inside of it."""
     found = [connection.signals for connection in component._assembled() if connection.signals]
-    for name, part in component._parts.items():
+    for name, part in parts_of(component).items():
         found += [(signal, real_symbol(f"{name}.{own}")) for signal, own in part._joined]
     return found
 
 
 def parts_below(component: Component) -> Iterator[tuple[str, Component]]:
     """All parts of an assembled component, and the parts of these, with their paths."""
-    for name, part in component._parts.items():
+    for name, part in parts_of(component).items():
         yield name, part
         yield from ((f"{name}.{path}", inner) for path, inner in parts_below(part))
 

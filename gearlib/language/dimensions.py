@@ -20,7 +20,7 @@ from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
 from gearlib.errors import ModelError
-from gearlib.language.component import Component, _inside, equations_of, reads_of, signals_of
+from gearlib.language.component import Component, _inside, equations_of, parts_of, reads_of, signals_of
 from gearlib.language.declarations import Connector, Derivative, Discrete, Input, Parameter
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, value_of
 from gearlib.language.units import NONE, SECOND, Dimension, dimension, name_of
@@ -83,7 +83,7 @@ def check_units(component: Component) -> list[str]:
         node._assembled()
         errors.update(dict.fromkeys(unit_errors(node, values_compared(node, equations_of(node)))))
         errors.update(dict.fromkeys(unit_errors(node, values_given(node))))
-        stack += node._parts.values()
+        stack += parts_of(node).values()
     return list(errors)
 
 
@@ -140,7 +140,7 @@ def values_given(component: Component) -> Iterator[Pair]:
         for name, own in component._declarations.items():
             if isinstance(own, (Parameter, Input)) and _may_be_symbolic(own.default):
                 yield from _given(component, f"the default of {name}", own.unit, own.default)
-        for name, part in component._parts.items():
+        for name, part in parts_of(component).items():
             for key, value in part._bindings.items():
                 if _may_be_symbolic(value):
                     yield from _given(component, f"{name}.{key}", part._bindable[key].unit, value)

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from gearlib.arguments import flag, real
 from gearlib.errors import ArgumentError, InputWarning, warn
 from gearlib.reduce.rows import some
-from gearlib.run.instants import integrate_sampled
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import method_of
 from gearlib.run.methods.run import Run
@@ -20,6 +19,7 @@ from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
 from gearlib.run.result import Result, SimulatedResult
+from gearlib.run.sampling.instants import integrate_sampled
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
 from gearlib.run.state_switching import integrate_through

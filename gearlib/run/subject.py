@@ -7,8 +7,8 @@ from typing import Any
 from gearlib.arguments import shown
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
-from gearlib.run.controllers import refuse_controllers
 from gearlib.run.result import Result
+from gearlib.run.sampling.controllers import refuse_controllers
 from gearlib.run.translation import Compiled, Translation
 
 

@@ -22,7 +22,7 @@ from gearlib.language.recipes import packed
 from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
-from gearlib.run.controllers import Controller, controllers_of, read_by_controllers
+from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Start, start_values, start_variable
 from gearlib.run.steady import steady_state

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import real, shown
 from gearlib.errors import ArgumentError, NameLookupError
-from gearlib.run.instants import integrate_sampled
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import BY_TURNS, method_of
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import refuse_too_small
 from gearlib.run.request import LONGEST, SHORTEST, absolute_tolerance
+from gearlib.run.sampling.instants import integrate_sampled
 from gearlib.run.scene import Numbers, Scene
 from gearlib.run.segment import Segment
 from gearlib.run.simulate import earlier_run

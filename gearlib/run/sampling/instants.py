@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from gearlib.equations.switch_times import rounding
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.run.controllers import Controller
 from gearlib.run.methods.method import Integrates
 from gearlib.run.methods.method_table import BY_TURNS, METHODS
 from gearlib.run.methods.run import Run
+from gearlib.run.sampling.controllers import Controller
 from gearlib.run.segment import Segment
 from gearlib.run.state_switching import Switched, integrate_through
 from gearlib.solvers.inputs.table import Table, values
