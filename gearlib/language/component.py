@@ -518,9 +518,10 @@ class Component:
         return f"<{type(self).__name__}{' ' + self._path() if self._path() else ''}>"
 
 
-def parts_of(component: Component) -> dict[str, Component]:
+def parts_of(component: Component) -> dict[str, Any]:
     """The parts of an assembled component, by name."""
-    return component._parts
+    found: dict[str, Any] = component._parts
+    return found
 
 
 def signals_of(component: Component) -> list[tuple[Any, ...]]:
