@@ -81,12 +81,9 @@ class Variants:
         if put_in not in self.known:
             model = model or flatten(self.component, put_in)
             structure = analyse(model, coefficients_of(model, parameters, 0.0))
-            scene = asked_scene(structure, self.outputs)
+            scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
             self.known[put_in] = Translation(structure, scene, self.outputs, self.component, self, put_in)
         return self.known[put_in]
-            scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
-            self.known[absent] = Translation(structure, scene, self.outputs, self.component, self, absent)
-        return self.known[absent]
 
     def fitting(self, parameters: Floats) -> Translation:
         """The translation that can be solved with these parameters: the general one, or one with the special values put in.
