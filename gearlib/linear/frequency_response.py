@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import check_axes, name_list, one_name, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.linear_model import LinearModel, check_linear, matrices
-from gearlib.linear.linearize import input_names, linearized
+from gearlib.linear.linearize import input_names, linearized, read_by_equations
 from gearlib.optional import optional
 from gearlib.run.subject import is_compiled, translation_of
 from gearlib.run.translation import Compiled, Translation
@@ -266,12 +266,13 @@ def _weights(meshes: Any) -> dict[str, complex]:
 
 
 def _error_inputs(translation: Translation) -> list[str]:
-    """Paths of inputs that are transmission errors, the outermost of those that are one."""
+    """Paths of inputs that are transmission errors and enter an equation, the outermost of those that are one."""
     model = translation.model
+    read = read_by_equations(model)
     found: dict[int, str] = {}
     for name in input_names(model):
         if name.rsplit(".", 1)[-1] in ("e_rate", "e"):
             rep = int(model.representative[model.variable(name)])
-            if rep not in found or name.count(".") < found[rep].count("."):
+            if rep in read and (rep not in found or name.count(".") < found[rep].count(".")):
                 found[rep] = name
     return list(found.values())

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import warnings
+from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -225,6 +226,15 @@ def test_a_sweep_that_was_killed_goes_on(
 # ---------------------------------------------------------------- interrupts and progress
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """SIGINT as on a terminal; what is started in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_leaves_the_runs_so_far(drive: gl.System, tmp_path: Path) -> None:
     def interrupting(result: Any) -> float:
         if float(result.request.parameters.max()) == 499.0:
@@ -241,6 +251,7 @@ def test_an_interrupt_leaves_the_runs_so_far(drive: gl.System, tmp_path: Path) -
         assert "6 not done" in repr(runs)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_of_an_executor_returns_soon(drive: gl.System, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("GEARLIB_TEST_LOG", str(tmp_path / "log"))
     main = threading.main_thread().ident
