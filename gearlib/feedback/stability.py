@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,8 @@ class LoopReport:
 class StabilityReport:
     """Poles of a model, and of one loop if one was chosen. ``print`` it to read it.
 
+    What the words need beyond the poles is computed when it is printed or asked for.
+
     Attributes
     ----------
     name : str
@@ -99,9 +102,24 @@ class StabilityReport:
     name: str
     poles: Poles
     loop: LoopReport | None = None
-    conditions: tuple[str, ...] = ()
-    at_zero: str = ""
-    passivity: Passivity | None = None
+    find_modes: Callable[[], Modes] | None = None
+    find_passivity: Callable[[], Passivity] | None = None
+
+    @cached_property
+    def passivity(self) -> Passivity | None:
+        return None if self.find_passivity is None else self.find_passivity()
+
+    @cached_property
+    def conditions(self) -> tuple[str, ...]:
+        return () if self._modes is None else self._modes.conditions
+
+    @cached_property
+    def at_zero(self) -> str:
+        return "" if self._modes is None else _at_zero(self._modes)
+
+    @cached_property
+    def _modes(self) -> Modes | None:
+        return None if self.find_modes is None else self.find_modes()
 
     @property
     def eigenvalues(self) -> Any:
@@ -217,21 +235,19 @@ def stability(
         check_linear(model)
     real("gain", gain)
     name = getattr(model, "name", None) or type(model).__name__
-    said: tuple[str, ...] = ()
-    at_zero = ""
-    proof = None
+    chosen = None if loop is None else as_loop(model, loop, gain=gain, at=at, parameters=parameters)
+    linear: Any = model
+    if is_compiled(model) and chosen is None:
+        linear = linearized(translation_of(model), [], None, at, parameters)
+    elif not hasattr(model, "A") and chosen is None:
+        linear = as_loop(model)
+    later: tuple[Any, ...] = ()  # what is only read when it is printed or asked for
     if is_compiled(model) and len(model.states) <= MOST_DENSE:
-        found = modes(model, at=at, parameters=parameters)
-        said, at_zero = found.conditions, _at_zero(found)
-        proof = passivity(model, at=at, parameters=parameters)
-    if loop is not None:
-        chosen = as_loop(model, loop, gain=gain, at=at, parameters=parameters)
-        return StabilityReport(name, chosen.open_poles, LoopReport(chosen), said, at_zero, proof)
-    if is_compiled(model):
-        model = linearized(translation_of(model), [], None, at, parameters)
-    if not hasattr(model, "A"):
-        model = as_loop(model)
-    return StabilityReport(name, poles(model.A), None, said, at_zero, proof)
+        given = {"at": copy(at), "parameters": copy(parameters)}
+        later = (partial(modes, model, **given), partial(passivity, model, **given))
+    if chosen is not None:
+        return StabilityReport(name, chosen.open_poles, LoopReport(chosen), *later)
+    return StabilityReport(name, poles(linear.A), None, *later)
 
 
 def _at_zero(found: Modes) -> str:

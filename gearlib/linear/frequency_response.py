@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 MOST_DENSE = 400  # states up to which the matrix is handled as a full one
+AT_ONCE = 200_000  # entries of the matrices of frequencies that are solved at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,13 +189,26 @@ def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complex
         return np.repeat(D.astype(complex)[:, :, None], len(omega), axis=2)
     balanced, (scale, permutation) = matrix_balance(A, separate=True)
     b, c = B[permutation] / scale[:, None], C[:, permutation] * scale  # scale is in the new order
-    result = np.empty((len(C), B.shape[1], len(omega)), complex)
-    for k, w in enumerate(omega):
-        try:
-            result[:, :, k] = c @ np.linalg.solve(1j * w * np.eye(n) - balanced, b) + D
-        except np.linalg.LinAlgError:
-            result[:, :, k] = np.inf
-    return result
+    result = np.empty((len(omega), len(C), B.shape[1]), complex)
+    at_once = max(1, AT_ONCE // n**2)
+    for begin in range(0, len(omega), at_once):
+        w = omega[begin : begin + at_once, None, None]
+        x, regular = _solutions(1j * w * np.eye(n) - balanced, b)
+        result[begin : begin + at_once] = np.where(regular[:, None, None], c @ x + D, np.inf)
+    return np.moveaxis(result, 0, 2)
+
+
+def _solutions(matrices: Complexes, b: Floats) -> tuple[Complexes, NDArray[np.bool_]]:
+    """Solutions for each of some matrices, and which of these are regular; 0 for the others."""
+    shape = (len(matrices), *b.shape)
+    try:
+        found: Any = np.linalg.solve(matrices, np.broadcast_to(b, shape))
+        return found, np.ones(len(matrices), bool)
+    except np.linalg.LinAlgError:  # of one of them
+        if len(matrices) == 1:
+            return np.zeros(shape, complex), np.zeros(1, bool)
+        each = [_solutions(matrices[k : k + 1], b) for k in range(len(matrices))]
+        return np.concatenate([x for x, _ in each]), np.concatenate([regular for _, regular in each])
 
 
 def _sparse(model: Any, omega: Floats) -> Complexes:
