@@ -151,10 +151,10 @@ def _solved(step: Solved, at: At, sums: Floats) -> Floats:
     if isinstance(block, Newton):
         found = _newton_solved(block, at, right.reshape(n, width, times))
     elif step.implicit:
-        found = -block_solve(at.prepared, step.block, right.reshape(n, -1))
+        found = -block_solve(at.prepared, step.block, right.reshape(n, width * times))
     else:
-        found = at.prepared.solutions[step.block] @ right.reshape(n, -1)
-    chosen = found.reshape(len(block.unknowns), -1)[step.rows]
+        found = at.prepared.solutions[step.block] @ right.reshape(n, width * times)
+    chosen = found.reshape(len(block.unknowns), width * times)[step.rows]
     return np.array(chosen.reshape(-1, times))
 
 
