@@ -24,7 +24,7 @@ from gearlib.structure.incidence import Node
 Floats = NDArray[np.float64]
 ROUNDING = 1e-10  # of the terms of a start value: what it may miss, as values that another program computed or printed do
 NOTHING = 1e-12  # the most that computing start values leaves where zero is right
-LEAST = 1e-15  # of a variable's nominal value: a start value up to that stands for zero
+LEAST = 1e-11  # of a variable's nominal value: a start value up to that stands for zero, as rounding of angles of some radians leaves it
 
 
 @dataclass(frozen=True)

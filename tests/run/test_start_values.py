@@ -210,6 +210,8 @@ def test_computed_start_values_may_miss_zero_by_rounding() -> None:
     assert result["c.w"] == pytest.approx([1.5, 1.5], rel=1e-12)
     for alone in ({"across.phi_rel": 2.8e-17}, {"b.phi": 5.6e-17, "a.phi": 0.0}, {"c.phi": -1.4e-17, "a.phi": 0.0}):
         assert system.simulate(1.0, samples=2, start={**alone, "a.w": 3.0})["c.w"] == pytest.approx([1.5, 1.5], rel=1e-12)
+    for alone in ({"across.phi_rel": 7.1e-16}, {"c.phi": -1.04e-17, "a.phi": 0.0}):  # with nothing else to be measured by
+        assert system.simulate(1.0, samples=2, start=alone)["c.w"] == pytest.approx([0.0, 0.0], abs=1e-15)
     printed = {"a.phi": 2 / 3, "b.phi": 0.666666666667, "c.phi": 0.333333333333, "a.w": 3.0, "c.w": 1.5}
     assert system.simulate(1.0, samples=2, start=printed)["c.w"] == pytest.approx([1.5, 1.5], rel=1e-11)
     for name, other in (("across.phi_rel", {}), ("b.phi", {"a.phi": 0.0}), ("c.phi", {"a.phi": 0.0})):
