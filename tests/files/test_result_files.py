@@ -349,12 +349,12 @@ def test_only_text_in_utf_8_is_written_whatever_the_locale(tmp_path: Path) -> No
         "[save_parameters(p / f'p{s}', {'ω': 1.5}) or load_parameters(p / f'p{s}') for s in ('.csv', '.toml', '.ssv')]"
     )
     (tmp_path / "script.py").write_text(code, encoding="utf-8")
-    options = ["-X", "warn_default_encoding", "-W", "error::EncodingWarning", "-X", "utf8=0"]
+    options = ["-S", "-X", "warn_default_encoding", "-W", "error::EncodingWarning", "-X", "utf8=0"]
     done = subprocess.run(
         [sys.executable, *options, str(tmp_path / "script.py"), str(tmp_path)],
         check=False,
         capture_output=True,
-        env={**os.environ, "LC_ALL": "C"},
+        env={**os.environ, "LC_ALL": "C", "PYTHONPATH": os.pathsep.join(sys.path)},  # -S: site reads no path in another encoding
     )
     assert done.returncode == 0, done.stderr.decode()
     with (tmp_path / "r.csv").open(encoding="utf-8", newline="") as file:
