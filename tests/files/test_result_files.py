@@ -354,7 +354,11 @@ def test_only_text_in_utf_8_is_written_whatever_the_locale(tmp_path: Path) -> No
         [sys.executable, *options, str(tmp_path / "script.py"), str(tmp_path)],
         check=False,
         capture_output=True,
-        env={**os.environ, "LC_ALL": "C", "PYTHONPATH": os.pathsep.join(sys.path)},  # -S: site reads no path in another encoding
+        env={
+            **os.environ,
+            "LC_ALL": "C",
+            "PYTHONPATH": os.pathsep.join(sys.path),
+        },  # -S: site reads no path in another encoding
     )
     assert done.returncode == 0, done.stderr.decode()
     with (tmp_path / "r.csv").open(encoding="utf-8", newline="") as file:
