@@ -10,6 +10,9 @@ from typing import Any
 
 import pytest
 
+import gearlib as gl
+import gearparts.blocks
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [
     "README.md",
@@ -73,3 +76,26 @@ def test_files_that_the_row_by_row_page_names_exist() -> None:
     assert len(named) > 10
     missing = [n for n in named if not ((ROOT / n).exists() or (ROOT / "library" / n).exists())]
     assert missing == []
+
+
+FUNCTIONS = {
+    "acos", "asin", "atan", "atan2", "cos", "cosh", "exp", "log", "pi", "sin", "sinh", "sqrt", "tan", "tanh", "time",
+}  # fmt: skip
+
+
+def test_the_reference_has_every_public_name_once() -> None:
+    page = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
+    named = re.findall(r"auto(?:class|function):: gearlib\.(\w+)$", page, re.MULTILINE)
+    errors = {name for name in gl.__all__ if gl.__dict__.get(name, getattr(gl, name)).__module__ == "gearlib.errors"} - {
+        "pi",
+        "time",
+    }
+    assert sorted(named) == sorted(set(gl.__all__) - FUNCTIONS - errors)
+    assert all(f"`{name}`" in page or f"`gl.{name}`" in page for name in FUNCTIONS)
+
+
+@pytest.mark.parametrize(("page", "package"), [("parts.md", gearparts), ("block_reference.md", gearparts.blocks)])
+def test_every_part_has_its_place(page: str, package: Any) -> None:
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    named = [name for block in re.findall(r"```\{part\}.*?\n(.*?)```", text, re.DOTALL) for name in block.split()]
+    assert sorted(named) == sorted(package.__all__)
