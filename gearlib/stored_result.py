@@ -112,6 +112,16 @@ class StoredResult(Result):
         """
         raise ArgumentError("a result that was read from a file has no model to do the run again; ask the result of simulate()")
 
+    def sensitivity(self, name: str, parameter: str) -> Floats:
+        """Refused: files hold histories only.
+
+        Raises
+        ------
+        ArgumentError
+            Always.
+        """
+        raise ArgumentError("a result that was read from a file has no sensitivities; ask the result of simulate()")
+
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} .. {self.time[-1]:g} s, " if len(self.time) else ""
         method = self.stats.get("method", "?")

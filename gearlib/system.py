@@ -249,7 +249,7 @@ class System(Compiled):
         parameters: Mapping[str, float] | None = None,
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None, progress: bool = False,
-        audit: bool = False, form: str = "ode", backend: str = "native",
+        audit: bool = False, form: str = "ode", backend: str = "native", sensitivities: Sequence[str] = (),
     ) -> SimulatedResult:  # fmt: skip
         """Integrate from ``t_start`` to ``t_end``.
 
@@ -295,6 +295,9 @@ class System(Compiled):
             are, with every algebraic unknown that is needed; `summary` names them.
         backend : {"native", "sksundae"}
             How ``method="ida"`` is driven: by compiled callbacks, or through scikit-sundae's Python interface.
+        sensitivities : sequence of str, optional
+            Paths of parameters, and start values as ``"start(load.w)"``, that the run is differentiated with respect to: their tangents
+            are integrated with the states, to the same tolerances. ``result.sensitivity("load.w", "shaft.c")`` gives them.
 
         Returns
         -------
@@ -309,6 +312,7 @@ class System(Compiled):
         translation, asked = request(
             self.translation, t_end, t_start=t_start, samples=samples, times=times, method=method, rtol=rtol, atol=atol,
             parameters=parameters, start=start, inputs=inputs, max_step=max_step, progress=progress, form=form, backend=backend,
+            sensitivities=sensitivities,
         )  # fmt: skip
         result = run(translation, asked)
         warn_of_zero_inputs(translation, asked.zero_inputs)

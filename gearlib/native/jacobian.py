@@ -6,7 +6,8 @@ contributes to; lists of integers say which.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from gearlib.native.layout import Layout
 from gearlib.native.source import CLOSING, Body, loop, looped, sign_groups
 from gearlib.program.derivative_plan import DerivativePlan, Solved, Sums
-from gearlib.program.program import Batch, Linear, Program
+from gearlib.program.program import Batch, Linear, Newton, Program
 
 Integers = NDArray[np.int64]
 
@@ -28,37 +29,114 @@ class Pattern:
     size: int  # entries that are computed on the way
 
 
-def pattern_of(plan: DerivativePlan) -> Pattern:
-    """The sparsity of what a plan computes: a row for each slot that is wanted, a column for each seed."""
+def pattern_of(plan: DerivativePlan, tangents: int = 0) -> Pattern:
+    """The sparsity of what a plan computes: a row for each slot that is wanted, a column for each seed.
+
+    Where so many tangents of each state follow the states, the matrix stands once more for each of them: how they change with the states,
+    which takes second derivatives, is left out.
+    """
     counts = np.bincount(plan.seeds, minlength=plan.n_seeds)
-    return Pattern(np.concatenate([[0], np.cumsum(counts)]), plan.rows[plan.by_column], plan.n_entries)
+    rows = plan.rows[plan.by_column]
+    if tangents:
+        entry, copy = _with_copies(plan, tangents)
+        rows, n = rows[entry], len(plan.wanted)
+        rows = np.where(copy < 0, rows, n + rows * tangents + copy)
+        counts = np.concatenate([counts, counts.repeat(tangents)])
+    return Pattern(np.concatenate([[0], np.cumsum(counts)]), rows, plan.n_entries)
 
 
-def jacobian_body(program: Program, layout: Layout, plan: DerivativePlan) -> tuple[Body, int]:
+def _with_copies(plan: DerivativePlan, tangents: int) -> tuple[Integers, Integers]:
+    """Entries column by column, of the matrix and then of its columns' copies, and which copy each belongs to; -1 of the first."""
+    ends = np.cumsum(np.bincount(plan.seeds, minlength=plan.n_seeds))
+    columns = np.split(np.arange(len(plan.seeds)), ends[:-1])
+    repeated = [np.tile(column, tangents) for column in columns]
+    copies = [np.arange(tangents).repeat(len(column)) for column in columns]
+    return np.concatenate([np.arange(len(plan.seeds)), *repeated]), np.concatenate([np.full(len(plan.seeds), -1), *copies])
+
+
+def jacobian_body(program: Program, layout: Layout, plan: DerivativePlan, tangents: int = 0) -> tuple[Body, int]:
     """The body of a function that computes what a plan lists, by columns, and how large ``data`` must be for it.
 
-    Behind the entries lie the right-hand side of a block, and what its elimination needs.
+    ``tangents``: as for `pattern_of`.
     """
     body = looped(program, layout)
     body.lines = body.lines[:-CLOSING]  # no derivatives of states are stored
-    at = layout.size + body.n_coefficients
+    ones = [f"h = {body.array([len(plan.order)])}", "for k in range(index[h]):", "    data[d + 1 + k] = 1.0"]
+    end = accumulate(body, layout, plan, layout.size + body.n_coefficients, ones, 1 + len(plan.order))
+    listed = plan.sources[plan.by_column]
+    if tangents:
+        listed = listed[_with_copies(plan, tangents)[0]]
+    source, count = body.array(listed), body.array([len(listed)])
+    body.lines += [f"a, h = {source}, {count}", "for k in range(index[h]):", "    values[k] = data[d + index[a + k]]"]
+    return body, end
+
+
+def tangent_body(program: Program, layout: Layout, plan: DerivativePlan) -> tuple[Body, int, int]:
+    """The body of a right-hand side that goes on with tangents: where its numbers begin in ``data``, and how large that must be.
+
+    Each seed of the plan is a direction, which enters at every state and at some parameters. The tangents of the states are their
+    weights: they stand behind the states, those of one state after those of the other, and so do their derivatives. The numbers are
+    the weights of the parameters, and the inverses of `inverted_blocks`, row by row.
+    """
+    body = looped(program, layout, guarded=True)
+    n, n_states = len(program.states), plan.n_seeds * len(program.states)
+    weights = layout.size + body.n_coefficients
+    n_weights = len(plan.order) - n_states
+    inverses, at = [], weights + n_weights
+    for step, equations in inverted_blocks(plan):
+        inverses.append(at)
+        at += len(step.rows) * len(equations)
+    head = body.array([n_states, n, n_weights, weights])
+    entering = [
+        f"h = {head}",
+        "for k in range(index[h]):",
+        "    data[d + 1 + k] = x[index[h + 1] + k]",
+        "for k in range(index[h + 2]):",
+        "    data[d + 1 + index[h] + k] = data[index[h + 3] + k]",
+    ]
+    end = accumulate(body, layout, plan, at, entering, 0, inverses)
+    found = np.zeros(n_states, np.int64)  # entry 0 is zero
+    found[plan.rows * plan.n_seeds + plan.seeds] = plan.sources
+    body.lines += [
+        f"a, h = {body.array(found)}, {head}",
+        "for k in range(index[h]):",
+        "    dx[index[h + 1] + k] = data[d + index[a + k]]",
+    ]
+    return body, weights, end
+
+
+def inverted_blocks(plan: DerivativePlan) -> list[tuple[Solved, Integers]]:
+    """Linear blocks with a parameter in their matrix that is differentiated by, and the equations that then have a right-hand side."""
+    blocks = [s for s in plan.steps if isinstance(s, Solved) and s.implicit and isinstance(s.step, Linear)]
+    return [(s, np.unique(s.sums.to // s.width)) for s in blocks]
+
+
+def accumulate(
+    body: Body,
+    layout: Layout,
+    plan: DerivativePlan,
+    at: int,
+    entering: Sequence[str],
+    n_ones: int,
+    inverses: Sequence[int] = (),
+) -> int:
+    """Append the statements that compute the entries of a plan, from ``at`` on in ``data``; where these and what they need end.
+
+    Behind the entries lie the right-hand side of a block, and what its elimination needs. ``entering``: statements that set the entries
+    of the seeds, which follow entry 0 at ``data[d]``; entries from 1 to ``n_ones`` are one. ``inverses``: where those of
+    `inverted_blocks` stand.
+    """
     implicit = [(s, len(s.step.unknowns)) for s in plan.steps if isinstance(s, Solved) and s.implicit]
+    inverted = {id(s): (place, rows) for (s, rows), place in zip(inverted_blocks(plan), inverses, strict=True)}
     right = at + plan.n_entries
     scratch = right + max((n * s.width for s, n in implicit), default=0)
     end = scratch + max((n * n + 2 * n + 1 for _, n in implicit), default=0)
-    head = body.array([at, plan.n_entries, len(plan.order), right, scratch])
-    body.lines += [
-        f"h = {head}",
-        "d = index[h]",
-        "for k in range(index[h + 1]):",
-        "    data[d + k] = 0.0",
-        "for k in range(index[h + 2]):",
-        "    data[d + 1 + k] = 1.0",
-    ]
+    head = body.array([at, plan.n_entries, right, scratch])
+    body.lines += [f"h = {head}", "d = index[h]", "for k in range(index[h + 1]):", "    data[d + k] = 0.0"]
     if implicit:
-        body.lines.append("e, w = index[h + 3], index[h + 4]")
+        body.lines.append("e, w = index[h + 2], index[h + 3]")
+    body.lines += entering
     pieces: list[Body] = []
-    n_ones = 1 + len(plan.order)
     for step in plan.steps:
         if isinstance(step, Sums):
             pieces += _summed(body, step, "d", n_ones)
@@ -66,16 +144,14 @@ def jacobian_body(program: Program, layout: Layout, plan: DerivativePlan) -> tup
         pieces.append(body.piece())
         if isinstance(step.step, Linear) and not step.implicit:
             _multiplied(pieces[-1], step, step.step, layout)
+        elif isinstance(step.step, Linear):
+            _applied(pieces[-1], step, *inverted[id(step)], n_ones)
         else:
             _eliminated(pieces[-1], step, n_ones)
         if len(step.added):
             _plain(pieces[-1], "d", step.first + step.added, step.added_sources)
     body.include_all(pieces)
-    out = plan.sources[plan.by_column]
-    source = body.array(out)
-    count = body.array([len(out)])
-    body.lines += [f"a, h = {source}, {count}", "for k in range(index[h]):", "    values[k] = data[d + index[a + k]]"]
-    return body, end
+    return end
 
 
 def _summed(body: Body, sums: Sums, base: str, n_ones: int) -> list[Body]:
@@ -153,12 +229,31 @@ def _multiplied(body: Body, step: Solved, block: Linear, layout: Layout) -> None
     ]
 
 
+def _applied(body: Body, step: Solved, place: int, equations: Integers, n_ones: int) -> None:
+    """Implicit differentiation of a linear block, whose inverse lies in ``data``: dz = -inverse(A) (dA z + dg)."""
+    row, column = np.divmod(step.sums.to, step.width)
+    sums = replace(step.sums, to=np.searchsorted(equations, row) * step.width + column)
+    head = body.array([len(equations), step.width, len(step.rows), step.first, place])
+    body.lines += [f"h = {head}", "for k in range(index[h] * index[h + 1]):", "    data[e + k] = 0.0"]
+    for piece in _summed(body, sums, "e", n_ones):
+        body.include(piece)
+    body.lines += [
+        f"h = {head}",
+        "q, p, f, g = index[h], index[h + 1], d + index[h + 3], index[h + 4]",
+        "for i in range(index[h + 2]):",
+        "    for j in range(q):",
+        "        y = data[g + i * q + j]",
+        "        for k in range(p):",
+        "            data[f + i * p + k] -= y * data[e + j * p + k]",
+    ]
+
+
 def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
     """Implicit differentiation of a block: dz = -inverse(J) (dr/dx), solved column by column."""
     block = step.step
+    assert isinstance(block, Newton), "the inverse of a linear block is known"
     n = len(block.unknowns)
-    lead = 0 if isinstance(block, Linear) else block.lead
-    head, rows = body.array([n, step.width, lead, len(step.rows), step.first]), body.array(step.rows)
+    head, rows = body.array([n, step.width, block.lead, len(step.rows), step.first]), body.array(step.rows)
     body.lines += [f"h = {head}", "for k in range(index[h] * index[h + 1]):", "    data[e + k] = 0.0"]
     for piece in _summed(body, step.sums, "e", n_ones):
         body.include(piece)
@@ -169,7 +264,7 @@ def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
         "    for k in range(q * q):",
         "        data[w + q + k] = 0.0",
     ]
-    for batch in block.matrix if isinstance(block, Linear) else block.jacobian:
+    for batch in block.jacobian:
         loop(body, batch, "data[w + q + {target}] += {value}", "    ")
     body.lines += [
         "    for k in range(q):",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gearlib.compiler.object_code import CompiledFunction, compiled
 from gearlib.native.events import root_numbers, roots_body, update_body
 from gearlib.native.identifiers import identifiers
-from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of
+from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of, tangent_body
 from gearlib.native.layout import Layout, Shared, lay_out
 from gearlib.native.linear_solve import SOLVE
 from gearlib.native.source import HEADER, Body, function, is_small, looped, written_out
@@ -51,6 +51,7 @@ class NativeScene:
     shared: Shared
     index: Integers
     size: int  # of the data block
+    tangent_numbers: int = 0  # where in it those of `tangent_body` begin
 
 
 def rhs_source(
@@ -66,7 +67,7 @@ def rhs_source(
 
 def compile_scene(
     program: Program, relations: Relations | None, names: Callable[[], Sequence[str]], parameter_names: Sequence[str],
-    n_relations: int, n_discrete: int, jacobian: DerivativePlan | None,
+    n_relations: int, n_discrete: int, jacobian: DerivativePlan | None, tangents: DerivativePlan | None = None,
 ) -> NativeScene:  # fmt: skip
     """Compile what a run needs.
 
@@ -83,18 +84,26 @@ def compile_scene(
         Of the whole model.
     jacobian : DerivativePlan, optional
         The derivatives of the outputs with respect to the states, where the analytic Jacobian is wanted.
+    tangents : DerivativePlan, optional
+        Their derivatives in directions, a seed each, where the right-hand side goes on with tangents.
     """
     n_modes = n_relations + (2 * n_discrete + 1 if n_discrete else 0)
     shared = Shared(len(parameter_names), n_modes, len(program.inputs))
-    layout = lay_out(program, shared, shared.size)
-    text, body = rhs_source(program, layout, names, parameter_names)
+    layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied)
+    if tangents is None:
+        text, body = rhs_source(program, layout, names, parameter_names)
+        weights = end = layout.size + body.n_coefficients
+    else:
+        body, weights, end = tangent_body(program, layout, tangents)
+        text = function("rhs", ["x", "dx", "data", "index"], body, RHS)
     rhs = compile_function("rhs", text, body, layout)
-    end, guards = layout.size + body.n_coefficients, (layout.guards, program.n_guards)
+    guards = layout.guards, program.n_guards
     jac = pattern = roots = update = None
     if jacobian is not None:
         layout = lay_out(program, shared, end, jacobian.multiplied)
-        pattern = pattern_of(jacobian)
-        body, end = jacobian_body(program, layout, jacobian)
+        copies = 0 if tangents is None else tangents.n_seeds
+        pattern = pattern_of(jacobian, copies)
+        body, end = jacobian_body(program, layout, jacobian, copies)
         jac = compile_function("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
     if relations is not None:
         layout = lay_out(relations.program, shared, end)
@@ -112,7 +121,7 @@ def compile_scene(
             packed.append(part.body.packed(base))
             base += len(packed[-1])
     index = np.concatenate([np.array([*bases, 0], np.int64), *packed])
-    return NativeScene(rhs, jac, pattern, roots, update, shared, index, end)
+    return NativeScene(rhs, jac, pattern, roots, update, shared, index, end, weights)
 
 
 def compile_function(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:

@@ -109,7 +109,7 @@ def entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floa
     plan : DerivativePlan
     at : At
     weights : array, optional
-        How much of its seed enters at each of the slots; 1 by default.
+        How much of its seed enters at each of the slots, shape (slots,) or (slots, times); 1 by default.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floa
         Equations that determine unknowns together are singular there.
     """
     numbers = np.zeros((plan.n_entries, len(at.t)))
-    numbers[1 : 1 + len(plan.order)] = 1.0 if weights is None else weights[plan.order, None]
+    numbers[1 : 1 + len(plan.order)] = 1.0 if weights is None else weights[plan.order].reshape(len(plan.order), -1)
     for step in plan.steps:
         if isinstance(step, Sums):
             numbers[step.to] = _sums(step, at, numbers)

@@ -15,6 +15,7 @@ from gearlib.errors import ArgumentError, nearest
 from gearlib.run.forms.scene_form import BACKENDS, FORMS
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import method_of
+from gearlib.run.tangents.directions import TangentDirections
 
 Floats = NDArray[np.float64]
 INCREASING = "an increasing sequence of finite numbers, s"
@@ -39,6 +40,7 @@ class Request:
     zero_inputs: tuple[str, ...] = ()  # that nobody gave
     form: str = "ode"
     backend: str = "native"
+    directions: TangentDirections | None = None  # that the run is differentiated in
     pieces: Any = None  # of a run with sampled controllers that is done again: what these gave
 
 

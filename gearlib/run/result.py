@@ -131,6 +131,43 @@ class Result(ABC):
         {'bearing': 9.0}
         """
 
+    @abstractmethod
+    def sensitivity(self, name: str, parameter: str) -> Floats:
+        """How a variable changes with a parameter or a start value, at each sample.
+
+        The times of the samples are the same; the times of events change with the parameter.
+
+        Parameters
+        ----------
+        name : str
+            A variable, or a derivative.
+        parameter : str
+            One of those that the run was asked for: ``simulate(sensitivities=[...])``.
+
+        Returns
+        -------
+        array, shape (samples,)
+            In units of the variable per unit of the parameter.
+
+        Raises
+        ------
+        NameLookupError, ArgumentError
+            No such variable, a discrete variable, or a parameter that the run was not asked for.
+
+        Examples
+        --------
+        A body that a torque speeds up: w = tau t / J.
+
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Drive(gl.Component):
+        ...     def assemble(self):
+        ...         self.torque, self.load = gp.Torque(tau=3.0), gp.Inertia(J=1.5)
+        ...         return [gl.connect(self.torque.flange, self.load.flange_a)]
+        >>> result = gl.compile(Drive(), outputs=["load.w"]).simulate(2.0, samples=3, sensitivities=["load.J"])
+        >>> result.sensitivity("load.w", "load.J").round(6) + 0.0
+        array([ 0.        , -1.333333, -2.666667])
+        """
+
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
@@ -330,7 +367,10 @@ class SimulatedResult(Result):
         self._extended: SimulatedResult | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        parts = [(p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin) for p in self._segments]
+        parts = [
+            (p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin, p.tangents, p.directions)
+            for p in self._segments
+        ]
         if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._segments):
             raise TypeError("a run whose states changed on the way cannot be pickled; take its histories: {name: result[name]}")
         return _restored, (self.translation, self.request, self._run, parts, self.stats, self.events)
@@ -346,6 +386,30 @@ class SimulatedResult(Result):
         if sign == 0:
             return np.zeros_like(self.time)
         return sign * self.history_of(node)
+
+    def sensitivity(self, name: str, parameter: str) -> Floats:
+        name, parameter = one_name("name", name, "load.w"), one_name("parameter", parameter, "load.J")
+        asked = self.request.directions
+        if asked is None or parameter not in asked.place:
+            known = [] if asked is None else asked.names
+            advice = f"it has {', '.join(known)}" if known else "it has none"
+            raise ArgumentError(
+                f"the run was not asked for sensitivities with respect to {parameter!r} ({advice}): "
+                f"simulate(..., sensitivities=[{parameter!r}])"
+            )
+        if name in self.scene.model.discretes.names:
+            raise ArgumentError(f"{name} is a discrete variable, which changes in steps: it has no sensitivity")
+        node, sign = self.scene.named(name)
+        if sign == 0:
+            return np.zeros_like(self.time)
+        return sign * self._tangents_of(node)[:, asked.place[parameter]]
+
+    def _tangents_of(self, node: Node) -> Floats:
+        """Tangents of a variable of the flat equations, or of a derivative of one, shape (samples, directions)."""
+        missing = self.scene.missing(node)
+        if missing:
+            return self._extend(missing)._tangents_of(node)
+        return self._joined(part.tangents_of(node) for part in self._segments)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._outputs)

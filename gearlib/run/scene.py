@@ -67,6 +67,7 @@ class Scene:
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
     _prepared: dict[bytes, Numbers] = field(default_factory=dict)
     forms: dict[str, Any] = field(default_factory=dict)  # made by `gearlib.run.forms.scene_form`
+    tangent_codes: dict[Any, Any] = field(default_factory=dict)  # made by `gearlib.run.tangents.tangents`
 
     @property
     def model(self) -> FlatModel:
@@ -159,17 +160,18 @@ class Scene:
     @cached_property
     def native(self) -> NativeScene:
         """Compiled functions without a Jacobian."""
-        return self._compiled(False)
+        return self.compiled(False)
 
     @cached_property
     def native_with_jacobian(self) -> NativeScene:
         """Compiled functions with one."""
-        return self._compiled(True)
+        return self.compiled(True)
 
-    def _compiled(self, jacobian: bool) -> NativeScene:
+    def compiled(self, jacobian: bool, tangents: DerivativePlan | None = None) -> NativeScene:
+        """Compiled functions, with a Jacobian or not; with a right-hand side that goes on with the tangents of a plan."""
         return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model.parameters.names,
                              self.model.n_relations, len(self.model.discretes),
-                             self.jacobian if jacobian else None)  # fmt: skip
+                             self.jacobian if jacobian else None, tangents)  # fmt: skip
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:

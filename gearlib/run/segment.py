@@ -19,6 +19,8 @@ from gearlib.run.branch import Branch, follow
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.scene import Scene, node_name, settle_once
+from gearlib.run.tangents.directions import TangentDirections
+from gearlib.run.tangents.tangents import slot_tangents
 from gearlib.solvers.inputs.table import values
 from gearlib.solvers.problem import Solution
 from gearlib.structure.incidence import Node
@@ -38,19 +40,26 @@ class Segment:
     signals: Sequence[Any]
     guess: Floats
     begin: float  # s, of the run; the first sample may be later
+    tangents: Floats | None = None  # (samples, states, directions)
+    directions: TangentDirections | None = None
     known: dict[Node, Floats] = field(default_factory=dict)
     computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
     events: Floats = field(default_factory=lambda: np.empty(0))
     finer: Callable[[Floats], Segment] | None = None  # the same at other times
     branches: list[Branch] = field(default_factory=list)
+    varied: dict[Node, Floats] = field(default_factory=dict)  # tangents that were asked for
 
     @classmethod
     def of(cls, run: Run, solution: Solution, first: int = 0) -> Segment:
         """What a run brought back, from one of its samples on."""
         time, states, modes = run.times[first : len(solution.x)], solution.x[first:], solution.modes[first:]
         known = {node: history[first:] for node, history in solution.algebraic.items()}
-        begin = float(run.times[0])
-        return cls(run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, begin, known)
+        tangents = None if solution.tangents is None else solution.tangents[first:]
+        directions = None if run.tangents is None else run.tangents.directions
+        return cls(
+            run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]), tangents,
+            directions, known,
+        )  # fmt: skip
 
     def history(self, node: Node) -> Floats:
         """A variable that depends on the integrated states."""
@@ -64,6 +73,22 @@ class Segment:
                 if not math.isfinite(np.vdot(history, history)):  # the quickest look at all of them
                     self._tell(node, history)
         return self.known[node]
+
+    def tangents_of(self, node: Node) -> Floats:
+        """Tangents of a variable that depends on the integrated states, shape (samples, directions)."""
+        assert self.tangents is not None, "the run was asked for sensitivities"
+        assert self.directions is not None, "these are theirs"
+        place = self.scene.place_of.get(node)
+        if place is not None:
+            return self.tangents[:, place]
+        if node not in self.varied:
+            program, slots = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
+            prepared = prepare(program, self.scene.structure, self.parameters)
+            modes = self._modes_for(program, self._inputs(program))
+            wanted = np.array([program.slots[node]])
+            found = slot_tangents(prepared, self.directions, wanted, self.time, slots, modes, self.tangents)
+            self.varied[node] = found[:, 0]
+        return self.varied[node]
 
     def _tell(self, node: Node, history: Floats) -> None:
         """Warn of values that are not finite."""

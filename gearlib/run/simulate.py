@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from gearlib.reduce.rows import some
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import method_of
 from gearlib.run.methods.run import Run
+from gearlib.run.refusals.differentiated import refuse_events, refuse_tangents
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
@@ -23,6 +24,8 @@ from gearlib.run.sampling.instants import integrate_sampled
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
 from gearlib.run.state_switching import integrate_through
+from gearlib.run.tangents.asked import directions
+from gearlib.run.tangents.tangents import Tangents, start_tangents
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import Table, values
 
@@ -53,6 +56,9 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step, form=asked.form,
         backend=asked.backend,
     )  # fmt: skip
+    if asked.directions is not None:
+        refuse_events(scene)
+        first = replace(first, tangents=Tangents(asked.directions, start_tangents(scene, begin, asked.directions)))
     if asked.progress:
         print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
     if translation.controllers:
@@ -86,6 +92,7 @@ def request(
     times: ArrayLike | None = None, method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
     parameters: Mapping[str, float] | None = None, start: Any = None, inputs: Mapping[str, Any] | None = None,
     max_step: float | None = None, progress: bool = False, form: str = "ode", backend: str = "native",
+    sensitivities: Sequence[str] = (),
 ) -> tuple[Translation, Request]:  # fmt: skip
     """The translation that fits what is asked of a run, and the request with all of it checked, as `System.simulate` takes it.
 
@@ -113,7 +120,10 @@ def request(
     else:
         signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
     numbers_of_run = (t_start, grid, method, float(rtol), atol, numbers, start, signals, show, max_step, zero, form, backend)
-    return translation, Request(*numbers_of_run)
+    varied = directions(translation, sensitivities, numbers, parameters or (), start)
+    if varied is not None:
+        refuse_tangents(translation, form, start)
+    return translation, Request(*numbers_of_run, varied)
 
 
 def warn_of_zero_inputs(

@@ -131,4 +131,5 @@ class Solution:
     algebraic: Mapping[tuple[int, int], Floats] = field(
         default_factory=dict
     )  # histories of unknowns that IDA was handed, by node
+    tangents: Floats | None = None  # (samples, states, directions), where these were integrated with the states
     branch: Floats | None = None  # slots of the scene's program at the end, where ``data`` does not hold them

@@ -231,6 +231,8 @@ def methods() -> list[Call]:
 
     runs = s.sweep({"load.J": [1.0, 2.0]}, 0.1, samples=3, inputs={"torque.tau": 1.0})
 
+    varied = s.simulate(0.1, samples=3, inputs={"torque.tau": 1.0}, sensitivities=["load.J"])
+
     def steps() -> gl.SteppedRun:
         return s.stepper(inputs={"torque.tau": 1.0}, method="rk")
 
@@ -268,6 +270,7 @@ def methods() -> list[Call]:
         Call("Result.history", r.history, lambda: {"name": "load.w"}),
         Call("Result.to_dataframe", r.to_dataframe),
         Call("Result.energy_balance", r.energy_balance),
+        Call("Result.sensitivity", varied.sensitivity, lambda: {"name": "load.w", "parameter": "load.J"}),
         Call("Result.at", r.at, lambda: {"t": 1.0}),
         Call("Result.items", lambda: list(r.items())),
         Call("Result.keys", r.keys),

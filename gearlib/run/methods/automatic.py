@@ -82,8 +82,12 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
 def handed_over(run: Run, callbacks: Callbacks, before: Driver, stepper: Stepper, jacobian: bool) -> Driver:
     """A run that goes on with another stepper from where a driver has got to."""
     slots, held = memory(run.scene, before.data)
-    start = replace(run.start, states=before.x[: len(run.scene.states)].copy())
-    return Driver(problem_of(replace(run, start=start, modes=held, slots=slots), callbacks, jacobian), stepper, before)
+    n, tangents = len(run.scene.states), run.tangents
+    start = replace(run.start, states=before.x[:n].copy())
+    if tangents is not None:
+        tangents = replace(tangents, start=before.x[n:].reshape(tangents.start.shape).copy())
+    here = replace(run, start=start, modes=held, slots=slots, tangents=tangents)
+    return Driver(problem_of(here, callbacks, jacobian), stepper, before)
 
 
 def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:

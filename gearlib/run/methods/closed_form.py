@@ -60,6 +60,8 @@ class ExactForm:
 def exact_form(run: Run) -> ExactForm | str:
     """What a run is to matrix exponentials, or why it is nothing to them."""
     scene = run.scene
+    if run.tangents is not None:
+        return "its sensitivities are integrated with the states"
     if len(scene.states) > LARGEST_EXACT:
         return f"{len(scene.states)} states are too many for an exponential"
     linear = linear_form(scene, run.numbers, run.signals)

@@ -119,6 +119,9 @@ def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
         bad = int(np.argmax(~np.isfinite(solution.x).all(axis=1)))
         raise SolverError(f"the solution is not finite at t = {solution.t[bad]:g} s")
     n, handed = len(run.scene.states), run.handed
+    if run.tangents is not None:
+        found = solution.x[:, n:] if n else np.empty((len(solution.x), 0))
+        solution = replace(solution, tangents=found.reshape(len(found), n, len(run.tangents.directions)))
     stats: dict[str, Any] = {"method": name, "why": why, "states": n, **solution.stats}
     if handed is not None:
         branch = handed.slots(solution.x_last)

@@ -16,6 +16,7 @@ from gearlib.native.scene_functions import NativeScene
 from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
+from gearlib.run.tangents.tangents import tangent_code
 from gearlib.solvers.inputs.callback import Callbacks, with_callbacks
 from gearlib.solvers.inputs.table import Table, breakpoints, values
 from gearlib.solvers.problem import Effort, Native, Problem, Solution
@@ -31,14 +32,21 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     """What an integrator sees of a run; ``jacobian``: whether it needs df/dx."""
     if (handed := run.handed) is not None:
         return _handed_problem(run, callbacks, handed)
-    scene = run.scene
-    native: NativeScene = scene.native_with_jacobian if jacobian else scene.native
+    scene, tangents = run.scene, run.tangents if run.scene.states else None
+    code = None if tangents is None else tangent_code(scene, tangents.directions, jacobian)
+    native: NativeScene = code.native if code else scene.native_with_jacobian if jacobian else scene.native
     program = scene.program
     inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
     modes = run.modes
     if modes is None:
         modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
     data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
+    if code is not None and tangents is not None:
+        code.fill(data, tangents.directions, run.numbers.main)
+        atol = None if run.atol is None else np.append(run.atol, tangents.spread(run.atol))
+        nominal = np.append(scene.nominal, tangents.spread(scene.nominal))
+        x0 = np.append(run.start.states, tangents.start)
+        return _wired(run, callbacks, scene, native, data, x0, nominal, np.ones(len(x0), bool), atol)
     nothing = np.ones(0 if scene.states else 1)  # the integrators need a state: without any, one that stands still
     return _wired(
         run, callbacks, scene, native, data, np.append(run.start.states, nothing), np.append(scene.nominal, nothing),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gearlib.run.forms.scene_form import SceneForm, scene_form
 from gearlib.run.scene import Numbers, Scene
 from gearlib.run.start_values import Start
+from gearlib.run.tangents.tangents import Tangents
 from gearlib.solvers.inputs.table import Table
 
 Floats = NDArray[np.float64]
@@ -36,6 +37,7 @@ class Run:
     slots: Floats | None = None  # of the scene's program, where a run goes on: its branch of nonlinear equations
     form: str = "ode"  # what IDA is handed
     backend: str = "native"  # how it is driven
+    tangents: Tangents | None = None  # that are integrated with the states
 
     @property
     def handed(self) -> SceneForm | None:

@@ -1,0 +1,45 @@
+"""Refusal of runs that cannot be differentiated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gearlib.errors import ArgumentError
+from gearlib.run.result import Result
+from gearlib.run.scene import Scene
+from gearlib.run.translation import Translation
+
+
+def refuse_events(scene: Scene) -> None:
+    """Raise `ArgumentError` for a scene with events."""
+    if scene.relations is not None:
+        names = "; ".join(dict.fromkeys(scene.relation_names.values()))
+        raise ArgumentError(f"sensitivities of a run with events are not computed yet ({names})")
+
+
+def refuse_tangents(translation: Translation, form: str, start: Any) -> None:
+    """Check what a run with sensitivities is asked.
+
+    Raises
+    ------
+    ArgumentError
+        Sampled controllers, a form of the equations that leaves unknowns to IDA, or a start that does not say how it changes.
+    """
+    if form != "ode":
+        raise ArgumentError(
+            f"sensitivities need form='ode', in which all unknowns follow from the states; the form is {form!r}"
+        )
+    if translation.controllers:
+        raise ArgumentError(
+            f"{translation.name} has sampled controllers, which are functions of Python: how what they give changes with a parameter is "
+            "not known, so that there are no sensitivities; write the controller as equations"
+        )
+    if isinstance(start[0] if isinstance(start, tuple) else start, Result):
+        raise ArgumentError(
+            "sensitivities are those of a whole run: a run that goes on from a result does not know how its start changes; "
+            "begin at the beginning, or give start values: start={'load.w': ...}"
+        )
+    if isinstance(start, str):
+        raise ArgumentError(
+            f"start={start!r} with sensitivities: how a steady state changes is not computed; give start values"
+        )

@@ -1,0 +1,48 @@
+"""`TangentDirections`: what a run is differentiated with respect to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Entry = tuple[int, int]  # entry of the parameter table, column
+
+
+@dataclass(frozen=True, eq=False)
+class TangentDirections:
+    """A column for each name.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Paths of parameters, and of start values as ``"start(load.w)"``.
+    entries : tuple of (parameter, column)
+        Entries of the parameter table that a column changes, with
+    weights : array
+        how much each changes with one unit of the column's.
+    starts : tuple of (variable, column, sign)
+        Start values that are a column themselves: of representative variables.
+    given : frozenset of int
+        Representative variables whose start values were given for the run, so that no parameter changes them.
+    sizes : array
+        Typical size of each, in its unit.
+    """
+
+    names: tuple[str, ...]
+    entries: tuple[Entry, ...]
+    weights: Floats
+    starts: tuple[tuple[int, int, int], ...]
+    given: frozenset[int]
+    sizes: Floats
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def place(self) -> dict[str, int]:
+        """The column of each name."""
+        return {name: k for k, name in enumerate(self.names)}

@@ -1,0 +1,261 @@
+"""Sensitivities of smooth runs, against closed forms and against runs with other numbers."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, NameLookupError
+from tests.trains import Chain
+
+c = gl.connect
+
+
+def differences(history: Callable[[float], Any], at: float, step: float = 1e-3) -> Any:
+    """The derivative of a history by a number: central differences, extrapolated twice (an error of order 6)."""
+    size = step * (abs(at) or 1.0)
+    d = [(history(at + k * size) - history(at - k * size)) / (2 * k * size) for k in (1, 2, 4)]
+    once = [(4 * d[i] - d[i + 1]) / 3 for i in (0, 1)]
+    return (16 * once[0] - once[1]) / 15
+
+
+def off(found: Any, right: Any) -> float:
+    return float(np.abs(found - right).max() / np.abs(right).max())
+
+
+def against_other_runs(
+    system: gl.System, parameter: str, outputs: list[str], t_end: float, method: str, **options: Any
+) -> None:
+    """Each output's sensitivity is the difference of runs with other numbers."""
+    run = system.simulate(t_end, samples=21, rtol=1e-10, sensitivities=[parameter], **options)
+
+    def other(value: float) -> Any:
+        given = {"start": {parameter[6:-1]: value}} if parameter.startswith("start(") else {"parameters": {parameter: value}}
+        result = system.simulate(t_end, samples=21, rtol=1e-12, method=method, **options, **given)
+        return np.array([result[name] for name in outputs])
+
+    table = system.translation.model.parameters
+    at = 0.0 if parameter.startswith("start(") else float(table.defaults[table.index[parameter]])
+    right = differences(other, at)
+    for name, expected in zip(outputs, right, strict=True):
+        assert off(run.sensitivity(name, parameter), expected) < 1e-6, name
+
+
+@pytest.fixture(scope="module")
+def driven() -> gl.System:
+    return gl.compile(gp.ZhouCui2022(tau_in=100.0, e_amplitude=1e-5, e_omega=500.0, e_phase=0.1), outputs=["w_out", "q_ring"])
+
+
+@pytest.mark.parametrize("parameter", ["K_g", "C_g", "I_r", "R_s", "e_amplitude", "e_omega", "e_phase", "start(w_in)"])
+def test_of_the_xp_train(driven: gl.System, parameter: str) -> None:
+    against_other_runs(driven, parameter, ["w_out", "q_ring", "der(w_out)"], 0.05, "exact")
+
+
+class Decay(gl.Component):
+    """x' = -k x, and what follows from x."""
+
+    k = gl.Parameter("1/s", "rate", default=0.7)
+    x = gl.Variable("1", "quantity", start=3.0)
+    y = gl.Variable("1/s", "what follows")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), -self.k * self.x), gl.Eq(self.y, self.k**2 * self.x * gl.time)]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk", "rk5", "rk8", "ida"])
+def test_of_a_decay(method: str) -> None:
+    run = gl.compile(Decay()).simulate(2.0, samples=9, rtol=1e-9, method=method, sensitivities=["k", "start(x)"])
+    t, decay = run.time, np.exp(-0.7 * run.time)
+    for name, parameter, right in (
+        ("x", "k", -t * 3.0 * decay),
+        ("x", "start(x)", decay),
+        ("y", "k", (2 * 0.7 - 0.7**2 * t) * 3.0 * t * decay),
+        ("y", "start(x)", 0.7**2 * t * decay),
+        ("der(x)", "k", (0.7 * t - 1) * 3.0 * decay),
+    ):
+        assert off(run.sensitivity(name, parameter), right) < 2e-8, (name, parameter)
+
+
+@pytest.mark.parametrize("parameter", ["J", "c", "d_load", "body[1].J", "start(body[0].w)"])
+def test_of_what_is_bound_to_a_parameter(chain: Callable[..., gl.System], parameter: str) -> None:
+    against_other_runs(
+        chain(grounded=True),
+        parameter,
+        ["body[3].w", "shaft[0].tau", "der(body[0].w)"],
+        2.0,
+        "exact",
+        inputs={"torque.tau": 3.0},
+    )
+
+
+def test_a_bound_parameter_that_is_given_does_not_follow() -> None:
+    system = gl.compile(Chain(grounded=True), outputs=["body[3].w"])
+    given = {"body[1].J": 1.3}  # the value that it would have
+    run = system.simulate(1.0, samples=5, rtol=1e-10, inputs={"torque.tau": 1.0}, parameters=given, sensitivities=["J"])
+
+    def other(J: float) -> Any:
+        return system.simulate(1.0, samples=5, inputs={"torque.tau": 1.0}, parameters={**given, "J": J})["body[3].w"]
+
+    assert off(run.sensitivity("body[3].w", "J"), differences(other, 1.0)) < 1e-6
+
+
+class Closed(gl.Component):
+    """A rigid loop of gears, a shaft and a load that grows with the square of the speed; the torque changes with time."""
+
+    def assemble(self) -> list[Any]:
+        self.torque = gp.Torque(tau=10 + 5 * gl.sin(20 * gl.pi * gl.time))
+        self.motor, self.carrier, self.ring = gp.Inertia(J=0.01), gp.Inertia(J=0.05), gp.Inertia(J=0.1)
+        self.load, self.closing = gp.Inertia(J=2.0), gp.IdealGear(ratio=0.5)
+        self.planetary, self.shaft = gp.IdealPlanetary(ratio=81 / 19), gp.SpringDamper(c=1e4, d=10.0)
+        self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-0.05, w_nominal=1.0, torque_direction=False)
+        return [
+            c(self.torque.flange, self.motor.flange_a), c(self.motor.flange_b, self.planetary.sun),
+            c(self.planetary.ring, self.ring.flange_a), c(self.planetary.carrier, self.carrier.flange_a),
+            c(self.ring.flange_b, self.closing.flange_a), c(self.closing.flange_b, self.carrier.flange_a),
+            c(self.carrier.flange_b, self.shaft.flange_a), c(self.shaft.flange_b, self.load.flange_a),
+            c(self.load.flange_b, self.fan.flange),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("parameter", ["load.J", "motor.J", "planetary.ratio", "closing.ratio", "shaft.c", "fan.tau_nominal"])
+def test_through_constant_linear_blocks(parameter: str) -> None:
+    against_other_runs(gl.compile(Closed()), parameter, ["load.w", "shaft.tau", "planetary.sun.tau"], 0.3, "rk8")
+
+
+class Implicit(gl.Component):
+    """A decay driven by r, which solves r + a r^3 + sin(r) / 10 = x by iteration."""
+
+    k = gl.Parameter("1/s", "rate", default=1.0)
+    a = gl.Parameter("1", "hardening", default=0.5)
+    x = gl.Variable("1", "quantity")
+    r = gl.Variable("1", "force")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), -self.k * self.r), gl.Eq(self.r + self.a * self.r**3 + 0.1 * gl.sin(self.r), self.x)]
+
+
+@pytest.mark.parametrize("parameter", ["a", "start(x)"])
+def test_through_blocks_that_are_solved_by_iteration(parameter: str) -> None:
+    system = gl.compile(Implicit(start={"x": 2.0}))
+    run = system.simulate(1.5, samples=7, rtol=1e-10, sensitivities=[parameter])
+
+    def other(value: float) -> Any:
+        given = {"start": {"x": value}} if parameter == "start(x)" else {"parameters": {"a": value}}
+        result = system.simulate(1.5, samples=7, rtol=1e-12, method="rk8", **given)
+        return np.array([result["x"], result["r"]])
+
+    right = differences(other, 2.0 if parameter == "start(x)" else 0.5)
+    assert off(run.sensitivity("x", parameter), right[0]) < 1e-6
+    assert off(run.sensitivity("r", parameter), right[1]) < 1e-6
+
+
+def test_of_a_start_that_is_bound_to_a_parameter() -> None:
+    class Bound(gl.Component):
+        x0 = gl.Parameter("1", default=3.0)
+
+        def assemble(self) -> list[Any]:
+            self.inner = Decay(start={"x": 2.0 * self.x0})
+            return []
+
+    run = gl.compile(Bound()).simulate(1.0, samples=3, rtol=1e-9, sensitivities=["x0"])
+    assert off(run.sensitivity("inner.x", "x0"), 2.0 * np.exp(-0.7 * run.time)) < 1e-8
+    assert (
+        not gl.compile(Bound())
+        .simulate(1.0, samples=3, start={"inner.x": 6.0}, sensitivities=["x0"])
+        .sensitivity("inner.x", "x0")
+        .any()
+    )
+
+
+def test_with_an_input_that_is_a_function_or_a_table(chain: Callable[..., gl.System]) -> None:
+    system = gl.compile(Chain(grounded=True), outputs=["body[3].w"])
+    for tau in (lambda t: 3.0 * np.sin(5.0 * t), gl.Table([0.0, 0.3, 1.0], [0.0, 2.0, -1.0])):
+        run = system.simulate(1.0, samples=5, rtol=1e-10, inputs={"torque.tau": tau}, sensitivities=["c"])
+
+        def other(value: float, tau: Any = tau) -> Any:
+            found = system.simulate(
+                1.0, samples=5, rtol=1e-12, method="rk8", inputs={"torque.tau": tau}, parameters={"c": value}
+            )
+            return found["body[3].w"]
+
+        assert off(run.sensitivity("body[3].w", "c"), differences(other, 100.0)) < 1e-6
+
+
+def test_of_an_angle_that_was_not_integrated() -> None:
+    run = gl.compile(Chain(grounded=True), outputs=["body[3].w"]).simulate(
+        1.0, samples=11, rtol=1e-10, inputs={"torque.tau": 3.0}, sensitivities=["J"]
+    )
+    slope = run.sensitivity("body[3].w", "J")
+    angle = run.sensitivity("body[3].phi", "J")
+    assert angle[-1] == pytest.approx(np.trapezoid(slope, run.time), rel=0.02)
+
+
+def test_samples_and_other_copies_of_a_run(driven: gl.System) -> None:
+    run = driven.simulate(0.02, samples=3, rtol=1e-9, sensitivities=["K_g"])
+    other = driven.simulate(0.02, times=[0.01, 0.02], rtol=1e-9, sensitivities=["K_g"])
+    assert np.allclose(run.sensitivity("w_out", "K_g")[1:], other.sensitivity("w_out", "K_g"), rtol=1e-12)
+    copy = pickle.loads(pickle.dumps(run))
+    assert (copy.sensitivity("q_ring", "K_g") == run.sensitivity("q_ring", "K_g")).all()
+    assert np.allclose(run["w_out"], driven.simulate(0.02, samples=3, rtol=1e-9)["w_out"], rtol=1e-8)
+
+
+def test_stiff_scenes_go_on_with_ida() -> None:
+    class Fast(gl.Component):
+        k, k0 = gl.Parameter("1/s", default=1e5), gl.Parameter("1/s", default=1.0)
+        x, y = gl.Variable("1", start=1.0), gl.Variable("1", start=0.0)
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), -self.k0 * self.x**2),
+                gl.Eq(gl.der(self.y), -self.k * self.y + 1e5 * self.k0 * self.x),
+            ]
+
+    run = gl.compile(Fast()).simulate(3.0, samples=4, rtol=1e-8, sensitivities=["k", "start(x)"])
+    assert "IDA" in run.stats["why"]
+    assert off(run.sensitivity("x", "start(x)"), 1 / (1 + run.time) ** 2) < 1e-6
+    assert off(run.sensitivity("y", "k")[1:], -1.0 / (1 + run.time[1:]) / 1e5) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("names", "error", "text"),
+    [
+        (["nonsense"], NameLookupError, "no parameter 'nonsense'"),
+        (["body[0].w"], NameLookupError, r"write 'start\(body\[0\].w\)'"),
+        (["torque.tau"], NameLookupError, "an input"),
+        (["n"], NameLookupError, "a structural choice"),
+        (["start(nonsense)"], NameLookupError, "nonsense"),
+        (["start(der(body[0].w))"], NameLookupError, "derivative"),
+        (["c", "c"], ArgumentError, "twice"),
+        ("c", ArgumentError, "sensitivities"),
+        (3, ArgumentError, "sensitivities"),
+    ],
+)
+def test_names_that_are_refused(chain: Callable[..., gl.System], names: Any, error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        chain(grounded=True).simulate(1.0, sensitivities=names)
+
+
+def test_what_a_run_was_not_asked_for_is_refused(chain: Callable[..., gl.System]) -> None:
+    run = chain(grounded=True).simulate(1.0, samples=3, inputs={"torque.tau": 1.0}, sensitivities=["c"])
+    with pytest.raises(ArgumentError, match=r"not asked for sensitivities with respect to 'd' \(it has c\)"):
+        run.sensitivity("body[3].w", "d")
+    with pytest.raises(NameLookupError, match="nonsense"):
+        run.sensitivity("nonsense", "c")
+
+
+def test_requests_that_are_refused(chain: Callable[..., gl.System]) -> None:
+    system, asked = chain(grounded=True), {"sensitivities": ["c"], "inputs": {"torque.tau": 1.0}}
+    with pytest.raises(ArgumentError, match="form='ode'"):
+        system.simulate(1.0, method="ida", form="dae", **asked)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="integrated with the states; use method"):
+        system.simulate(1.0, method="exact", **asked)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="a run that goes on"):
+        system.simulate(2.0, start=system.simulate(1.0, inputs={"torque.tau": 1.0}), sensitivities=["c"])
+    with pytest.raises(ArgumentError, match="steady"):
+        system.simulate(2.0, start="steady", **asked)  # type: ignore[arg-type]
