@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gearlib.native.layout import Layout
 from gearlib.native.source import CLOSING, Body, loop, looped, sign_groups
 from gearlib.program.derivative_plan import DerivativePlan, Solved, Sums
-from gearlib.program.program import Batch, Linear, Newton, Program
+from gearlib.program.program import Batch, Linear, Program
 
 Integers = NDArray[np.int64]
 
@@ -124,10 +124,10 @@ def accumulate(
 
     Behind the entries lie the right-hand side of a block, and what its elimination needs. ``entering``: statements that set the entries
     of the seeds, which follow entry 0 at ``data[d]``; entries from 1 to ``n_ones`` are one. ``inverses``: where those of
-    `inverted_blocks` stand.
+    `inverted_blocks` stand, if they were prepared.
     """
     implicit = [(s, len(s.step.unknowns)) for s in plan.steps if isinstance(s, Solved) and s.implicit]
-    inverted = {id(s): (place, rows) for (s, rows), place in zip(inverted_blocks(plan), inverses, strict=True)}
+    inverted = {id(s): (place, rows) for (s, rows), place in zip(inverted_blocks(plan), inverses, strict=False)}
     right = at + plan.n_entries
     scratch = right + max((n * s.width for s, n in implicit), default=0)
     end = scratch + max((n * n + 2 * n + 1 for _, n in implicit), default=0)
@@ -144,7 +144,7 @@ def accumulate(
         pieces.append(body.piece())
         if isinstance(step.step, Linear) and not step.implicit:
             _multiplied(pieces[-1], step, step.step, layout)
-        elif isinstance(step.step, Linear):
+        elif id(step) in inverted:
             _applied(pieces[-1], step, *inverted[id(step)], n_ones)
         else:
             _eliminated(pieces[-1], step, n_ones)
@@ -251,9 +251,9 @@ def _applied(body: Body, step: Solved, place: int, equations: Integers, n_ones: 
 def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
     """Implicit differentiation of a block: dz = -inverse(J) (dr/dx), solved column by column."""
     block = step.step
-    assert isinstance(block, Newton), "the inverse of a linear block is known"
     n = len(block.unknowns)
-    head, rows = body.array([n, step.width, block.lead, len(step.rows), step.first]), body.array(step.rows)
+    lead = 0 if isinstance(block, Linear) else block.lead
+    head, rows = body.array([n, step.width, lead, len(step.rows), step.first]), body.array(step.rows)
     body.lines += [f"h = {head}", "for k in range(index[h] * index[h + 1]):", "    data[e + k] = 0.0"]
     for piece in _summed(body, step.sums, "e", n_ones):
         body.include(piece)
@@ -264,7 +264,7 @@ def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
         "    for k in range(q * q):",
         "        data[w + q + k] = 0.0",
     ]
-    for batch in block.jacobian:
+    for batch in block.matrix if isinstance(block, Linear) else block.jacobian:
         loop(body, batch, "data[w + q + {target}] += {value}", "    ")
     body.lines += [
         "    for k in range(q):",
