@@ -134,8 +134,8 @@ def formula(expression: Any) -> str:
     r"""LaTeX of an expression of a component's.
 
     >>> import sympy
-    >>> print(formula(sympy.Symbol("J") * sympy.Symbol("der(w)") + sympy.Symbol("flange_a.tau")))
-    J \, \dot{w} + \tau_{\mathrm{flange\,a}}
+    >>> print(formula(sympy.Symbol("J") * sympy.Symbol("der(w)")), formula(sympy.Symbol("flange_a.tau")))
+    J \, \dot{w} \tau_{\mathrm{flange\,a}}
     """
     return str(_Printer({"order": "none", "mul_symbol": r" \, "}).doprint(sympy.sympify(expression)))
 

@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
 
 import numpy as np
@@ -104,6 +106,29 @@ def test_the_script_is_given_what_it_reads(report):
     for chart in charts:
         assert all(len(c["x"]) == len(c["y"]) > 1 for c in chart["curves"])
         assert set(re.findall(r"curve\.(\w+)", script)) - {"hidden"} == set(chart["curves"][0])
+
+
+BROWSER = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+def test_a_browser_draws_every_curve_and_reports_no_error(report, tmp_path):
+    """A page whose charts are drawn by its script, in a headless browser: what stands in the document afterwards, and on its console."""
+    _, charts = specs(report)
+    ran = subprocess.run(
+        [
+            BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}", "--enable-logging=stderr",
+            "--virtual-time-budget=2000", "--dump-dom", report.as_uri(),
+        ],
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert "CONSOLE" not in ran.stderr
+    drawn = re.findall(r'<svg[^>]*aria-label="([^"]*)"(.*?)</svg>', ran.stdout, re.DOTALL)
+    drawn = [(name, body) for name, body in drawn if name in [c["y"] for c in charts]]
+    assert [name for name, _ in drawn] == [c["y"] for c in charts]
+    for (_, body), chart in zip(drawn, charts, strict=True):
+        assert len(re.findall(r'<(?:path|polyline)[^>]*\b(?:d|points)="[^"]{10,}"', body)) >= len(chart["curves"])
+        assert not re.search("NaN|undefined", body)
 
 
 def test_a_report_of_little(tmp_path):
