@@ -8,6 +8,7 @@ bilinear in each cell, with exact slopes; ``gl.Table`` does so for a curve, here
 The engine accelerates a car through a gearbox in one gear. The same equations, written by hand, are solved by SciPy.
 """
 
+import matplotlib.pyplot as plt
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
@@ -62,3 +63,15 @@ error = np.abs(w - expected).max() / expected.max()
 print(f"engine at {w[0]:.0f} rad/s, at most {w.max():.1f} rad/s, at the end {w[-1]:.1f} rad/s; by hand within {error:.1e}")
 assert error < 1e-6
 assert result["combustion.tau"].max() > 150.0
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+speed, pedal = np.linspace(SPEEDS[0], SPEEDS[-1], 95), np.linspace(0.0, 1.0, 51)
+torque = [[np.interp(p, PEDAL, [np.interp(s, SPEEDS, column) for column in columns]) for s in speed] for p in pedal]
+lines = left.contourf(speed, pedal, torque, levels=12, cmap="viridis")
+figure.colorbar(lines, ax=left, label="engine torque, N·m")
+left.plot(w, np.interp(result.time, FOOT.t, FOOT.y), "w.-", linewidth=1)
+left.set(xlabel="engine speed, rad/s", ylabel="pedal")
+right.plot(result.time, w, label="engine")
+right.plot(result.time, RATIO * result["car.w"], "--", label="car, at the engine's side")
+right.set(xlabel="time, s", ylabel="speed, rad/s")
+right.legend()

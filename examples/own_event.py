@@ -60,3 +60,5 @@ error = np.abs(result["body.w"] - expected).max() / expected.max()
 print(f"speed at the end {result['body.w'][-1]:.6f} rad/s, by hand {expected[-1]:.6f} rad/s, relative error {error:.1e}")
 assert error < 1e-7
 assert result["pin.broken"][-1] == 1
+
+result.plot("body.w", "pin.tau")

@@ -12,6 +12,7 @@ constant torque brakes stands still from :math:`t = J w_0 / T` on: an event, loc
 
 import math
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import gearlib as gl
@@ -82,3 +83,14 @@ result = gl.simulate(Brake(), 1.0, samples=11, method="rk4")
 print(f"stands still from t = {result.events[0][0]:.12f} s on; method {result.stats['method']}, {result.stats['steps']} steps")
 assert abs(result.events[0][0] - 0.25) < 1e-12
 assert np.allclose(result["w"], np.maximum(10.0 - 40.0 * result.time, 0.0), atol=1e-12)
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
+for h in (1.6e-2, 1e-3):
+    swing = system.simulate(0.2, samples=201, method=RK4(h))
+    left.plot(swing.time, swing["body.phi"], label=f"h = {1e3 * h:g} ms")
+left.plot(swing.time, 0.02 * np.cos(100.0 * swing.time), "k:", label="cosine")
+left.set(xlabel="time, s", ylabel="angle, rad")
+left.legend(loc="upper right")
+right.plot(result.time, result["w"], "o-")
+right.axvline(result.events[0][0], color="0.5", linestyle=":")
+right.set(xlabel="time, s", ylabel="braked body's speed, rad/s")

@@ -12,6 +12,7 @@ constant speed, and a loaded wheel vibrates on the mesh. The same motion is comp
 from dataclasses import dataclass
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -70,3 +71,9 @@ print(
     f"deflection at the end {1e6 * result['mesh.q'][-1]:.4f} um, by hand {1e6 * reference[-1]:.4f} um, relative error {error:.1e}"
 )
 assert error < 1e-7
+
+figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+axes.plot(1e3 * result.time, 1e6 * result["mesh.q"], label="gearlib")
+axes.plot(1e3 * result.time[::5], 1e6 * reference[::5], "k.", label="by hand")
+axes.set(xlabel="time, ms", ylabel="mesh deflection, µm")
+axes.legend()

@@ -12,6 +12,7 @@ a loop in real time has a millisecond for it. How evenly the steps come depends 
 
 import time
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import gearlib as gl
@@ -46,14 +47,17 @@ class TrainEnvironment:
 
 environment = TrainEnvironment(target=2.0)
 seen, over, integral = environment.reset(), False, 0.0
-taken, reward = [], 0.0
+taken, reward, speeds, torques = [], 0.0, [seen], [0.0]
 while not over:
     begin = time.perf_counter()
     error = environment.target - seen[1]
     integral += error * PERIOD
-    seen, gain, over = environment.step(400.0 * error + 600.0 * integral)
+    action = 400.0 * error + 600.0 * integral
+    seen, gain, over = environment.step(action)
     reward += gain
     taken.append(time.perf_counter() - begin)
+    speeds.append(seen)
+    torques.append(action)
 
 ms = 1e3 * np.sort(taken)
 late = int((ms > 1e3 * PERIOD).sum())
@@ -63,3 +67,12 @@ print(
 )
 assert environment.run.t == 1.0
 assert np.isfinite(seen).all()
+
+figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(7, 5), layout="constrained")
+instants = PERIOD * np.arange(len(speeds))
+above.plot(instants, speeds, label=["ring", "carrier"])
+above.axhline(environment.target, color="0.4", linestyle=":")
+above.set_ylabel("speed, rad/s")
+above.legend()
+below.step(instants, torques)
+below.set(xlabel="time, s", ylabel="torque on the ring, N·m")
