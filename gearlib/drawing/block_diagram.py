@@ -69,6 +69,8 @@ class Outline:
         Number of parts of a family that this stands for.
     members : tuple of str
         Names of the parts that this stands for, where it is more than one.
+    radii : tuple of float
+        Of its gears, m, or one ratio; NaN where it is not known yet.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Outline:
     note: str = ""
     count: int = 1
     members: tuple[str, ...] = ()
+    radii: tuple[float, ...] = ()
 
 
 def folded(outline: Outline) -> Outline:

@@ -33,6 +33,7 @@ from gearlib.language.expressions import TOO_DEEP, Eq, When, real_symbol
 
 if TYPE_CHECKING:
     from gearlib.drawing.diagram import Diagram
+    from gearlib.drawing.scheme.stick_diagram import Scheme
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
 RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
@@ -218,6 +219,9 @@ class Component:
     icon: ClassVar[str] = (
         ""  # name of the drawing that stands for the class in diagrams (gearlib.drawing.icons); empty: a labelled box
     )
+    radii: ClassVar[
+        tuple[str, ...]
+    ] = ()  # of a class whose icon shows gears: the parameters with their radii, or with one ratio
 
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
@@ -337,6 +341,27 @@ class Component:
         from gearlib.language.outline import drawn
 
         return drawn(self, depth, fold, width)
+
+    def scheme(self) -> Scheme:
+        """Stick diagram: shafts as lines, gears as bars at their radii, planetary sets, clutches, brakes and the hatched housing.
+
+        Of planetary sets the upper half is shown, their planets in blue. What turns only is shown, at all depths; bodies are parts of
+        their shafts. `PowerFlow.scheme` shows speeds, torques and powers with it.
+
+        Raises
+        ------
+        ModelError
+            Nothing in it turns, or gears whose axes are carried by a shaft without being a planetary set.
+
+        Examples
+        --------
+        >>> import gearparts as gp
+        >>> gp.ZhouCui2022().scheme()
+        <Scheme of ZhouCui2022: 5 shafts, 6 parts; save('train.svg') writes it>
+        """
+        from gearlib.language.outline import scheme_of
+
+        return scheme_of(self)
 
     def _structural_value(self, declared: Structural, value: Any) -> Any:
         where = f"{type(self).__name__}: structural choice '{declared.name}'"
@@ -502,6 +527,36 @@ class Component:
             value = self._bindings.get(name, self._bindable[name].default)  # type: ignore[attr-defined]
             return None if value is NO_VALUE else value
         return self._symbol(name)
+
+    def _radii(self) -> tuple[float, ...]:
+        """Values of the parameters that the class names as its ``radii``; NaN where one has no value yet."""
+        found = [self._number(name) for name in self.radii]
+        return tuple(np.nan if value is None else value for value in found)
+
+    def _number(self, name: str) -> float | None:
+        """The number that a parameter has by what was given, by its default, or by what encloses the component."""
+        declared: Any = self._bindable[name]
+        if isinstance(declared, Structural):
+            return float(self._structural[name])
+        value, scope = self._bindings.get(name, NO_VALUE), self._parent
+        if value is NO_VALUE:
+            value, scope = declared.default, self
+            if callable(value):
+                with _inside(self):
+                    value = value(self)
+        numbers = {}
+        for symbol in getattr(value, "free_symbols", ()):
+            owner, (*way, last) = scope, str(symbol).split(".")
+            for part in way:
+                owner = None if owner is None else parts_of(owner).get(part)
+            found = None if owner is None or last not in owner._bindable else owner._number(last)
+            if found is None:
+                return None
+            numbers[symbol] = found
+        try:
+            return float(value.subs(numbers) if numbers else value)
+        except TypeError:  # no number: nothing was given
+            return None
 
     def _choice(self, name: str) -> Any:
         self._read.add(name)

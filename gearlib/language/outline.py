@@ -11,6 +11,8 @@ import networkx as nx
 from gearlib.arguments import flag, real, whole
 from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin, Terminal
 from gearlib.drawing.diagram import Diagram
+from gearlib.drawing.scheme.stick_diagram import Scheme
+from gearlib.drawing.scheme.train import Train, train_of
 from gearlib.errors import ArgumentError, ModelError
 from gearlib.language.declarations import Connector, Discrete, Input, Owner, Potential, Variable, declared_by
 
@@ -30,6 +32,16 @@ def drawn(component: Owner, depth: int, fold: bool, width: float) -> Diagram:
     if wide < 200:
         raise ArgumentError(f"width is {wide:g}; expected 200 pixels or more")
     return Diagram(outline(component, deep), fold=flag("fold", fold), width=wide)
+
+
+def scheme_of(component: Owner) -> Scheme:
+    """The stick diagram of a component, as `Component.scheme` describes it."""
+    return Scheme(train_in(component))
+
+
+def train_in(component: Owner) -> Train:
+    """Everything in a component that turns, at all depths, as a stick diagram shows it."""
+    return train_of(outline(component, DEEPEST))
 
 
 def outline(component: Owner, depth: int) -> Outline:
@@ -78,7 +90,7 @@ def _outline(component: Owner, name: str, depth: int, level: int, more: tuple[Te
     icon = component.icon if isinstance(component.icon, str) else ""
     return Outline(
         name, type(component).__name__, icon, tuple(ports.values()), tuple(parts), tuple(nets), bool(component._parts),
-        _note(component),
+        _note(component), radii=component._radii(),
     )  # fmt: skip
 
 

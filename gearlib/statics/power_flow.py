@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from gearlib.arguments import one_name
+from gearlib.arguments import by_name, one_name, shown
 from gearlib.drawing.sankey import Band, sankey
-from gearlib.errors import NameLookupError, nearest
+from gearlib.drawing.scheme.speed_ladder import speed_ladder
+from gearlib.drawing.scheme.stick_diagram import Load, Scheme
+from gearlib.errors import ArgumentError, ModelError, NameLookupError, nearest
+from gearlib.language.outline import train_in
 from gearlib.optional import optional
 from gearlib.statics.circulation import Circulation, PowerEdge, circulations
 
 if TYPE_CHECKING:
     import pandas
 
+    from gearlib.drawing.scheme.train import Train
     from gearlib.drawing.svg import Picture
+    from gearlib.language.component import Component
 
 RPM = 30 / 3.141592653589793
 NOTHING = 1e-12  # of the largest torque or speed: rounding
@@ -65,6 +70,7 @@ class PowerFlow:
     mobility: int
     name: str = ""
     shared: tuple[str, ...] = ()
+    component: Component | None = field(default=None, repr=False, compare=False)
 
     def __getitem__(self, name: str) -> FlangePower:
         """A flange by its path."""
@@ -169,6 +175,52 @@ class PowerFlow:
         """Sankey diagram: bands as wide as the power, from drives to loads; what circulates flows back below."""
         flows, joints = _flows(self._branches)
         return sankey([Band(*flow) for flow in flows], self.losses, self._title, joints)
+
+    def scheme(self) -> Scheme:
+        """Stick diagram of the train with speeds, torques and powers: bands as wide as the power that a shaft carries.
+
+        Numbers at the shafts are those of the table below them.
+
+        Raises
+        ------
+        ModelError
+            Nothing turns that a stick diagram shows (`Component.scheme`).
+        """
+        loads = {(f.component, f.flange): Load(f.speed, f.torque, f.power) for f in self.flanges if not f.sliding}
+        return Scheme(self._train, loads)
+
+    def speed_ladder(self, name: str | None = None, other: Mapping[str, PowerFlow] | None = None) -> Picture:
+        """Speeds of the planetary sets as straight lines across the rails of their shafts (the plan of Ravigneaux and Kutzbach).
+
+        Parameters
+        ----------
+        name : str, optional
+            Of this motion, such as ``"1st gear"``.
+        other : mapping of str to PowerFlow, optional
+            Motions of the same train to compare, by name.
+
+        Raises
+        ------
+        ModelError
+            The train has no planetary set.
+        ArgumentError
+            Something else than power flows.
+        """
+        own = "" if name is None else one_name("name", name, "1st gear")
+        flows = {own: self} if other is None else {own: self, **by_name("other", other, "power flows by name", "2nd gear")}
+        for label, flow in flows.items():
+            if not isinstance(flow, PowerFlow):
+                raise ArgumentError(f"other['{label}'] is {shown(flow)}; expected a PowerFlow, as power_flow(...) gives it")
+        speeds = {
+            label: {(f.component, f.flange): f.speed for f in flow.flanges if not f.sliding} for label, flow in flows.items()
+        }
+        return speed_ladder(self._train, speeds)
+
+    @property
+    def _train(self) -> Train:
+        if self.component is None:
+            raise ModelError("this PowerFlow was made by hand, without a model whose gears could be drawn")
+        return train_in(self.component)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per flange."""

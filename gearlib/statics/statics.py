@@ -102,7 +102,7 @@ def power_flow(
         refuse_contradiction(motion, given)
     _refuse_open(model, motion)
     paths = _shared_names(model, set(places[motion.undetermined[places] > UNDETERMINED].tolist()))
-    return PowerFlow(tuple(_flanges(model, motion)), _mobility(model, numbers), translation.name, paths)
+    return PowerFlow(tuple(_flanges(model, motion)), _mobility(model, numbers), translation.name, paths, translation.component)
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:

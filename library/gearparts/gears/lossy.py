@@ -37,6 +37,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
     """
 
     icon = "lossy_gear"
+    radii = ("ratio",)
 
     loss_table = gl.Structural(IDEAL, "rows of speed (rad/s), eta1, eta2, B1 (N.m), B2 (N.m)")
     smoothness = gl.Structural("linear", "how the rows are interpolated", choices=SMOOTHNESS)
@@ -177,6 +178,7 @@ class Gearbox(TwoFlanges, MaybeHeated):
     """
 
     icon = "lossy_gear"
+    radii = ("ratio",)
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     loss_table = gl.Structural(IDEAL, "rows of speed (rad/s), eta1, eta2, B1 (N.m), B2 (N.m)")

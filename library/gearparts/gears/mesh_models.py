@@ -28,6 +28,7 @@ class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
     """
 
     icon = "mesh"
+    radii = ("r_a", "r_b")
 
     def equations(self) -> list[gl.Eq]:
         r_b = self.turns_against * self.r_b

@@ -21,6 +21,7 @@ class GearMesh(TwoFlanges, MaybeHeated):
     """Base of linear meshes: radii, compliance, deflection, force and rate of the transmission error."""
 
     icon = "mesh"
+    radii = ("r_a", "r_b")
 
     turns_against: ClassVar[int]  # 1 where the gears turn against each other, -1 otherwise
     r_a = gl.Parameter("m", "base radius of the gear on flange_a (pitch radius where forces act along the pitch line)", min=0)

@@ -12,6 +12,7 @@ class IdealGear(TwoFlangesAndSupport):
     """Gear pair without inertia, losses or elasticity: ``phi_a = ratio phi_b`` relative to the support."""
 
     icon = "gear"
+    radii = ("ratio",)
 
     ratio = gl.Parameter("1", "transmission ratio, flange_a over flange_b")
 
@@ -30,6 +31,7 @@ class IdealPlanetary(gl.Component):
     """Planetary set without inertia or losses: Willis' equation ``(1 + ratio) carrier = sun + ratio ring``."""
 
     icon = "planetary"
+    radii = ("ratio",)
 
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")

@@ -42,6 +42,7 @@ class LossyPlanetary(MaybeHeated):
     """
 
     icon = "planetary"
+    radii = ("ratio",)
 
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")

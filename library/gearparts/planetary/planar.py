@@ -199,6 +199,7 @@ class PlanarPlanetaryUnit(gl.Component):
     """
 
     icon = "planetary"
+    radii = ("r_s", "r_r")
 
     sun = Flange("sun shaft")
     carrier = Flange("carrier shaft")

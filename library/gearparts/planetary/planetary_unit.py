@@ -111,6 +111,7 @@ class PlanetaryUnit(gl.Component):
     """
 
     icon = "planetary"
+    radii = ("R_s", "R_r")
 
     level: ClassVar[str]
     planet_meshes: ClassVar[str] = "lumped"

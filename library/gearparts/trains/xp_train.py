@@ -32,6 +32,7 @@ class FixedAxisUnit(TwoFlanges):
     """
 
     icon = "mesh"
+    radii = ("R_1", "R_2")
 
     Z_1 = gl.Structural(0, "teeth of gear 1; 0: not known", min=0)
     details = gl.Structural((), "choices and values of a detailed mesh, as pairs")
