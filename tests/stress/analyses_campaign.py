@@ -22,9 +22,18 @@ from tests.stress.verdicts import ANSWERED, REFUSED, RIGHT, UNCLEAR, WRONG, Verd
 
 
 def analysed_train(seed: int) -> Train:
-    """A linear train whose torques and prescribed speeds are constant."""
-    train = linear_train(seed)
-    return replace(train, parts=tuple(constant(p) for p in train.parts))
+    """A linear train whose torques and prescribed speeds are constant; three in four have a load at each body, and so a steady state."""
+    train, rng = linear_train(seed), random.Random(seed)
+    parts = [constant(p) for p in train.parts]
+    if rng.random() < 0.75:
+        nodes = sorted({p.at[0] for p in parts if p.kind == "Inertia"})
+        parts += [load(f"load{node}", node, rng) for node in nodes]
+    return replace(train, parts=tuple(parts))
+
+
+def load(name: str, node: int, rng: random.Random) -> Part:
+    values = (("tau_nominal", -rng.uniform(0.1, 5)), ("w_nominal", rng.uniform(0.5, 5)), ("torque_direction", False))
+    return Part(name, "LinearSpeedDependentTorque", (node,), values)
 
 
 def constant(part: Part) -> Part:
