@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gearlib.feedback.passivity import passivity as passivity
     from gearlib.feedback.stability import StabilityReport as StabilityReport
     from gearlib.feedback.stability import stability as stability
+    from gearlib.feedback.stability_sensitivity import StabilitySensitivity as StabilitySensitivity
     from gearlib.files.parameter_sets import load_parameters as load_parameters
     from gearlib.files.parameter_sets import save_parameters as save_parameters
     from gearlib.language.component import Component as Component
@@ -73,6 +74,8 @@ if TYPE_CHECKING:
     from gearlib.linear.frequency_response import FrequencyResponse as FrequencyResponse
     from gearlib.linear.frequency_response import frequency_response as frequency_response
     from gearlib.linear.frequency_response import transmission_error_response as transmission_error_response
+    from gearlib.linear.steady_state import SteadyState as SteadyState
+    from gearlib.linear.steady_state import steady_state as steady_state
     from gearlib.many_runs.analysing import sweep as sweep
     from gearlib.many_runs.runs import Runs as Runs
     from gearlib.many_runs.samples import grid as grid
@@ -103,6 +106,7 @@ if TYPE_CHECKING:
     from gearlib.system import simulate as simulate
     from gearlib.vibration.campbell import Campbell as Campbell
     from gearlib.vibration.campbell import campbell as campbell
+    from gearlib.vibration.mode_sensitivity import ModeSensitivity as ModeSensitivity
     from gearlib.vibration.modes import Modes as Modes
     from gearlib.vibration.modes import modes as modes
 
@@ -121,6 +125,9 @@ _HOME = {
     **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.linear.frequency_response"),
     **dict.fromkeys(["Passivity", "passivity"], "gearlib.feedback.passivity"),
     **dict.fromkeys(["StabilityReport", "stability"], "gearlib.feedback.stability"),
+    "StabilitySensitivity": "gearlib.feedback.stability_sensitivity",
+    "ModeSensitivity": "gearlib.vibration.mode_sensitivity",
+    **dict.fromkeys(["SteadyState", "steady_state"], "gearlib.linear.steady_state"),
     "Runs": "gearlib.many_runs.runs",
     "sweep": "gearlib.many_runs.analysing",
     "grid": "gearlib.many_runs.samples",

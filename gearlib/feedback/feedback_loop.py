@@ -6,7 +6,7 @@ python-control's `stability_margins` takes, are lost in rounding; on small well-
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import real, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
-from gearlib.linear.linear_model import label, matrices
+from gearlib.linear.linear_model import LinearModel, Matrices, label, matrices
 from gearlib.linear.linearize import linearized
 from gearlib.linear.poles import Poles, poles
 from gearlib.run.subject import is_compiled, translation_of
@@ -33,6 +33,10 @@ class Loop:
     ----------
     A, b, c, d : array (n, n), array (n,), array (n,), float
     input, output : str
+    whole : Matrices, optional
+        Of one input and one output, before states that the mode holds were eliminated.
+    changes : callable, optional
+        Derivatives of these with respect to parameters, by path; known of loops in a System.
     """
 
     A: Floats
@@ -41,6 +45,8 @@ class Loop:
     d: float
     input: str
     output: str
+    whole: Matrices | None = None
+    changes: Callable[[Sequence[str]], list[Matrices]] | None = None
 
     @cached_property
     def _schur(self) -> tuple[Complexes, Complexes, Complexes]:
@@ -187,7 +193,19 @@ def as_loop(
     A, B, C, D, ins, outs = matrices(model)
     j = _signal("input", loop and loop[0], ins)
     i = _signal("output", loop and loop[1], outs)
-    return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, ins[j], outs[i])
+
+    def one(m: Matrices) -> Matrices:
+        """The loop's part of a model's matrices."""
+        return Matrices(m.A, m.B[:, [j]] * gain, m.C[[i]], m.D[[i]][:, [j]] * gain)
+
+    whole = changes = None
+    if isinstance(model, LinearModel) and model.whole is not None and (known := model.changes) is not None:
+        whole = one(model.whole)
+
+        def changes(names: Sequence[str]) -> list[Matrices]:
+            return [one(m) for m in known(names)]
+
+    return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, ins[j], outs[i], whole, changes)
 
 
 def _signal(what: str, chosen: Any, names: Sequence[str]) -> int:

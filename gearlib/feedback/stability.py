@@ -10,14 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.arguments import real
+from gearlib.arguments import one_name, real
+from gearlib.errors import ArgumentError
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
 from gearlib.feedback.margins import Margins, margins
 from gearlib.feedback.nyquist import NyquistCount, nyquist_count
 from gearlib.feedback.passivity import Passivity, passivity
+from gearlib.feedback.stability_sensitivity import StabilitySensitivity, stability_sensitivity
 from gearlib.linear.linear_model import check_linear
 from gearlib.linear.linearize import linearized
+from gearlib.linear.operating_point import fitting
 from gearlib.linear.poles import MEANING, Poles, Verdict, poles
 from gearlib.run.subject import is_compiled, translation_of
 from gearlib.vibration.modes import MOST_DENSE, Modes, modes
@@ -104,6 +107,31 @@ class StabilityReport:
     loop: LoopReport | None = None
     find_modes: Callable[[], Modes] | None = None
     find_passivity: Callable[[], Passivity] | None = None
+    find_sensitivity: Callable[[str], StabilitySensitivity] | None = None
+
+    def sensitivity(self, parameter: str) -> StabilitySensitivity:
+        """How poles and margins change with a parameter, by exact derivatives of the equations.
+
+        What is bound to the parameter changes with it, and so does the operating point.
+
+        Parameters
+        ----------
+        parameter : str
+            Path.
+
+        Returns
+        -------
+        StabilitySensitivity
+
+        Raises
+        ------
+        ArgumentError, NameLookupError, SolverError
+            No such parameter, no derivative with respect to it, or a report that is not one of a System.
+        """
+        name = one_name("parameter", parameter, "shaft.d")
+        if self.find_sensitivity is None:
+            raise ArgumentError("the report is not that of a System; the derivative with respect to a parameter is not known")
+        return self.find_sensitivity(name)
 
     @cached_property
     def passivity(self) -> Passivity | None:
@@ -241,13 +269,26 @@ def stability(
         linear = linearized(translation_of(model), [], None, at, parameters)
     elif not hasattr(model, "A") and chosen is None:
         linear = as_loop(model)
-    later: tuple[Any, ...] = ()  # what is only read when it is printed or asked for
+    later: tuple[Any, Any] = None, None  # what is only read when it is printed or asked for
     if is_compiled(model) and len(model.states) <= MOST_DENSE:
-        given = {"at": copy(at), "parameters": copy(parameters)}
-        later = (partial(modes, model, **given), partial(passivity, model, **given))
-    if chosen is not None:
-        return StabilityReport(name, chosen.open_poles, LoopReport(chosen), *later)
-    return StabilityReport(name, poles(linear.A), None, *later)
+        same = {"at": copy(at), "parameters": copy(parameters)}
+        later = (partial(modes, model, **same), partial(passivity, model, **same))
+    report = None if chosen is None else LoopReport(chosen)
+    found = poles(linear.A) if chosen is None else chosen.open_poles
+    source: Any = linear if chosen is None else chosen
+    find = None
+    if is_compiled(model) and source.changes is not None:
+        translation, given = translation_of(model), copy(parameters)
+
+        def find(parameter: str) -> StabilitySensitivity:
+            (change,) = source.changes([parameter])
+            numbers = fitting(translation, at, given).parameter_values(given)
+            number = float(numbers[translation.model.parameters.index[parameter]])
+            unit = translation.parameter_units.get(parameter, "")
+            parts = None if report is None else (report.loop, report.margins)
+            return stability_sensitivity(parameter, unit, number, source.whole, change, found, parts)
+
+    return StabilityReport(name, found, report, *later, find)
 
 
 def _at_zero(found: Modes) -> str:

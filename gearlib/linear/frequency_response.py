@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from gearlib.arguments import check_axes, name_list, one_name, real, reals, show
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.linear_model import LinearModel, check_linear, matrices
 from gearlib.linear.linearize import input_names, linearized, read_by_equations
+from gearlib.linear.response_changes import response_changes
 from gearlib.optional import optional
 from gearlib.run.subject import is_compiled, translation_of
 from gearlib.run.translation import Compiled, Translation
@@ -51,6 +52,52 @@ class FrequencyResponse:
     units: tuple[str, ...]
     per: str = ""
     conditions: tuple[str, ...] = ()
+    _find_changes: Callable[[Sequence[str]], Complexes] | None = None  # (parameters, outputs, inputs, frequencies)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy for another process holds the numbers, and does not know the system that they came from."""
+        return FrequencyResponse, (
+            self.omega, self.values, self.inputs, self.outputs, self.units, self.per, self.conditions,
+        )  # fmt: skip
+
+    def sensitivity(self, parameter: str) -> Complexes:
+        """Derivative of the response with respect to a parameter, per unit of it, by exact derivatives of the equations.
+
+        What is bound to the parameter changes with it, and so does the operating point.
+
+        Parameters
+        ----------
+        parameter : str
+            Path.
+
+        Returns
+        -------
+        complex array (outputs, inputs, frequencies)
+
+        Raises
+        ------
+        ArgumentError, NameLookupError
+            No such parameter, no derivative with respect to it, or a response that was not made from a System.
+
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Drive(gl.Component):
+        ...     def assemble(self):
+        ...         self.torque, self.load = gp.Torque(), gp.Inertia(J=2.0)
+        ...         return [gl.connect(self.torque.flange, self.load.flange_a)]
+        >>> response = gl.frequency_response(gl.compile(Drive()), [1.0], ["torque.tau"], ["load.w"])     # 1 / (J s)
+        >>> complex(response.sensitivity("load.J")[0, 0, 0])
+        0.25j
+        """
+        found: Complexes = self.sensitivities([one_name("parameter", parameter, "load.J")])[0]
+        return found
+
+    def sensitivities(self, parameters: Sequence[str]) -> Complexes:
+        """The same with respect to several parameters, shape (parameters, outputs, inputs, frequencies)."""
+        if self._find_changes is None:
+            raise ArgumentError("the response is not that of a System; the derivative with respect to a parameter is not known")
+        return self._find_changes(name_list("parameters", parameters, "load.J"))
 
     def __str__(self) -> str:
         what = f"Response of {', '.join(self.outputs)} to {', '.join(self.inputs)}"
@@ -178,7 +225,24 @@ def frequency_response(
     if not np.isfinite(values).all():
         w = grid[~np.isfinite(values).all(axis=(0, 1))][0]
         raise ArgumentError(f"the model has a pole at {w:g} rad/s: the response there is infinite")
-    return FrequencyResponse(grid, values, *signals, units or ("",) * len(signals[1]), per, said)
+    find = (
+        _changes(model, np.asarray(1j * grid, complex))
+        if isinstance(model, LinearModel) and model.changes is not None
+        else None
+    )
+    return FrequencyResponse(grid, values, *signals, units or ("",) * len(signals[1]), per, said, find)
+
+
+def _changes(model: LinearModel, s: Complexes) -> Callable[[Sequence[str]], Complexes]:
+    """The function that differentiates a response with respect to parameters."""
+
+    def find(names: Sequence[str]) -> Complexes:
+        assert model.changes is not None, "checked before"
+        assert model.whole is not None, "it has changes"
+        found = [response_changes(model.whole, change, s) for change in model.changes(names)]
+        return np.array(found).reshape(len(names), len(model.outputs), len(model.inputs), len(s))
+
+    return find
 
 
 def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complexes:
@@ -266,7 +330,11 @@ def transmission_error_response(
     each = frequency_response(system, omega, list(weights), outputs, at=at, parameters=parameters)
     factors = np.array([w * (1j * each.omega if units[n] == "m/s" else np.ones(len(each.omega))) for n, w in weights.items()])
     values = np.einsum("oiw,iw->ow", each.values, factors)[:, None, :]
-    return FrequencyResponse(each.omega, values, ("transmission error",), each.outputs, each.units, "m")
+
+    def find(names: Sequence[str]) -> Complexes:
+        return np.asarray(np.einsum("poiw,iw->pow", each.sensitivities(names), factors)[:, :, None, :])
+
+    return FrequencyResponse(each.omega, values, ("transmission error",), each.outputs, each.units, "m", _find_changes=find)
 
 
 def _weights(meshes: Any) -> dict[str, complex]:

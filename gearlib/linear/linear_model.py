@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,23 @@ from gearlib.run.subject import described
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """A, B, C, D; or their derivatives with respect to a parameter."""
+
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+
+
 @dataclass(frozen=True)
 class LinearModel:
     """dx/dt = A x + B u, y = C x + D u about an operating point; arrays, or sparse matrices where these would be large.
 
-    ``conditions`` says in words what the operating point is, such as "open: mesh m" or "sliding: clutch c".
+    ``conditions`` says in words what the operating point is, such as "open: mesh m" or "sliding: clutch c". ``whole`` are the matrices
+    before states that the mode holds were eliminated, and ``changes`` their derivatives with respect to parameters, by path; a model
+    that was not made from a system has none.
     """
 
     A: Any
@@ -29,6 +42,12 @@ class LinearModel:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     conditions: tuple[str, ...] = ()
+    whole: Matrices | None = field(default=None, repr=False, compare=False)
+    changes: Callable[[Sequence[str]], list[Matrices]] | None = field(default=None, repr=False, compare=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy for another process is a model of numbers, which does not know the system that it came from."""
+        return LinearModel, (self.A, self.B, self.C, self.D, self.states, self.inputs, self.outputs, self.conditions)
 
 
 def label(name: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,11 @@ from gearlib.errors import ArgumentError, InputWarning, NameLookupError, SolverE
 from gearlib.flatten.model import FlatModel
 from gearlib.linear.condition import conditions
 from gearlib.linear.held_states import remaining
-from gearlib.linear.linear_model import LinearModel
-from gearlib.linear.operating_point import Point, fitting, operating_point, slots_at
+from gearlib.linear.linear_model import LinearModel, Matrices
+from gearlib.linear.linearized_program import LinearizedProgram
+from gearlib.linear.operating_point import Point, fitting, operating_point
 from gearlib.program.build import build
-from gearlib.program.derivatives import derivatives, undetermined
+from gearlib.program.derivatives import undetermined
 from gearlib.program.interpret import prepare
 from gearlib.program.program import Program
 from gearlib.reduce.rows import some
@@ -120,49 +121,78 @@ def linearize(
     scene = Scene(structure, states)
     program = build(structure, [*needed, *((v, k + 1) for v, k in states)], states, dynamic=True)
     prepared = prepare(program, structure, parameters)
-    slots, flags = slots_at(scene, parameters, prepared, point)
-    seeds: list[int] = list(range(len(states)))
-    added: list[int] = []
-    scale: list[float] = []
-    position: list[tuple[str, int]] = []
-    for name in inputs:
-        variable = _input(model, name)
-        node, sign = (int(model.representative[variable]), 0), int(model.sign[variable])
-        _refuse_derivatives(program, node[0], name, outputs)
-        slot = program.slots.get(node)
-        scale.append(float(sign))
-        if slot is None:
-            position.append(("none", 0))
-        elif node in program.inputs:
-            position.append(("seed", len(seeds)))
-            seeds.append(slot)
-        else:
-            position.append(("added", len(added)))
-            added.append(slot)
-    n = len(states)
+    signals = _Signals.of(program, model, inputs, outputs)
     wanted = [*(program.slots[v, k + 1] for v, k in states), *(program.slots.get(t, 0) for t in targets)]
-    if not program.n_slots:  # nothing has to be computed: all outputs are always zero
-        d: Any = np.zeros((len(wanted), len(seeds) + len(added)))
-    else:
-        d = derivatives(prepared, point.t, slots, flags, seeds, [(slot, i, 1.0) for i, slot in enumerate(added)], wanted)
+    seeds, added = (*range(len(states)), *signals.seeds), tuple((slot, i, 1.0) for i, slot in enumerate(signals.added))
+    at = LinearizedProgram(scene, prepared, point, seeds, added, tuple(wanted))
+    slots, flags = at.slots, at.flags
+    n, sign_out = len(states), np.array(signs, float)
     _refuse_undetermined(scene, program, undetermined(prepared, point.t, slots, flags))
-    columns = [{"seed": i, "added": len(seeds) + i, "none": -1}[kind] for kind, i in position]
-    rates, rows = d[:n], d[n:]
-    sign_out = np.array(signs, float)
-    full = isinstance(d, np.ndarray)
-    B, D = _columns(rates, columns, np.array(scale), full), _columns(rows, columns, np.array(scale), full)
-    if full:
-        C, D = sign_out[:, None] * rows[:, :n], sign_out[:, None] * D
-    else:
-        import scipy.sparse as sparse
-
-        C, D = sparse.diags(sign_out) @ rows[:, :n], sparse.diags(sign_out) @ D
-    A, names = rates[:, :n], tuple(node_name(model, s) for s in states)
+    whole = signals.matrices(at.derivatives, n, sign_out)
+    A, B, C, names = whole.A, whole.B, whole.C, tuple(node_name(model, s) for s in states)
     left = remaining(structure, prepared, point.t, slots, flags, A, B)
     if left is not None:
         A, B, C = A[left.keep] @ left.basis, B[left.keep], C @ left.basis
         names = tuple(names[i] for i in left.keep)
-    return LinearModel(A, B, C, D, names, tuple(inputs), tuple(outputs))
+
+    def changes(parameters: Sequence[str]) -> list[Matrices]:
+        return [signals.matrices(change, n, sign_out) for change in at.changes(parameters, wanted)]
+
+    return LinearModel(A, B, C, whole.D, names, tuple(inputs), tuple(outputs), whole=whole, changes=changes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Signals:
+    """Where the inputs enter a program.
+
+    Attributes
+    ----------
+    seeds, added : tuples of int
+        Slots of inputs that are given, and of such that are computed, to which something is added.
+    columns : tuple of int
+        Of each input: the column of the derivatives behind those of the states, -1 where nothing responds to it.
+    scale : array
+    """
+
+    seeds: tuple[int, ...]
+    added: tuple[int, ...]
+    columns: tuple[int, ...]
+    scale: Floats
+
+    @classmethod
+    def of(cls, program: Program, model: FlatModel, inputs: Sequence[str], outputs: Sequence[str]) -> _Signals:
+        seeds: list[int] = []
+        added: list[int] = []
+        scale: list[float] = []
+        position: list[tuple[str, int]] = []
+        for name in inputs:
+            variable = _input(model, name)
+            node, sign = (int(model.representative[variable]), 0), int(model.sign[variable])
+            _refuse_derivatives(program, node[0], name, outputs)
+            slot = program.slots.get(node)
+            scale.append(float(sign))
+            if slot is None:
+                position.append(("none", 0))
+            elif node in program.inputs:
+                position.append(("seed", len(seeds)))
+                seeds.append(slot)
+            else:
+                position.append(("added", len(added)))
+                added.append(slot)
+        columns = tuple({"seed": i, "added": len(seeds) + i, "none": -1}[kind] for kind, i in position)
+        return cls(tuple(seeds), tuple(added), columns, np.array(scale))
+
+    def matrices(self, d: Any, n: int, sign_out: Floats) -> Matrices:
+        """A, B, C, D of the derivatives of n rates and the outputs with respect to n states and the inputs."""
+        rates, rows = d[:n], d[n:]
+        full = isinstance(d, np.ndarray)
+        columns = [c if c < 0 else n + c for c in self.columns]
+        B, D = _columns(rates, columns, self.scale, full), _columns(rows, columns, self.scale, full)
+        if full:
+            return Matrices(rates[:, :n], B, sign_out[:, None] * rows[:, :n], sign_out[:, None] * D)
+        import scipy.sparse as sparse
+
+        return Matrices(rates[:, :n], B, sparse.diags(sign_out) @ rows[:, :n], sparse.diags(sign_out) @ D)
 
 
 def _refuse_undetermined(scene: Scene, program: Program, open_: Floats) -> None:

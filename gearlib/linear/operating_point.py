@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +28,8 @@ class Point:
     """An operating point: time, and a value of every state of the structure that is known there.
 
     ``modes`` gives the relations and discrete variables of a program where a run knows them; otherwise they are as at a start.
+    ``change`` says how parameters and states change with some parameters, by path: (parameter, seed, weight), and a function of
+    the structure's states that gives the change of each, shape (seeds,).
     """
 
     t: float
@@ -35,23 +37,53 @@ class Point:
     inputs: Floats
     guess: Floats
     modes: Callable[[Program], Floats] | None = None
+    change: Callable[[Sequence[str]], PointChange] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PointChange:
+    """How an operating point changes with some parameters.
+
+    Attributes
+    ----------
+    parameters : list of (parameter, seed, weight)
+        Of the parameter table.
+    find_states : callable
+        Changes of the states by node, each of shape (seeds,); where a model does not depend on its states, they are not asked for.
+    """
+
+    parameters: list[tuple[int, int, float]]
+    find_states: Callable[[], dict[Node, Floats]]
 
 
 def operating_point(
-    translation: Translation, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None
-) -> tuple[Scene, Floats, Point]:
+    translation: Translation, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None,
+    inputs: Mapping[str, float] | None = None,
+) -> tuple[Scene, Floats, Point]:  # fmt: skip
     """A scene with some states, the parameters' numbers, and the point that ``at`` stands for (see `System.linearize`)."""
     if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
         return _moment(translation, states, at[0], at[1], parameters)
     numbers = translation.parameter_values(parameters)
     scene = translation.scene_of(states)
-    signals = [0.0] * len(translation.inputs)
+    signals = translation.input_signals(inputs)
     if not (at is None or (isinstance(at, str) and at == "steady") or isinstance(at, Mapping)):
         raise ArgumentError(f"at is {shown(at)}; expected start values by path, 'steady', or (result, time)")
     begin = translation.start(scene, numbers, 0.0, at, signals)
-    refuse_start(scene, numbers, 0.0, np.array(signals, float), begin)
+    now = values(signals, np.array([0.0]))[:, 0]
+    refuse_start(scene, numbers, 0.0, now, begin)
     known = dict(zip(states, begin.states.tolist(), strict=True))
-    return scene, numbers, Point(0.0, known, np.array(signals, float), begin.guess)
+
+    def change(names: Sequence[str]) -> PointChange:
+        rows = translation.parameter_changes(names, numbers, parameters or ())
+
+        def find_states() -> dict[Node, Floats]:
+            moved = translation.start(scene, numbers, 0.0, at, signals, seeds=rows).changes
+            assert moved is not None, "seeds were given"
+            return dict(zip(states, moved, strict=True))
+
+        return PointChange(rows, find_states)
+
+    return scene, numbers, Point(0.0, known, now, begin.guess, change=change)
 
 
 def _moment(
@@ -73,7 +105,12 @@ def _moment(
     guess = part.guess.copy()
     for v in result.scene.iterated:  # on the branch that the run is on
         guess[v] = result.history_of((v, 0))[sample]
-    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.modes_at(program, t))
+
+    def change(names: Sequence[str]) -> PointChange:
+        rows = translation.parameter_changes(names, numbers, parameters)
+        return PointChange(rows, lambda: {s: np.zeros(len(names)) for s in states})
+
+    return scene, numbers, Point(t, known, inputs, guess, lambda program: part.modes_at(program, t), change)
 
 
 def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point) -> tuple[Floats, Floats]:

@@ -116,49 +116,60 @@ def entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floa
     SolverError
         Equations that determine unknowns together are singular there.
     """
+    result: Floats = all_entries(plan, at, weights)[plan.sources]
+    return result
+
+
+def all_entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floats:
+    """The entries of all slots that a plan makes on its way, shape (entries, times)."""
     numbers = np.zeros((plan.n_entries, len(at.t)))
     numbers[1 : 1 + len(plan.order)] = 1.0 if weights is None else weights[plan.order].reshape(len(plan.order), -1)
     for step in plan.steps:
         if isinstance(step, Sums):
-            numbers[step.to] = _sums(step, at, numbers)
+            numbers[step.to] = sums_of_products(step, factor_values(step, at), numbers)
         else:
-            block = _solved(step, at, _sums(step.sums, at, numbers))
+            block = solved_block(step, at, numbers)[step.rows].reshape(-1, len(at.t))
             if len(step.added):
                 np.add.at(block, step.added, numbers[step.added_sources])
             numbers[step.first : step.first + len(block)] = block
-    result: Floats = numbers[plan.sources]
-    return result
+    return numbers
 
 
-def _sums(sums: Sums, at: At, numbers: Floats) -> Floats:
-    if not len(sums):
-        return np.empty((0, len(at.t)))
+def factor_values(sums: Sums, at: At) -> Floats:
+    """Values of the factors, all their rows one after another, and a one behind them."""
     with np.errstate(all="ignore"):
-        factors = [
+        found = [
             at.values(batch) if slots is None else at.values(batch) * at.slots[slots]
             for batch, slots in zip(sums.factors, sums.multiplied, strict=True)
         ]
-        products = np.concatenate([*factors, np.ones((1, len(at.t)))])[sums.which] * numbers[sums.sources]
+    return np.concatenate([*found, np.ones((1, len(at.t)))])
+
+
+def sums_of_products(sums: Sums, factors: Floats, numbers: Floats) -> Floats:
+    """What the products of factors with entries add up to, shape (sums, times); a last factor is that of entries taken as they are."""
+    if not len(sums):
+        return np.empty((0, numbers.shape[1]))
+    with np.errstate(all="ignore"):
+        products = factors[sums.which] * numbers[sums.sources]
         return products if len(sums) == len(products) else np.asarray(np.add.reduceat(products, sums.starts, axis=0))
 
 
-def _solved(step: Solved, at: At, sums: Floats) -> Floats:
-    """Entries of the unknowns that are needed, row after row."""
+def solved_block(step: Solved, at: At, numbers: Floats) -> Floats:
+    """Entries of all unknowns of a block, shape (unknowns, seeds, times)."""
     block, width, times = step.step, step.width, len(at.t)
     n = len(block.known) if isinstance(block, Linear) and not step.implicit else len(block.unknowns)
     right = np.zeros((n * width, times))
-    right[step.sums.to] = sums
+    right[step.sums.to] = sums_of_products(step.sums, factor_values(step.sums, at), numbers)
     if isinstance(block, Newton):
-        found = _newton_solved(block, at, right.reshape(n, width, times))
-    elif step.implicit:
+        return newton_solved(block, at, right.reshape(n, width, times))
+    if step.implicit:
         found = -block_solve(at.prepared, step.block, right.reshape(n, width * times))
     else:
         found = at.prepared.solutions[step.block] @ right.reshape(n, width * times)
-    chosen = found.reshape(len(block.unknowns), width * times)[step.rows]
-    return np.array(chosen.reshape(-1, times))
+    return np.asarray(found.reshape(len(block.unknowns), width, times), float)
 
 
-def _newton_solved(step: Newton, at: At, right: Floats) -> Floats:
+def newton_solved(step: Newton, at: At, right: Floats) -> Floats:
     n = len(step.unknowns)
     matrices = newton_matrix(step, at)
     if len(matrices) > 1:

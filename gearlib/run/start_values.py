@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,7 @@ class Start:
     free: tuple[str, ...]  # states that nothing fixes
     modes: Floats | None = None  # relations and discrete variables, where these do not follow from the model and the states
     steady: bool = False  # whether the states are steady
+    changes: Floats | None = None  # of the states with parameters, (states, seeds), where these were asked for
 
 
 def start_variable(model: FlatModel, name: str) -> int:
@@ -102,8 +103,9 @@ def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
 
 
 def start_values(
-    scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float], discretes: Floats | None = None
-) -> Start:
+    scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float], discretes: Floats | None = None,
+    seeds: Sequence[tuple[int, int, float]] | None = None,
+) -> Start:  # fmt: skip
     """Find the start of a run.
 
     Parameters
@@ -117,6 +119,8 @@ def start_values(
         Start values given for this run, by variable.
     discretes : array, optional
         Start values of all discrete variables, instead of the model's.
+    seeds : sequence of (parameter, seed, weight), optional
+        How parameters change with seeds, as `ParameterTable.derivatives` returns it: the start's ``changes`` are found, too.
 
     Raises
     ------
@@ -129,7 +133,8 @@ def start_values(
     variables, orders = scene.everything
     if not overrides and scene.unfixed is not None and _agree(model, parameters, guess):
         x = np.where(orders == 0, guess[variables], 0.0)
-        return Start(x[scene.places], guess, scene.unfixed)
+        moved = None if seeds is None else _Change.of_guess(scene, seeds, overrides).states[scene.places]
+        return Start(x[scene.places], guess, scene.unfixed, changes=moved)
     fixed = fixed_values(model, parameters, overrides)
     for v, (value, _) in fixed.items():
         guess[v] = value
@@ -139,17 +144,45 @@ def start_values(
     others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]
     free = [i for i in range(len(everything)) if i not in direct]
     settled = set(direct)
+    change = None if seeds is None else _Change.of_guess(scene, seeds, overrides)
     if others:
         own = {int(model.representative[v]) for v in overrides}
-        settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free, own, discretes)
+        settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free, own, discretes, change)
     open_ = tuple(name for name, i in zip(scene.state_names, scene.places.tolist(), strict=True) if i not in settled)
-    return Start(x[scene.places], guess, open_)
+    return Start(x[scene.places], guess, open_, changes=None if change is None else change.states[scene.places])
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """How start values change with seeds.
+
+    ``seeds`` are (parameter, seed, weight); ``given`` is the change of all variables' start and guess values, (variables, seeds);
+    ``states`` that of all states, (states, seeds).
+    """
+
+    seeds: Sequence[tuple[int, int, float]]
+    given: Floats
+    states: Floats
+
+    @classmethod
+    def of_guess(cls, scene: Scene, seeds: Sequence[tuple[int, int, float]], overrides: Collection[int]) -> _Change:
+        """Where nothing has to be solved; start values of a run are numbers, which follow from no parameter."""
+        model = scene.model
+        table = np.zeros((len(model.parameters.names), 1 + max(k for _, k, _ in seeds)))
+        for p, k, weight in seeds:
+            table[p, k] = weight
+        representatives, signs, slots = model.guessed
+        given = np.zeros((model.n_variables, table.shape[1]))
+        given[representatives] = signs[:, None] * table[slots]
+        given[[int(model.representative[v]) for v in overrides]] = 0.0
+        variables, orders = scene.everything
+        return cls(seeds, given, np.where(orders[:, None] == 0, given[variables], 0.0))
 
 
 def _satisfy(
     structure: Structure, scene: Scene, parameters: Floats, inputs: Floats, t: float, x: Floats, guess: Floats,
     others: list[Node], fixed: dict[int, tuple[float, str]], free: list[int], own: Collection[int] = (),
-    discretes: Floats | None = None,
+    discretes: Floats | None = None, change: _Change | None = None,
 ) -> set[int]:  # fmt: skip
     """Move the free states (as little as possible) until the other fixed values hold. Changes ``x``; returns what moved.
 
@@ -213,6 +246,13 @@ def _satisfy(
             f"make it {found[i]:{digits}}; fix fewer, or give some of them as guess={{...}}"
             + _follows(structure, name, gradient[i])
         )
+    if change is not None and free:  # found(x, p) = wanted(p) holds on: x' is where the linearised equations put it
+        entering = [(program.n_slots + p, k) for p, k, _ in change.seeds]
+        by_seeds = derivative_plan(program, entering, slots_of, change.states.shape[1])
+        weights = np.array([weight for *_, weight in change.seeds])
+        found_moves = dense(by_seeds, entries(by_seeds, At(prepared, now, slots, flags), weights))[0]
+        ahead = gradient @ change.states + found_moves - change.given[[v for v, _ in others]]
+        change.states[free] += _basic_solution(gradient[:, free] * scale, -ahead) * scale[:, None]
     return moved
 
 
@@ -262,7 +302,7 @@ def _independent(matrix: Floats) -> NDArray[np.int64]:
 def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
     """A least-squares solution that moves few variables."""
     chosen = _independent(matrix)
-    result = np.zeros(matrix.shape[1])
+    result = np.zeros((matrix.shape[1], *rhs.shape[1:]))
     if len(chosen):
         result[chosen] = np.linalg.lstsq(matrix[:, chosen], rhs, rcond=None)[0]
     return result

@@ -17,7 +17,7 @@ P. Deuflhard, "Newton Methods for Nonlinear Problems", Springer, 2004, section 6
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from gearlib.errors import SolverError, StartError
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
-from gearlib.program.derivatives import At, entries
+from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.invariance import symmetries
 from gearlib.program.program import Newton
@@ -120,19 +120,24 @@ class Search:
         f, gradient, noise = self.equations(x)
         return np.where(np.abs(f) <= noise, 0.0, f), gradient
 
-    def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
-        """Scaled rates, their derivatives, and what rounding of every term in their equations adds to them."""
+    def at(self, x: Floats) -> At:
+        """The program's values there."""
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
         flags = scene.modes(self.numbers, now, column, inputs, start=self.begin.guess)
-        program, n = scene.program, len(x)
-        slots = evaluate(self.numbers.main, now, column, inputs, flags, scene.guess(program, self.begin.guess))[:, 0]
+        guess = scene.guess(scene.program, self.begin.guess)
+        return At(self.numbers.main, now, evaluate(self.numbers.main, now, column, inputs, flags, guess), flags)
+
+    def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
+        """Scaled rates, their derivatives, and what rounding of every term in their equations adds to them."""
+        scene, at = self.scene, self.at(x)
+        program, n, slots = scene.program, len(x), at.slots[:, 0]
         size = np.abs(slots)
         for step in program.steps:
             if isinstance(step, Newton):  # solved to the accuracy of the largest
                 size[step.unknowns] = size[step.unknowns].max()
         plan, first = self._plan, n + len(program.inputs)
         weights = np.concatenate([np.ones(n), size[first:]])
-        found = entries(plan, At(self.numbers.main, now, slots[:, None], flags), weights)[:, 0]
+        found = entries(plan, at, weights)[:, 0]
         inner = plan.seeds < n
         slopes = np.zeros((n, n))
         slopes[plan.rows[inner], plan.seeds[inner]] = found[inner]
@@ -190,6 +195,48 @@ def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t
     if not end.steady:
         raise StartError(f"no steady state was found: {_reason(search, end)}")
     return end.x
+
+
+def steady_changes(
+    scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float, x: Floats, seeds: Sequence[tuple[int, int, float]]
+) -> Floats:
+    """How a steady state changes with parameters, by the implicit function theorem, shape (states, seeds).
+
+    The rates that vanish go on vanishing: of the changes of the states that make them, it is the least one from that of the start
+    values (what grows, and what nothing depends on, keeps its start value).
+
+    Parameters
+    ----------
+    scene, numbers, start, inputs, t
+        As for `steady_state`; the start with the changes of its states.
+    x : array
+        The steady state.
+    seeds : sequence of (parameter, seed, weight)
+        How parameters change with seeds.
+
+    Raises
+    ------
+    StartError
+        The steady state ends there: a parameter changes what no change of the states can make up for.
+    """
+    assert start.changes is not None, "the start values were found with these seeds"
+    if not scene.states:
+        return start.changes.copy()
+    search = Search(scene, numbers, start, inputs, t, growing(scene, numbers))
+    program, begin = scene.program, start.changes
+    plan = derivative_plan(program, [(program.n_slots + p, k) for p, k, _ in seeds], program.output_slots, begin.shape[1])
+    by_seeds = dense(plan, entries(plan, search.at(x), np.array([weight for *_, weight in seeds])))[0]
+    _, gradient, _ = search.equations(x)
+    ahead = by_seeds / search.scale[:, None] + gradient @ (begin / search.scale[:, None])
+    equations = _Equations(search, gradient)
+    changes = equations.change(ahead)
+    for k in range(begin.shape[1]):
+        if not equations.hold(ahead[:, k], 1e-9 * np.abs(ahead[:, k])):
+            raise StartError(
+                "the steady state does not go on where the parameter changes: no change of the states makes up for that of the "
+                "rates; a load is missing that grows with the speed, or the torques balance at these parameters only"
+            )
+    return np.asarray(begin + search.scale[:, None] * changes, float)
 
 
 def growing(scene: Scene, numbers: Numbers) -> Floats:
@@ -356,8 +403,9 @@ class _Equations:
 
     def change(self, f: Floats) -> Floats:
         """The least change of the states that makes these rates vanish, or those of them that can."""
-        solved = self._right @ ((self._left.T @ (self._stationary.T @ f / self._row)) / self._sizes)
-        return -np.asarray(self._stationary @ (solved / self._column), float)
+        row, sizes, column = (a.reshape(-1, *[1] * (f.ndim - 1)) for a in (self._row, self._sizes, self._column))
+        solved = self._right @ ((self._left.T @ (self._stationary.T @ f / row)) / sizes)
+        return -np.asarray(self._stationary @ (solved / column), float)
 
     def hold(self, f: Floats, noise: Floats) -> bool:
         """Whether what no change of the states has an effect on vanishes."""

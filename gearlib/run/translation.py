@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, real, shown
-from gearlib.errors import ArgumentError, ModelError, NameLookupError, SingularError, nearest
+from gearlib.errors import ArgumentError, LoopError, ModelError, NameLookupError, SingularError, nearest
 from gearlib.flatten.flatten import check_bounds, flatten
 from gearlib.flatten.model import FlatModel
 from gearlib.flatten.specialise import Special
@@ -25,7 +25,7 @@ from gearlib.reduce.rows import some
 from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Start, start_values, start_variable
-from gearlib.run.steady import steady_state
+from gearlib.run.steady import steady_changes, steady_state
 from gearlib.run.zeros import Sums, can_be_solved, factors, special_values, sums
 from gearlib.solvers.inputs.table import FunctionInput, Table, as_table, values
 from gearlib.structure.incidence import Node
@@ -279,6 +279,64 @@ class Translation:
             confirm(self.structure, coefficients_of(self.structure.complete, result, 0.0))
         return result
 
+    def parameter_changes(
+        self, names: Sequence[str], numbers: Floats, given: Iterable[str] | None = None
+    ) -> list[tuple[int, int, float]]:
+        """How all parameters change with some of them, each a seed: (parameter, seed, weight), through what is bound to them.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Paths.
+        numbers : array
+            All parameters, as `parameter_values` returns them.
+        given : iterable of str, optional
+            Paths of those that were given, which follow from no other; by default those that do not have the value that is bound.
+
+        Raises
+        ------
+        ArgumentError, NameLookupError
+            No such parameter, or one whose value is part of the equations.
+        LoopError
+            A redundant loop closes with this value of the parameter only.
+        """
+        table = self.model.parameters
+        seeds = []
+        for name in names:
+            if name not in table.index:
+                valid = [n for n in table.names if "#" not in n]
+                raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
+            seeds.append(table.index[name])
+        fixed = self._given(numbers) if given is None else {table.index[name] for name in given}
+        changes = table.derivatives(numbers, seeds, fixed)
+        inside = {p for p, _ in self.put_in}
+        for p, k, weight in changes:
+            if p in inside and weight:
+                what = f"{names[k]} changes {table.names[p]}, which" if table.names[p] != names[k] else names[k]
+                raise ArgumentError(
+                    f"{what} is {numbers[p]:g}, and that decided which equation determines what: there is no derivative with "
+                    f"respect to it; give another value: parameters={{'{table.names[p]}': ...}}"
+                )
+        for k, name in enumerate(names if self.structure.redundant else ()):
+            beside = numbers.copy()
+            for p, seed, weight in changes:
+                beside[p] += 1e-4 * weight * (abs(numbers[seeds[k]]) or 1.0) * (seed == k)
+            try:
+                confirm(self.structure, coefficients_of(self.structure.complete, beside, 0.0))
+            except LoopError:
+                raise LoopError(
+                    f"there is no derivative with respect to {name}: equations of {', '.join(self.structure.redundant)} follow from the "
+                    "others with its present value only; bind the parameters of that loop to common ones, and take one of these"
+                ) from None
+        return changes
+
+    def _given(self, numbers: Floats) -> set[int]:
+        """Parameters that do not have the values that are bound to them, so that they must have been given."""
+        table = self.model.parameters
+        bound = {int(p) for d in table.dependents for p in d.targets}
+        own = table.evaluate({p: float(numbers[p]) for p in range(len(numbers)) if p not in bound})
+        return {p for p in bound if own[p] != numbers[p]}
+
     def input_signals(self, given: Mapping[str, Any] | None) -> list[Any]:
         """A number, function of time or `Table` for every unbound input; 0 for those that are not given.
 
@@ -302,8 +360,9 @@ class Translation:
         return [FunctionInput(name, s) if function else s for name, s, function in zip(names, signals, plain, strict=True)]
 
     def start(
-        self, scene: Scene, parameters: Floats, t: float, start: Any, signals: Sequence[Any], discrete: bool = False
-    ) -> Start:
+        self, scene: Scene, parameters: Floats, t: float, start: Any, signals: Sequence[Any], discrete: bool = False,
+        seeds: Sequence[tuple[int, int, float]] | None = None,
+    ) -> Start:  # fmt: skip
         """Start values of a scene.
 
         Parameters
@@ -318,6 +377,8 @@ class Translation:
             As `input_signals` gives them.
         discrete : bool
             Whether start values of discrete variables may be given, too.
+        seeds : sequence of (parameter, seed, weight), optional
+            How parameters change with seeds, as `ParameterTable.derivatives` returns it: the start's ``changes`` are found, too.
 
         Raises
         ------
@@ -339,10 +400,12 @@ class Translation:
                     overrides[start_variable(self.model, name)] = real(f"start of {name}", value)
         inputs = values(signals, np.array([t]))[:, 0]
         inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
-        begin = start_values(scene, parameters, inputs, t, overrides, discretes)
+        begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds)
         if start == "steady":
-            steady = steady_state(scene, scene.prepared(parameters), begin, inputs, t)
-            return Start(steady, begin.guess, (), steady=True)
+            numbers = scene.prepared(parameters)
+            steady = steady_state(scene, numbers, begin, inputs, t)
+            changes = None if seeds is None else steady_changes(scene, numbers, begin, inputs, t, steady, seeds)
+            return Start(steady, begin.guess, (), steady=True, changes=changes)
         if discretes is None:
             return begin
         numbers = scene.prepared(parameters)

@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import shown, whole
+from gearlib.arguments import one_name, shown
+from gearlib.arguments import whole as whole_number
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
 from gearlib.linear.condition import conditions, described, matters_elsewhere
+from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.held_states import remaining
-from gearlib.linear.operating_point import fitting, operating_point, slots_at
+from gearlib.linear.linearized_program import LinearizedProgram
+from gearlib.linear.operating_point import fitting, operating_point
 from gearlib.optional import optional
 from gearlib.program.build import build
-from gearlib.program.derivatives import derivatives
 from gearlib.program.interpret import prepare
 from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import needed_states, node_name
@@ -29,6 +31,7 @@ from gearlib.structure.incidence import Node
 from gearlib.vibration.animate_mode import animate_mode
 from gearlib.vibration.draw_mode import ModePicture, draw_mode
 from gearlib.vibration.mode_energies import Family, energies, families
+from gearlib.vibration.mode_sensitivity import ModeSensitivity, mode_sensitivity
 from gearlib.vibration.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
 
 if TYPE_CHECKING:
@@ -91,6 +94,7 @@ class Modes:
     _orders: Any  # ... in this order of its derivative, -1 where it is not known
     _find_families: Callable[[], list[Family]]
     _preloaded: bool  # whether the free motions hold preloads, too
+    _find_changes: Callable[[Sequence[str]], list[ModeSensitivity]]
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
@@ -242,6 +246,40 @@ class Modes:
                     result.append((instance.path + (f".{label}" if len(first) > 1 else ""), unit, complex(amplitude)))
         return result
 
+    def sensitivity(self, parameter: str) -> ModeSensitivity:
+        """How eigenvalues, frequencies and damping ratios change with a parameter, by exact derivatives of the equations.
+
+        What is bound to the parameter changes with it, and so does the operating point: start values, or the steady state. Of modes with
+        one frequency these are the derivatives of the branches into which the change splits it.
+
+        Parameters
+        ----------
+        parameter : str
+            Path.
+
+        Returns
+        -------
+        ModeSensitivity
+
+        Raises
+        ------
+        ArgumentError, NameLookupError, SolverError
+            No such parameter, or no derivative with respect to it; says why.
+
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> class Rotor(gl.Component):
+        ...     def assemble(self):
+        ...         self.ground, self.shaft, self.disc = gp.Fixed(), gp.Spring(c=400.0), gp.Inertia(J=1.0)
+        ...         return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.disc.flange_a)]
+        >>> print(gl.modes(gl.compile(Rotor())).sensitivity("shaft.c"))
+        Change with shaft.c = 400 N.m/rad
+        mode  frequency, Hz per N.m/rad       damping ratio    frequency, % per % of the parameter
+           0                      0.00397887              0    0.5000
+        """
+        return self._find_changes([one_name("parameter", parameter, "shaft.c")])[0]
+
     def to_dataframe(self) -> pandas.DataFrame:
         """A row for each mode: frequencies, damping, and the shares of energy as columns ``("kinetic", component)``."""
         pandas = optional("pandas")
@@ -347,7 +385,7 @@ def modes(
     """
     translation = translation_of(system)
     if count is not None:
-        count = whole("count", count, 1)
+        count = whole_number("count", count, 1)
     translation = fitting(translation, at, parameters)
     structure = translation.structure
     states = _moving_states(structure)
@@ -356,9 +394,10 @@ def modes(
     targets = [(v, k) for v, k in nodes.items()]
     program = build(structure, [*targets, *((v, k + 1) for v, k in states)], states, dynamic=True)
     prepared = prepare(program, structure, numbers)
-    slots, flags = slots_at(scene, numbers, prepared, point)
-    d = derivatives(prepared, point.t, slots, flags, range(len(states)))
-    A = d[[program.slots[v, k + 1] for v, k in states]]
+    rates = [program.slots[v, k + 1] for v, k in states]
+    linearized = LinearizedProgram(scene, prepared, point, tuple(range(len(states))))
+    slots, flags, d = linearized.slots, linearized.flags, linearized.derivatives
+    A = whole = d[rates]
     n_variables = structure.model.n_variables
     orders = np.full(n_variables, -1)
     pick = np.zeros(n_variables, np.int64)
@@ -374,12 +413,23 @@ def modes(
     spectrum = _spectrum(A, speeds, forces, count, angles)
     free, alone = without_preloads(A, speeds, spectrum.free)
     unused, words = _unused(A, speeds, forces), conditions(scene, numbers, point)
+    eigenvalues = np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values])
+
+    def find_changes(names: Sequence[str]) -> list[ModeSensitivity]:
+        """Those of the whole matrix: states that the mode holds have poles at 0 of their own, and change no other."""
+        found = eigenvalue_changes(whole, linearized.changes(names, rates), eigenvalues)
+        table, units = structure.model.parameters, translation.parameter_units
+        return [
+            mode_sensitivity(name, units.get(name, ""), float(numbers[table.index[name]]), eigenvalues, change)
+            for name, change in zip(names, found, strict=True)
+        ]
+
     return Modes(
-        np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values]), np.hstack([free, spectrum.vectors]),
+        eigenvalues, np.hstack([free, spectrum.vectors]),
         tuple(node_name(structure.model, s) for s in kept), spectrum.free.shape[1], spectrum.preloads, spectrum.decays,
         tuple(described(structure, kept[i]) for i in unused), _gaps(structure, kept, A, free, unused, words.open),
         words.said, structure.model, rows, orders,
-        lambda: families(structure, prepared, slots, flags, point.t), not alone,
+        lambda: families(structure, prepared, slots, flags, point.t), not alone, find_changes,
     )  # fmt: skip
 
 

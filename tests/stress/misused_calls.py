@@ -139,6 +139,9 @@ def analyses() -> list[Call]:
         Call("check_units", gl.check_units, lambda: {"component": Drive()}),
         Call("register_method", gl.register_method, lambda: {"method": Idle()}),
         Call("modes", gl.modes, s),
+        Call(
+            "steady_state", gl.steady_state, lambda: {"system": system(), "outputs": ["load.w"], "inputs": {"torque.tau": 0.0}}
+        ),
         Call("mobility", gl.mobility, s),
         Call("campbell", gl.campbell, lambda: {**s(), "speeds": [1.0, 2.0], "orders": [1.0]}),
         Call("power_flow", gl.power_flow, lambda: {**s(), "speeds": {"load.w": 1.0}}),
@@ -286,6 +289,10 @@ def methods() -> list[Call]:
         Call("Modes.motions", modes.motions, lambda: {"mode": 0}),
         Call("Modes.shape", lambda mode, name: modes.shape(mode, name), lambda: {"mode": 0, "name": "load.w"}),
         Call("Modes.to_dataframe", modes.to_dataframe),
+        Call("Modes.sensitivity", modes.sensitivity, lambda: {"parameter": "load.J"}),
+        Call("FrequencyResponse.sensitivity", response.sensitivity, lambda: {"parameter": "load.J"}),
+        Call("FrequencyResponse.sensitivities", response.sensitivities, lambda: {"parameters": ["load.J"]}),
+        Call("StabilityReport.sensitivity", gl.stability(s).sensitivity, lambda: {"parameter": "load.J"}),
         Call("Campbell.plot", campbell.plot),
         Call("Campbell.to_dataframe", campbell.to_dataframe),
         Call("FrequencyResponse[]", response.__getitem__, lambda: {"key": ("load.w", "torque.tau")}),

@@ -1,0 +1,126 @@
+"""`LinearizedProgram`: a program at an operating point, its first derivatives, and how these change with parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.linear.operating_point import Point, PointChange, slots_at
+from gearlib.program.derivative_plan import derivative_plan
+from gearlib.program.derivatives import MOST_DENSE, Added, At, derivatives
+from gearlib.program.interpret import Prepared
+from gearlib.program.second_derivatives import Direction, entry_changes
+from gearlib.run.scene import Scene
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearizedProgram:
+    """A program at an operating point.
+
+    Attributes
+    ----------
+    scene : Scene
+        With the states that the point knows, in the order of the program's.
+    prepared : Prepared
+    point : Point
+    seeds : tuple of int
+        Slots of states and inputs to differentiate with respect to, the states first.
+    added : tuple of (slot, seed, weight)
+        Slots of unknowns that multiples of further seeds are added to.
+    wanted : tuple of int, optional
+        Slots to differentiate; all by default.
+    """
+
+    scene: Scene
+    prepared: Prepared
+    point: Point
+    seeds: tuple[int, ...]
+    added: tuple[Added, ...] = ()
+    wanted: tuple[int, ...] | None = None
+
+    @cached_property
+    def _at(self) -> At:
+        slots, flags = slots_at(self.scene, self.prepared.parameters, self.prepared, self.point)
+        return At(self.prepared, np.array([self.point.t]), slots[:, None], flags[:, None])
+
+    @property
+    def slots(self) -> Floats:
+        """Values of the program's slots at the point."""
+        return self._at.slots[:, 0]
+
+    @property
+    def flags(self) -> Floats:
+        """Relations and discrete variables at the point."""
+        return self._at.relations[:, 0]
+
+    @cached_property
+    def derivatives(self) -> Any:
+        """Derivatives of the slots, shape (wanted, seeds + added seeds); sparse where a full array would be large."""
+        if not self.prepared.program.n_slots:  # nothing has to be computed
+            return np.zeros((len(self.wanted or ()), self._width))
+        return derivatives(self.prepared, self.point.t, self.slots, self.flags, self.seeds, self.added, self.wanted)
+
+    @property
+    def _width(self) -> int:
+        return len(self.seeds) + max((k + 1 for _, k, _ in self.added), default=0)
+
+    def changes(self, names: Sequence[str], wanted: Sequence[int]) -> list[Any]:
+        """How the derivatives of some slots change with parameters, by path: a matrix as `derivatives` gives it for each.
+
+        The operating point changes with the parameters, too: start values that are bound to them, and a steady state.
+
+        Raises
+        ------
+        ArgumentError, NameLookupError, LoopError, StartError, SolverError
+            There is no such parameter, or no derivative with respect to it.
+        """
+        program, n = self.prepared.program, len(self.seeds)
+        moved = self._moved(names)
+        if not program.n_slots:
+            return [np.zeros((len(wanted), self._width)) for _ in names]
+        table = np.zeros((len(self.prepared.parameters), len(names)))
+        for p, k, weight in moved.parameters:
+            table[p, k] = weight
+        # of a linear program no derivative depends on any slot
+        slots = np.zeros((program.n_slots, len(names))) if program.is_linear else self._slots_moved(moved, len(names))
+        pairs = [*((slot, k) for k, slot in enumerate(self.seeds)), *((slot, n + k) for slot, k, _ in self.added)]
+        plan = derivative_plan(program, pairs, wanted, self._width)
+        weights = np.array([*[1.0] * n, *(weight for *_, weight in self.added)])
+        values = entry_changes(plan, self._at, Direction(slots, table), weights)
+        return [_matrix(values[:, k], plan.rows, plan.seeds, plan.shape) for k in range(len(names))]
+
+    def slot_changes(self, names: Sequence[str]) -> Floats:
+        """How everything that the program computes changes with parameters, by path, shape (slots, parameters)."""
+        return self._slots_moved(self._moved(names), len(names))
+
+    def _moved(self, names: Sequence[str]) -> PointChange:
+        assert self.point.change is not None, "the point was found with its parameters"
+        return self.point.change(names)
+
+    def _slots_moved(self, moved: PointChange, count: int) -> Floats:
+        program, found = self.prepared.program, moved.find_states()
+        states = np.array([found[node] for node in program.states]).reshape(-1, count)
+        entering = [(program.n_slots + p, k, weight) for p, k, weight in moved.parameters]
+        slopes = derivatives(self.prepared, self.point.t, self.slots, self.flags, range(len(states)), entering)
+        return np.asarray(slopes[:, : len(states)] @ states) + _full(slopes[:, len(states) :])
+
+
+def _full(matrix: Any) -> Floats:
+    return np.asarray(matrix if isinstance(matrix, np.ndarray) else matrix.toarray(), float)
+
+
+def _matrix(values: Floats, rows: Any, columns: Any, shape: tuple[int, int]) -> Any:
+    if shape[0] * shape[1] <= MOST_DENSE:
+        full = np.zeros(shape)
+        full[rows, columns] = values
+        return full
+    import scipy.sparse as sparse
+
+    return sparse.csr_matrix((values, (rows, columns)), shape=shape)

@@ -1,0 +1,144 @@
+"""`steady_state`: the values at which a system stays, and how they change with parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import name_list, one_name
+from gearlib.errors import NameLookupError, nearest
+from gearlib.linear.linearized_program import LinearizedProgram
+from gearlib.linear.operating_point import operating_point
+from gearlib.program.build import build
+from gearlib.program.interpret import prepare
+from gearlib.run.scene import needed_states
+from gearlib.run.simulate import warn_of_zero_inputs
+from gearlib.run.subject import translation_of
+from gearlib.run.translation import Compiled
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyState:
+    """Values of variables where nothing accelerates, and nothing changes that an equation depends on.
+
+    Attributes
+    ----------
+    names : tuple of str
+    values : array
+    units : tuple of str
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    units: tuple[str, ...]
+    _find_changes: Callable[[str], Floats]
+
+    def __getitem__(self, name: str) -> float:
+        """The value of a variable."""
+        return float(self.values[self._place(name)])
+
+    def sensitivity(self, name: str, parameter: str) -> float:
+        """How a variable's steady value changes with a parameter, by the implicit function theorem.
+
+        What is bound to the parameter changes with it; what grows steadily, such as angles, keeps its start value.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`.
+        parameter : str
+            Path.
+
+        Returns
+        -------
+        float
+            In units of the variable per unit of the parameter.
+
+        Raises
+        ------
+        ArgumentError, NameLookupError, StartError
+            No such variable or parameter, or no derivative with respect to it; says why.
+        """
+        place = self._place(name)
+        return float(self._find_changes(one_name("parameter", parameter, "brake.d"))[place])
+
+    def _place(self, name: str) -> int:
+        if one_name("name", name, "load.w") not in self.names:
+            raise NameLookupError(f"the steady state was not asked for '{name}'; {nearest(name, self.names)}")
+        return self.names.index(name)
+
+    def __str__(self) -> str:
+        width = max(map(len, self.names), default=0)
+        return "\n".join(
+            f"{n:{width}s}  {v:12.6g} {u}".rstrip() for n, v, u in zip(self.names, self.values, self.units, strict=True)
+        )
+
+
+def steady_state(
+    system: Compiled, outputs: Sequence[str] | None = None, *, parameters: Mapping[str, float] | None = None,
+    inputs: Mapping[str, Any] | None = None,
+) -> SteadyState:  # fmt: skip
+    """The steady state that the motion from the start values goes to, and its derivatives with respect to parameters.
+
+    Parameters
+    ----------
+    system : System
+    outputs : sequence of str, optional
+        Variables; by default those that the system was compiled for, or its states.
+    parameters : mapping, optional
+        Values by path.
+    inputs : mapping, optional
+        Of unbound inputs, at the time 0.
+
+    Returns
+    -------
+    SteadyState
+
+    Raises
+    ------
+    StartError
+        There is none, or the search does not find it; says what goes on changing.
+    ArgumentError, NameLookupError
+        Each names what was found and what was expected.
+
+    Examples
+    --------
+    A torque against a damper: w = tau / d.
+
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Drive(gl.Component):
+    ...     def assemble(self):
+    ...         self.torque, self.load = gp.Torque(tau=3.0), gp.Inertia(J=1.5)
+    ...         self.brake, self.ground = gp.Damper(d=0.5), gp.Fixed()
+    ...         links = [(self.torque.flange, self.load.flange_a), (self.load.flange_b, self.brake.flange_a)]
+    ...         return [gl.connect(a, b) for a, b in [*links, (self.brake.flange_b, self.ground.flange)]]
+    >>> found = gl.steady_state(gl.compile(Drive(), outputs=["load.w"]))
+    >>> round(found["load.w"], 9), round(found.sensitivity("load.w", "brake.d"), 9)
+    (6.0, -12.0)
+    """
+    translation, _ = translation_of(system).fitted(parameters)
+    default = translation.states if translation.outputs is None else translation.outputs
+    names = tuple(name_list("outputs", default if outputs is None else outputs, "load.w"))
+    given = set(inputs) if isinstance(inputs, Mapping) else set()
+    known = [translation.structure.named(name, "output", ("cannot be an output", "can")) for name in names]
+    nodes = [node for node, sign in known if sign]
+    states = tuple(sorted({*translation.scene.states, *needed_states(translation.structure, nodes)}))
+    scene, numbers, point = operating_point(translation, states, "steady", parameters, inputs)
+    warn_of_zero_inputs(
+        translation, tuple(n for n in translation.needed_inputs if n not in given), "this state", "steady_state"
+    )
+    program = build(translation.structure, [*dict.fromkeys(nodes)], states, dynamic=True)
+    at = LinearizedProgram(scene, prepare(program, translation.structure, numbers), point, tuple(range(len(states))))
+
+    def of(slots: Floats) -> Floats:
+        return np.array([sign * slots[program.slots[node]] if sign else 0.0 for node, sign in known])
+
+    return SteadyState(
+        names, of(at.slots), tuple(translation.unit(n) for n in names), lambda name: of(at.slot_changes([name])[:, 0])
+    )

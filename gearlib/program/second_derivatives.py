@@ -1,0 +1,118 @@
+"""Second derivatives of a program: how the derivatives that a plan lists change along directions of slots and parameters.
+
+The plan of the first derivatives is carried out with dual numbers: every factor, entry and block has a value and a change. The change
+of a factor is the derivative of its own kernel; that of a block's entries, which solve M X + R = 0, solves M X' + R' + M' X = 0. So the
+state matrix of a linear model is differentiated with respect to a parameter without a difference.
+
+References
+----------
+A. Griewank, A. Walther, "Evaluating Derivatives", 2nd ed., SIAM, 2008, section 5.4 (second derivatives by a repeated forward mode).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.program.derivative_plan import DerivativePlan, Solved, Sums
+from gearlib.program.derivatives import At, all_entries, factor_values, newton_solved, solved_block, sums_of_products
+from gearlib.program.interpret import block_solve
+from gearlib.program.program import Batch, Linear, Newton
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """How everything that a program reads and computes changes along some directions.
+
+    Attributes
+    ----------
+    slots : array, shape (slots, directions)
+    parameters : array, shape (parameters, directions)
+        Of the whole parameter table.
+    """
+
+    slots: Floats
+    parameters: Floats
+
+    def of(self, batch: Batch, at: At) -> Floats:
+        """The change of a batch's values, shape (rows, directions)."""
+        found = np.zeros((len(batch), self.slots.shape[1]))
+        with np.errstate(all="ignore"):
+            for a in batch.active:
+                found += at.values(batch.derivative(a)) * self.slots[batch.arguments[:, a]]
+            for q in range(batch.parameters.shape[1]):
+                change = self.parameters[batch.parameters[:, q]]
+                if change.any():
+                    found += at.values(batch.parameter_derivative(q)) * change
+        return found
+
+
+def entry_changes(plan: DerivativePlan, at: At, along: Direction, weights: Floats | None = None) -> Floats:
+    """How the derivatives that a plan lists change along some directions, shape (derivatives, directions).
+
+    Parameters
+    ----------
+    plan : DerivativePlan
+    at : At
+        One point.
+    along : Direction
+    weights : array, optional
+        As for `gearlib.program.derivatives.entries`; they do not change.
+
+    Raises
+    ------
+    SolverError
+        Equations that determine unknowns together are singular there.
+    """
+    numbers = all_entries(plan, at, weights)
+    changes = np.zeros((plan.n_entries, along.slots.shape[1]))
+    for step in plan.steps:
+        if isinstance(step, Sums):
+            changes[step.to] = _sums_changed(step, at, along, numbers, changes)
+        else:
+            block = _block_changed(step, at, along, numbers, changes)
+            changes[step.first : step.first + len(block)] = block
+    result: Floats = changes[plan.sources]
+    return result
+
+
+def _sums_changed(sums: Sums, at: At, along: Direction, numbers: Floats, changes: Floats) -> Floats:
+    """The product rule."""
+    if not len(sums):
+        return np.empty((0, changes.shape[1]))
+    moved = []
+    for batch, slots in zip(sums.factors, sums.multiplied, strict=True):
+        change = along.of(batch, at)
+        moved.append(change if slots is None else change * at.slots[slots] + at.values(batch) * along.slots[slots])
+    factors = np.concatenate([*moved, np.zeros((1, changes.shape[1]))])
+    return sums_of_products(sums, factors, numbers) + sums_of_products(sums, factor_values(sums, at), changes)
+
+
+def _block_changed(step: Solved, at: At, along: Direction, numbers: Floats, changes: Floats) -> Floats:
+    """Changes of the entries of the unknowns that are needed, row after row."""
+    block, width, directions = step.step, step.width, changes.shape[1]
+    n = len(block.unknowns)
+    given = np.zeros(((len(block.known) if isinstance(block, Linear) and not step.implicit else n) * width, directions))
+    given[step.sums.to] = _sums_changed(step.sums, at, along, numbers, changes)
+    right = given.reshape(-1, width, directions)
+    if isinstance(block, Linear) and not step.implicit:
+        right = np.zeros((n, width, directions))
+        np.add.at(right, block.known_rows, given.reshape(-1, width, directions))
+    entries = block.jacobian if isinstance(block, Newton) else block.matrix
+    before = None
+    for batch in entries:
+        change = along.of(batch, at)
+        if change.any():
+            before = solved_block(step, at, numbers)[:, :, 0] if before is None else before
+            row, column = np.divmod(batch.targets, n)
+            np.add.at(right, row, change[:, None, :] * before[column][:, :, None])
+    if isinstance(block, Newton):
+        found = newton_solved(block, at, right.reshape(n, width * directions, 1))
+    else:
+        found = -block_solve(at.prepared, step.block, right.reshape(n, width * directions))
+    chosen = found.reshape(n, width, directions)[step.rows]
+    return np.asarray(chosen.reshape(-1, directions), float)
