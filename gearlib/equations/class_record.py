@@ -91,13 +91,13 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
     def is_parameter(symbol: str) -> bool:
         return _kind_of(symbol, component, declared) == "parameter"
 
-    split = split_equations(name, equations, declared.discretes, is_parameter, declared.variables)
+    continuous, updates, discretes = split_equations(name, equations, declared.discretes, is_parameter, declared.variables)
 
     def is_discrete(symbol: str) -> bool:
-        return symbol == "initial()" or symbol.removeprefix("pre(").removesuffix(")") in split.discretes
+        return symbol == "initial()" or symbol.removeprefix("pre(").removesuffix(")") in discretes
 
-    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", is_parameter, is_discrete) for e in split.continuous)
-    everything = (*templates, *(u.template for u in split.updates))
+    templates = tuple(template_of(e, f"{name}: {e.left} = {e.right}", is_parameter, is_discrete) for e in continuous)
+    everything = (*templates, *(u.template for u in updates))
     for t in everything:
         for local in t.locals:
             if _kind_of(local, component, declared) is None:
@@ -111,9 +111,9 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
         {n: i for i, n in enumerate(declared.variables)},
         {n: i for i, n in enumerate(declared.parameters)},
         templates,
-        own and not split.updates and not any(t.discretes for t in templates),
-        split.updates,
-        split.discretes,
+        own and not updates and not any(t.discretes for t in templates),
+        updates,
+        discretes,
         frozenset(component._read) | {d.when for d in component._declarations.values() if isinstance(d, Connector) and d.when},
         frozenset(n for t in everything for n in (*t.locals, *t.parameters)),
     )

@@ -42,20 +42,11 @@ class Update:
     reinit: bool
 
 
-@dataclass(frozen=True)
-class Split:
-    """A class's equations, sorted by kind."""
-
-    continuous: tuple[Eq, ...]
-    updates: tuple[Update, ...]
-    discretes: dict[str, Discrete]  # with the hidden ones
-
-
 def split_equations(
     name: str, equations: Sequence[Eq | When], discretes: Mapping[str, Discrete], is_parameter: Callable[[str], bool],
     variables: Mapping[str, Any],
-) -> Split:  # fmt: skip
-    """Tell continuous from discrete equations.
+) -> tuple[list[Eq], tuple[Update, ...], dict[str, Discrete]]:  # fmt: skip
+    """The continuous equations of a class, its discrete ones, and its discrete variables with the hidden ones.
 
     Raises
     ------
@@ -137,7 +128,7 @@ def split_equations(
         count = sum(u.target == discrete and not u.reinit for u in updates)
         if count != 1:
             raise DeclarationError(f"{name}: the discrete variable '{discrete}' has {count} equations; expected one")
-    return Split(tuple(continuous), updates, known)
+    return continuous, updates, known
 
 
 def _instants(

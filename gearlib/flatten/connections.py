@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import networkx as nx
@@ -14,12 +13,8 @@ from gearlib.equations.template import Template, make_template
 MOST_ADDENDS = 8  # longer sums are split, so that no template grows with the model
 
 
-@dataclass(frozen=True)
-class Sum:
-    """sign[0] * variable[0] + sign[1] * variable[1] + ... = 0"""
-
-    variables: tuple[int, ...]
-    signs: tuple[int, ...]
+SignedSum = tuple[tuple[int, int], ...]
+"""Variables with their signs, whose sum is zero."""
 
 
 @lru_cache
@@ -40,13 +35,12 @@ def connection_sets(links: Iterable[Sequence[int]]) -> list[list[int]]:
     return sorted(sorted(s) for s in nx.connected_components(graph))
 
 
-def split_sum(members: Sum, new_variable: int) -> tuple[list[Sum], int]:
+def split_sum(members: SignedSum, new_variable: int) -> tuple[list[SignedSum], int]:
     """A long sum as several short ones over new variables; returns them and the next free variable."""
-    variables, signs = list(members.variables), list(members.signs)
-    sums: list[Sum] = []
-    while len(variables) > MOST_ADDENDS:
+    sums: list[SignedSum] = []
+    while len(members) > MOST_ADDENDS:
         head = MOST_ADDENDS - 1
-        sums.append(Sum((*variables[:head], new_variable), (*signs[:head], -1)))
-        variables, signs = [*variables[head:], new_variable], [*signs[head:], 1]
+        sums.append((*members[:head], (new_variable, -1)))
+        members = (*members[head:], (new_variable, 1))
         new_variable += 1
-    return [*sums, Sum(tuple(variables), tuple(signs))], new_variable
+    return [*sums, members], new_variable

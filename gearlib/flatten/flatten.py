@@ -13,7 +13,7 @@ from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.attributes import attributes_of, merge
-from gearlib.flatten.connections import Sum, connection_sets, split_sum, sum_template
+from gearlib.flatten.connections import SignedSum, connection_sets, split_sum, sum_template
 from gearlib.flatten.instances import walk
 from gearlib.flatten.model import (
     Counts,
@@ -25,7 +25,6 @@ from gearlib.flatten.model import (
     Instance,
     Integers,
     ParameterTable,
-    Ports,
     StartValues,
     UpdateGroup,
 )
@@ -64,14 +63,12 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
     table = _parameter_table(tree)
     check_bounds(table, table.defaults)
     raw, equalities = _equations(tree, put_in)
-    sums, zeros, n_sets, n_variables, ports = _connections(tree)
-    for kind in sorted({len(s.variables) for s in sums} - {2}):
-        members = [s for s in sums if len(s.variables) == kind]
-        variables = np.array([s.variables for s in members], np.int64)
-        signs = np.array([s.signs for s in members], np.int64)
+    sums, zeros, n_sets, n_variables = _connections(tree)
+    for kind in sorted({len(s) for s in sums} - {2}):
+        members = np.array([s for s in sums if len(s) == kind], np.int64)
         none = np.empty((len(members), 0), np.int64)
-        raw.append(Raw(sum_template(kind), variables, signs, none, np.full(len(members), -1)))
-    equalities += [(s.variables[0], s.variables[1], -s.signs[0] * s.signs[1]) for s in sums if len(s.variables) == 2]
+        raw.append(Raw(sum_template(kind), members[:, :, 0], members[:, :, 1], none, np.full(len(members), -1)))
+    equalities += [(s[0][0], s[1][0], -s[0][1] * s[1][1]) for s in sums if len(s) == 2]
     equalities += zeros
     own = attributes_of(tree, n_variables)
     own.flow[tree.n_variables :] = True  # sums of flows
@@ -79,7 +76,7 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
     n_equations = len(equalities) + sum(map(len, raw))
     raw, equalities, aliases = _without_aliases(raw, equalities, n_variables, own.rank)
     rep = aliases.representative
-    _refuse_equal_inputs(tree, aliases, ports)
+    _refuse_equal_inputs(tree, aliases)
     merged = merge(own, rep, tree.choices)
     groups = tuple(_group(r, aliases, tree) for r in raw)
     counts = Counts(
@@ -97,7 +94,7 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
             np.array([s[2] for s in starts], bool),
         ),
         np.array(tree.inputs, np.int64), rep, aliases.sign, merged.preference, merged.potential, merged.flow, merged.nominal,
-        tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases), ports,
+        tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases), tuple(tree.loose_ports), tuple(tree.inner_ports),
     )  # fmt: skip
 
 
@@ -138,7 +135,7 @@ def _separated(pieces: Iterable[Raw], equalities: list[tuple[int, int, int]]) ->
     return raw
 
 
-def _refuse_equal_inputs(tree: Tree, aliases: Aliases, ports: Ports) -> None:
+def _refuse_equal_inputs(tree: Tree, aliases: Aliases) -> None:
     for own in tree.inputs:
         other = int(aliases.representative[own])
         name = _variable_name(tree, own)
@@ -146,7 +143,7 @@ def _refuse_equal_inputs(tree: Tree, aliases: Aliases, ports: Ports) -> None:
             instance, _ = _place(tree, own)
             part = instance.path or instance.kind
             number = tree.instances.index(instance)
-            loose = [c for n, c in ports.loose if n == number]
+            loose = [c for n, c in tree.loose_ports if n == number]
             if loose and len(loose) == len(instance.connectors):
                 raise ModelError(
                     f"{part} is not connected, so that its input {name} acts on nothing; connect it, or leave it out"
@@ -255,11 +252,11 @@ def _equations(tree: Tree, put_in: Special) -> tuple[list[Raw], list[tuple[int, 
     return _separated(pieces, equalities), equalities
 
 
-def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int, int, Ports]:
-    """Sums of flows, equalities (potentials; flows of unconnected ports), number of sets, number of variables, what is loose."""
+def _connections(tree: Tree) -> tuple[list[SignedSum], list[tuple[int, int, int]], int, int]:
+    """Sums of flows, equalities (potentials; flows of unconnected ports), number of sets, number of variables."""
     sets = connection_sets(tree.links)
     connected = {node for s in sets for node in s}
-    sums: list[Sum] = []
+    sums: list[SignedSum] = []
     equalities: list[tuple[int, int, int]] = []
     n_variables = tree.n_variables
 
@@ -280,14 +277,14 @@ def _connections(tree: Tree) -> tuple[list[Sum], list[tuple[int, int, int]], int
             equalities += [(v, first, 1) for v, first in zip(variables_of(node, Potential), lead, strict=True)]
         signs = tuple(-1 if node % 2 else 1 for node in members)  # a composite's own connector, seen from inside
         for flows in zip(*(variables_of(node, Flow) for node in members), strict=True):
-            pieces, n_variables = split_sum(Sum(flows, signs), n_variables)
+            pieces, n_variables = split_sum(tuple(zip(flows, signs, strict=True)), n_variables)
             sums += pieces
     loose = [port for port in range(len(tree.ports)) if 2 * port not in connected]
     for port in loose:
         equalities += [(v, -1, 0) for v in variables_of(2 * port, Flow)]
     inner = sorted(node // 2 for node in connected if node % 2)
-    ports = Ports(tuple(tree.ports[port] for port in loose), tuple(tree.ports[port] for port in inner))
-    return sums, equalities, len(sets), n_variables, ports
+    tree.loose_ports, tree.inner_ports = [tree.ports[port] for port in loose], [tree.ports[port] for port in inner]
+    return sums, equalities, len(sets), n_variables
 
 
 def _group(raw: Raw, aliases: Aliases, tree: Tree) -> EquationGroup:

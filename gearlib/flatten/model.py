@@ -220,14 +220,6 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class Ports:
-    """Connectors (number of the instance, name) that are connected to nothing outside, and to parts inside; for messages."""
-
-    loose: tuple[tuple[int, str], ...] = ()
-    inner: tuple[tuple[int, str], ...] = ()
-
-
-@dataclass(frozen=True)
 class FlatModel:
     """Flat equations over representative variables."""
 
@@ -246,7 +238,8 @@ class FlatModel:
     redundant: int  # equations found to say nothing new
     counts: Counts
     discretes: Discretes
-    ports: Ports = Ports()
+    loose_ports: tuple[tuple[int, str], ...] = ()  # instance and connector: connected to nothing outside, and
+    inner_ports: tuple[tuple[int, str], ...] = ()  # to parts inside; for messages
     closed: tuple[int, ...] = ()  # flows set to zero because nothing determines them
 
     @property

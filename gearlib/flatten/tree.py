@@ -30,6 +30,8 @@ class Tree:
     inputs: list[int] = field(default_factory=list)
     links: list[list[int]] = field(default_factory=list)
     ports: list[tuple[int, str]] = field(default_factory=list)  # (instance, connector)
+    loose_ports: list[tuple[int, str]] = field(default_factory=list)  # connected to nothing outside, and
+    inner_ports: list[tuple[int, str]] = field(default_factory=list)  # to parts inside
     port_numbers: dict[tuple[int, str], int] = field(default_factory=dict)
     numbers: dict[int, int] = field(default_factory=dict)  # id(component) -> instance
     signals: dict[tuple[int, str], tuple[Component, Any]] = field(default_factory=dict)  # (instance, input) -> scope, signal

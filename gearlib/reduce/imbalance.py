@@ -70,7 +70,7 @@ def account(instance: Instance, inner: Iterable[str]) -> Account:
 def unbalanced_classes(model: FlatModel) -> list[tuple[list[str], Account]]:
     """The classes that have more equations than they owe, or fewer, with the paths of their instances."""
     inner: dict[int, list[str]] = {}
-    for number, connector in model.ports.inner:
+    for number, connector in model.inner_ports:
         inner.setdefault(number, []).append(connector)
     found: dict[Account, list[str]] = {}
     for number, instance in enumerate(model.instances):
@@ -149,7 +149,7 @@ def _loose_ends(model: FlatModel, rows: Rows, balance: Balance, guess: bool) -> 
     With ``guess``, also those on which a law without inertia depends: their flow, which is zero, leaves the law an unknown short.
     """
     loose: dict[int, list[str]] = {}
-    for number, connector in model.ports.loose:
+    for number, connector in model.loose_ports:
         if model.instances[number].path:
             loose.setdefault(number, []).append(connector)
     open_ = set(balance.undetermined)

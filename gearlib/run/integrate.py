@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 
-from gearlib.run.methods.closed_form import solved
+from gearlib.run.methods.closed_form import Exact
 from gearlib.run.methods.explicit import Explicit
 from gearlib.run.methods.method import Integrates, refusal
 from gearlib.run.methods.run import Run
@@ -23,7 +23,7 @@ def integrate(run: Run, method: Integrates) -> Solution:
     """
     begin = clock.perf_counter()
     if run.still:
-        solution = solved(run, None, "there are no states")
+        solution = Exact().solve(run, "there are no states")
     elif not run.scene.states:  # events only: any method steps from one to the next
         if reason := method.fits(run):
             raise refusal(method.name, reason)

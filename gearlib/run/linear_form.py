@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakKeyDictionary, ref
+from weakref import ref
 
 import numpy as np
 import sympy
@@ -21,19 +21,11 @@ from gearlib.program.program import Batch, Program
 from gearlib.program.scalars import linear_function
 from gearlib.run.scene import Numbers, Scene
 from gearlib.solvers.inputs.table import Table
+from gearlib.solvers.problem import LinearForm
 
 Floats = NDArray[np.float64]
 TIME: Any = sympy.Symbol("time", real=True)
 MOST_WRITTEN = 60  # states up to which the matrices' entries are written out as scalar operations
-
-
-@dataclass(frozen=True, eq=False)
-class LinearForm:
-    """x' = A x + B u(t); the inputs u are tables, or expressions of time with numbers in them."""
-
-    A: Any  # (states, states), array or sparse
-    B: Floats  # (states, inputs)
-    inputs: tuple[Any, ...]
 
 
 @dataclass(eq=False)
@@ -49,11 +41,8 @@ class _Plan:
     form: tuple[Any, ...] = ()  # numbers, key, the linear form
 
 
-_plans: WeakKeyDictionary[Scene, _Plan] = WeakKeyDictionary()
-
-
 def _plan(scene: Scene) -> _Plan:
-    if scene not in _plans:
+    if "linear" not in scene.forms:
         program = scene.program
         seeds = affine_seeds(program)
         added = [int(batch.targets[i]) for batch, i in seeds]
@@ -64,8 +53,9 @@ def _plan(scene: Scene) -> _Plan:
         entering = [(slot, k) for k, slot in enumerate([*range(len(program.states) + len(program.inputs)), *added])]
         derivatives = derivative_plan(program, entering, program.output_slots)
         written = linear_function(program, derivatives) if len(scene.states) < MOST_WRITTEN else None
-        _plans[scene] = _Plan(seeds, added, derivatives, written, np.unique(np.concatenate(slots)))
-    return _plans[scene]
+        scene.forms["linear"] = _Plan(seeds, added, derivatives, written, np.unique(np.concatenate(slots)))
+    found: _Plan = scene.forms["linear"]
+    return found
 
 
 def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> LinearForm | str:

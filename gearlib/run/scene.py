@@ -66,7 +66,7 @@ class Scene:
     _computing: dict[Node, Program] = field(default_factory=dict)
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
     _prepared: dict[bytes, Numbers] = field(default_factory=dict)
-    forms: dict[str, Any] = field(default_factory=dict)  # made by `gearlib.run.forms.scene_form`
+    forms: dict[str, Any] = field(default_factory=dict)  # made by `scene_form` and `linear_form`
     tangent_codes: dict[Any, Any] = field(default_factory=dict)  # made by `gearlib.run.tangents.tangents`
 
     @property

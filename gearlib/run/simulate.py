@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -82,7 +83,8 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     found = [
         (Segment.of(part, o, skipped), o.stats | given, o.events) for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
-    asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
+    if first.longest_step < math.inf:
+        asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
     refuse_too_small([part for part, _, _ in found], asked.rtol)
     return SimulatedResult(found, translation, asked, run)
 

@@ -56,6 +56,22 @@ class Effort:
     update: float
 
 
+class NoCode:
+    """Stands for a native function that was not compiled, since the method does not call it."""
+
+    address = 0
+
+
+@dataclass(frozen=True, eq=False)
+class LinearForm:
+    """x' = A x + B u(t); the inputs u are tables, or expressions of time with numbers in them."""
+
+    A: Any  # (states, states), array or sparse
+    B: Floats  # (states, inputs)
+    inputs: tuple[Any, ...]
+    stepper: list[Any] = field(default_factory=list)  # the last one, for the next run with the same numbers
+
+
 @dataclass(frozen=True)
 class Problem:
     """What an integrator needs to know of a scene."""
@@ -85,6 +101,7 @@ class Problem:
     rtol: float = 1e-6
     atol: ArrayLike | None = None  # one number, or one for each state in its unit
     max_steps: int = 100_000_000  # after which to give up
+    linear: LinearForm | None = None  # the same equations for methods that call no native function: ``rhs`` is `NoCode` then
     may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated further on
 
     @cached_property

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gearlib.errors import SolverError
-from gearlib.run.methods.closed_form import exact_form, solved, too_many_corners
+from gearlib.run.methods.closed_form import carry_out, exponential, too_many_corners
 from gearlib.run.methods.explicit import order_of
 from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.method import carried_out, finished
@@ -33,12 +33,14 @@ class Automatic:
 
     def solve(self, run: Run, why: str) -> Solution:
         """Integrate a run; ``stats["why"]`` of the solution says how it was chosen."""
-        form = exact_form(run)
-        if not isinstance(form, str):
+        found = exponential(run)
+        if isinstance(found, str):
+            form = found
+        else:
             try:
-                reason = too_many_corners(run, form)
+                reason = too_many_corners(run, found)
                 if reason is None:
-                    return solved(run, form, "the scene is linear and time-invariant")
+                    return carry_out(run, found, "the scene is linear and time-invariant")
                 form = reason
             except SolverError as problem:
                 form = str(problem)

@@ -41,6 +41,8 @@ class Method(ABC):
         What it is called in ``result.stats["method"]``.
     jacobian : bool
         Whether its stepper wants df/dx.
+    steps : bool
+        Whether it takes steps, so that a run can be kept and go on with all that its stepper has found out.
 
     Examples
     --------
@@ -66,6 +68,7 @@ class Method(ABC):
 
     name: str
     jacobian: bool = False
+    steps: bool = True
 
     def __str__(self) -> str:
         return self.name

@@ -33,7 +33,7 @@ LONG = 10.0  # trials' work of stiff steps that Runge-Kutta takes before IDA doe
 
 def can_live(run: Run, method: Integrates) -> bool:
     """Whether a run's driver can be kept: tables and scenes without states are begun anew at each advance."""
-    stepped = method is BY_TURNS or isinstance(method, Method)
+    stepped = method is BY_TURNS or (isinstance(method, Method) and method.steps)
     return stepped and bool(run.scene.states) and not any(isinstance(s, Table) for s in run.signals)
 
 

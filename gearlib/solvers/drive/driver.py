@@ -25,6 +25,7 @@ STEPS_PER_CALL = 1000  # Python looks after interrupts in between
 PATIENCE = 12  # refused evaluations that are borne before a run is said to have left what its states describe
 _EVENTS_AT_FIRST = 256
 LASTING = ("times", "out", "modes", "log_t", "log_root")  # what one method hands over to the next
+_NO_EVENTS = np.empty(0)
 _STATUS = {drive_loop.DONE: "done", drive_loop.MORE: "more", drive_loop.LOG_FULL: "more", drive_loop.STIFF: "stiff"}
 
 
@@ -35,6 +36,7 @@ class Stepper(ABC):
     """
 
     Record: type[DriveRecord] = DriveRecord
+    steps: bool = True  # False: it finds all samples at once, and has no part in the compiled loop
     looks_every: int = STEPS_PER_CALL  # steps after which `spent` is asked
     raised: BaseException | None = None  # what one of its functions raised, where these are Python's
 
@@ -61,6 +63,10 @@ class Stepper(ABC):
     @abstractmethod
     def failure(self, code: int) -> GearlibError:
         """The exception that tells why a run ended with a code of the stepper's own."""
+
+    def carry_on(self, driver: Driver) -> int:
+        """Take the run on by ``record.budget`` steps at most; what ``drive_loop.advance`` returns, which does so step by step."""
+        return native_functions(drive_loop.__name__).loop("advance")(driver.record.address)
 
     def until(self, t: float, longest_step: float) -> None:  # noqa: B027  (most have nothing to do)
         """A run that was done goes on to a later time, s, with no step longer than that."""
@@ -98,16 +104,34 @@ class Driver:
     status : str
         ``"more"``, ``"done"``; ``"left"`` where the right-hand side does not exist further on and the problem allows that; ``"stiff"``
         where stability limits the steps of an explicit method that was told to look.
+    out : array, shape (samples, states)
+        States at the samples, as far as the run has got.
     """
 
     record: DriveRecord
 
     def __init__(self, problem: Problem, stepper: Stepper, before: Driver | None = None) -> None:
-        _check(problem)
         self.problem, self.stepper, self.status = problem, stepper, "more"
-        self.t_end, self._steps_before = float(problem.times[-1]), 0
+        self.t_end, self._steps_before, self.events_before = float(problem.times[-1]), 0, 0
+        if stepper.steps:
+            _check(problem)
+            self._lay_out(before)
+        else:
+            self._lay_out_samples()
+
+    def _lay_out_samples(self) -> None:
+        """Room for a stepper that finds all samples at once: of the record it has times and counts only."""
+        problem, n_times = self.problem, self.problem.times.size
+        self.record = self.stepper.Record()
+        self.record.t, self.record.n_times, self.record.capacity = float(problem.times[0]), n_times, 2
+        self.x, self.data = problem.x0.copy(), problem.data
+        self.out, self._modes = np.empty((n_times, problem.x0.size)), np.empty((n_times, 0))
+        self._lasting = {"log_t": _NO_EVENTS, "log_root": _NO_EVENTS}
+
+    def _lay_out(self, before: Driver | None) -> None:
+        """The record and all arrays of the compiled loop."""
+        problem, stepper, times = self.problem, self.stepper, self.problem.times
         self.events_before = 0 if before is None else before.record.events
-        times = problem.times
         n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
         first, last = float(times[0]) if before is None else before.t, self.t_end
         stops, n_timed = _stops(problem.time_events, first, last)
@@ -138,10 +162,10 @@ class Driver:
             record.n_times, record.capacity = n_times, capacity
             self._lasting = {name: whole[places[name]] for name in LASTING}
             self._lasting["times"][:] = times - origin
-            self._out = self._lasting["out"].reshape(n_times, n)
+            self.out = self._lasting["out"].reshape(n_times, n)
             self._modes = self._lasting["modes"].reshape(n_times, n_modes)
         else:
-            self._lasting, self._out, self._modes = dict(before._lasting), before._out, before._modes
+            self._lasting, self.out, self._modes = dict(before._lasting), before.out, before._modes
             for name in (*LASTING, "n_times", "capacity", "sample", "events"):
                 setattr(record, name, getattr(before.record, name))
         record.address = ctypes.addressof(record)
@@ -184,7 +208,7 @@ class Driver:
         if record.capacity < record.events + record.n_roots + 2:
             self._make_room()
         record.budget = max(1, min(steps, left, self.stepper.looks_every))
-        code = native_functions(drive_loop.__name__).loop("advance")(record.address)
+        code = self.stepper.carry_on(self)
         if code >= 0:
             self.status = _STATUS[code]
             if self.status == "more" and self.stepper.spent():
@@ -255,7 +279,7 @@ class Driver:
         """What has been found so far."""
         samples = self.record.sample
         return Solution(
-            t=self.problem.times[:samples], x=self._out[:samples], modes=self._modes[:samples], status=self.status, t_last=self.t,
+            t=self.problem.times[:samples], x=self.out[:samples], modes=self._modes[:samples], status=self.status, t_last=self.t,
             x_last=self.x.copy(), data=self.data, event_times=self.event_times, event_roots=self.event_roots,
             stats={**self.stepper.stats(), "events": self.record.events, "work": self.stepper.work},
         )  # fmt: skip

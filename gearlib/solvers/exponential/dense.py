@@ -116,10 +116,12 @@ class Propagator:
 
     def __init__(self, A: Floats, h: float) -> None:
         self._chain = [deviation(A, h)]
+        self._tops: dict[int, int] = {}  # of as many steps: the longest to be doubled to
 
     def advance(self, z: Floats, count: int) -> Floats:
         """The ``count`` states (count, n) that follow ``z``."""
-        top = doublings_for(count, len(z))
+        if (top := self._tops.get(count, -1)) < 0:
+            top = self._tops[count] = doublings_for(count, len(z))
         while len(self._chain) <= top:
             self._chain.append(double(self._chain[-1]))
         out = np.empty((count + 1, len(z)))

@@ -3,6 +3,7 @@
 x' = A x + B u(t) with u the output of linear systems of its own (`forcing`) is x' = A x + B H s, s' = S s between breakpoints:
 one matrix exponential carries (x, s) over a step, and equal steps share it. No error is controlled because none is made: small
 matrices go through `dense_exponential`, large sparse ones through `action`, whose series ends at the tolerance asked for.
+`Exponential` is the stepper, which finds all samples at once.
 """
 
 from __future__ import annotations
@@ -10,20 +11,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import shown
 from gearlib.equations.switch_times import rounding
 from gearlib.errors import ArgumentError, SolverError
+from gearlib.solvers.drive.drive_loop import DONE
+from gearlib.solvers.drive.driver import Driver, Stepper
+from gearlib.solvers.exponential import corners
 from gearlib.solvers.exponential.action import Action, Triplets, band_order
 from gearlib.solvers.exponential.action import prepare as prepare_action
-from gearlib.solvers.exponential.dense import Propagator, estimate
-from gearlib.solvers.exponential.forcing import Exosystem, Forcing
+from gearlib.solvers.exponential.dense import Propagator, balanced_norm, estimate
+from gearlib.solvers.exponential.forcing import Exosystem, Forcing, NotExact, recognise
 from gearlib.solvers.exponential.stretches import Stretch, stretches
+from gearlib.solvers.inputs.table import Table
+from gearlib.solvers.problem import LinearForm, Problem
 
 Floats = NDArray[np.float64]
 
@@ -31,9 +37,105 @@ ALGORITHMS = ("auto", "dense", "action")
 DENSE_ALWAYS = 40  # states: nothing is gained below by looking for anything better
 DENSE_LIMIT = 4000  # states: ten matrices of that size take 1.3 GB
 SECONDS_LIMIT = 600.0
+MOST_CORNERED = 40  # states up to which tables are gone through from corner to corner with dense exponentials
+FINEST = 1e-9  # the series of the sparse algorithm go on to there at least: a digit more costs little
 
 _Groups = list[tuple[NDArray[np.int64] | slice, "_Advance"]]
 _Advance = Callable[[Exosystem, float, int, Floats, Floats], Floats]
+
+
+class Exponential(Stepper):
+    """Matrix exponentials of a problem's linear form: no steps, no events, nothing compiled.
+
+    Tables go from corner to corner where states are few; what the other inputs do is recognised in closed form. Since the problem is
+    linear, what each of the two drives may be added.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a linear form. The stepper serves for other start values too.
+
+    Attributes
+    ----------
+    lack : str
+        Why an input is not known in closed form; empty where all are.
+    """
+
+    steps = False
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.linear = problem, problem.linear or LinearForm(np.zeros((0, 0)), np.zeros((0, 0)), ())
+        inputs, n, times = self.linear.inputs, problem.x0.size, problem.times
+        self.cornered: tuple[int, ...] = ()  # the inputs that go from corner to corner
+        self.cuts: corners.Intervals | None = None  # and the intervals there
+        self.forcing: Forcing | None = None  # of the other inputs; None where they are constant
+        self.lack = ""
+        tables = [u for u in inputs if isinstance(u, Table)]
+        if tables and n <= MOST_CORNERED:
+            self.cornered = tuple(k for k, u in enumerate(inputs) if isinstance(u, Table) or u.is_number)
+            self.cuts = corners.Intervals.of(times, tables)
+            inputs = tuple(u for k, u in enumerate(inputs) if k not in self.cornered)
+        if n and (inputs or self.cuts is None):
+            forcing = _recognised(inputs, float(times[0]), float(times[-1]))
+            if isinstance(forcing, NotExact):
+                self.lack = forcing.reason
+            else:
+                self.forcing = forcing
+
+    def rate(self) -> float:
+        """Of the fastest motion, 1/s: a bound."""
+        A = self.linear.A
+        return balanced_norm(np.asarray(A if isinstance(A, np.ndarray) else A.toarray()))
+
+    def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
+        """It has no part in the compiled loop."""
+
+    def carry_on(self, driver: Driver) -> int:
+        """Write all samples; the loop has nothing to do."""
+        if driver.x.size:
+            driver.out = self._samples(driver.x)
+            driver.x = driver.out[-1]
+        driver.record.t, driver.record.sample = driver.t_end, driver.record.n_times
+        return DONE
+
+    def _samples(self, x0: Floats) -> Floats:
+        linear, found = self.linear, None
+        if self._smooth is not None:
+            found, x0 = self._smooth.solve(x0), np.zeros(x0.size)
+        if self.cuts is not None:
+            A = linear.A if isinstance(linear.A, np.ndarray) else linear.A.toarray()
+            drive = [u if isinstance(u, Table) else float(u) for u in (linear.inputs[k] for k in self.cornered)]
+            driven = corners.solve(A, linear.B[:, self.cornered], drive, x0, self.problem.times, self.cuts)
+            found = driven if found is None else found + driven
+        assert found is not None
+        return found
+
+    @cached_property
+    def _smooth(self) -> ExactRun | None:
+        """The exponentials for the inputs that are recognised, if any are."""
+        if self.forcing is None:
+            return None
+        linear, problem = self.linear, self.problem
+        B = linear.B
+        if self.cornered:
+            B = B[:, [k for k in range(len(linear.inputs)) if k not in self.cornered]]
+        return prepare(linear.A, B, self.forcing, problem.times, rtol=min(problem.rtol, FINEST))
+
+    @property
+    def work(self) -> float:
+        return 0.0  # there is nothing to choose while it goes on
+
+    def stats(self) -> dict[str, Any]:
+        return {"steps": 0, "rhs": 0}
+
+    def failure(self, code: int) -> SolverError:
+        return SolverError(f"matrix exponentials ended with {code}")
+
+
+@lru_cache(maxsize=256)
+def _recognised(inputs: tuple[Any, ...], t0: float, t1: float) -> Forcing | NotExact:
+    """The inputs as outputs of linear systems; the same inputs come again with every other set of parameters."""
+    return recognise(inputs, t0, t1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +152,16 @@ class ExactRun:
     _at_start: int  # times that are the start
     _groups: _Groups  # states that act on each other, and how they step
 
-    def solve(self, x0: Floats) -> Floats:
-        """States (times, n) that start from ``x0`` (n,) at the beginning of the forcing."""
+    def solve(self, x0: ArrayLike) -> Floats:
+        """States (times, n) that start from ``x0`` (n,) at the beginning of the forcing.
+
+        Raises
+        ------
+        ArgumentError
+            Start values that do not fit.
+        SolverError
+            The solution overflows.
+        """
         x0 = np.asarray(x0, dtype=float)
         if x0.shape != (self.n,):
             raise ArgumentError(f"start values of shape {x0.shape} for {self.n} states")
@@ -77,8 +187,8 @@ class ExactRun:
                 out[stretch.row : stretch.row + stretch.count, states] = X
 
 
-def integrate(A: Any, B: Any, forcing: Forcing, x0: Any, times: Any, *, rtol: float = 1e-12, algorithm: str = "auto") -> Floats:
-    """The solution of x' = A x + B u(t), x(forcing.t0) = x0, at ``times``.
+def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12, algorithm: str = "auto") -> ExactRun:
+    """Choose how x' = A x + B u(t) is integrated, and get ready to: all that does not depend on the start values.
 
     Parameters
     ----------
@@ -88,8 +198,6 @@ def integrate(A: Any, B: Any, forcing: Forcing, x0: Any, times: Any, *, rtol: fl
         (n, m); m is the number of inputs of ``forcing``.
     forcing : Forcing
         From `forcing.recognise`.
-    x0 : array_like
-        (n,) states at ``forcing.t0``.
     times : array_like
         Output times (s), in order, from ``forcing.t0`` to ``forcing.t_end``.
     rtol : float
@@ -98,17 +206,12 @@ def integrate(A: Any, B: Any, forcing: Forcing, x0: Any, times: Any, *, rtol: fl
     algorithm : {"auto", "dense", "action"}
         Dense exponential of every step, action of the sparse exponential, or the one that is estimated to be faster.
 
-    Returns
-    -------
-    ndarray
-        (len(times), n) states.
-
     Raises
     ------
     ArgumentError
         Shapes or times that do not fit.
     SolverError
-        The scene is too large and too stiff for both algorithms, or the solution overflows.
+        The scene is too large and too stiff for both algorithms.
 
     Notes
     -----
@@ -118,15 +221,11 @@ def integrate(A: Any, B: Any, forcing: Forcing, x0: Any, times: Any, *, rtol: fl
     Examples
     --------
     >>> from gearlib.solvers.exponential.forcing import recognise
-    >>> integrate(np.array([[-2.0]]), np.array([[1.0]]), recognise([4.0], 0.0, 1.0), [0.0], [0.0, 0.5 * math.log(2)])
+    >>> forcing, times = recognise([4.0], 0.0, 1.0), [0.0, 0.5 * math.log(2)]
+    >>> prepare(np.array([[-2.0]]), np.array([[1.0]]), forcing, times).solve([0.0])
     array([[0.],
            [1.]])
     """
-    return prepare(A, B, forcing, times, rtol=rtol, algorithm=algorithm).solve(np.asarray(x0, dtype=float))
-
-
-def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12, algorithm: str = "auto") -> ExactRun:
-    """As `integrate`, up to the start values: chooses the algorithm and says why."""
     times = np.asarray(times, dtype=float)
     _check(A, B, forcing, times, algorithm)
     n = A.shape[0]

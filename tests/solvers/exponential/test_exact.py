@@ -16,11 +16,15 @@ from scipy.integrate import solve_ivp
 from sympy import Piecewise, cos, exp, pi, sin
 
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.solvers.exponential.exact import integrate, prepare
+from gearlib.solvers.exponential.exact import prepare
 from gearlib.solvers.exponential.forcing import Forcing, recognise
 from gearlib.solvers.exponential.stretches import stretches
 
 t = sympy.Symbol("time", real=True)
+
+
+def integrate(A: Any, B: Any, forcing: Forcing, x0: Any, times: Any, **options: Any) -> np.ndarray:
+    return prepare(A, B, forcing, times, **options).solve(x0)
 
 
 def solve(A: Any, B: Any, u: list[Any], x0: Any, times: Any, t0: float = 0.0, **options: Any) -> np.ndarray:
