@@ -55,10 +55,7 @@ IMPLEMENTATIONS = {
         "gearlib.structure.sparse_elimination.factorise",
         "gearlib.structure.sparse_rows.eliminate",
     ),
-    "integration driver": (
-        "gearlib.solvers.drive.driver.Driver",
-        "gearlib.solvers.exponential.exact.integrate",
-    ),
+    "integration driver": ("gearlib.solvers.drive.driver.Driver",),
     "Newton's method": (
         "gearlib.program.interpret._newton",
         "gearlib.native.source._newton",

@@ -15,7 +15,6 @@ import numpy as np
 
 import gearlib as gl
 from gearlib.solvers.drive.driver import Driver
-from gearlib.solvers.exponential import exact
 from gearlib.solvers.ida.ida_stepper import SAFETY
 from gearlib.solvers.problem import Floats, Problem
 from tests.benchmarks import floor_ida, floor_rk
@@ -31,11 +30,7 @@ _count = itertools.count()
 def clocked() -> Iterator[list[float]]:
     """Adds up the processor time (s) spent in gearlib's integrators themselves."""
     spent = [0.0]
-    places: list[tuple[Any, str]] = [
-        (exact, "prepare"),
-        (exact.ExactRun, "solve"),
-        *((Driver, name) for name in ("__init__", "advance", "solution")),
-    ]
+    places: list[tuple[Any, str]] = [(Driver, name) for name in ("__init__", "advance", "solution")]
     originals = [getattr(owner, name) for owner, name in places]
 
     def watched(original: Any) -> Any:

@@ -16,9 +16,13 @@ from scipy.integrate import solve_ivp
 from sympy import Piecewise, cos, exp, pi, sin
 
 from gearlib.errors import ArgumentError, SolverError
-from gearlib.solvers.exponential.exact import prepare
+from gearlib.solvers.drive.driver import Driver
+from gearlib.solvers.drive.driver import integrate as drive
+from gearlib.solvers.exponential.exact import Exponential, prepare
 from gearlib.solvers.exponential.forcing import Forcing, recognise
 from gearlib.solvers.exponential.stretches import stretches
+from gearlib.solvers.inputs.table import Table
+from gearlib.solvers.problem import LinearForm, NoCode, Problem
 
 t = sympy.Symbol("time", real=True)
 
@@ -362,3 +366,41 @@ def test_too_large_and_too_stiff() -> None:
     A, B = chain(4000, c=1e9, d=1e6)
     with pytest.raises(SolverError, match=r"7999 states.*Use method='ida' or method='rk'"):
         prepare(A, B, forcing, np.linspace(0, 100, 101))
+
+
+# ---------------------------------------------------------------- as a stepper
+
+
+def linear_problem(A: Any, B: Any, inputs: tuple[Any, ...], x0: list[float], times: np.ndarray) -> Problem:
+    none, whole = np.empty(0), np.empty(0, np.int64)
+    return Problem(
+        rhs=NoCode(), x0=np.array(x0), data=none, index=whole, differential=np.ones(len(x0), bool), nominal=np.ones(len(x0)),
+        linear=LinearForm(np.array(A, float), np.array(B, float), inputs), times=times,
+    )  # fmt: skip
+
+
+def test_driver_with_the_exponential_stepper() -> None:
+    times = np.linspace(1.0, 3.0, 21)
+    ramp = Table([0.0, 2.0, 4.0], [0.0, 2.0, 2.0])  # a table, a constant and a sine, each of them on its own integrator
+    problem = linear_problem(np.zeros((3, 3)), np.eye(3), (ramp, sympy.Float(2), sin(t)), [1.0, 2.0, 3.0], times)
+    driver = Driver(problem, Exponential(problem))
+    found = drive(driver)
+    area = np.where(times < 2.0, 0.5 * (times**2 - 1.0), 1.5 + 2.0 * (times - 2.0))
+    expected = np.column_stack([1.0 + area, 2.0 + 2.0 * (times - 1.0), 3.0 + math.cos(1.0) - np.cos(times)])
+    assert found.x == pytest.approx(expected, rel=1e-14)
+    assert (found.status, found.t_last, found.stats["events"], found.stats["steps"]) == ("done", 3.0, 0, 0)
+    assert (found.x_last.tolist(), driver.t, found.event_times.tolist()) == (found.x[-1].tolist(), 3.0, [])
+
+
+def test_a_stepper_serves_for_other_start_values() -> None:
+    times = np.array([0.0, math.log(2.0)])
+    first = linear_problem([[-1.0]], np.zeros((1, 0)), (), [8.0], times)
+    stepper = Exponential(first)
+    other = linear_problem([[-1.0]], np.zeros((1, 0)), (), [2.0], times)
+    assert drive(Driver(first, stepper)).x[:, 0] == pytest.approx([8.0, 4.0], rel=1e-15)
+    assert drive(Driver(other, stepper)).x[:, 0] == pytest.approx([2.0, 1.0], rel=1e-15)
+
+
+def test_inputs_that_are_not_in_closed_form_are_named() -> None:
+    problem = linear_problem([[-1.0]], [[1.0]], (sympy.tan(t),), [1.0], np.array([0.0, 1.0]))
+    assert "tan" in Exponential(problem).lack
