@@ -540,6 +540,55 @@ class System(Compiled):
             power_flow=power_flow, units=units, depth=depth,
         )  # fmt: skip
 
+    def export_fmu(
+        self, path: str | os.PathLike[str], *, version: str = "3.0", kind: str | Sequence[str] = ("me", "cs"),
+        platforms: str | Sequence[str] = ("native",), inputs: Sequence[str] | Mapping[str, float] | None = None,
+        outputs: Sequence[str] | None = None, stop_time: float = 1.0, rtol: float = 1e-6,
+    ) -> Path:  # fmt: skip
+        """Write the model as an FMU, which other tools simulate without gearlib and without Python.
+
+        Parameters
+        ----------
+        path : path
+            Such as ``"train.fmu"``.
+        version : {"3.0", "2.0"}
+            Of FMI.
+        kind : {"me", "cs"} or both
+            Model exchange (the tool integrates) and co-simulation (the FMU does, with gearlib's Runge-Kutta methods).
+        platforms : sequence of str
+            ``"native"``, ``"all"``, or some of ``"x86_64-linux"``, ``"aarch64-linux"``, ``"x86_64-windows"``, ``"aarch64-windows"``,
+            ``"x86_64-darwin"``, ``"aarch64-darwin"``. Others than the native one need the extra ``gearlib[fmu]``.
+        inputs : sequence of str or mapping of str to float, optional
+            Unbound inputs that the tool gives, or their start values; by default all. The others stay 0.
+        outputs : sequence of str, optional
+            By default those that the system was compiled for, or its states.
+        stop_time : float
+            s; what a tool simulates unless it is told otherwise. Co-simulation takes no step longer than a tenth of the run, where there
+            are events a hundredth.
+        rtol : float
+            Relative tolerance of co-simulation unless the tool gives one.
+
+        Returns
+        -------
+        Path
+            Of the file.
+
+        Raises
+        ------
+        ArgumentError, NameLookupError
+            What cannot be exported, by name.
+        MissingPackageError
+            No C compiler links for a platform.
+        FileError
+            The file cannot be written.
+        """
+        from gearlib.fmi.export_fmu import export_fmu
+
+        return export_fmu(
+            self.translation, path, version=version, kind=kind, platforms=platforms, inputs=inputs, outputs=outputs,
+            stop_time=stop_time, rtol=rtol,
+        )  # fmt: skip
+
     def __reduce__(self) -> tuple[Any, ...]:
         return System, (self.translation,)
 

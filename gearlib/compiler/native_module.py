@@ -10,10 +10,11 @@ import ast
 import ctypes
 import hashlib
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from numpy.typing import NDArray
@@ -70,18 +71,12 @@ def native_functions(*modules: str) -> NativeFunctions:
     *modules : str
         Dotted names. Functions of one may call those of the others; those that return ``int32`` are exported.
     """
-    loaded = [importlib.import_module(name) for name in modules]
-    texts = [Path(str(module.__file__)).read_text(encoding="utf-8") for module in loaded]
-    generated = [str(getattr(module, "GENERATED", "")) for module in loaded]
+    loaded, texts, generated = _texts(modules)
     values = [repr(sorted(_values(vars(module)))) for module in loaded]  # also of what a module imports from others
     digest = hashlib.sha256("\0".join([compiler_digest(), *texts, *generated, *values]).encode()).hexdigest()[:24]
 
     def functions() -> Iterator[tuple[ast.FunctionDef, Environment]]:
-        for module, text, more in zip(loaded, texts, generated, strict=True):
-            for node in ast.parse(text).body:
-                if isinstance(node, ast.FunctionDef) and _is_native(node):
-                    yield node, vars(module)
-            yield from ((node, vars(module)) for node in ast.parse(more).body if isinstance(node, ast.FunctionDef))
+        return _functions(loaded, texts, generated)
 
     names = [node.name for node, _ in functions() if ast.unparse(node.returns or ast.Constant(None)) == "int32"]
     with COMPILING:
@@ -92,6 +87,29 @@ def native_functions(*modules: str) -> NativeFunctions:
             addresses, library = linked(optimised(translated(functions(), fused=True)), names)
     _loaded.append(library)
     return NativeFunctions(addresses)
+
+
+def native_text(*modules: str) -> str:
+    """LLVM's text for modules as one unit, to be compiled for any platform."""
+    return translated(_functions(*_texts(modules)), fused=True)
+
+
+def _texts(modules: Sequence[str]) -> tuple[list[ModuleType], list[str], list[str]]:
+    """Modules, their text, and the text that they generate."""
+    loaded = [importlib.import_module(name) for name in modules]
+    texts = [Path(str(module.__file__)).read_text(encoding="utf-8") for module in loaded]
+    return loaded, texts, [str(getattr(module, "GENERATED", "")) for module in loaded]
+
+
+def _functions(
+    loaded: Sequence[ModuleType], texts: Sequence[str], generated: Sequence[str]
+) -> Iterator[tuple[ast.FunctionDef, Environment]]:
+    """What is compiled of modules, each function with the names that it was written among."""
+    for module, text, more in zip(loaded, texts, generated, strict=True):
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.FunctionDef) and _is_native(node):
+                yield node, vars(module)
+        yield from ((node, vars(module)) for node in ast.parse(more).body if isinstance(node, ast.FunctionDef))
 
 
 def _is_native(node: ast.FunctionDef) -> bool:

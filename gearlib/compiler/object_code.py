@@ -14,7 +14,7 @@ from typing import Any
 from gearlib.compiler.cache import COMPILING, cached_bytes
 from gearlib.compiler.translate import intermediate
 
-COMPILER = ("data_flow.py", "instructions.py", "native_module.py", "object_code.py", "translate.py")
+COMPILER = ("data_flow.py", "instructions.py", "native_module.py", "object_code.py", "platforms.py", "translate.py")
 WINDOWS = sys.platform == "win32"  # LLVM's newer linker, for small code in one piece, is not at home there
 LINKED = 300  # modules that stay in the process though nobody uses them, those met last
 USES = 64

@@ -47,9 +47,7 @@ class Kernel:
     @cached_property
     def scalar(self) -> str:
         """Python source for scalars."""
-        printer = PythonCodePrinter({"fully_qualified_modules": False, "strict": False})
-        text: str = printer.doprint(self.expression)
-        return text
+        return scalar_source(self.expression)
 
     @cached_property
     def function(self) -> Callable[..., Any]:
@@ -93,6 +91,16 @@ class Kernel:
     def number(self) -> float | None:
         """Its value where it is a plain number."""
         return float(self.expression) if self.expression.is_number else None
+
+
+def scalar_source(expression: Any) -> str:
+    """Python source of an expression for scalars, which is also source of the small language.
+
+    >>> scalar_source(sympy.sin(sympy.Symbol("x")) / 2)
+    '(1/2)*sin(x)'
+    """
+    text: str = PythonCodePrinter({"fully_qualified_modules": False, "strict": False}).doprint(expression)
+    return text
 
 
 def _operations(expression: Any) -> int:

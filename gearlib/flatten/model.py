@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import shown
 from gearlib.equations.bindings import parameter_function
+from gearlib.equations.kernel import scalar_source
 from gearlib.equations.template import Column, Template, parse_column
 from gearlib.errors import NameLookupError, nearest
 from gearlib.language.declarations import Connector, Parameter, Variable
@@ -84,6 +85,11 @@ class Dependent:
     def function(self) -> Callable[..., Any]:
         """The function of arrays, one for each argument."""
         return parameter_function(self.expression, self._names)
+
+    @property
+    def scalar(self) -> str:
+        """Source of the function for scalars a0, a1, ..."""
+        return scalar_source(self.expression)
 
     def derivative(self, argument: int) -> Callable[..., Any]:
         """Its derivative with respect to one argument."""

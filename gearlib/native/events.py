@@ -107,6 +107,46 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
     return body
 
 
+def settle_body(relations: Relations, layout: Layout, n_relations: int, n_discrete: int) -> Body:
+    """The event iteration of a run that is being started, printed: relations and discrete variables as `modes_at_start` finds them.
+
+    Equations need have a solution in the end only: before, friction that moves may be tried as stuck. What does not settle here, the
+    event iteration of the run may settle.
+    """
+    body = looped(relations.program, layout, forgiving=True)
+    head, compute, body.lines = body.lines[:2], body.lines[2:-CLOSING], []
+    for phase in relations.event_iteration.passed:
+        match phase:
+            case UnknownsPhase():
+                body.lines += compute
+            case DiscretesPhase(batch):
+                loop(body, batch, "y = {value}\nif data[r + {target}] != y:\n    data[r + {target}] = y\n    changed = 1")
+            case RelationsPhase():
+                _test(body, phase, None)
+    inner, body.lines = body.lines, []
+    sizes = body.array([n_relations, n_discrete])
+    started = ["    data[r + nr + 2 * nd] = 0.0"] if n_discrete else []
+    body.lines = [
+        *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]",
+        f"for outer in range({MOST_ITERATIONS}):",
+        "    changed = 1",
+        f"    for iteration in range({MOST_ITERATIONS}):",
+        "        changed = 0",
+        *(f"        {line}" for line in inner),
+        "        if changed == 0:",
+        "            break",
+        "    moved = 0",
+        "    for k in range(nd):",
+        "        if data[r + nr + nd + k] != data[r + nr + k]:",
+        "            moved = 1",
+        "        data[r + nr + nd + k] = data[r + nr + k]",
+        *started,
+        "    if changed != 0 or moved == 0:",
+        "        break",
+    ]  # fmt: skip
+    return body
+
+
 def _old_signs(body: Body, guards: tuple[int, int]) -> list[str]:
     place, count = guards
     if not count:
@@ -114,12 +154,13 @@ def _old_signs(body: Body, guards: tuple[int, int]) -> list[str]:
     return [f"s = {body.array([place])}", f"for k in range({count}):", f"    data[index[s] + {EACH} * k] *= 0.5"]
 
 
-def _test(body: Body, phase: RelationsPhase, numbers: Integers) -> None:
+def _test(body: Body, phase: RelationsPhase, numbers: Integers | None) -> None:
+    """The relations of a phase; ``numbers`` are those of the root functions, where some may have been located."""
     lines = ["y = {value}", f"f = 1.0 if y {phase.comparison} 0.0 else 0.0"]
     roots = np.zeros(len(phase.batch), np.int64)
     if phase.on_time:
         body.lines += ["now = t", "t = t + 1e-12 * max(abs(t), 1e-3)"]  # `right_hand`
-    else:
+    elif numbers is not None:
         roots = np.searchsorted(numbers, phase.batch.targets)
         first = " and outer == 0" if compares_with_before(phase.batch) else ""
         above = ">" if relation_of(phase.batch)[0] else "<"

@@ -166,10 +166,10 @@ def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str) 
 CLOSING = 6  # lines at the end of a looped body that store the derivatives
 
 
-def looped(program: Program, layout: Layout, guarded: bool = False) -> Body:
+def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: bool = False) -> Body:
     """Source in loops, one per kernel and level; its size depends on the kinds of equations only.
 
-    ``guarded``: no divisor may pass through zero.
+    ``guarded``: no divisor may pass through zero. ``forgiving``: equations without a solution leave their unknowns as they are.
     """
     n_rows = sum(len(b) for step in program.steps for b in _batches(step))
     body = Body(signed=_many_signs(program), literal=n_rows <= LONGEST)
@@ -204,7 +204,7 @@ def looped(program: Program, layout: Layout, guarded: bool = False) -> Body:
             _linear(pieces[-1], step, layout.solutions[block], layout.needed[block])
             block += 1
         else:
-            _newton(pieces[-1], step, memory)
+            _newton(pieces[-1], step, memory, forgiving)
             memory += not step.linear
     body.include_all(pieces)
     if guarded and program.guards:
@@ -330,7 +330,7 @@ def _linear(body: Body, step: Linear, place: int, rows: Integers) -> None:
     ]
 
 
-def _newton(body: Body, step: Newton, memory: int) -> None:
+def _newton(body: Body, step: Newton, memory: int, forgiving: bool) -> None:
     """Newton's iteration. ``memory`` keeps the logarithm of the first determinant. Where it has fallen to a ten-thousandth, another
     branch is near and the evaluation is refused; with constraints on the states where it has fallen to a fifth, since they may
     soon not determine the unknowns any more, and `gearlib.run.state_switching` looks for others.
@@ -350,7 +350,7 @@ def _newton(body: Body, step: Newton, memory: int) -> None:
         loop(body, batch, "data[w + q + {target}] += {value}", "    ")
     body.lines += [
         "    if solve(data, w + q, w, q, lead) != 0:",
-        "        return 1",
+        "        break" if forgiving else "        return 1",
         "    e, f = 0.0, 0.0",
         "    for k in range(q):",
         "        data[v + index[z + k]] -= data[w + k]",
@@ -360,7 +360,7 @@ def _newton(body: Body, step: Newton, memory: int) -> None:
         else f"    if e <= 1e-14 * f + 1e-300 or (iteration > 7 and e <= {ROUNDING}):",
         "        break",
     ]
-    if not step.linear:
+    if not (step.linear or forgiving):
         body.lines += [
             f"if not e <= 1e-10 * f + {ROUNDING}:",
             "    return 1",

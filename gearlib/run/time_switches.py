@@ -6,8 +6,9 @@ parameters. The others go through `switches` whenever their parameters or the in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,17 @@ class Timed:
     symbols: tuple[Any, ...]
     numbers: NDArray[np.int64]
     parameters: NDArray[np.int64]  # (relations, parameters)
-    line: Callable[..., tuple[Any, Any]] | None  # a and b of a + b t, where it is that
+    terms: tuple[Any, Any] | None  # a and b of a + b t, where it is that
+
+    @cached_property
+    def line(self) -> Callable[..., tuple[Any, Any]] | None:
+        """a and b as functions of the parameters."""
+        return None if self.terms is None else sympy.lambdify(self.symbols, self.terms, "numpy")
+
+    @property
+    def wave(self) -> tuple[Any, Any] | None:
+        """Period and offset, where it switches periodically."""
+        return tuple(self.expression.args[1:]) if isinstance(self.expression, SquareWave) else None
 
     def times(self, parameters: Floats, t0: float, t_end: float) -> list[Switch]:
         """Switches inside (t0, t_end)."""
@@ -98,16 +109,15 @@ def _timed(batch: Batch, rows: NDArray[np.int64]) -> Timed:
     symbols = tuple(sympy.Symbol(f"p{p}", real=True) for p in kernel.parameters)
     # the variables that stand in these rows are always zero: with any other, a condition is not one of time alone
     expression = sympy.sympify(kernel.expression).xreplace({sympy.Symbol(f"x{c}", real=True): 0 for c in kernel.columns})
-    return Timed(expression, symbols, batch.targets[rows], batch.parameters[rows], _line(expression, symbols))
+    return Timed(expression, symbols, batch.targets[rows], batch.parameters[rows], _line(expression))
 
 
-def _line(expression: Any, symbols: Sequence[Any]) -> Callable[..., tuple[Any, Any]] | None:
-    """a and b of a + b t as functions of the parameters, if an expression is that."""
+def _line(expression: Any) -> tuple[Any, Any] | None:
+    """a and b of a + b t, if an expression is that."""
     slope = sympy.diff(expression, _T)
     if slope.has(_T) or slope.has(sympy.Derivative) or expression.has(*_BRANCHES):
         return None
-    function: Callable[..., tuple[Any, Any]] = sympy.lambdify(symbols, (expression.subs(_T, 0), slope), "numpy")
-    return function
+    return expression.subs(_T, 0), slope
 
 
 _BRANCHES = (

@@ -1,0 +1,96 @@
+"""Object code for other machines: what is compiled here runs on any processor of a platform, not only on this one."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sys
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from gearlib.compiler.cache import COMPILING, cached_bytes
+from gearlib.compiler.object_code import compiler_digest
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A machine and its operating system.
+
+    Attributes
+    ----------
+    name : str
+        As FMI calls it: ``"x86_64-linux"``.
+    triple : str
+        As LLVM does.
+    zig : str
+        As ``zig cc -target`` does; with the oldest C library that the code is to run with.
+    suffix : str
+        Of a shared library.
+    fmi2 : str
+        As FMI 2.0 calls it.
+    """
+
+    name: str
+    triple: str
+    zig: str
+    suffix: str
+    fmi2: str
+
+
+PLATFORMS = {
+    p.name: p
+    for p in (
+        Platform("x86_64-linux", "x86_64-unknown-linux-gnu", "x86_64-linux-gnu.2.17", ".so", "linux64"),
+        Platform("aarch64-linux", "aarch64-unknown-linux-gnu", "aarch64-linux-gnu.2.17", ".so", "aarch64-linux"),
+        Platform("x86_64-windows", "x86_64-w64-windows-gnu", "x86_64-windows-gnu", ".dll", "win64"),
+        Platform("aarch64-windows", "aarch64-w64-windows-gnu", "aarch64-windows-gnu", ".dll", "aarch64-windows"),
+        Platform("x86_64-darwin", "x86_64-apple-macosx11.0.0", "x86_64-macos.11.0", ".dylib", "darwin64"),
+        Platform("aarch64-darwin", "arm64-apple-macosx11.0.0", "aarch64-macos.11.0", ".dylib", "aarch64-darwin"),
+    )
+}
+
+
+def own_platform() -> str:
+    """The name of the platform that this process runs on; it need not be one of `PLATFORMS`."""
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    system = {"win32": "windows"}.get(sys.platform, sys.platform)
+    return f"{machine}-{system}"
+
+
+@cache
+def _machine(triple: str) -> Any:
+    """LLVM target machine of a platform, for its plainest processor."""
+    from llvmlite import binding
+
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    return binding.Target.from_triple(triple).create_target_machine(opt=2, reloc="pic", codemodel="small")
+
+
+def object_code_for(target: Platform, text: str) -> bytes:
+    """Compile LLVM's text for a platform; its functions are seen by what they are linked with, and not outside.
+
+    Parameters
+    ----------
+    target : Platform
+    text : str
+        As `gearlib.compiler.translate` makes it.
+    """
+    digest = hashlib.sha256("\0".join((compiler_digest(), target.triple, text)).encode()).hexdigest()[:24]
+    with COMPILING:
+        return cached_bytes(f"gearlib_code_{digest}.o", lambda: _compiled(target, text))
+
+
+def _compiled(target: Platform, text: str) -> bytes:
+    from llvmlite import binding
+
+    machine = _machine(target.triple)
+    head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
+    module = binding.parse_assembly(head + text)
+    for function in module.functions:
+        if not function.is_declaration and function.linkage.name == "external":
+            function.visibility = "hidden"
+    builder = binding.create_pass_builder(machine, binding.create_pipeline_tuning_options(speed_level=2))
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))

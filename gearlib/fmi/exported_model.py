@@ -1,0 +1,318 @@
+"""`ExportedModel`: what of a compiled model goes into an FMU, and what cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import name_list, real, shown
+from gearlib.errors import ArgumentError, ModelError, NameLookupError, nearest
+from gearlib.flatten.model import FlatModel
+from gearlib.program.build import build
+from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
+from gearlib.program.program import Batch, Linear, Newton, Program
+from gearlib.program.relations import Relations, relations_of
+from gearlib.reduce.coefficients import coefficients_of
+from gearlib.reduce.reduction import confirm
+from gearlib.run.refusals.jumps import refuse_jumps
+from gearlib.run.sampling.controllers import refuse_controllers
+from gearlib.run.scene import Scene, node_name
+from gearlib.run.start_values import fixed_values, start_values
+from gearlib.run.time_switches import Timed, time_switches
+from gearlib.run.translation import Translation, asked_scene
+from gearlib.structure.incidence import Node
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+PERTURBED = 1.0 + 2.0**-6  # times a parameter: whether a redundant loop still closes with it
+MOST_DENSE = 1500  # unknowns of a linear block whose matrix an FMU factorises
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output of an FMU.
+
+    Attributes
+    ----------
+    name : str
+    variable : int
+        Of the model, -1 for a discrete variable.
+    order : int
+        Of the derivative.
+    slot : int
+        Place among what the observed program gives; -1 where it is a discrete variable, or always zero.
+    mode : int
+        Place in the discrete state; -1 where it is none.
+    sign : int
+    """
+
+    name: str
+    variable: int
+    order: int
+    slot: int
+    mode: int
+    sign: int
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedModel:
+    """A scene with the inputs and outputs of an FMU.
+
+    Attributes
+    ----------
+    translation : Translation
+    scene : Scene
+        Its states are the FMU's.
+    inputs : tuple of int
+        Those that the importing tool gives, by number among the model's; the others are parameters.
+    input_starts : array
+        A value for each of the model's inputs.
+    names : tuple of str
+        Of the outputs.
+    """
+
+    translation: Translation
+    scene: Scene
+    inputs: tuple[int, ...]
+    input_starts: Floats
+    names: tuple[str, ...]
+
+    @property
+    def model(self) -> FlatModel:
+        return self.scene.model
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """What is computed for the outputs: all that are neither discrete nor always zero."""
+        found = [self._node(name) for name in self.names if name not in self.model.discretes.names]
+        return tuple(dict.fromkeys(node for node, sign in found if sign))
+
+    def _node(self, name: str) -> tuple[Node, int]:
+        return self.scene.structure.named(name, "output", ("cannot be an output", "can"))
+
+    @cached_property
+    def observed(self) -> Program:
+        """Computes the derivatives of the states, then what the outputs need."""
+        rates = [(v, k + 1) for v, k in self.scene.states]
+        return build(self.scene.structure, [*rates, *self.nodes], self.scene.states, dynamic=False)
+
+    @cached_property
+    def outputs(self) -> tuple[Output, ...]:
+        """The outputs that are neither states nor derivatives of states by name, in the order asked for."""
+        known, model, found = list(self.observed.outputs), self.model, []
+        own = {node_name(model, (v, order)) for v, k in self.scene.states for order in (k, k + 1)}
+        for name in self.names:
+            if name in own:
+                continue
+            if name in model.discretes.names:
+                found.append(Output(name, -1, 0, -1, model.n_relations + model.discretes.names.index(name), 1))
+                continue
+            node, sign = self._node(name)
+            base, order = model.column(name)
+            found.append(Output(name, model.variable(base), order, known.index(node) if sign else -1, -1, sign))
+        return tuple(found)
+
+    @cached_property
+    def all_relations(self) -> Relations | None:
+        """What changes at events, for the states and for the outputs."""
+        if not self.scene.n_modes:
+            return None
+        found = relations_of(self.scene.structure, self.observed, self.scene.wanted)
+        return found if len(found.used) or found.discretes or found.reinits else None
+
+    @cached_property
+    def timed(self) -> tuple[Timed, ...]:
+        """Conditions of time whose switching times follow from the parameters by a formula."""
+        return tuple(
+            t for t in time_switches(self.all_relations).timed if t.terms is not None or t.wave is not None
+        )
+
+    @cached_property
+    def relations(self) -> Relations | None:
+        """The same relations; conditions of time that follow no formula are searched for like those of variables."""
+        found = self.all_relations
+        if found is None:
+            return None
+        by_formula = {int(k) for t in self.timed for k in t.numbers}
+        return replace(found, on_time=np.array([int(k) in by_formula for k in found.used], bool))
+
+    @cached_property
+    def plan(self) -> DerivativePlan:
+        """Derivatives of the rates and outputs with respect to states and inputs."""
+        n = len(self.scene.states)
+        entering = [(i, i) for i in range(n)] + [(n + k, n + j) for j, k in enumerate(self.inputs)]
+        return derivative_plan(self.observed, entering, self.observed.output_slots, n + len(self.inputs))
+
+    # ------------------------------------------------------------ parameters
+
+    @cached_property
+    def parameters(self) -> tuple[int, ...]:
+        """Parameters that are variables of the FMU: those that a user knows by name."""
+        names = self.model.parameters.names
+        return tuple(k for k, name in enumerate(names) if "#" not in name and not name.startswith("start("))
+
+    @cached_property
+    def dependent(self) -> frozenset[int]:
+        """Parameters that follow from others."""
+        return frozenset(int(t) for d in self.model.parameters.dependents for t in d.targets)
+
+    @cached_property
+    def constants(self) -> dict[int, str]:
+        """Parameters that keep their values in the FMU, and why."""
+        found = {p: "its value is part of the equations" for p, _ in self.translation.put_in}
+        if self.computed_starts is not None:
+            for p in self._leading_to(self.computed_starts):
+                found.setdefault(p, "start values are computed from it")
+        for p in self._closing():
+            found.setdefault(p, "a rigid loop closes with it")
+        return found
+
+    def _leading_to(self, slots: frozenset[int]) -> set[int]:
+        """The parameters that some entries of the table follow from, and these."""
+        reached = set(slots)
+        for d in reversed(self.model.parameters.dependents):
+            for target, arguments in zip(d.targets.tolist(), d.arguments.tolist(), strict=True):
+                if target in reached:
+                    reached.update(arguments)
+        return reached
+
+    def _closing(self) -> list[int]:
+        """Parameters that cannot change by themselves, since a redundant loop would not close."""
+        structure, table = self.scene.structure, self.model.parameters
+        if not structure.redundant:
+            return []
+        found = []
+        for p in self.parameters:
+            if p in self.dependent:
+                continue
+            value = float(table.defaults[p])
+            numbers = table.evaluate({p: value * PERTURBED if value else PERTURBED - 1.0})
+            try:
+                confirm(structure, coefficients_of(structure.complete, numbers, 0.0))
+            except ModelError:
+                found.append(p)
+        return found
+
+    @cached_property
+    def computed_starts(self) -> frozenset[int] | None:
+        """Parameters that start values are computed from, where these are no states' own; else None."""
+        scene = self.scene
+        if scene.unfixed is not None:
+            return None
+        structure, model = scene.structure, scene.model
+        place = set(structure.states)
+        fixed = fixed_values(model, model.parameters.defaults, {})
+        others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]
+        program = build(structure, others, structure.states, dynamic=False)
+        return frozenset([*used_parameters(program), *model.starts.slots.tolist()])
+
+    @cached_property
+    def own_starts(self) -> tuple[bool, ...]:
+        """Of each state: whether its start value may be given, rather than follow from parameters."""
+        model = self.model
+        if self.computed_starts is not None:
+            return (True,) * len(self.scene.states)
+        slots = dict(zip(model.guessed[0].tolist(), model.guessed[2].tolist(), strict=True))
+        return tuple(bool(k) or slots.get(v, -1) not in self.dependent for v, k in self.scene.states)
+
+    @property
+    def driven(self) -> bool:
+        """Whether time drives the model."""
+        programs = [self.observed, *([self.relations.program] if self.relations is not None else [])]
+        return any(p.on_time for p in programs)
+
+    @cached_property
+    def start(self) -> Floats:
+        """The states at the start, with the defaults of all parameters."""
+        inputs = np.concatenate([self.input_starts, np.zeros(len(self.scene.program.inputs) - len(self.input_starts))])
+        return start_values(self.scene, self.model.parameters.defaults, inputs, 0.0, {}).states
+
+
+def used_parameters(program: Program) -> set[int]:
+    """Entries of the parameter table that a program reads."""
+    found: set[int] = set()
+    for step in program.steps:
+        match step:
+            case Batch():
+                parts: Sequence[Batch] = [step]
+            case Linear():
+                parts = step.matrix
+            case Newton():
+                parts = [*step.residuals, *step.jacobian]
+        for batch in parts:
+            found.update(batch.parameters.ravel().tolist())
+    return found
+
+
+def exported_model(translation: Translation, inputs: Any, outputs: Any) -> ExportedModel:
+    """What goes into an FMU.
+
+    Parameters
+    ----------
+    translation : Translation
+    inputs : None, sequence of str, or mapping of str to float
+        Unbound inputs that the importing tool gives, or their start values; all of them by default.
+    outputs : None or sequence of str
+        By default those that the model was compiled for, or its states.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        What cannot be exported, by name.
+    """
+    refuse_controllers(translation.component, "an FMU")
+    structure = translation.structure
+    if outputs is None:
+        scene = translation.scene
+        names = translation.outputs if translation.outputs is not None else scene.state_names
+    else:
+        names = tuple(name_list("outputs", outputs, "load.w"))
+        scene = asked_scene(structure, names)
+    numbers, starts = _inputs(translation, inputs)
+    given = [n for n in names if n in translation.inputs]
+    if given:
+        raise ArgumentError(f"{given[0]} is an input of the FMU, so it cannot be an output; leave it out of outputs")
+    found = ExportedModel(translation, scene, numbers, starts, tuple(dict.fromkeys(names)))
+    _refuse(found)
+    return found
+
+
+def _inputs(translation: Translation, inputs: Any) -> tuple[tuple[int, ...], Floats]:
+    """Numbers of the FMU's inputs, and the start values of all inputs of the model."""
+    known = translation.inputs
+    starts = np.zeros(len(known))
+    if inputs is None:
+        return tuple(range(len(known))), starts
+    names = list(inputs) if isinstance(inputs, Mapping) else name_list("inputs", inputs, "torque.tau")
+    for name in names:
+        if name not in known:
+            bound = isinstance(name, str) and translation.model.find(name) is not None
+            hint = "it is bound in the model, or no input" if bound else nearest(str(name), known)
+            raise NameLookupError(f"the model has no unbound input '{name}'; {hint}")
+        if isinstance(inputs, Mapping):
+            value = inputs[name]
+            if callable(value):
+                raise ArgumentError(
+                    f"the input {name} is {shown(value)}: an FMU holds no Python and no table. Leave it to the tool that imports the "
+                    f"FMU (inputs=[{name!r}]), or bind it in the model to an expression of gl.time or to a gl.Table of gl.time"
+                )
+            starts[known.index(name)] = real(f"input {name}", value)
+    return tuple(known.index(name) for name in names), starts
+
+
+def _refuse(found: ExportedModel) -> None:
+    """Raise for what an FMU cannot hold."""
+    scene, name = found.scene, found.translation.name
+    for step in (*scene.program.steps, *found.observed.steps):
+        if isinstance(step, Linear) and len(step.unknowns) > MOST_DENSE:
+            raise ArgumentError(
+                f"{name}: {len(step.unknowns)} equations are solved together, and an FMU factorises {MOST_DENSE} at most; make some "
+                "of the rigid connections elastic"
+            )
+    if scene.structure.switching:
+        refuse_jumps(scene.structure, found.observed, scene.model.parameters.defaults, 0.0, 1.0)

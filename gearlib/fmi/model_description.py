@@ -1,0 +1,196 @@
+"""``modelDescription.xml`` of FMI 3.0 and 2.0."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from gearlib.fmi.fmu_variables import FmuVariable, FmuVariables
+from gearlib.fmi.unit_definitions import DISPLAYED, has_unit, unit_definitions
+from gearlib.native.jacobian import Pattern
+
+_NAME = r"[A-Za-z_]\w*(?:\[\d+(?:,\d+)*\])?"
+_STRUCTURED = re.compile(rf"{_NAME}(?:\.{_NAME})*|der\({_NAME}(?:\.{_NAME})*(?:,\d+)?\)", re.ASCII)
+CATEGORIES = {"logStatusError": "what went wrong", "logEvents": "events in co-simulation, with time and equation"}
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a description says besides variables.
+
+    Attributes
+    ----------
+    name, identifier, token : str
+        Of the model, of its binaries, and what both have in common.
+    text : str
+        What the model is.
+    tool : str
+    kinds : tuple of str
+        ``"me"``, ``"cs"``.
+    tolerance, stop_time : float
+        By default; s.
+    variables : FmuVariables
+    pattern : Pattern
+        Which derivatives and outputs depend on which states and inputs.
+    """
+
+    name: str
+    identifier: str
+    token: str
+    text: str
+    tool: str
+    kinds: tuple[str, ...]
+    tolerance: float
+    stop_time: float
+    variables: FmuVariables
+    pattern: Pattern
+
+    def dependencies(self) -> dict[int, list[int]]:
+        """Value references that each derivative and output depends on."""
+        known, pattern = self.variables, self.pattern
+        rows: dict[int, list[int]] = {row: [] for row in known.observed.values()}
+        for column, reference in enumerate(known.columns):
+            for row in pattern.indices[pattern.indptr[column] : pattern.indptr[column + 1]].tolist():
+                if row in rows:
+                    rows[row].append(reference)
+        return {reference: rows[row] for reference, row in known.observed.items()}
+
+    @property
+    def naming(self) -> str:
+        """The naming convention that all names keep to."""
+        named = all(_STRUCTURED.fullmatch(v.name) for v in self.variables.listed)
+        return "structured" if named else "flat"
+
+    @property
+    def initial_unknowns(self) -> list[int]:
+        """Value references of what follows from start values, but event indicators."""
+        known = self.variables
+        unknown = {v.reference for v in known.listed if v.initial == "calculated"} - set(known.indicators)
+        wanted = {*known.outputs, *known.states, *known.derivatives}
+        parameters = {v.reference for v in known.listed if v.causality == "calculatedParameter"}
+        return sorted(unknown & (wanted | parameters))
+
+
+def description_3(d: Description) -> bytes:
+    """The description for FMI 3.0."""
+    known = d.variables
+    root = Element(
+        "fmiModelDescription", fmiVersion="3.0", modelName=d.name, description=d.text, instantiationToken=d.token,
+        generationTool=d.tool, variableNamingConvention=d.naming,
+    )  # fmt: skip
+    common = {
+        "modelIdentifier": d.identifier, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true",
+    }  # fmt: skip
+    if "me" in d.kinds:
+        SubElement(root, "ModelExchange", {**common, "needsCompletedIntegratorStep": "true"})
+    if "cs" in d.kinds:
+        SubElement(root, "CoSimulation", {**common, "canHandleVariableCommunicationStepSize": "true"})
+    _heads(root, d)
+    variables = SubElement(root, "ModelVariables")
+    for v in known.listed:
+        element = SubElement(
+            variables, "Float64", {
+                "name": v.name, "valueReference": str(v.reference), "causality": v.causality, "variability": v.variability,
+                **({"initial": v.initial} if v.initial else {}), **_attributes(v, v.derivative),
+            },
+        )  # fmt: skip
+        assert element is not None
+    structure, depends = SubElement(root, "ModelStructure"), d.dependencies()
+
+    def add(kind: str, references: Sequence[int]) -> None:
+        for reference in references:
+            on = {"dependencies": " ".join(map(str, depends[reference]))} if reference in depends else {}
+            SubElement(structure, kind, {"valueReference": str(reference), **on})
+
+    add("Output", known.outputs)
+    add("ContinuousStateDerivative", known.derivatives)
+    for reference in d.initial_unknowns:
+        SubElement(structure, "InitialUnknown", valueReference=str(reference))
+    for reference in known.indicators:
+        SubElement(structure, "EventIndicator", valueReference=str(reference))
+    return _printed(root)
+
+
+def description_2(d: Description) -> bytes:
+    """The description for FMI 2.0, which has no variables for event indicators and none for time that are needed."""
+    known = d.variables
+    listed = [v for v in known.listed if v.reference not in set(known.indicators)]
+    place = {v.reference: i for i, v in enumerate(listed, 1)}
+    root = Element(
+        "fmiModelDescription", fmiVersion="2.0", modelName=d.name, description=d.text, guid=d.token, generationTool=d.tool,
+        variableNamingConvention=d.naming, numberOfEventIndicators=str(len(known.indicators)),
+    )  # fmt: skip
+    common = {
+        "modelIdentifier": d.identifier, "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
+        "providesDirectionalDerivative": "true",
+    }  # fmt: skip
+    if "me" in d.kinds:
+        SubElement(root, "ModelExchange", common)
+    if "cs" in d.kinds:
+        more = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"}
+        SubElement(root, "CoSimulation", common | more)
+    _heads(root, d)
+    variables = SubElement(root, "ModelVariables")
+    for v in listed:
+        element = SubElement(
+            variables, "ScalarVariable", {
+                "name": v.name, "valueReference": str(v.reference), "causality": v.causality, "variability": v.variability,
+                **({"description": v.description} if v.description else {}), **({"initial": v.initial} if v.initial else {}),
+            },
+        )  # fmt: skip
+        attributes = _attributes(v, None if v.derivative is None else place[v.derivative])
+        attributes.pop("description", None)
+        SubElement(element, "Real", attributes)
+    structure, depends = SubElement(root, "ModelStructure"), d.dependencies()
+
+    def add(kind: str, references: Sequence[int], with_dependencies: bool = True) -> None:
+        if not references:
+            return
+        group = SubElement(structure, kind)
+        for reference in references:
+            has = with_dependencies and reference in depends
+            on = {"dependencies": " ".join(str(place[r]) for r in sorted(depends[reference]))} if has else {}
+            SubElement(group, "Unknown", {"index": str(place[reference]), **on})
+
+    add("Outputs", sorted(known.outputs, key=lambda r: place[r]))
+    add("Derivatives", known.derivatives)
+    add("InitialUnknowns", d.initial_unknowns, False)
+    return _printed(root)
+
+
+def _heads(root: Element, d: Description) -> None:
+    """Units, categories of messages, and what to simulate by default."""
+    units = SubElement(root, "UnitDefinitions")
+    unit_definitions(units, (v.unit for v in d.variables.listed))
+    categories = SubElement(root, "LogCategories")
+    for name, text in CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=text)
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(d.stop_time), tolerance=repr(d.tolerance))
+
+
+def _attributes(v: FmuVariable, derivative: int | None) -> dict[str, str]:
+    found = {"description": v.description} if v.description else {}
+    if has_unit(v.unit):
+        found["unit"] = v.unit
+        if v.unit in DISPLAYED:
+            found["displayUnit"] = DISPLAYED[v.unit][0]
+    if isfinite(v.lower):
+        found["min"] = repr(v.lower)
+    if isfinite(v.upper):
+        found["max"] = repr(v.upper)
+    if v.nominal != 1.0:
+        found["nominal"] = repr(v.nominal)
+    if v.start is not None:
+        found["start"] = repr(v.start)
+    if derivative is not None:
+        found["derivative"] = str(derivative)
+    return found
+
+
+def _printed(root: Element) -> bytes:
+    indent(root)
+    return bytes(tostring(root, encoding="UTF-8", xml_declaration=True))

@@ -1,0 +1,233 @@
+"""Generated code for what is computed before a run: bound parameters, factorised blocks, start values, switching times.
+
+`gearlib.program.interpret.prepare`, `gearlib.run.start_values` and `gearlib.run.time_switches` do the same in Python.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import scalar_source
+from gearlib.fmi.exported_model import ExportedModel
+from gearlib.native.layout import Layout
+from gearlib.native.source import LONGEST, Body, loop
+from gearlib.program.interpret import labelled, owner_of
+from gearlib.program.program import Batch, Linear, Program
+from gearlib.reduce.rows import some
+from gearlib.run.start_values import ROUNDING
+
+Integers = NDArray[np.int64]
+NEVER = 1e300  # s: a time that does not come
+
+INVERT = '''
+def invert(data: floats, a: int, n: int, b: int, m: int) -> int:
+    """Solve ``A X = B`` in place: A is n x n at ``a``, B n x m at ``b``, n numbers behind it are scratch. 1 where A is singular."""
+    c = b + n * m
+    for i in range(n):
+        s = 0.0
+        for j in range(n):
+            s = max(s, abs(data[a + i * n + j]))
+        if not (s > 0.0 and s < 1e300):
+            return 1
+        for j in range(n):
+            data[a + i * n + j] /= s
+        for j in range(m):
+            data[b + i * m + j] /= s
+    for j in range(n):
+        s = 0.0
+        for i in range(n):
+            s = max(s, abs(data[a + i * n + j]))
+        if not s > 0.0:
+            return 1
+        data[c + j] = s
+        for i in range(n):
+            data[a + i * n + j] /= s
+    for k in range(n):
+        best, r = 0.0, k
+        for i in range(k, n):
+            if abs(data[a + i * n + k]) > best:
+                best, r = abs(data[a + i * n + k]), i
+        if not best > 1e-13:
+            return 1
+        if r != k:
+            for j in range(n):
+                data[a + k * n + j], data[a + r * n + j] = data[a + r * n + j], data[a + k * n + j]
+            for j in range(m):
+                data[b + k * m + j], data[b + r * m + j] = data[b + r * m + j], data[b + k * m + j]
+        for i in range(k + 1, n):
+            f = data[a + i * n + k] / data[a + k * n + k]
+            if f != 0.0:
+                for j in range(k + 1, n):
+                    data[a + i * n + j] -= f * data[a + k * n + j]
+                for j in range(m):
+                    data[b + i * m + j] -= f * data[b + k * m + j]
+    for k in range(n - 1, -1, -1):
+        for j in range(m):
+            s = data[b + k * m + j]
+            for i in range(k + 1, n):
+                s -= data[a + k * n + i] * data[b + i * m + j]
+            data[b + k * m + j] = s / data[a + k * n + k]
+    for i in range(n):
+        for j in range(m):
+            data[b + i * m + j] /= data[c + i]
+    return 0
+'''
+
+
+@dataclass(frozen=True)
+class Part:
+    """A program's part of ``data``; the coefficients of runs stand behind the layout's end."""
+
+    program: Program
+    layout: Layout
+    coefficients: tuple[Batch, ...]
+
+
+def preparation_body(exported: ExportedModel, parts: Sequence[Part], end: int, checks: list[str]) -> tuple[Body, int]:
+    """The body of ``prepare``, and how large ``data`` must be for it; what can go wrong is added to ``checks``."""
+    structure, table = exported.scene.structure, exported.model.parameters
+    rows = sum(len(b) for p in parts for g in (*p.program.constant_groups, p.coefficients) for b in g)
+    body = Body(literal=rows + sum(len(d.targets) for d in table.dependents) <= LONGEST)
+    for d in table.dependents:
+        _rows(body, d.scalar, "a", d.targets, d.arguments)
+    size = end
+    for part in parts:
+        for batch in part.program.pivots:
+            checks.append(f"{labelled(structure, batch, 0)} cannot be solved with these parameters; a zero is divided by")
+            loop(body, batch, f"y = {{value}}\nif not (abs(y) > 0.0 and abs(y) < 1e300):\n    return {len(checks)}")
+        at = part.layout.size
+        for batch in part.coefficients:
+            loop(body, replace(batch, targets=np.arange(at, at + len(batch))), "data[{target}] = {value}")
+            at += len(batch)
+        blocks = [step for step in part.program.steps if isinstance(step, Linear)]
+        for block, place, needed in zip(blocks, part.layout.solutions, part.layout.needed, strict=True):
+            n, m = len(block.unknowns), len(block.known)
+            right = end + n * n
+            size = max(size, right + n * m + n)
+            owners = [o for o in dict.fromkeys(owner_of(structure, int(e)) for e in block.equations) if o != "connection"]
+            checks.append(f"the equations of {some(owners, ', ')} are singular with these parameters")
+            body.lines += [f"for k in range({n * n + n * m}):", f"    data[{end} + k] = 0.0"]
+            for batch in block.matrix:
+                loop(body, replace(batch, targets=end + batch.targets), "data[{target}] += {value}")
+            known, wanted = body.array(right + block.known_rows * m + np.arange(m)), body.array(needed)
+            body.lines += [
+                f"h, g = {known}, {wanted}",
+                f"for k in range({m}):",
+                "    data[index[h + k]] = -1.0",
+                f"if invert(data, {end}, {n}, {right}, {m}) != 0:",
+                f"    return {len(checks)}",
+                f"for k in range({len(needed)}):",
+                f"    for j in range({m}):",
+                f"        data[{place} + k * {m} + j] = data[{right} + index[g + k] * {m} + j]",
+            ]
+    return body, size
+
+
+def begin_body(exported: ExportedModel, parts: Sequence[Part], checks: list[str]) -> Body:
+    """The body of ``begin``: start values of the states, and where iterations start."""
+    scene, model = exported.scene, exported.model
+    representatives, signs, slots = model.guessed
+    value = {int(v): (int(sign), int(slot)) for v, sign, slot in zip(representatives, signs, slots, strict=True) if sign}
+    body = Body()
+    if exported.computed_starts is None:
+        states = [(i, *value[v]) for i, (v, k) in enumerate(scene.states) if k == 0 and v in value]
+        body.lines += [f"for k in range({len(scene.states)}):", "    x[k] = 0.0"]
+        _copied(body, "x", states)
+        _contradictions(exported, body, checks)
+    else:
+        body.lines += [f"x[{i}] = {float(number)!r}" for i, number in enumerate(exported.start)]
+    for part in parts:
+        if part.program.iterated:
+            variables, places = part.program.undifferentiated
+            pairs = zip(variables.tolist(), places.tolist(), strict=True)
+            _copied(body, "data", [(part.layout.slots + slot, *value[v]) for v, slot in pairs if v in value])
+    return body
+
+
+def _copied(body: Body, target: str, triples: Sequence[tuple[int, int, int]]) -> None:
+    """Numbers of ``data``, with signs, to places: (place, sign, where in data)."""
+    if triples:
+        table = np.array(triples, np.int64).T
+        body.lines += [
+            f"o = {body.array(table.ravel())}",
+            f"for k in range({len(triples)}):",
+            f"    {target}[index[o + k]] = index[o + {len(triples)} + k] * data[index[o + {2 * len(triples)} + k]]",
+        ]
+
+
+def _contradictions(exported: ExportedModel, body: Body, checks: list[str]) -> None:
+    """Several fixed start values of what is one variable, up to its sign, must agree."""
+    model = exported.model
+    representatives, signs, slots = model.fixed
+    first: dict[int, tuple[int, int]] = {}
+    for v, sign, slot in zip(representatives.tolist(), signs.tolist(), slots.tolist(), strict=True):
+        name = model.parameters.names[slot]
+        if sign == 0:
+            checks.append(f"{name} must be zero: its variable always is")
+            body.lines += [f"if not abs(data[{slot}]) <= 1e-12:", f"    return {len(checks)}"]
+        elif v in first and first[v][1] != slot:
+            other, at = first[v]
+            checks.append(f"{model.parameters.names[at]} and {name} contradict each other: they are one variable, up to its sign")
+            apart = f"abs(data[{slot}] {'-' if sign == other else '+'} data[{at}])"
+            body.lines += [f"if not {apart} <= {ROUNDING} * abs(data[{at}]) + 1e-12:", f"    return {len(checks)}"]
+        first.setdefault(v, (sign, slot))
+
+
+def next_time_body(exported: ExportedModel) -> Body:
+    """The body of ``next_time``: the first switch after ``t``, `NEVER` where there is none."""
+    body = Body()
+    body.lines += [f"values[0] = {NEVER!r}", "later = t + 1.8e-15 * max(abs(t), 1e-3)"]
+    for timed in exported.timed:
+        for row in timed.parameters:
+            table = {symbol.name: f"data[{int(p)}]" for symbol, p in zip(timed.symbols, row, strict=True)}
+            if timed.wave is not None:
+                period, offset = (_filled(scalar_source(part), table) for part in timed.wave)
+                body.lines += [
+                    f"p, o = {period}, {offset}",
+                    "if p > 0.0:",
+                    "    q = max((t - o) / p, 0.0)",
+                    "    if q < 1e15:",
+                    "        y = o + int(q) * p",
+                    "        if y <= later:",
+                    "            y = o + (int(q) + 1) * p",
+                    "        if y <= later:",
+                    "            y = o + (int(q) + 2) * p",
+                    "        values[0] = min(values[0], y)",
+                ]
+                continue
+            assert timed.terms is not None, "only those that follow a formula are here"
+            a, b = (_filled(scalar_source(part), table) for part in timed.terms)
+            body.lines += [
+                f"y = -({a}) / ({b})",
+                "if y > later and y < values[0]:",
+                "    values[0] = y",
+            ]
+    return body
+
+
+def _filled(text: str, table: dict[str, str]) -> str:
+    return re.sub(r"\bp\d+\b", lambda m: table[m[0]], text)
+
+
+def _rows(body: Body, text: str, letter: str, targets: Integers, arguments: Integers) -> None:
+    """``data[target] = text`` for each row, the text's a0, a1, ... being its arguments."""
+
+    def put(place: Callable[[int], str]) -> str:
+        return re.sub(rf"\b{letter}(\d+)\b", lambda m: place(int(m[1])), text)
+
+    if body.literal or len(targets) == 1:
+        for target, row in zip(targets.tolist(), arguments.tolist(), strict=True):
+            body.lines.append(f"data[{target}] = {put(lambda a, row=row: f'data[{row[a]}]')}")  # type: ignore[misc]
+        return
+    count = len(targets)
+    where = body.array(np.concatenate([targets, arguments.T.ravel()]))
+    body.lines += [
+        f"o = {where}",
+        f"for k in range({count}):",
+        f"    data[index[o + k]] = {put(lambda a: f'data[index[o + {(a + 1) * count} + k]]')}",
+    ]
