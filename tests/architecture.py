@@ -192,7 +192,7 @@ def largest_folder() -> list[str]:
     return max(folders.values(), key=len)
 
 
-AROUND = ("gearlib.drawing", "gearlib.files", "gearlib.command_line")
+AROUND = ("gearlib.drawing", "gearlib.files", "gearlib.fmi", "gearlib.command_line")
 """Packages around the engine, which may grow with what they offer."""
 
 

@@ -72,8 +72,7 @@ def native_functions(*modules: str) -> NativeFunctions:
         Dotted names. Functions of one may call those of the others; those that return ``int32`` are exported.
     """
     loaded, texts, generated = _texts(modules)
-    values = [repr(sorted(_values(vars(module)))) for module in loaded]  # also of what a module imports from others
-    digest = hashlib.sha256("\0".join([compiler_digest(), *texts, *generated, *values]).encode()).hexdigest()[:24]
+    digest = native_digest(*modules)[:24]
 
     def functions() -> Iterator[tuple[ast.FunctionDef, Environment]]:
         return _functions(loaded, texts, generated)
@@ -87,6 +86,13 @@ def native_functions(*modules: str) -> NativeFunctions:
             addresses, library = linked(optimised(translated(functions(), fused=True)), names)
     _loaded.append(library)
     return NativeFunctions(addresses)
+
+
+def native_digest(*modules: str) -> str:
+    """Digest of all that the code of some modules depends on."""
+    loaded, texts, generated = _texts(modules)
+    values = [repr(sorted(_values(vars(module)))) for module in loaded]  # also of what a module imports from others
+    return hashlib.sha256("\0".join([compiler_digest(), *texts, *generated, *values]).encode()).hexdigest()
 
 
 def native_text(*modules: str) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import platform
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 from gearlib.compiler.cache import COMPILING, cached_bytes
@@ -58,7 +58,6 @@ def own_platform() -> str:
     return f"{machine}-{system}"
 
 
-@cache
 def _machine(triple: str) -> Any:
     """LLVM target machine of a platform, for its plainest processor."""
     from llvmlite import binding
@@ -68,18 +67,20 @@ def _machine(triple: str) -> Any:
     return binding.Target.from_triple(triple).create_target_machine(opt=2, reloc="pic", codemodel="small")
 
 
-def object_code_for(target: Platform, text: str) -> bytes:
+def object_code_for(target: Platform, text: Callable[[], str], made_from: str) -> bytes:
     """Compile LLVM's text for a platform; its functions are seen by what they are linked with, and not outside.
 
     Parameters
     ----------
     target : Platform
-    text : str
-        As `gearlib.compiler.translate` makes it.
+    text : callable
+        Makes the text, as `gearlib.compiler.translate` does.
+    made_from : str
+        All that the text depends on, or a digest of it: what was compiled once is found in the cache.
     """
-    digest = hashlib.sha256("\0".join((compiler_digest(), target.triple, text)).encode()).hexdigest()[:24]
+    digest = hashlib.sha256("\0".join((compiler_digest(), target.triple, made_from)).encode()).hexdigest()[:24]
     with COMPILING:
-        return cached_bytes(f"gearlib_code_{digest}.o", lambda: _compiled(target, text))
+        return cached_bytes(f"gearlib_code_{digest}.o", lambda: _compiled(target, text()))
 
 
 def _compiled(target: Platform, text: str) -> bytes:

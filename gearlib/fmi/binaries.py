@@ -7,13 +7,15 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from gearlib.compiler.native_module import native_text
+from gearlib.compiler.native_module import native_digest, native_text
 from gearlib.compiler.platforms import PLATFORMS, Platform, object_code_for, own_platform
-from gearlib.compiler.translate import Unsupported, intermediate
+from gearlib.compiler.instructions import Unsupported
+from gearlib.compiler.translate import intermediate
 from gearlib.errors import ArgumentError, MissingPackageError
 from gearlib.solvers.rungekutta.loop import MODULES
 
@@ -62,14 +64,17 @@ def shared_library(target: Platform, source: str, tables: Mapping[str, str], fac
     MissingPackageError
         No C compiler links for the platform.
     """
+    units = {"drive": (DRIVE,), "rungekutta": MODULES}
     try:
-        texts = {"model": intermediate(source), "drive": native_text(DRIVE), "rungekutta": native_text(*MODULES)}
+        codes = {"model": object_code_for(target, lambda: intermediate(source), source)}
     except Unsupported as problem:
         raise ArgumentError(f"the model cannot be exported: {problem}") from None
+    for name, modules in units.items():
+        codes[name] = object_code_for(target, partial(native_text, *modules), native_digest(*modules))
     with TemporaryDirectory(prefix="gearlib-") as folder:
         here = Path(folder)
-        for name, text in texts.items():
-            (here / f"{name}.o").write_bytes(object_code_for(target, text))
+        for name, code in codes.items():
+            (here / f"{name}.o").write_bytes(code)
         for name, text in tables.items():
             (here / name).write_text(text, encoding="utf-8")
         wrapper = HERE / "wrapper"
@@ -77,7 +82,7 @@ def shared_library(target: Platform, source: str, tables: Mapping[str, str], fac
         own = [str(here / name) for name in tables if name.endswith(".c")]
         command = [
             *_linker(target), *FLAGS, f"-I{wrapper}", f"-I{HERE / 'headers'}", f"-I{here}",
-            *(str(wrapper / name) for name in ("instance.c", "stepping.c", *faces)), *own, *(str(here / f"{n}.o") for n in texts),
+            *(str(wrapper / name) for name in ("instance.c", "stepping.c", *faces)), *own, *(str(here / f"{n}.o") for n in codes),
             *(["-Wl,-Bsymbolic"] if target.suffix == ".so" else []), *(["-lm"] if target.suffix == ".so" else []), "-o", str(result),
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, cwd=here)

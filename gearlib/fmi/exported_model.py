@@ -128,9 +128,7 @@ class ExportedModel:
     @cached_property
     def timed(self) -> tuple[Timed, ...]:
         """Conditions of time whose switching times follow from the parameters by a formula."""
-        return tuple(
-            t for t in time_switches(self.all_relations).timed if t.terms is not None or t.wave is not None
-        )
+        return tuple(t for t in time_switches(self.all_relations).timed if t.terms is not None or t.wave is not None)
 
     @cached_property
     def relations(self) -> Relations | None:

@@ -94,12 +94,9 @@ def fmu_variables(exported: ExportedModel, n_indicators: int) -> FmuVariables:
     outputs = [v.reference for v in found if v.causality == "output"]
     for k, output in enumerate(exported.outputs):
         of = (exported.model.declaration(output.variable) if output.variable >= 0 else None) or Variable()
-        found.append(
-            FmuVariable(
-                _spelled(output.name), at + k, "output", "continuous" if output.mode < 0 else "discrete", "calculated",
-                differentiated_unit(of.unit, output.order), _described(of.description, output.order),
-            )  # fmt: skip
-        )
+        kind = "continuous" if output.mode < 0 else "discrete"
+        unit, text = differentiated_unit(of.unit, output.order), _described(of.description, output.order)
+        found.append(FmuVariable(_spelled(output.name), at + k, "output", kind, "calculated", unit, text))
         outputs.append(at + k)
         if output.slot >= 0:
             observed[at + k] = output.slot
@@ -155,7 +152,9 @@ def _states(exported: ExportedModel, references: Sequence[int]) -> Iterator[FmuV
 def _followed(exported: ExportedModel, count: int) -> dict[int, int]:
     """Of each state: the place of its derivative among the states, -1 where that is no state."""
     scene = exported.scene
-    return {i: scene.place_of.get((scene.states[i][0], scene.states[i][1] + 1), -1) if scene.states else -1 for i in range(count)}
+    return {
+        i: scene.place_of.get((scene.states[i][0], scene.states[i][1] + 1), -1) if scene.states else -1 for i in range(count)
+    }
 
 
 def _rates(exported: ExportedModel, states: Sequence[int], first: int) -> dict[int, FmuVariable]:

@@ -172,7 +172,9 @@ def _contradictions(exported: ExportedModel, body: Body, checks: list[str]) -> N
             body.lines += [f"if not abs(data[{slot}]) <= 1e-12:", f"    return {len(checks)}"]
         elif v in first and first[v][1] != slot:
             other, at = first[v]
-            checks.append(f"{model.parameters.names[at]} and {name} contradict each other: they are one variable, up to its sign")
+            checks.append(
+                f"{model.parameters.names[at]} and {name} contradict each other: they are one variable, up to its sign"
+            )
             apart = f"abs(data[{slot}] {'-' if sign == other else '+'} data[{at}])"
             body.lines += [f"if not {apart} <= {ROUNDING} * abs(data[{at}]) + 1e-12:", f"    return {len(checks)}"]
         first.setdefault(v, (sign, slot))

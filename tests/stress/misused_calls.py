@@ -258,6 +258,7 @@ def methods() -> list[Call]:
         Call("System.linearize sparsely", s.linearize, lambda: {"sparse": True}),
         Call("System.power_flow", s.power_flow, lambda: {"speeds": {"load.w": 1.0}}),
         Call("System.report", s.report, lambda: {"path": FOLDER / "report.html", "result": r}),
+        Call("System.export_fmu", s.export_fmu, lambda: {"path": FOLDER / "drive.fmu", "outputs": ["load.w"]}),
         Call("Component.diagram", Drive().diagram, lambda: {"depth": 1}),
         Call("Component.scheme", Drive().scheme),
         Call("System.stepper", s.stepper, lambda: {"t_start": 0.0, "inputs": {"torque.tau": 1.0}}),

@@ -70,6 +70,7 @@ void reset_instance(Instance *m) {
     m->mode = INSTANTIATED;
     m->prepared = m->begun = m->step_ready = m->extrapolates = 0;
     m->events = 0;
+    m->next_event = NEVER;
     moved(m);
 }
 
@@ -126,6 +127,14 @@ int fail(Instance *m, int code, const char *format, ...) {
     va_end(rest);
     if (m->say) m->say(m, 1, text);
     return code;
+}
+
+void note_event(Instance *m, double t, const char *what) {
+    char text[400];
+    m->events++;
+    if (!m->logging || !m->say) return;
+    snprintf(text, sizeof text, "event at t = %.12g s: %s", t, what);
+    m->say(m, 0, text);
 }
 
 /* ------------------------------------------------------------ start */
@@ -393,8 +402,9 @@ int handle_events(Instance *m, int *states_changed, double *next) {
     *states_changed = 0;
     for (int64_t i = 0; i < model.n_indicators; i++) {
         m->fired[i] = m->g[i] * m->side[i] < 0.0 ? (m->g[i] > 0.0 ? 1 : -1) : 0;
-        m->events += m->fired[i] != 0;
+        if (m->fired[i]) note_event(m, m->t, model.indicator_names[i]);
     }
+    if (m->t >= m->next_event) note_event(m, m->t, "time");
     if (model.has_events) did = update(m->t, m->x, m->fired, m->data, INDEX);
     if (did < 0) return fail(m, FAILED, "the event at t = %.9g s does not settle", m->t);
     *states_changed = did == 2;
@@ -406,5 +416,6 @@ int handle_events(Instance *m, int *states_changed, double *next) {
         if (fabs(m->g[i]) > m->scale[i]) m->scale[i] = fabs(m->g[i]);
     }
     next_time(m->t, m->x, next, m->data, INDEX);
+    m->next_event = *next;
     return FINE;
 }

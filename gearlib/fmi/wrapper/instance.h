@@ -16,6 +16,7 @@ typedef struct Instance {
     int32_t *fired;
     size_t n_numbers;
     double t, start, stop, tolerance;
+    double next_event;        /* s; of a condition of time */
     double extrapolated_from; /* s; inputs follow slopes from there */
     Mode mode;
     int stepping; /* co-simulation */

@@ -1,8 +1,6 @@
 /* Co-simulation: gearlib's Runge-Kutta methods with events, compiled from the text that gearlib itself runs. */
 #include "stepping.h"
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 extern int32_t advance(int64_t record);
@@ -12,7 +10,6 @@ extern int32_t rk_accept(int64_t record);
 extern int32_t rk_restart(int64_t record, int32_t changed, int32_t why);
 
 #define ADDRESS(thing) ((int64_t)(intptr_t)(thing))
-#define NEVER 1e300
 #define STOPS 1000  /* times to stop at in one step of the importing tool: a longer one goes in parts */
 #define BUDGET 1000
 #define MOST 100000 /* budgets in one step */
@@ -141,13 +138,8 @@ static const char *event_name(int64_t root) { return root < 0 ? "time" : model.i
 static void note_events(Instance *m) {
     Record *r = &m->record;
     StepMemory part;
-    char text[400];
     step_parts(m->step_memory, &part);
-    for (int64_t i = 0; i < r->events && m->logging && m->say; i++) {
-        snprintf(text, sizeof text, "event at t = %.12g s: %s", r->origin + part.log_t[i], event_name(part.log_root[i]));
-        m->say(m, 0, text);
-    }
-    m->events += r->events;
+    for (int64_t i = 0; i < r->events; i++) note_event(m, r->origin + part.log_t[i], event_name(part.log_root[i]));
     r->events = 0;
 }
 

@@ -4,7 +4,10 @@
 
 #include "instance.h"
 
+#define NEVER 1e300 /* s: a time that does not come */
+
 int fail(Instance *m, int code, const char *format, ...);
+void note_event(Instance *m, double t, const char *what);
 void move_inputs(Instance *m, double t);
 int64_t step_numbers(void);
 void point_record(Instance *m);

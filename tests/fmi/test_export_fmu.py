@@ -1,0 +1,242 @@
+"""FMUs as FMPy sees them: valid, and the same motion as gearlib's own, in co-simulation and in model exchange."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from tests.benchmarks.scenes import Chain
+from tests.gearparts import msl_hybrid_examples
+from tests.gearparts.planetary.test_planetary_levels import LEVELS, driven
+
+fmpy = pytest.importorskip("fmpy")
+TOGETHER = 1e-6  # s: events that lie closer are one
+
+
+@dataclass(frozen=True)
+class Case:
+    make: Callable[[], gl.Component]
+    t_end: float
+    outputs: tuple[str, ...] | None = None
+    samples: int = 201
+    events: bool = False
+
+
+CASES = {
+    "xp": Case(lambda: gp.ZhouCui2022(tau_in=100.0), 0.05),
+    "backlash": Case(msl_hybrid_examples.Backlash, 0.5, events=True),
+    "clutch_shift": Case(msl_hybrid_examples.SimpleGearShift, 3.0, events=True),
+    "lossy_planetary": Case(lambda: driven(**LEVELS["lossy"]), 0.2),
+    "long_chain": Case(lambda: Chain(N=60), 0.02, ("body[59].w", "body[0].w")),
+}
+
+
+@dataclass
+class Exported:
+    """An FMU with the system that it was made of."""
+
+    system: gl.System
+    path: Path
+    events: list[float] = field(default_factory=list)
+
+    def simulate(self, kind: str, t_end: float, samples: int, **options: Any) -> Any:
+        """Simulate by FMPy, with events noted."""
+        self.events, errors = [], []
+
+        def log(environment: Any, status: int, category: bytes, message: bytes) -> None:
+            text = message.decode()
+            if text.startswith("event at t = "):
+                self.events.append(float(text.split()[4]))
+            elif status > 1:
+                errors.append(text)
+
+        options = {"relative_tolerance": 1e-11, "stop_time": t_end, "output_interval": t_end / (samples - 1)} | options
+        if kind == "ModelExchange":
+            options["solver"] = "CVode"
+        found = fmpy.simulate_fmu(str(self.path), fmi_type=kind, logger=log, debug_logging=True, **options)
+        assert errors == []
+        return found
+
+
+@pytest.fixture(scope="module")
+def export(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Exported]:
+    """Each FMU is made once."""
+    known: dict[str, Exported] = {}
+
+    def make(name: str) -> Exported:
+        if name not in known:
+            system = gl.compile(CASES[name].make(), CASES[name].outputs)
+            known[name] = Exported(system, system.export_fmu(tmp_path_factory.mktemp(name) / f"{name}.fmu"))
+        return known[name]
+
+    return make
+
+
+def instants(times: list[float]) -> list[float]:
+    """Events that lie close together count once."""
+    found: list[float] = []
+    for t in sorted(times):
+        if not found or t - found[-1] > TOGETHER:
+            found.append(t)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+@pytest.mark.parametrize("name", CASES)
+def test_fmu_moves_as_the_system_does(name: str, kind: str, export: Callable[..., Exported]) -> None:
+    case, fmu = CASES[name], export(name)
+    names = case.outputs or fmu.system.states
+    expected = fmu.system.simulate(case.t_end, samples=case.samples, rtol=1e-12, method="rk")
+    found = fmu.simulate(kind, case.t_end, case.samples, output=list(names))
+    accuracy = 1e-6 if kind == "CoSimulation" else 1e-5
+    for column in names:
+        values = np.interp(expected.time, found["time"], found[column])
+        np.testing.assert_allclose(
+            values, expected[column], rtol=0, atol=accuracy * np.abs(expected[column]).max(), err_msg=column
+        )
+    here, there = instants(fmu.events), instants([t for t, _ in expected.events])
+    np.testing.assert_allclose(here, there, rtol=0, atol=1e-6)
+    assert bool(here) == case.events
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_fmu_is_valid(name: str, export: Callable[..., Exported]) -> None:
+    from fmpy.validation import validate_fmu
+
+    assert validate_fmu(str(export(name).path)) == []
+
+
+def test_archive_holds_no_python(export: Callable[..., Exported]) -> None:
+    with zipfile.ZipFile(export("xp").path) as archive:
+        names = archive.namelist()
+    assert [n for n in names if n.endswith(".py")] == []
+    assert "modelDescription.xml" in names
+    assert sum(n.startswith("binaries/") for n in names) == 1
+
+
+def test_same_model_gives_the_same_bytes(export: Callable[..., Exported], tmp_path: Path) -> None:
+    first = export("xp")
+    again = gl.compile(CASES["xp"].make()).export_fmu(tmp_path / "xp.fmu")
+    assert again.read_bytes() == first.path.read_bytes()
+
+
+# ---------------------------------------------------------------- the interface itself
+
+
+class Slave:
+    """An instance, stepped by hand."""
+
+    def __init__(self, path: Path, folder: Path, kind: str = "cs") -> None:
+        from fmpy.fmi3 import FMU3Model, FMU3Slave
+
+        self.description = fmpy.read_model_description(str(path))
+        if not (folder / "modelDescription.xml").exists():
+            fmpy.extract(str(path), str(folder))
+        made, which = {
+            "cs": (FMU3Slave, self.description.coSimulation), "me": (FMU3Model, self.description.modelExchange),
+        }[kind]  # fmt: skip
+        self.fmu = made(
+            guid=self.description.guid, unzipDirectory=str(folder), modelIdentifier=which.modelIdentifier, instanceName="one"
+        )
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.fmu.instantiate()
+        self.t = 0.0
+
+    def begin(self, tolerance: float = 1e-10, **values: float) -> None:
+        self.set(values)
+        self.fmu.enterInitializationMode(tolerance=tolerance, startTime=0.0, stopTime=1.0)
+        self.fmu.exitInitializationMode()
+
+    def set(self, values: dict[str, float]) -> None:
+        for name, value in values.items():
+            self.fmu.setFloat64([self.references[name]], [value])
+
+    def get(self, *names: str) -> list[float]:
+        return list(self.fmu.getFloat64([self.references[n] for n in names]))
+
+    def go(self, t: float, steps: int = 1) -> None:
+        for _ in range(steps):
+            self.fmu.doStep(currentCommunicationPoint=self.t, communicationStepSize=t / steps)
+            self.t += t / steps
+
+    def close(self) -> None:
+        self.fmu.terminate()
+        self.fmu.freeInstance()
+
+
+@pytest.fixture
+def slave(export: Callable[..., Exported], tmp_path: Path) -> Any:
+    made: list[Slave] = []
+
+    def make(name: str, kind: str = "cs") -> Slave:
+        made.append(Slave(export(name).path, tmp_path, kind))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.mark.parametrize("serialised", [False, True])
+def test_memory_is_restored_in_the_middle(
+    serialised: bool, slave: Callable[..., Slave], export: Callable[..., Exported]
+) -> None:
+    names = export("backlash").system.states
+    one = slave("backlash")
+    one.begin()
+    one.go(0.1, 10)
+    memory, t = one.fmu.getFMUState(), one.t
+    one.go(0.2, 20)
+    first = one.get(*names)
+    other = one
+    if serialised:
+        content = one.fmu.serializeFMUState(memory)
+        other = slave("backlash")
+        other.begin()
+        memory = other.fmu.deserializeFMUState(content)
+    other.fmu.setFMUState(memory)
+    other.t = t
+    other.go(0.2, 20)
+    assert other.get(*names) == first
+    other.fmu.freeFMUState(memory)
+
+
+def test_hundred_instances_do_not_know_each_other(slave: Callable[..., Slave], export: Callable[..., Exported]) -> None:
+    system = export("xp").system
+    every = [slave("xp") for _ in range(100)]
+    for k, one in enumerate(every):
+        one.begin(I_h=0.2 * (1 + k))
+    for _ in range(2):
+        for one in every:
+            one.go(0.005)
+    for k in (0, 37, 99):
+        expected = system.simulate(0.01, samples=2, rtol=1e-11, method="rk", parameters={"I_h": 0.2 * (1 + k)})
+        found = every[k].get(*system.states)
+        for name, value in zip(system.states, found, strict=True):
+            assert value == pytest.approx(expected[name][-1], rel=1e-7, abs=1e-12), name
+
+
+def test_directional_derivatives_are_those_of_the_linear_model(
+    slave: Callable[..., Slave], export: Callable[..., Exported]
+) -> None:
+    system = export("xp").system
+    model = system.linearize(sparse=True)
+    one = slave("xp", "me")
+    one.begin()
+    rates = [one.references[f"der({n})"] for n in system.states]
+    states = [one.references[n] for n in system.states]
+    order = [model.states.index(n) for n in system.states]
+    A = np.asarray(model.A if isinstance(model.A, np.ndarray) else model.A.toarray())[np.ix_(order, order)]
+    seed = np.arange(1.0, len(states) + 1)
+    found = one.fmu.getDirectionalDerivative(rates, states, seed.tolist())
+    np.testing.assert_allclose(found, A @ seed, rtol=1e-10, atol=1e-10 * np.abs(A).max())
+    found = one.fmu.getAdjointDerivative(rates, states, seed.tolist())
+    np.testing.assert_allclose(found, A.T @ seed, rtol=1e-10, atol=1e-10 * np.abs(A).max())
