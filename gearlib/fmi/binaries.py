@@ -12,9 +12,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from gearlib.compiler.instructions import Unsupported
 from gearlib.compiler.native_module import native_digest, native_text
 from gearlib.compiler.platforms import PLATFORMS, Platform, object_code_for, own_platform
-from gearlib.compiler.instructions import Unsupported
 from gearlib.compiler.translate import intermediate
 from gearlib.errors import ArgumentError, MissingPackageError
 from gearlib.solvers.rungekutta.loop import MODULES
