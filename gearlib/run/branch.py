@@ -20,6 +20,7 @@ from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 Path = Callable[[Floats], tuple[Floats, Floats, Floats]]  # times -> states, inputs, modes, each (number, times)
+Settle = Callable[[Floats, Floats, Floats, Floats, Floats | None], Floats]  # times, states, inputs, modes, guess -> modes
 
 POINTS, LONGEST = 2048, 32  # places to step to, and how many of them one step may pass
 SLOPE = 1 / 64  # of the distance between two places: the interval over which a slope is taken
@@ -57,7 +58,9 @@ class Branch:
         return result
 
 
-def follow(prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats) -> Branch:
+def follow(
+    prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None = None
+) -> Branch:
     """Follow the unknowns of a program's nonlinear blocks from the start of a run on.
 
     Parameters
@@ -71,20 +74,24 @@ def follow(prepared: Prepared, path: Path, begin: float, end: float, events: Flo
         Times of events.
     guess : array, shape (slots,)
         Where the iterations start at the beginning.
+    settle : callable, optional
+        Finds the modes that the path does not know, which depend on the unknowns.
 
     Raises
     ------
     SolverError
         The equations have no solution somewhere.
     """
-    return _Walk(prepared, path, begin, end, events, guess).whole()
+    return _Walk(prepared, path, begin, end, events, guess, settle).whole()
 
 
 class _Walk:
     """The places along a run, what is known there, and how far the unknowns have been followed."""
 
-    def __init__(self, prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats) -> None:
-        self.prepared, self.path, self.start = prepared, path, guess
+    def __init__(
+        self, prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None
+    ) -> None:
+        self.prepared, self.path, self.start, self.settle = prepared, path, guess, settle
         program = prepared.program
         self.unknowns = np.concatenate([s.unknowns for s in program.iterated])
         by_slot = {slot: node for node, slot in program.slots.items()}
@@ -111,6 +118,8 @@ class _Walk:
         guess = self.start.copy()
         guess[self.unknowns] = z
         x, u, modes = self.known[t]
+        if self.settle is not None:
+            modes = self.settle(np.array([t]), x, u, modes, guess)
         solved: Floats = evaluate(self.prepared, np.array([t]), x, u, modes, guess)[self.unknowns, 0]
         return solved
 

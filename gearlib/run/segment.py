@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 from gearlib.errors import NameLookupError, SolverError
 from gearlib.program.interpret import Prepared, evaluate, owner_of, prepare
 from gearlib.program.program import Program
-from gearlib.program.relations import relations_of
-from gearlib.run.branch import Branch, follow
+from gearlib.program.relations import Relations, relations_of
+from gearlib.run.branch import Branch, Settle, follow
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.scene import Scene, node_name, settle_once
@@ -50,15 +51,15 @@ class Segment:
     varied: dict[Node, Floats] = field(default_factory=dict)  # tangents that were asked for
 
     @classmethod
-    def of(cls, run: Run, solution: Solution, first: int = 0) -> Segment:
-        """What a run brought back, from one of its samples on."""
+    def of(cls, run: Run, solution: Solution, first: int = 0, finer: Callable[[Run, Floats], Segment] | None = None) -> Segment:
+        """What a run brought back, from one of its samples on; ``finer`` integrates a run again, with other samples."""
         time, states, modes = run.times[first : len(solution.x)], solution.x[first:], solution.modes[first:]
         known = {node: history[first:] for node, history in solution.algebraic.items()}
         tangents = None if solution.tangents is None else solution.tangents[first:]
         directions = None if run.tangents is None else run.tangents.directions
         return cls(
             run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]), tangents,
-            directions, known,
+            directions, known, events=solution.event_times, finer=None if finer is None else partial(finer, run),
         )  # fmt: skip
 
     def history(self, node: Node) -> Floats:
@@ -128,27 +129,30 @@ class Segment:
         self.computed.append((program, evaluate(prepared, self.time, self.states.T, inputs, modes, guess)))
         return self.computed[-1]
 
-    def _followed(self, prepared: Prepared) -> Floats:
-        """Where the iterations of a program start at each sample: on the branch that the run is on."""
+    def _followed(self, prepared: Prepared, settle: Settle | None = None) -> Floats:
+        """Where the iterations of a program start at each sample: on the branch that the run is on.
+
+        ``settle`` finds the relations that the run had no need of; without it they are known at every time.
+        """
         program = prepared.program
         start = self.scene.guess(program, self.guess)
-        if self.finer is None:
-            return start
         unknowns = np.concatenate([s.unknowns for s in program.iterated])
         by_slot = {slot: node for node, slot in program.slots.items()}
         nodes = [by_slot[slot] for slot in unknowns.tolist()]
         branch = next((b for b in self.branches if set(nodes) <= set(b.nodes)), None)
         if branch is None:
+            if self.finer is None or not len(self.time) or self.time[-1] <= self.begin:
+                return start
             finer = self.finer
 
             def path(times: Floats) -> tuple[Floats, Floats, Floats]:
-                part = finer(times)
+                part = replace(finer(times), finer=None, branches=self.branches)
                 inputs = part._inputs(program)
-                modes = part._modes_for(program, inputs)
+                modes = part.modes.T if settle is not None else part._modes_for(program, inputs)
                 chosen = np.searchsorted(part.time, times)
                 return part.states.T[:, chosen], inputs[:, chosen], modes[:, chosen]
 
-            branch = follow(prepared, path, self.begin, float(self.time[-1]), self.events, start)
+            branch = follow(prepared, path, self.begin, float(self.time[-1]), self.events, start, settle)
             self.branches.append(branch)
         guess = np.repeat(start[:, None], len(self.time), axis=1)
         guess[unknowns] = branch.guess(nodes, self.time)
@@ -171,22 +175,27 @@ class Segment:
         if not len(new):
             return modes
         prepared = prepare(found.program, scene.structure, self.parameters)
-        guess = scene.guess(found.program, self.guess) if found.program.iterated else None
-        for _ in range(100):
-            passed = settle_once(found, prepared, self.time, self.states.T, inputs, modes, guess)
-            restless = passed[new] != modes[new]
-            if not restless.any():
-                break
-            modes = modes.copy()
-            modes[new] = passed[new]
-        else:
-            unsettled = set(new[restless.any(axis=1)].tolist())
-            owners = dict.fromkeys(
-                owner_of(scene.structure, int(e))
-                for b in found.batches for e, target in zip(b.equations, b.targets.tolist(), strict=True) if target in unsettled
-            )  # fmt: skip
-            t = self.time[int(np.argmax(restless.any(axis=0)))]
-            raise SolverError(
-                f"a relation of {', '.join(owners)} holds if and only if it does not at t = {t:g} s: no value fits"
-            )
-        return modes
+        settle = partial(_settled, scene, found, prepared, new)
+        guess = self._followed(prepared, settle) if found.program.iterated else None
+        return settle(self.time, self.states.T, inputs, modes, guess)
+
+
+def _settled(
+    scene: Scene, found: Relations, prepared: Prepared, new: NDArray[np.int64], t: Floats, states: Floats, inputs: Floats,
+    modes: Floats, guess: Floats | None,
+) -> Floats:  # fmt: skip
+    """The modes with some relations evaluated until none of them changes any more."""
+    for _ in range(100):
+        passed = settle_once(found, prepared, t, states, inputs, modes, guess)
+        restless = passed[new] != modes[new]
+        if not restless.any():
+            return modes
+        modes = modes.copy()
+        modes[new] = passed[new]
+    unsettled = set(new[restless.any(axis=1)].tolist())
+    owners = dict.fromkeys(
+        owner_of(scene.structure, int(e))
+        for b in found.batches for e, target in zip(b.equations, b.targets.tolist(), strict=True) if target in unsettled
+    )  # fmt: skip
+    at = t[int(np.argmax(restless.any(axis=0)))]
+    raise SolverError(f"a relation of {', '.join(owners)} holds if and only if it does not at t = {at:g} s: no value fits")

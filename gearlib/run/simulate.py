@@ -8,11 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import flag, real
 from gearlib.errors import ArgumentError, InputWarning, warn
 from gearlib.reduce.rows import some
+from gearlib.run.integrate import integrate
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import method_of
 from gearlib.run.methods.run import Run
@@ -29,6 +30,8 @@ from gearlib.run.tangents.asked import directions
 from gearlib.run.tangents.tangents import Tangents, start_tangents
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import Table, values
+
+Floats = NDArray[np.float64]
 
 
 def run(translation: Translation, asked: Request, scene: Scene | None = None) -> SimulatedResult:
@@ -80,8 +83,16 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         )
     hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, where it was not asked for
     given = {"zero_inputs": asked.zero_inputs}
+    method = method_of(asked.method)
+
+    def finer(part: Run, more: Floats) -> Segment:
+        """A segment once more, with other samples: to the same end, since steps do not depend on samples."""
+        again = replace(part, times=np.union1d(more, part.times[[0, -1]]), max_step=part.longest_step)
+        return Segment.of(again, integrate(again, method))
+
     found = [
-        (Segment.of(part, o, skipped), o.stats | given, o.events) for (part, o), skipped in zip(parts, hidden, strict=True)
+        (Segment.of(part, o, skipped, finer if len(parts) > 1 else None), o.stats | given, o.events)
+        for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
     if first.longest_step < math.inf:
         asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
