@@ -142,3 +142,39 @@ def test_no_public_name_is_that_of_a_folder_or_module() -> None:
     import gearlib
 
     assert not {module.name for module in pkgutil.iter_modules(gearlib.__path__)} & set(gearlib.__all__)
+
+
+def test_classifiers_exist_and_name_the_versions_that_are_supported() -> None:
+    known = pytest.importorskip("trove_classifiers").classifiers
+    given = PROJECT["project"]["classifiers"]
+    assert set(given) <= set(known)
+    assert given == sorted(given)
+    oldest = PROJECT["project"]["requires-python"].removeprefix(">=")
+    assert f"Programming Language :: Python :: {oldest}" in given
+
+
+def test_the_recipe_for_conda_has_the_same_requirements() -> None:
+    recipe = (ROOT / "docs" / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    run = re.search(r"  run:\n((?:    - .*\n)+)", recipe)
+    assert run is not None
+    found = {line.strip("- ") for line in run[1].splitlines()} - {"python >=${{ python_min }}"}
+    names = {"control": "python-control"}  # what conda-forge calls them
+    wanted = [re.fullmatch(r"([\w-]+)(.*)", requirement) for requirement in PROJECT["project"]["dependencies"]]
+    assert found == {f"{names.get(m[1], m[1])} {m[2]}" for m in wanted if m}
+    assert f'version: "{PROJECT["project"]["version"]}"' in recipe
+    assert "hatchling >=1.27" in recipe
+
+
+def test_the_article_cites_what_its_bibliography_has() -> None:
+    article, entries = ((ROOT / "docs" / "joss" / name).read_text(encoding="utf-8") for name in ("paper.md", "paper.bib"))
+    cited, listed = set(re.findall(r"@(\w+)", article)), set(re.findall(r"^@\w+\{(\w+),", entries, re.MULTILINE))
+    assert cited == listed
+    assert entries.count("doi = {10.") == len(listed)
+
+
+def test_community_files_are_linked() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    for name in re.findall(r"\]\((?!http)([^)]+)\)|`(docs/[\w/]+\.md)`", text):
+        assert (ROOT / (name[0] or name[1])).is_file(), name
+    targets = set(re.findall(r"(?:^|`)make (\w+)", text, re.MULTILINE))
+    assert targets <= set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
