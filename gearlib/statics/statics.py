@@ -14,6 +14,7 @@ from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
+from gearlib.statics.closed_gaps import drifting, refuse_drift, with_gaps_closed
 from gearlib.statics.load_sharing import shared
 from gearlib.statics.power_flow import FlangePower, PowerFlow
 from gearlib.statics.steady_motion import (
@@ -46,7 +47,8 @@ def power_flow(
     a turn of it. Where loads that depend on speed allow several motions, it is the one that the
     train comes to from its start values, or the one near these. Parallel paths that could be preloaded against each
     other, such as planets with meshes of their own, share the load by their stiffness, equal planets equally (`PowerFlow.shared`).
-    Where all torques are given, gaps are closed, or open, as they are in the steady state that the train comes to.
+    Where all torques are given, gaps are closed, or open, as they are in the steady state that the train comes to; where a speed is
+    given, they are closed on the side that the torques press together.
 
     Parameters
     ----------
@@ -95,6 +97,7 @@ def power_flow(
     given = _given(model, speeds, torques)
     motion = _reached(translation, numbers, given)
     refuse_contradiction(motion, given)
+    refuse_drift(model, numbers, motion, given)
     ports = [int(model.representative[flow]) for _, _, flow, _ in _mechanical(model) if model.sign[flow]]
     places = np.unique(np.array(ports, np.int64))
     if (motion.undetermined[places] > UNDETERMINED).any():
@@ -134,13 +137,16 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
             found = solve(model, numbers, given, [*reached, *twisted])
             if not (found.residual > CONTRADICTION).any() and _agree(found, reached):
                 return found
+    motion = with_gaps_closed(model, numbers, given, motion)
     if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
         return motion
     other = newton(model, numbers, given, -np.concatenate([motion.constants, motion.rates]))
+    other = with_gaps_closed(model, numbers, given, other)
     same = max(SAME * np.abs(motion.rates).max(initial=0.0), REST)
-    if (other.residual > CONTRADICTION).any() or not np.abs(other.rates - motion.rates).max(initial=0.0) > same:
+    different = np.abs(other.rates - motion.rates)
+    if (other.residual > CONTRADICTION).any() or drifting(model, numbers, other) or not different.max(initial=0.0) > same:
         return motion
-    fastest = int(np.argmax(np.abs(motion.rates)))
+    fastest = int(np.argmax(different))
     raise ArgumentError(
         f"several steady motions have the given {', '.join(g.name for g in given) or 'torques'}: der({model.name(fastest)}) is "
         f"{motion.rates[fastest]:.6g} in one and {other.rates[fastest]:.6g} in another; give a speed, or say near which one it "

@@ -1,0 +1,110 @@
+"""Gaps that a steady motion takes up: which side of a gap is in contact where a speed is given and a torque is found.
+
+An open gap leaves its two sides free of each other. A motion in which they turn at different speeds does not last: the gap closes.
+One in which a side is loaded has no balance of torques before it has. Each such gap is tried closed on either side; a contact counts
+if it presses, which the conditions of the gap's own equations say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import islice, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.equations.kernel import relation_kernel
+from gearlib.errors import ArgumentError
+from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.statics.mesh_turn import apply
+from gearlib.statics.steady_motion import CONTRADICTION, Given, Motion, newton
+
+Floats = NDArray[np.float64]
+STILL = 1e-9  # of the fastest rate: rounding
+STEADY = 1e-6  # relative: how evenly a relation's value must grow for it to change sides some day
+APART = 1.0  # rad or m: sides further apart than any gap
+MOST_TRIALS = 64
+
+
+def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given], motion: Motion) -> Motion:
+    """The motion itself where it lasts, else one with gaps closed, else the motion itself again."""
+    if not drifting(model, parameters, motion) and not (motion.residual > CONTRADICTION).any():
+        return motion
+    n = model.n_variables
+    compared = np.unique(np.array([v for g, c in _places(model) for v in _compared(model, g, c)], np.int64))
+    moving = _moving(motion.rates)[compared] != 0.0
+    gaps = compared[(moving | (motion.undetermined[compared] > 1e-8)) & ~model.flow[compared] & ~model.potential[compared]]
+    sides = [(s, -s) for s in (np.where(motion.rates[gaps] < 0.0, -1.0, 1.0)).tolist()]
+    for trial in islice(product(*sides), MOST_TRIALS):
+        x = np.concatenate([motion.constants, motion.rates])
+        x[gaps] = APART * np.array(trial)
+        x[n + gaps] = 0.0
+        found = newton(model, parameters, given, x)
+        if not (found.residual > CONTRADICTION).any() and not drifting(model, parameters, found):
+            return found
+    return motion
+
+
+def refuse_drift(model: FlatModel, parameters: Floats, motion: Motion, given: Sequence[Given]) -> None:
+    """Raise an error where a condition, of a gap, say, will change sides as the train turns on."""
+    passing = drifting(model, parameters, motion)
+    if passing:
+        raise ArgumentError(
+            f"no steady motion has the given {', '.join(g.name for g in given) or 'torques'}: in {', '.join(passing[:4])} a gap is "
+            "open between sides that turn at different speeds, or another condition changes as the train turns on. Give fewer speeds, "
+            "or close the gap (its backlash parameter = 0)"
+        )
+
+
+def drifting(model: FlatModel, parameters: Floats, motion: Motion) -> list[str]:
+    """Components with a relation that does not hold its side for ever: its value grows evenly away from it."""
+    a, b, found = motion.constants, _moving(motion.rates), []
+    if not b.any():
+        return []
+    for g, c in _places(model):
+        group = _groups(model)[g]
+        relation, kernel = group.template.relations[c], relation_kernel(group.template, c)
+        value, later, last = (apply(model, kernel, g, group, parameters, a + k * b, b, motion.modes) for k in (0.0, 1.0, 2.0))
+        growth = later - value
+        with np.errstate(invalid="ignore"):
+            evenly = np.abs(last - later - growth) <= STEADY * np.abs(growth)
+        away = (growth > 0.0) != (motion.modes[_flags(model, g, c)] != relation.negated)
+        wrong = np.isfinite(growth) & (growth != 0.0) & evenly & away
+        found += [model.instances[i].path for i in group.owners[wrong].tolist() if i >= 0]
+    return list(dict.fromkeys(found))
+
+
+def _moving(rates: Floats) -> Floats:
+    """The rates without those that are rounding."""
+    moving: Floats = np.where(np.abs(rates) > STILL * np.abs(rates).max(initial=0.0), rates, 0.0)
+    return moving
+
+
+def _groups(model: FlatModel) -> list[EquationGroup]:
+    """The equations, and the updates of discrete variables."""
+    return [*model.groups, *(u.equations for u in model.discretes.updates)]
+
+
+def _places(model: FlatModel) -> list[tuple[int, int]]:
+    """Group and number of every relation that compares variables."""
+    return [
+        (g, c)
+        for g, group in enumerate(_groups(model))
+        for c in range(len(group.template.relations))
+        if relation_kernel(group.template, c).columns
+    ]
+
+
+def _compared(model: FlatModel, g: int, c: int) -> list[int]:
+    """The variables that a relation compares."""
+    group = _groups(model)[g]
+    columns = [*group.template.columns, *group.template.relation_columns]
+    names = [columns[k][0] for k in relation_kernel(group.template, c).columns if columns[k][1] == 0]
+    return [v for name in names for v in group.variables[:, group.template.locals.index(name)].tolist()]
+
+
+def _flags(model: FlatModel, g: int, c: int) -> NDArray[np.int64]:
+    """Where the flags of a relation are among the modes."""
+    group = _groups(model)[g]
+    places: NDArray[np.int64] = model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c
+    return places
