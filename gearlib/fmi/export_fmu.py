@@ -17,15 +17,15 @@ from gearlib.files.replacing import replacing
 from gearlib.fmi.binaries import HERE, chosen_platforms, shared_library
 from gearlib.fmi.exported_model import exported_model
 from gearlib.fmi.fmu_variables import fmu_variables
-from gearlib.fmi.model_description import Description, description_3
+from gearlib.fmi.model_description import Description, description_2, description_3
 from gearlib.fmi.model_source import model_source
 from gearlib.fmi.model_tables import model_tables, record_header
 from gearlib.run.translation import Translation
 
-VERSIONS = ("3.0",)
+VERSIONS = ("3.0", "2.0")
 KINDS = ("me", "cs")
-DESCRIPTIONS = {"3.0": description_3}
-FACES = {"3.0": ("fmi3.c",)}
+DESCRIPTIONS = {"3.0": description_3, "2.0": description_2}
+FACES = {"3.0": ("fmi3.c",), "2.0": ("fmi2.c",)}
 DATE = (1980, 1, 1, 0, 0, 0)  # of the files in the archive: the same model gives the same bytes
 
 

@@ -8,16 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
 
 import gearlib as gl
 import gearparts as gp
 from tests.benchmarks.scenes import Chain
+from tests.fmi.fmu_instance import FmuInstance
 from tests.gearparts import msl_hybrid_examples
 from tests.gearparts.planetary.test_planetary_levels import LEVELS, driven
 
-fmpy = pytest.importorskip("fmpy")
 TOGETHER = 1e-6  # s: events that lie closer are one
 
 
@@ -51,8 +52,8 @@ class Exported:
         """Simulate by FMPy, with events noted."""
         self.events, errors = [], []
 
-        def log(environment: Any, status: int, category: bytes, message: bytes) -> None:
-            text = message.decode()
+        def log(*arguments: Any) -> None:
+            status, text = arguments[-3], arguments[-1].decode()
             if text.startswith("event at t = "):
                 self.events.append(float(text.split()[4]))
             elif status > 1:
@@ -69,13 +70,16 @@ class Exported:
 @pytest.fixture(scope="module")
 def export(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Exported]:
     """Each FMU is made once."""
-    known: dict[str, Exported] = {}
+    known: dict[tuple[str, str], Exported] = {}
+    systems: dict[str, gl.System] = {}
 
-    def make(name: str) -> Exported:
-        if name not in known:
-            system = gl.compile(CASES[name].make(), CASES[name].outputs)
-            known[name] = Exported(system, system.export_fmu(tmp_path_factory.mktemp(name) / f"{name}.fmu"))
-        return known[name]
+    def make(name: str, version: str = "3.0") -> Exported:
+        if name not in systems:
+            systems[name] = gl.compile(CASES[name].make(), CASES[name].outputs)
+        if (name, version) not in known:
+            path = tmp_path_factory.mktemp(name) / f"{name}.fmu"
+            known[name, version] = Exported(systems[name], systems[name].export_fmu(path, version=version))
+        return known[name, version]
 
     return make
 
@@ -89,10 +93,13 @@ def instants(times: list[float]) -> list[float]:
     return found
 
 
+MADE = [*((name, "3.0") for name in CASES), ("clutch_shift", "2.0")]
+
+
 @pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
-@pytest.mark.parametrize("name", CASES)
-def test_fmu_moves_as_the_system_does(name: str, kind: str, export: Callable[..., Exported]) -> None:
-    case, fmu = CASES[name], export(name)
+@pytest.mark.parametrize(("name", "version"), MADE)
+def test_fmu_moves_as_the_system_does(name: str, version: str, kind: str, export: Callable[..., Exported]) -> None:
+    case, fmu = CASES[name], export(name, version)
     names = case.outputs or fmu.system.states
     expected = fmu.system.simulate(case.t_end, samples=case.samples, rtol=1e-12, method="rk")
     found = fmu.simulate(kind, case.t_end, case.samples, output=list(names))
@@ -107,11 +114,11 @@ def test_fmu_moves_as_the_system_does(name: str, kind: str, export: Callable[...
     assert bool(here) == case.events
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_fmu_is_valid(name: str, export: Callable[..., Exported]) -> None:
+@pytest.mark.parametrize(("name", "version"), MADE)
+def test_fmu_is_valid(name: str, version: str, export: Callable[..., Exported]) -> None:
     from fmpy.validation import validate_fmu
 
-    assert validate_fmu(str(export(name).path)) == []
+    assert validate_fmu(str(export(name, version).path)) == []
 
 
 def test_archive_holds_no_python(export: Callable[..., Exported]) -> None:
@@ -131,53 +138,12 @@ def test_same_model_gives_the_same_bytes(export: Callable[..., Exported], tmp_pa
 # ---------------------------------------------------------------- the interface itself
 
 
-class Slave:
-    """An instance, stepped by hand."""
-
-    def __init__(self, path: Path, folder: Path, kind: str = "cs") -> None:
-        from fmpy.fmi3 import FMU3Model, FMU3Slave
-
-        self.description = fmpy.read_model_description(str(path))
-        if not (folder / "modelDescription.xml").exists():
-            fmpy.extract(str(path), str(folder))
-        made, which = {
-            "cs": (FMU3Slave, self.description.coSimulation), "me": (FMU3Model, self.description.modelExchange),
-        }[kind]  # fmt: skip
-        self.fmu = made(
-            guid=self.description.guid, unzipDirectory=str(folder), modelIdentifier=which.modelIdentifier, instanceName="one"
-        )
-        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
-        self.fmu.instantiate()
-        self.t = 0.0
-
-    def begin(self, tolerance: float = 1e-10, **values: float) -> None:
-        self.set(values)
-        self.fmu.enterInitializationMode(tolerance=tolerance, startTime=0.0, stopTime=1.0)
-        self.fmu.exitInitializationMode()
-
-    def set(self, values: dict[str, float]) -> None:
-        for name, value in values.items():
-            self.fmu.setFloat64([self.references[name]], [value])
-
-    def get(self, *names: str) -> list[float]:
-        return list(self.fmu.getFloat64([self.references[n] for n in names]))
-
-    def go(self, t: float, steps: int = 1) -> None:
-        for _ in range(steps):
-            self.fmu.doStep(currentCommunicationPoint=self.t, communicationStepSize=t / steps)
-            self.t += t / steps
-
-    def close(self) -> None:
-        self.fmu.terminate()
-        self.fmu.freeInstance()
-
-
 @pytest.fixture
 def slave(export: Callable[..., Exported], tmp_path: Path) -> Any:
-    made: list[Slave] = []
+    made: list[FmuInstance] = []
 
-    def make(name: str, kind: str = "cs") -> Slave:
-        made.append(Slave(export(name).path, tmp_path, kind))
+    def make(name: str, kind: str = "cs") -> FmuInstance:
+        made.append(FmuInstance(export(name).path, tmp_path, kind))
         return made[-1]
 
     yield make
@@ -187,7 +153,7 @@ def slave(export: Callable[..., Exported], tmp_path: Path) -> Any:
 
 @pytest.mark.parametrize("serialised", [False, True])
 def test_memory_is_restored_in_the_middle(
-    serialised: bool, slave: Callable[..., Slave], export: Callable[..., Exported]
+    serialised: bool, slave: Callable[..., FmuInstance], export: Callable[..., Exported]
 ) -> None:
     names = export("backlash").system.states
     one = slave("backlash")
@@ -209,7 +175,7 @@ def test_memory_is_restored_in_the_middle(
     other.fmu.freeFMUState(memory)
 
 
-def test_hundred_instances_do_not_know_each_other(slave: Callable[..., Slave], export: Callable[..., Exported]) -> None:
+def test_hundred_instances_do_not_know_each_other(slave: Callable[..., FmuInstance], export: Callable[..., Exported]) -> None:
     system = export("xp").system
     every = [slave("xp") for _ in range(100)]
     for k, one in enumerate(every):
@@ -225,7 +191,7 @@ def test_hundred_instances_do_not_know_each_other(slave: Callable[..., Slave], e
 
 
 def test_directional_derivatives_are_those_of_the_linear_model(
-    slave: Callable[..., Slave], export: Callable[..., Exported]
+    slave: Callable[..., FmuInstance], export: Callable[..., Exported]
 ) -> None:
     system = export("xp").system
     model = system.linearize(sparse=True)
@@ -240,3 +206,85 @@ def test_directional_derivatives_are_those_of_the_linear_model(
     np.testing.assert_allclose(found, A @ seed, rtol=1e-10, atol=1e-10 * np.abs(A).max())
     found = one.fmu.getAdjointDerivative(rates, states, seed.tolist())
     np.testing.assert_allclose(found, A.T @ seed, rtol=1e-10, atol=1e-10 * np.abs(A).max())
+
+
+def test_inputs_follow_slopes_in_fmi_2(tmp_path: Path) -> None:
+    """A torque that rises by 5 N.m/s on 2 kg.m2: the speed is 1.25 t^2 only if the input moves within the steps."""
+    from fmpy.fmi2 import FMU2Slave
+
+    class Pushed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.load = gp.Torque(), gp.Inertia(J=2.0)
+            return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+    path = gl.compile(Pushed(), outputs=["load.w"]).export_fmu(tmp_path / "pushed.fmu", version="2.0")
+    description = fmpy.read_model_description(str(path))
+    place = {v.name: v.valueReference for v in description.modelVariables}
+    fmpy.extract(str(path), str(tmp_path / "content"))
+    one = FMU2Slave(
+        guid=description.guid, unzipDirectory=str(tmp_path / "content"), instanceName="one",
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )  # fmt: skip
+    one.instantiate()
+    one.setupExperiment(tolerance=1e-9, startTime=0.0)
+    one.enterInitializationMode()
+    one.exitInitializationMode()
+    for k in range(4):
+        one.setReal([place["torque.tau"]], [5.0 * 0.25 * k])
+        one.setRealInputDerivatives([place["torque.tau"]], [1], [5.0])
+        one.doStep(0.25 * k, 0.25)
+    assert one.getReal([place["load.w"], place["torque.tau"]]) == pytest.approx([1.25, 5.0], rel=1e-12)
+    one.terminate()
+    one.freeInstance()
+
+
+# ---------------------------------------------------------------- what cannot be
+
+
+class Driven(gl.Component):
+    def assemble(self) -> list[Any]:
+        self.torque, self.load = gp.Torque(), gp.Inertia(J=2.0)
+        return [gl.connect(self.torque.flange, self.load.flange_a)]
+
+
+class Governed(Driven):
+    def assemble(self) -> list[Any]:
+        links = super().assemble()
+        self.governor = gl.Sampled(lambda t, v: -v[0], 0.1, inputs=[self.load.w], outputs=[self.torque.tau])
+        return links
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"inputs": {"torque.tau": lambda t: t}}, "torque.tau is .*an FMU holds no Python"),
+        ({"inputs": {"torque.tau": gl.Table([0, 1], [0, 1])}}, "torque.tau is .*an FMU holds no Python and no table"),
+        ({"inputs": ["torque.tou"]}, "no unbound input 'torque.tou'; .*torque.tau"),
+        ({"outputs": ["torque.tau"]}, "torque.tau is an input of the FMU"),
+        ({"outputs": ["load.v"]}, "no output 'load.v'"),
+        ({"version": "1.0"}, "expected '3.0', '2.0'"),
+        ({"kind": ["se"]}, "expected 'me', 'cs'"),
+        ({"kind": []}, "kind is empty"),
+        ({"platforms": ["x86_64-beos"]}, "no platform 'x86_64-beos'"),
+        ({"stop_time": -1.0}, "stop_time is -1"),
+        ({"rtol": 2.0}, "rtol is 2"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(options: dict[str, Any], text: str, tmp_path: Path) -> None:
+    with pytest.raises(gl.GearlibError, match=text):
+        gl.compile(Driven()).export_fmu(tmp_path / "driven.fmu", **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_sampled_controllers_are_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(gl.GearlibError, match=r"an FMU needs equations, and governor is a Python function \(gl.Sampled\)"):
+        gl.compile(Governed()).export_fmu(tmp_path / "governed.fmu")
+
+
+def test_a_missing_compiler_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from gearlib.fmi import binaries
+
+    monkeypatch.setattr(binaries.shutil, "which", lambda name: None)
+    monkeypatch.setattr(binaries, "find_spec", lambda name: None)
+    with pytest.raises(gl.errors.MissingPackageError, match="pip install ziglang"):
+        gl.compile(Driven()).export_fmu(tmp_path / "driven.fmu")

@@ -292,17 +292,13 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_ret
 }
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 t) {
-    if (M->t != t) moved(M);
-    M->t = t;
+    set_time(M, t);
     return fmi3OK;
 }
 
 fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 x[], size_t n) {
     if ((int64_t)n != model.n_states) return refuse(instance, "another number of states");
-    if (memcmp(M->x, x, n * sizeof(double)) != 0) {
-        memcpy(M->x, x, n * sizeof(double));
-        moved(M);
-    }
+    set_states(M, x);
     return fmi3OK;
 }
 

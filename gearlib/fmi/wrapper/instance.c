@@ -31,6 +31,7 @@ static size_t arrange(Instance *m, double *numbers) {
     PART(scale, double, model.n_indicators + 1);
     PART(fired, int32_t, model.n_indicators + 1);
     PART(slopes, double, model.all_inputs + 1);
+    PART(bases, double, model.all_inputs + 1);
     PART(step_memory, double, step_numbers());
 #undef PART
     return at;
@@ -182,8 +183,19 @@ int start_up(Instance *m, double tolerance, double start, double stop) {
 void move_inputs(Instance *m, double t) {
     if (!m->extrapolates) return;
     for (int64_t k = 0; k < model.all_inputs; k++)
-        if (m->slopes[k] != 0.0) m->data[model.inputs_at + k] += m->slopes[k] * (t - m->extrapolated_from);
-    m->extrapolated_from = t;
+        if (m->slopes[k] != 0.0) m->data[model.inputs_at + k] = m->bases[k] + m->slopes[k] * (t - m->extrapolated_from);
+}
+
+void set_time(Instance *m, double t) {
+    if (m->t != t) moved(m);
+    m->t = t;
+}
+
+void set_states(Instance *m, const double *x) {
+    size_t size = (size_t)model.n_states * sizeof(double);
+    if (memcmp(m->x, x, size) == 0) return;
+    memcpy(m->x, x, size);
+    moved(m);
 }
 
 int take_rates(Instance *m) {
@@ -271,7 +283,6 @@ int set_value(Instance *m, uint32_t reference, double value) {
     }
     if ((k -= model.n_parameters) >= 0 && k < model.n_inputs) {
         double *place = m->data + model.input_places[k];
-        m->slopes[model.input_places[k] - model.inputs_at] = 0.0;
         if (*place != value) {
             *place = value;
             m->begun = 0;
@@ -307,7 +318,6 @@ int set_slope(Instance *m, uint32_t reference, double slope) {
     if (m->slopes[k] != slope) m->record.started = 0;
     m->slopes[k] = slope;
     m->extrapolates = 1;
-    m->extrapolated_from = m->t;
     return FINE;
 }
 

@@ -11,7 +11,7 @@ typedef enum { INSTANTIATED, INITIALISING, EVENT, CONTINUOUS, STEPPING, STOPPED 
 typedef struct Instance {
     Record record;
     double *numbers; /* all that follows, in one piece */
-    double *data, *x, *given, *rates, *observed, *entries, *g, *side, *scale, *slopes, *step_memory;
+    double *data, *x, *given, *rates, *observed, *entries, *g, *side, *scale, *slopes, *bases, *step_memory;
     int64_t *is_given;
     int32_t *fired;
     size_t n_numbers;
@@ -43,6 +43,8 @@ int set_slope(Instance *m, uint32_t reference, double slope);
 
 int start_up(Instance *m, double tolerance, double start, double stop); /* tolerance, stop: 0 where not defined */
 int ready(Instance *m);
+void set_time(Instance *m, double t);
+void set_states(Instance *m, const double *x);
 int take_rates(Instance *m);
 int take_indicators(Instance *m, double *z);
 int handle_events(Instance *m, int *states_changed, double *next);

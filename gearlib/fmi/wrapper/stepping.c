@@ -187,6 +187,10 @@ int do_step(Instance *m, double to) {
     if (code) return code;
     if (!m->step_ready) get_ready(m);
     else point_record(m);
+    if (m->extrapolates) {
+        memcpy(m->bases, m->data + model.inputs_at, (size_t)model.all_inputs * sizeof(double));
+        m->extrapolated_from = m->t;
+    }
     if (!m->record.started) {
         StepMemory part;
         step_parts(m->step_memory, &part);
@@ -198,6 +202,8 @@ int do_step(Instance *m, double to) {
         m->t = reached;
     }
     move_inputs(m, m->t);
+    memset(m->slopes, 0, (size_t)(model.all_inputs + 1) * sizeof(double)); /* of this step only */
+    m->extrapolates = 0;
     moved(m);
     return FINE;
 }

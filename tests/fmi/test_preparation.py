@@ -1,0 +1,153 @@
+"""What an FMU computes from its parameters, beside what gearlib computes in Python."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+
+import gearlib as gl
+import gearparts as gp
+from tests.fmi.fmu_instance import FmuInstance
+from tests.test_acceptance import RigidLoop
+
+
+class Bound(gl.Component):
+    """Start values, inertias and a time that follow from parameters; a rigid gear, so that equations are solved together."""
+
+    J = gl.Parameter("kg.m2", "inertia of the motor", default=0.5, min=0.0)
+    w = gl.Parameter("rad/s", "speed at the start", default=3.0)
+    when = gl.Parameter("s", "time of the step", default=0.02)
+
+    def assemble(self) -> list[Any]:
+        self.torque = gp.Torque(tau=gl.Piecewise((7.0, gl.time >= self.when), (1.0, True)))
+        self.motor = gp.Inertia(J=self.J, start={"phi": 0.0, "w": self.w})
+        self.gear = gp.IdealGear(ratio=3.0)
+        self.wheel = gp.Inertia(J=4 * self.J + 1.0)
+        self.shaft, self.load = gp.SpringDamper(c=1e3, d=2.0), gp.Inertia(J=2.0, start={"w": self.w / 4})
+        return [
+            gl.connect(self.torque.flange, self.motor.flange_a),
+            gl.connect(self.motor.flange_b, self.gear.flange_a),
+            gl.connect(self.gear.flange_b, self.wheel.flange_a),
+            gl.connect(self.wheel.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.load.flange_a),
+        ]
+
+
+MODELS: dict[str, Callable[[], gl.Component]] = {"bound": Bound, "xp": gp.ZhouCui2022, "rigid_loop": RigidLoop}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[gl.System, Path, Path]]:
+    known: dict[str, tuple[gl.System, Path, Path]] = {}
+
+    def make(name: str) -> tuple[gl.System, Path, Path]:
+        if name not in known:
+            folder = tmp_path_factory.mktemp(name)
+            system = gl.compile(MODELS[name]())
+            (folder / "content").mkdir()
+            known[name] = system, system.export_fmu(folder / f"{name}.fmu"), folder / "content"
+        return known[name]
+
+    return make
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_each_parameter_has_the_effect_that_it_has_in_gearlib(name: str, made: Callable[..., Any]) -> None:
+    system, path, folder = made(name)
+    inputs = dict.fromkeys(system.inputs, 1.0)
+    one = FmuInstance(path, folder, "me")
+    checked = 0
+    for variable in one.description.modelVariables:
+        if variable.causality != "parameter":
+            continue
+        before = float(variable.start)
+        value = 1.07 * before if before else 0.1
+        one.fmu.reset()
+        one.set({variable.name: value, **inputs})
+        one.fmu.enterInitializationMode(startTime=0.0)
+        expected = system.simulate(1e-9, samples=2, method="rk", parameters={variable.name: value}, inputs=inputs)
+        for state in system.states:
+            got, rate = one.get(state, f"der({state})")
+            assert got == pytest.approx(expected[state][0], rel=1e-12, abs=1e-14), (variable.name, state)
+            assert rate == pytest.approx(expected[f"der({state})"][0], rel=1e-9, abs=1e-9), (variable.name, state)
+        checked += 1
+    assert checked > 3
+    one.close()
+
+
+def test_time_of_an_event_follows_its_parameter(made: Callable[..., Any]) -> None:
+    system, path, folder = made("bound")
+    one = FmuInstance(path, folder)
+    one.begin(when=0.0301)
+    one.go(0.1, 10)
+    expected = system.simulate(0.1, samples=2, rtol=1e-11, method="rk", parameters={"when": 0.0301})
+    np.testing.assert_allclose(one.get(*system.states), [expected[n][-1] for n in system.states], rtol=1e-8)
+    one.close()
+
+
+def test_tunable_parameter_changes_during_a_run(made: Callable[..., Any]) -> None:
+    system, path, folder = made("bound")
+    one = FmuInstance(path, folder)
+    one.begin()
+    one.go(0.05, 5)
+    one.set({"shaft.c": 300.0})
+    one.go(0.05, 5)
+    first = system.simulate(0.05, samples=2, rtol=1e-11, method="rk")
+    then = system.simulate(0.1, samples=2, rtol=1e-11, method="rk", start=first, parameters={"shaft.c": 300.0})
+    np.testing.assert_allclose(one.get(*system.states), [then[n][-1] for n in system.states], rtol=1e-8)
+    one.close()
+
+
+def test_start_value_that_is_given_holds(made: Callable[..., Any]) -> None:
+    system, path, folder = made("bound")
+    kinds = {v.name: v for v in FmuInstance(path, folder).description.modelVariables}
+    assert {name for name in system.states if kinds[name].initial == "calculated"} == {"motor.w", "load.w"} & set(system.states)
+    one = FmuInstance(path, folder)
+    free = next(name for name in system.states if kinds[name].initial == "exact")
+    one.begin(**{free: 0.01})
+    assert one.get(free) == [0.01]
+    one.close()
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"J": -1.0}, "J is -1; it must lie between 0 and inf"),
+        ({"wheel.J": 3.5}, "wheel.J cannot be set: it is constant, or follows from other parameters"),
+        ({"gear.ratio": 0.0}, "singular|a zero is divided by"),
+        ({"motor.w": 1.0}, "follows from parameters and cannot be set"),
+    ],
+)
+def test_values_that_cannot_be_are_refused_by_name(values: dict[str, float], text: str, made: Callable[..., Any]) -> None:
+    _, path, folder = made("bound")
+    one = FmuInstance(path, folder)
+    with pytest.raises(FMICallException):
+        one.begin(**values)
+    assert re.search(text, one.messages[-1]), one.messages
+    one.close()
+
+
+def test_start_values_of_other_variables_than_states_are_constant(tmp_path: Path) -> None:
+    class Rolling(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.motor, self.gear = gp.Inertia(J=1.0), gp.IdealGear(ratio=3.0)
+            self.wheel = gp.Inertia(J=2.0, start={"w": 5.0})
+            return [
+                gl.connect(self.motor.flange_b, self.gear.flange_a),
+                gl.connect(self.gear.flange_b, self.wheel.flange_a),
+            ]
+
+    system = gl.compile(Rolling(), outputs=["wheel.w", "motor.w"])
+    description = FmuInstance(system.export_fmu(tmp_path / "rolling.fmu"), tmp_path / "content").description
+    ratio = next(v for v in description.modelVariables if v.name == "gear.ratio")
+    if system.translation.scene.unfixed is None:
+        assert ratio.variability == "constant"
+        assert "start values are computed from it" in ratio.description
+    else:
+        assert ratio.variability == "tunable"
