@@ -20,6 +20,7 @@ EXAMPLES = {
     "info": "gearlib info drive.py:Drive",
     "run": "gearlib run drive.py:Drive --t-end 2 --set J_load=3 --input torque.tau=torque.csv:t,tau --out r.mat --plot load.w",
     "modes": "gearlib modes drive.py:Drive --set J_load=3",
+    "fmu": "gearlib fmu drive.py:Drive --out drive.fmu --outputs load.w --platforms native,x86_64-windows",
     "plot": "gearlib plot r.mat load.w shaft.tau --out r.png",
     "check": "gearlib check drive.py:Drive",
 }
@@ -75,7 +76,8 @@ def _parser() -> argparse.ArgumentParser:
     run = command("run", _run, "simulate a model")
     modes = command("modes", _modes, "natural frequencies and damping of a model")
     check = command("check", _check, "check the units of a model, and that it compiles and starts")
-    for each in (info, run, modes, check):
+    fmu = command("fmu", _fmu, "write a model as an FMU, for other tools")
+    for each in (info, run, modes, check, fmu):
         each.add_argument("model", metavar="MODEL", help=MODEL)
         each.add_argument("--set", action="append", default=[], metavar="NAME=NUMBER", help="a parameter's value")
         each.add_argument("--parameters", metavar="FILE", help="values of parameters: .toml, .csv or .ssv")
@@ -92,6 +94,14 @@ def _parser() -> argparse.ArgumentParser:
         "--out", metavar="FILE", help="save the result: .mat, .csv, .nc, .zarr or .parquet; - for CSV on the screen"
     )
     run.add_argument("--plot", metavar="NAME,NAME", help="show these variables")
+    fmu.add_argument("--out", required=True, metavar="FILE", help="the file to write: .fmu")
+    fmu.add_argument("--version", default="3.0", help="of FMI: 3.0 or 2.0 (3.0)")
+    fmu.add_argument("--kind", default="me,cs", help="me (model exchange), cs (co-simulation) or both (me,cs)")
+    fmu.add_argument("--platforms", default="native", metavar="NAME,NAME", help="native, all, or names such as x86_64-windows")
+    fmu.add_argument("--inputs", metavar="NAME,NAME", help="inputs that the importing tool gives (all)")
+    fmu.add_argument("--outputs", metavar="NAME,NAME", help="outputs of the FMU (the states)")
+    fmu.add_argument("--t-end", type=float, default=1.0, metavar="S", help="end of a run unless the tool says otherwise, s (1)")
+    fmu.add_argument("--rtol", type=float, default=1e-6, help="relative tolerance unless the tool says otherwise (1e-6)")
     plot = command("plot", _plot, "plot variables of a result file")
     plot.add_argument("result", metavar="RESULT", help="a file that `gearlib run --out` or result.save() wrote")
     plot.add_argument("names", nargs="*", metavar="NAME", help="variables (the first eight)")
@@ -146,6 +156,17 @@ def _modes(asked: argparse.Namespace) -> None:
     from gearlib.vibration.modes import modes
 
     print(modes(compile(_component(asked.model)), parameters=_parameters(asked)))
+
+
+def _fmu(asked: argparse.Namespace) -> None:
+    from gearlib.system import compile
+
+    inputs, outputs = (None if names is None else names.split(",") for names in (asked.inputs, asked.outputs))
+    path = compile(_component(asked.model), outputs).export_fmu(
+        asked.out, version=asked.version, kind=asked.kind.split(","), platforms=asked.platforms.split(","),
+        parameters=_parameters(asked), inputs=inputs, stop_time=asked.t_end, rtol=asked.rtol,
+    )  # fmt: skip
+    print(f"{path}: FMI {asked.version}, {path.stat().st_size / 1000:.0f} kB")
 
 
 def _plot(asked: argparse.Namespace) -> None:

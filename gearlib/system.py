@@ -542,8 +542,9 @@ class System(Compiled):
 
     def export_fmu(
         self, path: str | os.PathLike[str], *, version: str = "3.0", kind: str | Sequence[str] = ("me", "cs"),
-        platforms: str | Sequence[str] = ("native",), inputs: Sequence[str] | Mapping[str, float] | None = None,
-        outputs: Sequence[str] | None = None, stop_time: float = 1.0, rtol: float = 1e-6,
+        platforms: str | Sequence[str] = ("native",), parameters: Mapping[str, float] | None = None,
+        inputs: Sequence[str] | Mapping[str, float] | None = None, outputs: Sequence[str] | None = None, stop_time: float = 1.0,
+        rtol: float = 1e-6,
     ) -> Path:  # fmt: skip
         """Write the model as an FMU, which other tools simulate without gearlib and without Python.
 
@@ -558,6 +559,8 @@ class System(Compiled):
         platforms : sequence of str
             ``"native"``, ``"all"``, or some of ``"x86_64-linux"``, ``"aarch64-linux"``, ``"x86_64-windows"``, ``"aarch64-windows"``,
             ``"x86_64-darwin"``, ``"aarch64-darwin"``. Others than the native one need the extra ``gearlib[fmu]``.
+        parameters : mapping, optional
+            Values that the FMU begins with, by path.
         inputs : sequence of str or mapping of str to float, optional
             Unbound inputs that the tool gives, or their start values; by default all. The others stay 0.
         outputs : sequence of str, optional
@@ -585,8 +588,8 @@ class System(Compiled):
         from gearlib.fmi.export_fmu import export_fmu
 
         return export_fmu(
-            self.translation, path, version=version, kind=kind, platforms=platforms, inputs=inputs, outputs=outputs,
-            stop_time=stop_time, rtol=rtol,
+            self.translation, path, version=version, kind=kind, platforms=platforms, parameters=parameters, inputs=inputs,
+            outputs=outputs, stop_time=stop_time, rtol=rtol,
         )  # fmt: skip
 
     def __reduce__(self) -> tuple[Any, ...]:

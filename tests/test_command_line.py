@@ -159,3 +159,21 @@ def test_who_reads_the_output_may_stop(drive: str) -> None:
         process.stdout.close()
         assert process.stderr.read() == b""
     assert process.returncode == 0
+
+
+def test_fmu_is_written_with_the_parameters_given(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    out = tmp_path / "drive.fmu"
+    assert (
+        main(["fmu", drive, "--out", str(out), "--outputs", "load.w", "--set", "J_load=3", "--kind", "cs", "--t-end", "2"]) == 0
+    )
+    assert f"{out}: FMI 3.0, " in capsys.readouterr().out
+    description = fmpy.read_model_description(str(out))
+    variables = {v.name: v for v in description.modelVariables}
+    assert (float(variables["J_load"].start), variables["J_load"].unit) == (3.0, "kg.m2")
+    assert (variables["load.J"].causality, variables["torque.tau"].causality) == ("calculatedParameter", "input")
+    assert [o.variable.name for o in description.outputs] == ["load.w"]
+    assert description.modelExchange is None
+    assert float(description.defaultExperiment.stopTime) == 2.0
+    assert main(["fmu", drive, "--out", str(out), "--set", "load.J=3"]) == 2
+    assert "load.J follows from other parameters" in capsys.readouterr().err

@@ -31,6 +31,7 @@ PAGES = [
     "docs/errors.md",
     "docs/own_gearbox.md",
     "docs/blocks.md",
+    "docs/fmu.md",
 ]
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

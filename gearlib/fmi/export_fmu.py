@@ -31,7 +31,7 @@ DATE = (1980, 1, 1, 0, 0, 0)  # of the files in the archive: the same model give
 
 def export_fmu(
     translation: Translation, path: Any, *, version: str = "3.0", kind: Any = KINDS, platforms: Any = ("native",),
-    inputs: Any = None, outputs: Any = None, stop_time: float = 1.0, rtol: float = 1e-6,
+    parameters: Any = None, inputs: Any = None, outputs: Any = None, stop_time: float = 1.0, rtol: float = 1e-6,
 ) -> Path:  # fmt: skip
     """Write an FMU; `System.export_fmu` says what the arguments are."""
     target = as_path("export_fmu", path, "train.fmu")
@@ -47,7 +47,7 @@ def export_fmu(
         raise ArgumentError(f"stop_time is {stop_time:g}; expected a positive number of seconds")
     if not 1e-13 <= rtol <= 0.1:
         raise ArgumentError(f"rtol is {rtol:g}; expected a number from 1e-13 to 0.1")
-    exported = exported_model(translation, inputs, outputs)
+    exported = exported_model(translation, parameters, inputs, outputs)
     source = model_source(exported)
     identifier = re.sub(r"\W", "_", target.stem, flags=re.ASCII) or "model"
     identifier = f"_{identifier}" if identifier[0].isdigit() else identifier

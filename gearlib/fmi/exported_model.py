@@ -66,6 +66,8 @@ class ExportedModel:
     Attributes
     ----------
     translation : Translation
+    numbers : array
+        Of all parameters: their values unless the importing tool gives others.
     scene : Scene
         Its states are the FMU's.
     inputs : tuple of int
@@ -77,6 +79,7 @@ class ExportedModel:
     """
 
     translation: Translation
+    numbers: Floats
     scene: Scene
     inputs: tuple[int, ...]
     input_starts: Floats
@@ -179,6 +182,11 @@ class ExportedModel:
                     reached.update(arguments)
         return reached
 
+    @property
+    def given(self) -> dict[int, float]:
+        """The parameters that do not follow from others, with their values."""
+        return {p: float(self.numbers[p]) for p in range(len(self.numbers)) if p not in self.dependent}
+
     def _closing(self) -> list[int]:
         """Parameters that cannot change by themselves, since a redundant loop would not close."""
         structure, table = self.scene.structure, self.model.parameters
@@ -188,8 +196,8 @@ class ExportedModel:
         for p in self.parameters:
             if p in self.dependent:
                 continue
-            value = float(table.defaults[p])
-            numbers = table.evaluate({p: value * PERTURBED if value else PERTURBED - 1.0})
+            value = float(self.numbers[p])
+            numbers = table.evaluate(self.given | {p: value * PERTURBED if value else PERTURBED - 1.0})
             try:
                 confirm(structure, coefficients_of(structure.complete, numbers, 0.0))
             except ModelError:
@@ -204,7 +212,7 @@ class ExportedModel:
             return None
         structure, model = scene.structure, scene.model
         place = set(structure.states)
-        fixed = fixed_values(model, model.parameters.defaults, {})
+        fixed = fixed_values(model, self.numbers, {})
         others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]
         program = build(structure, others, structure.states, dynamic=False)
         return frozenset([*used_parameters(program), *model.starts.slots.tolist()])
@@ -226,9 +234,9 @@ class ExportedModel:
 
     @cached_property
     def start(self) -> Floats:
-        """The states at the start, with the defaults of all parameters."""
+        """The states at the start, unless parameters are changed."""
         inputs = np.concatenate([self.input_starts, np.zeros(len(self.scene.program.inputs) - len(self.input_starts))])
-        return start_values(self.scene, self.model.parameters.defaults, inputs, 0.0, {}).states
+        return start_values(self.scene, self.numbers, inputs, 0.0, {}).states
 
 
 def used_parameters(program: Program) -> set[int]:
@@ -247,12 +255,14 @@ def used_parameters(program: Program) -> set[int]:
     return found
 
 
-def exported_model(translation: Translation, inputs: Any, outputs: Any) -> ExportedModel:
+def exported_model(translation: Translation, parameters: Any, inputs: Any, outputs: Any) -> ExportedModel:
     """What goes into an FMU.
 
     Parameters
     ----------
     translation : Translation
+    parameters : None or mapping of str to float
+        Values that the FMU begins with.
     inputs : None, sequence of str, or mapping of str to float
         Unbound inputs that the importing tool gives, or their start values; all of them by default.
     outputs : None or sequence of str
@@ -264,6 +274,7 @@ def exported_model(translation: Translation, inputs: Any, outputs: Any) -> Expor
         What cannot be exported, by name.
     """
     refuse_controllers(translation.component, "an FMU")
+    translation, values = translation.fitted(parameters)
     structure = translation.structure
     if outputs is None:
         scene = translation.scene
@@ -271,11 +282,14 @@ def exported_model(translation: Translation, inputs: Any, outputs: Any) -> Expor
     else:
         names = tuple(name_list("outputs", outputs, "load.w"))
         scene = asked_scene(structure, names)
-    numbers, starts = _inputs(translation, inputs)
+    chosen, starts = _inputs(translation, inputs)
     given = [n for n in names if n in translation.inputs]
     if given:
         raise ArgumentError(f"{given[0]} is an input of the FMU, so it cannot be an output; leave it out of outputs")
-    found = ExportedModel(translation, scene, numbers, starts, tuple(dict.fromkeys(names)))
+    found = ExportedModel(translation, values, scene, chosen, starts, tuple(dict.fromkeys(names)))
+    for name in parameters or ():
+        if translation.model.parameters.index[name] in found.dependent:
+            raise ArgumentError(f"{name} follows from other parameters, and does so in the FMU: give those, not {name}")
     _refuse(found)
     return found
 
@@ -313,4 +327,4 @@ def _refuse(found: ExportedModel) -> None:
                 "of the rigid connections elastic"
             )
     if scene.structure.switching:
-        refuse_jumps(scene.structure, found.observed, scene.model.parameters.defaults, 0.0, 1.0)
+        refuse_jumps(scene.structure, found.observed, found.numbers, 0.0, 1.0)

@@ -115,7 +115,7 @@ def _parameters(exported: ExportedModel) -> Iterator[FmuVariable]:
     declared = {(f"{i.path}.{name}" if i.path else name): p for i in model.instances for name, p in i.parameters.items()}
     for reference, p in enumerate(exported.parameters, 1):
         known = declared.get(table.names[p], Parameter())
-        kinds, description, start = ("parameter", "tunable", "exact"), known.description, float(table.defaults[p])
+        kinds, description, start = ("parameter", "tunable", "exact"), known.description, float(exported.numbers[p])
         if p in exported.constants:
             kinds, description = ("local", "constant", "exact"), f"{description} (constant: {exported.constants[p]})".strip()
         elif p in exported.dependent:

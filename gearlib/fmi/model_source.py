@@ -121,7 +121,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
         packed.append(body.packed(base))
         base += len(packed[-1])
     data = np.zeros(end)
-    data[: len(names)] = model.parameters.defaults
+    data[: len(names)] = exported.numbers
     modes = data[shared.relations : shared.relations + shared.n_relations]
     if n_discrete:
         n = model.n_relations
