@@ -8,7 +8,8 @@ GearlibError
 │   ├── ConnectionError      connectors of different kinds, of another model, of one component twice
 │   ├── BalanceError         equations too many or too few (Dulmage-Mendelsohn)
 │   ├── LoopError            a rigid loop whose ratios contradict each other
-│   └── SingularError        equations that a numerical value makes singular
+│   ├── SingularError        equations that a numerical value makes singular
+│   └── ModelicaError        Modelica text that is not understood, or a model that it cannot express
 ├── StartError             start values that contradict each other, or that cannot be found
 ├── NameLookupError        no variable, parameter, input or output of that name
 │   └── AttributeNameError   no connector, variable or part of that name, where it was written as an attribute
@@ -31,7 +32,7 @@ from collections.abc import Iterable
 
 __all__ = [
     "ArgumentError", "AttributeNameError", "BalanceError", "BindingError", "BoundError", "ConnectionError", "DeclarationError",
-    "FileError", "GearlibError", "GearlibWarning", "InputWarning", "LoopError", "MissingPackageError", "ModelError",
+    "FileError", "GearlibError", "GearlibWarning", "InputWarning", "LoopError", "MissingPackageError", "ModelError", "ModelicaError",
     "NameLookupError", "SingularError", "SolverError", "StartError", "WorkerError",
 ]  # fmt: skip
 
@@ -70,6 +71,10 @@ class LoopError(ModelError):
 
 class SingularError(ModelError):
     """Equations that the numerical values make singular."""
+
+
+class ModelicaError(ModelError):
+    """Modelica text that is not understood, or a model that cannot be written in Modelica."""
 
 
 class StartError(GearlibError, ValueError):

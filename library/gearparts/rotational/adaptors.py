@@ -34,7 +34,9 @@ class TorqueToAngleAdaptor(gl.Component):
 
 
 class AngleToTorqueAdaptor(gl.Component):
-    """A flange that follows signals, and whose torque is an output: ``flange.phi = phi_ref``, ``tau = flange.tau``.
+    """A flange that follows signals, and whose torque is an output: ``flange.phi = phi_ref``, ``tau = -flange.tau``.
+
+    The output is the torque that the motion takes, so that it can drive a `TorqueToAngleAdaptor` in the place of what is connected.
 
     With ``use_w`` and ``use_a`` none of the signals is differentiated: as in `Move`,
     ``der(w) = a_ref + 2 k (w_ref - w) + k**2 (phi_ref - phi)`` with ``w = der(phi)``, which starts at ``phi_ref`` and ``w_ref``.
@@ -52,7 +54,7 @@ class AngleToTorqueAdaptor(gl.Component):
     w = gl.Variable("rad/s", "speed", state="prefer")
     phi_error = gl.Variable("rad", "phi - phi_ref", start=0.0)
     w_error = gl.Variable("rad/s", "w - w_ref, where used", start=0.0)
-    tau = gl.Variable("N.m", "torque into this component at the flange")
+    tau = gl.Variable("N.m", "torque that the motion takes")
 
     def equations(self) -> list[gl.Eq]:
         given = all((self.use_w, self.use_a))
@@ -63,7 +65,7 @@ class AngleToTorqueAdaptor(gl.Component):
             gl.Eq(self.phi_error, self.phi - self.phi_ref if given else 0),
             gl.Eq(self.w_error, self.w - self.w_ref if given else 0),
             smooth if given else gl.Eq(self.phi, self.phi_ref),
-            gl.Eq(self.tau, self.flange.tau),
+            gl.Eq(self.tau, -self.flange.tau),
         ]
 
     def energies(self) -> gl.Energy:

@@ -49,4 +49,4 @@ def test_angle_signals_lead_and_the_torque_comes_out(use_w: bool) -> None:
     r = gl.simulate(Led(use_w=use_w), t_end=2.0, samples=21, rtol=1e-10)
     assert r["body.phi"] == pytest.approx(1 + np.sin(3 * r.time), abs=1e-8)
     assert r["adaptor.w"] == pytest.approx(3 * np.cos(3 * r.time), abs=1e-8)
-    assert r["adaptor.tau"] == pytest.approx(18 * np.sin(3 * r.time), abs=1e-7), "the adaptor pushes with its opposite"
+    assert r["adaptor.tau"] == pytest.approx(-18 * np.sin(3 * r.time), abs=1e-7), "what the motion takes: J a"

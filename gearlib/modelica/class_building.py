@@ -1,0 +1,377 @@
+"""Component classes made of the classes of a text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from gearlib.errors import GearlibError, ModelicaError
+from gearlib.language.component import RESERVED, Component, Connection
+from gearlib.language.declarations import (
+    NO_VALUE,
+    Connector,
+    Declaration,
+    Discrete,
+    Input,
+    Parameter,
+    Structural,
+    Variable,
+)
+from gearlib.language.expressions import Eq, When
+from gearlib.modelica.class_content import Content, DeclaredElement, Modifications, content_of, merged
+from gearlib.modelica.counterparts import Counterpart
+from gearlib.modelica.element_types import ElementKind, ElementType, connector_class, kind_of, type_named, unit_of
+from gearlib.modelica.equation_reading import assigned_in_whens, connections_from, equations_from
+from gearlib.modelica.evaluation import Evaluation
+from gearlib.modelica.part_building import STATE_SELECT, PartMaker, chosen
+from gearlib.modelica.scopes import ClassScope
+from gearlib.modelica.syntax_tree import (
+    CallNode,
+    ComponentNode,
+    EqualityNode,
+    GivenNode,
+    Modification,
+    ReferenceNode,
+    SyntaxNode,
+)
+
+
+class ModelicaClass(type):
+    """Metaclass of the component classes that are read: they are pickled as the text that they come from."""
+
+    modelica_text: str
+    modelica_source: str
+    modelica_name: str
+
+
+@dataclass(frozen=True)
+class Member:
+    """An element of a class and what becomes of it."""
+
+    element: DeclaredElement
+    type: ElementType
+    kind: ElementKind
+
+    @property
+    def attributes(self) -> Modifications:
+        """Attributes of the type and of the element."""
+        return merged(self.type.attributes, self.element.modifications)
+
+    @property
+    def default(self) -> SyntaxNode | None:
+        """The value that the declaration gives."""
+        return self.element.node.value
+
+
+@dataclass
+class TextClasses:
+    """The component classes of one text, each made once."""
+
+    text: str
+    source: str
+    made: dict[Any, type[Component]] = field(default_factory=dict)
+
+    def class_of(self, scope: ClassScope, modifications: Modifications) -> type[Component]:
+        """The component class of a class of the text, with what is modified within its parts."""
+        key = scope.node, tuple((n, s.node) for n, s in scope.replaced.items()), tuple(modifications.items())
+        if key not in self.made:
+            self.made[key] = _Maker(self, scope, modifications).made()
+        return self.made[key]
+
+
+class _Maker:
+    """One class of the text on the way to a component class."""
+
+    def __init__(self, classes: TextClasses, scope: ClassScope, modifications: Modifications) -> None:
+        self.classes, self.scope, self.modifications = classes, scope, modifications
+        self.content: Content = content_of(scope, modifications)
+        stated = [*self.content.equations, *self.content.initial_equations]
+        assigned = assigned_in_whens([s.node for s in stated])
+        self.members: dict[str, Member] = {}
+        for name, element in self.content.elements.items():
+            kind = type_named(element.node.type, element.scope, element.node)
+            self.members[name] = Member(element, kind, kind_of(element.node, kind, assigned))
+        self.starting: list[
+            tuple[str, Callable[[Evaluation], Any]]
+        ] = []  # hidden variables that start at 0, and what they are equal to
+
+    # ------------------------------------------------------------ the class
+
+    def made(self) -> type[Component]:
+        node = self.scope.node
+        members: dict[str, Any] = {}
+        for name, member in self.members.items():
+            _check_name(name, member.element.node)
+            if (declared := self._declared(name, member)) is not None:
+                members[name] = declared
+        for hidden in _given_names(self.modifications.values()):
+            members[hidden] = Parameter("any", "given by the enclosing class")
+        for counterpart, modifications in self.content.library_bases:
+            for name, m in modifications.items():
+                if name not in self.members and name not in counterpart.ignored:
+                    members.update(self._redeclared(counterpart, name, m))
+        self._initial_equations()
+        members |= {name: Variable("any", "what a start value is held to", start=0.0) for name, _ in self.starting}
+        bases = tuple(dict.fromkeys(c.component for c, _ in self.content.library_bases)) or (Component,)
+        functions = {"equations": self._equations(), "assemble": self._assemble()}
+        about = {
+            "__doc__": node.comment or f"The Modelica class {self.scope.name}.", "__module__": __name__, "__qualname__": node.name,
+            "modelica_text": self.classes.text, "modelica_source": self.classes.source, "modelica_name": self.scope.name,
+        }  # fmt: skip
+        try:
+            found: Any = ModelicaClass(node.name, bases, {**members, **functions, **about})
+        except GearlibError as problem:
+            raise ModelicaError(f"{node.at}: {problem}") from problem
+        made: type[Component] = found
+        return made
+
+    @property
+    def fixed_values(self) -> Evaluation:
+        """Where values are evaluated that have to be known with the class."""
+        return Evaluation(self.scope, None, self._constants())
+
+    def _constants(self) -> Mapping[str, SyntaxNode]:
+        """Values of constants; of structural choices whose default depends on others, too."""
+        kinds = ("constant", "structural")
+        return {n: m.default for n, m in self.members.items() if m.kind in kinds and m.default is not None}
+
+    def evaluation(self, component: Component, scope: ClassScope | None = None) -> Evaluation:
+        """Where the expressions of the class are evaluated for one instance."""
+        conditional = frozenset(n for n, m in self.members.items() if m.element.node.condition is not None and m.kind == "part")
+        return Evaluation(scope or self.scope, component, self._constants(), conditional)
+
+    # ------------------------------------------------------------ declarations
+
+    def _declared(self, name: str, member: Member) -> Declaration | None:
+        node, attributes = member.element.node, member.attributes
+        for prefix in ("inner", "outer", "stream"):
+            if prefix in node.prefixes:
+                raise ModelicaError(f"{node.at}: '{prefix}' is not read")
+        unit = unit_of(member.element, member.type)
+        match member.kind:
+            case "parameter":
+                bounds = {b: self._number(attributes[b]) for b in ("min", "max") if b in attributes}
+                return Parameter(unit, node.comment, default=self._default(member), **bounds)
+            case "structural":
+                return Structural(self._structural(member), node.comment)
+            case "input":
+                return Input(unit, node.comment, default=self._default(member), **self._variable(name, member))
+            case "variable":
+                return Variable(unit, node.comment, **self._variable(name, member))
+            case "discrete":
+                start = attributes.get("start")
+                value = 0.0 if start is None or start.value is None else float(self.fixed_values.constant(start.value))
+                return Discrete(node.comment, start=value)
+            case "connector":
+                return self._connector(member)
+        return None
+
+    def _default(self, member: Member) -> Any:
+        """A number, a function of the component that evaluates the default, or no value."""
+        node = member.default
+        if node is None:
+            return NO_VALUE
+        if isinstance(node, GivenNode) or _names_in(node):
+            scope, constant = member.element.scope, member.kind == "parameter"
+            return lambda c: replace(self.evaluation(c, scope), of_parameters=constant).number(node)
+        found = Evaluation(member.element.scope, None, self._constants()).number(node)
+        return float(found) if isinstance(found, (int, float)) else found
+
+    def _structural(self, member: Member) -> Any:
+        """A value where it depends on constants only; otherwise None, which stands for what the text says."""
+        node = member.default
+        if node is None or any(name in self.members and self.members[name].kind != "constant" for name in _names_in(node)):
+            return None
+        found = Evaluation(member.element.scope, None, self._constants()).constant(node)
+        return float(found) if member.type.kind == "real" and isinstance(found, int) else found
+
+    def _variable(self, name: str, member: Member) -> dict[str, Any]:
+        attributes = member.attributes
+        found: dict[str, Any] = {}
+        start, fixed = attributes.get("start"), attributes.get("fixed")
+        held = fixed is not None and fixed.value is not None and bool(self.fixed_values.constant(fixed.value))
+        if start is not None and start.value is not None:
+            if _names_in(start.value) - self._constants().keys() or isinstance(start.value, GivenNode):
+                if held:
+                    given = start.value
+                    self.starting.append((f"{name}_from_start", lambda e: e.value(_reference(member, name)) - e.number(given)))
+            else:
+                value = float(self.fixed_values.constant(start.value))
+                found["start" if held else "guess"] = value
+        elif held:
+            found["start"] = 0.0
+        if "nominal" in attributes and not _names_in(attributes["nominal"].value):
+            found["nominal"] = self._number(attributes["nominal"])
+        if "stateSelect" in attributes and attributes["stateSelect"].value is not None:
+            found["state"] = STATE_SELECT[self.fixed_values.constant(attributes["stateSelect"].value)]
+        return found
+
+    def _number(self, m: Modification) -> float:
+        assert m.value is not None
+        return float(self.fixed_values.constant(m.value, "a number"))
+
+    def _connector(self, member: Member) -> Connector:
+        node = member.element.node
+        if node.dimensions:
+            raise ModelicaError(
+                f"{node.at}: arrays of connectors, such as '{node.name}', are not read; arrays of components are"
+            )
+        if member.type.counterpart is not None:
+            kind = member.type.counterpart.component
+        else:
+            assert member.type.scope is not None
+            kind = connector_class(member.type.scope)
+        when = None
+        if node.condition is not None:
+            if (
+                not isinstance(node.condition, ReferenceNode)
+                or self.members.get(str(node.condition), member).kind != "structural"
+            ):
+                raise ModelicaError(
+                    f"{node.condition.at}: the condition of a connector is read as the name of a Boolean parameter only"
+                )
+            when = str(node.condition)
+        found: Connector = kind(node.comment, when=when)
+        return found
+
+    def _redeclared(self, counterpart: Counterpart, name: str, m: Modification) -> dict[str, Declaration]:
+        """The declarations of a library base that a modification changes."""
+        local = counterpart.given.get(name) or counterpart.local(name)
+        declared = getattr(counterpart.component, local, None)
+        value = m.value
+        if isinstance(declared, Structural) and value is not None:
+            return {local: replace(declared, default=chosen(counterpart, name, self.fixed_values.constant(value), m))}
+        if isinstance(declared, (Parameter, Input)) and value is not None:
+            constant = isinstance(declared, Parameter)
+            return {
+                local: replace(declared, default=lambda c: replace(self.evaluation(c), of_parameters=constant).number(value))
+            }
+        if isinstance(declared, Variable):
+            inner = {i.name[0]: i for i in m.inner}
+            held = "fixed" in inner and inner["fixed"].value is not None and self.fixed_values.constant(inner["fixed"].value)
+            start = self._number(inner["start"]) if "start" in inner else 0.0
+            return {local: replace(declared, start=start) if held else replace(declared, guess=start)}
+        raise ModelicaError(f"{m.at}: this modification of {counterpart.component.__name__} is not read")
+
+    # ------------------------------------------------------------ equations
+
+    def _initial_equations(self) -> None:
+        for number, stated in enumerate(self.content.initial_equations):
+            node = stated.node
+            if not isinstance(node, EqualityNode) or (isinstance(node.left, CallNode) and node.left.function == "pre"):
+                raise ModelicaError(f"{node.at}: expected an equation of variables, such as w = w_start")
+            scope = stated.scope
+
+            def difference(e: Evaluation, node: EqualityNode = node, scope: ClassScope = scope) -> Any:
+                e = replace(e, scope=scope)
+                return e.number(node.left) - e.number(node.right)
+
+            self.starting.append((f"initial_equation_{number + 1}", difference))
+
+    def _equations(self) -> Callable[[Component], list[Eq | When]]:
+        def equations(component: Component) -> list[Eq | When]:
+            found: list[Eq | When] = []
+            e = self.evaluation(component)
+            for name, member in self.members.items():
+                if member.kind in ("variable", "discrete") and member.default is not None:
+                    left = e.value(_reference(member, name))
+                    found.append(Eq(left, replace(e, scope=member.element.scope).number(member.default)))
+            for name, difference in self.starting:
+                found.append(Eq(getattr(component, name), difference(e)))
+            for stated in self.content.equations:
+                found += equations_from(stated.node, replace(e, scope=stated.scope))
+            return found
+
+        return equations
+
+    def _assemble(self) -> Callable[[Component], list[Connection]]:
+        def assemble(component: Component) -> list[Connection]:
+            e = self.evaluation(component)
+            for name, member in _in_order_of_use(self.members):
+                self._add_part(component, name, member, replace(e, scope=member.element.scope))
+            found: list[Connection] = []
+            for stated in self.content.equations:
+                found += connections_from(stated.node, replace(e, scope=stated.scope))
+            return found
+
+        return assemble
+
+    def _add_part(self, component: Component, name: str, member: Member, e: Evaluation) -> None:
+        node, modifications = member.element.node, member.element.modifications
+        if node.condition is not None:
+            wanted = e.condition(node.condition)
+            if not isinstance(wanted, bool):
+                raise ModelicaError(
+                    f"{node.condition.at}: the condition of a component has to be known when the model is built"
+                )
+            if not wanted:
+                return
+        if node.value is not None:
+            raise ModelicaError(
+                f"{node.value.at}: '{name}' is a component; modifications give values to it, as in {name}(J = 2)"
+            )
+        if not node.dimensions:
+            setattr(component, name, PartMaker(e, self.classes.class_of).made(member.type, modifications, node.at))
+            return
+        if len(node.dimensions) > 1:
+            raise ModelicaError(f"{node.at}: arrays of components with several dimensions are not read")
+        count = e.constant(node.dimensions[0], "a whole number")
+        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+            raise ModelicaError(f"{node.at}: the size of '{name}' is {count}; expected a whole number")
+        parts = [PartMaker(e, self.classes.class_of, k).made(member.type, modifications, node.at) for k in range(count)]
+        setattr(component, name, parts)
+
+
+def _reference(member: Member, name: str) -> ReferenceNode:
+    return ReferenceNode(member.element.node.at, (name,), ((),))
+
+
+def _check_name(name: str, node: SyntaxNode) -> None:
+    if name in RESERVED or name in dir(Component) or name.startswith("_"):
+        raise ModelicaError(f"{node.at}: the name '{name}' is reserved; give it another one")
+
+
+def _in_order_of_use(members: Mapping[str, Member]) -> list[tuple[str, Member]]:
+    """The parts, each after those that its modifications name."""
+    waiting = {name: m for name, m in members.items() if m.kind == "part"}
+    needs = {
+        name: _names_in_modifications(m.element.modifications.values()) & waiting.keys() - {name} for name, m in waiting.items()
+    }
+    ordered: list[tuple[str, Member]] = []
+    while waiting:
+        ready = [name for name in waiting if not needs[name] & waiting.keys()] or list(waiting)[:1]
+        ordered += [(name, waiting.pop(name)) for name in ready]
+    return ordered
+
+
+def _names_in_modifications(modifications: Any) -> set[str]:
+    found: set[str] = set()
+    for m in modifications:
+        found |= _names_in(m.value) | _names_in_modifications(m.inner)
+    return found
+
+
+def _names_in(node: SyntaxNode | None) -> set[str]:
+    """The first words of the names that an expression mentions."""
+    found: set[str] = set()
+    stack: list[Any] = [node]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, ReferenceNode):
+            found.add(item.names[0])
+        if isinstance(item, SyntaxNode):
+            stack += list(vars(item).values())
+        elif isinstance(item, tuple):
+            stack += item
+    return found
+
+
+def _given_names(modifications: Any) -> Iterator[str]:
+    """The names of the parameters through which an enclosing class gives values to parts within."""
+    for m in modifications:
+        if isinstance(m.value, GivenNode):
+            yield m.value.name
+        yield from _given_names(m.inner)
+        if isinstance(m.redeclared, ComponentNode):
+            yield from _given_names(m.redeclared.modifications)

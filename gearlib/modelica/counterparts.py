@@ -1,0 +1,130 @@
+"""`Counterpart`: which component class stands for one of the Modelica Standard Library's, and under which names."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from gearlib.language.declarations import Declaration
+
+LIBRARY = "gearparts.modelica_names"  # the module that lists the counterparts of the component library
+_HUMP = re.compile(r"(?<=[a-z0-9])([A-Z])")
+
+
+def snake_case(name: str) -> str:
+    """Modelica's usual spelling of a name turned into that of the component library.
+
+    >>> snake_case("useHeatPort"), snake_case("TorqueDirection"), snake_case("J"), snake_case("phi_rel0")
+    ('use_heat_port', 'torque_direction', 'J', 'phi_rel0')
+    """
+    return _HUMP.sub(r"_\1", name).lower() if _HUMP.search(name) or (name[:1].isupper() and len(name) > 1) else name
+
+
+@dataclass(frozen=True)
+class Counterpart:
+    """A component class for a class of the Modelica Standard Library.
+
+    Parameters
+    ----------
+    home : str
+        Where it is: ``"gearparts.rotational.shafts:Inertia"``.
+    names : mapping of str to str
+        Names by Modelica's, where these are not found by themselves or by their snake case.
+    given : mapping of str to str
+        Names by Modelica's, where a modification means another than equations do: ``{"y": "expression"}``.
+    values : mapping of str to mapping
+        Values of structural choices by the last word of Modelica's enumeration literal.
+    starts : mapping of str to str
+        Variables by the parameters that give their start values: ``{"y_start": "y"}``.
+    nominals : mapping of str to str
+        Variables by the parameters that give their nominal values.
+    states : tuple of str
+        The variables that a parameter ``stateSelect`` speaks of.
+    ignored : frozenset of str
+        Parameters that change no trajectory.
+    """
+
+    home: str
+    names: Mapping[str, str] = field(default_factory=dict)
+    given: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    starts: Mapping[str, str] = field(default_factory=dict)
+    nominals: Mapping[str, str] = field(default_factory=dict)
+    states: tuple[str, ...] = ()
+    ignored: frozenset[str] = frozenset()
+
+    @cached_property
+    def component(self) -> type[Any]:
+        """The class: a component, or a connector."""
+        module, _, name = self.home.partition(":")
+        found: type[Any] = getattr(importlib.import_module(module), name)
+        return found
+
+    def local(self, name: str) -> str:
+        """What the class calls something of Modelica's."""
+        return local_name(self.component, self.names, name)
+
+
+def local_name(kind: type[Any], names: Mapping[str, str], name: str) -> str:
+    """The name of a declaration or part: as given, or else in snake case."""
+    if name in names:
+        return names[name]
+    return name if isinstance(getattr(kind, name, None), Declaration) else snake_case(name)
+
+
+@dataclass(frozen=True)
+class StandardLibrary:
+    """The counterparts of the Modelica Standard Library's classes, by their full names."""
+
+    counterparts: Mapping[str, Counterpart]
+
+    @cached_property
+    def names_by_class(self) -> Mapping[str, Mapping[str, str]]:
+        """Modelica's names within a component class, where they are others, by the name of that class."""
+        found: dict[str, dict[str, str]] = {}
+        for counterpart in self.counterparts.values():
+            if counterpart.names:
+                found.setdefault(counterpart.home.rpartition(":")[2], {}).update(counterpart.names)
+        return found
+
+    @cached_property
+    def known(self) -> frozenset[str]:
+        """The full names of the classes and of the packages that they are in."""
+        found = {
+            *self.counterparts, "Modelica.Units.SI", "Modelica.Units.Conversions", "Modelica.SIunits", "Modelica.Constants",
+            "Modelica.Math", "Modelica.Blocks.Interfaces",
+        }  # fmt: skip
+        packages = {full[: m.start()] for full in found for m in re.finditer(r"\.", full)}
+        return frozenset(found | packages)
+
+    def knows(self, path: tuple[str, ...]) -> bool:
+        """Whether there is something of that full name, as far as it is known here."""
+        above = ".".join(path[:-1])
+        types = path.index("Types") if "Types" in path else 0
+        return (
+            ".".join(path) in self.known or above in _PACKAGES_OF_MANY or (types > 0 and ".".join(path[:types]) in self.known)
+        )
+
+
+_PACKAGES_OF_MANY = frozenset(
+    {
+        "Modelica.Units.SI", "Modelica.SIunits", "Modelica.Constants", "Modelica.Math", "Modelica.Units.Conversions",
+        "Modelica.Blocks.Interfaces",
+    }
+)  # fmt: skip
+
+
+def standard_library() -> StandardLibrary:
+    """What the component library has of the Modelica Standard Library."""
+    found: StandardLibrary = importlib.import_module(LIBRARY).STANDARD_LIBRARY
+    return found
+
+
+def names_in(kind: type[Any]) -> Mapping[str, str]:
+    """Modelica's names within instances of a class, where they are others."""
+    by_class = standard_library().names_by_class
+    return {name: local for base in reversed(kind.__mro__) for name, local in by_class.get(base.__name__, {}).items()}

@@ -1,0 +1,276 @@
+"""Parts of a component that is read: instances of library classes and of classes of the text, under modifications."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from gearlib.errors import GearlibError, ModelicaError, nearest
+from gearlib.language.component import Component
+from gearlib.language.declarations import Connector, Declaration, Derivative, Discrete, Input, Parameter, Structural, Variable
+from gearlib.modelica.class_content import Modifications, by_name, content_of, with_classes
+from gearlib.modelica.counterparts import Counterpart
+from gearlib.modelica.element_types import ElementType, kind_of, type_named
+from gearlib.modelica.evaluation import Evaluation
+from gearlib.modelica.scopes import ClassScope
+from gearlib.modelica.syntax_tree import (
+    ArrayNode,
+    ClassNode,
+    ComponentNode,
+    GivenNode,
+    Modification,
+    NumberNode,
+    StringNode,
+    SyntaxNode,
+    TruthNode,
+)
+
+ClassOf = Callable[[ClassScope, Modifications], type[Component]]
+NO_EFFECT = frozenset({"displayUnit", "quantity", "unit", "min", "max", "unbounded", "fixed"})
+STATE_SELECT = {"never": "never", "avoid": "avoid", "default": "default", "prefer": "prefer", "always": "prefer"}
+
+
+@dataclass
+class PartValues:
+    """What is given to an instance when it is made."""
+
+    values: dict[str, Any] = field(default_factory=dict)
+    start: dict[str, Any] = field(default_factory=dict)
+    guess: dict[str, Any] = field(default_factory=dict)
+    nominal: dict[str, float] = field(default_factory=dict)
+    state: dict[str, Any] = field(default_factory=dict)
+
+    def made(self, kind: type[Component], at: object) -> Component:
+        """The instance."""
+        try:
+            return kind(start=self.start, guess=self.guess, nominal=self.nominal, state=self.state, **self.values)
+        except GearlibError as problem:
+            raise ModelicaError(f"{at}: {problem}") from problem
+
+
+@dataclass(frozen=True)
+class PartMaker:
+    """Makes the instances of one declared part; ``number`` is the place in an array of parts, counted from 0."""
+
+    evaluation: Evaluation
+    class_of: ClassOf
+    number: int | None = None
+
+    def made(self, kind: ElementType, modifications: Modifications, at: object) -> Component:
+        """An instance of a library class, or of a class of the text."""
+        given = PartValues()
+        if kind.counterpart is not None:
+            self._library(kind.counterpart, modifications, given)
+            return given.made(kind.counterpart.component, at)
+        assert kind.scope is not None
+        return given.made(self._own(kind.scope, modifications, given), at)
+
+    def _value(self, m: Modification, of: Callable[[SyntaxNode], Any]) -> Any:
+        assert m.value is not None
+        found = of(m.value)
+        if self.number is not None and not m.each and isinstance(found, tuple):
+            if not self.number < len(found):
+                raise ModelicaError(f"{m.at}: {len(found)} values; the array has more elements")
+            return found[self.number]
+        return found
+
+    def _evaluation(self, of_parameters: bool) -> Evaluation:
+        return self.evaluation.constants_only() if of_parameters else self.evaluation
+
+    # ------------------------------------------------------------ library classes
+
+    def _library(self, counterpart: Counterpart, modifications: Modifications, given: PartValues) -> None:
+        kind, evaluation = counterpart.component, self.evaluation
+        for name, m in modifications.items():
+            if m.redeclared is not None:
+                raise ModelicaError(f"{m.at}: '{name}' cannot be redeclared here")
+            if name in counterpart.ignored:
+                continue
+            if name in counterpart.starts:
+                given.start[counterpart.starts[name]] = self._value(m, evaluation.number)
+            elif name in counterpart.nominals:
+                given.nominal[counterpart.nominals[name]] = self._value(m, evaluation.constant)
+            elif name == "stateSelect" and counterpart.states:
+                wanted = STATE_SELECT[self._value(m, evaluation.constant)]
+                given.state.update(dict.fromkeys(counterpart.states, wanted))
+            else:
+                self._declared(kind, counterpart, name, m, given)
+
+    def _declared(self, kind: type[Any], counterpart: Counterpart, name: str, m: Modification, given: PartValues) -> None:
+        local = counterpart.given.get(name) or counterpart.local(name)
+        declared = getattr(kind, local, None)
+        if isinstance(declared, Structural):
+            if m.value is not None:
+                given.values[local] = chosen(counterpart, name, self._value(m, self.evaluation.constant), m)
+        elif isinstance(declared, (Parameter, Input)) and m.value is not None:
+            given.values[local] = self._value(m, self._evaluation(isinstance(declared, Parameter)).number)
+        elif isinstance(declared, Parameter):
+            return  # attributes such as min
+        elif isinstance(declared, (Variable, Discrete, Connector, Derivative)) and m.value is None:
+            self.attributes(local, declared, m, given)
+        else:
+            valid = [n for base in kind.__mro__ for n, d in vars(base).items() if isinstance(d, Declaration)]
+            raise ModelicaError(f"{m.at}: {kind.__name__} has no '{name}' that can be modified; {nearest(local, valid)}")
+
+    def attributes(self, path: str, declared: Declaration | None, m: Modification, given: PartValues) -> None:
+        """``start``, ``fixed``, ``nominal`` and ``stateSelect`` of a variable, or of the variables of a connector."""
+        inner = by_name(m.inner)
+        if m.value is not None:
+            raise ModelicaError(f"{m.at}: '{path}' is a variable of a part; an equation gives its value")
+        if isinstance(declared, Connector):
+            for name, further in inner.items():
+                self.attributes(f"{path}.{name}", declared.variables.get(name), further, given)
+            return
+        fixed = "fixed" in inner and self._value(inner["fixed"], self.evaluation.constant)
+        if "start" in inner:
+            value = self._value(inner["start"], self.evaluation.constants_only().number)
+            if fixed or isinstance(declared, Discrete):
+                given.start[path] = value
+            elif not isinstance(declared, Derivative):
+                given.guess[path] = value
+        elif fixed and not isinstance(declared, Discrete):
+            given.start[path] = declared.guess if isinstance(declared, Variable) else 0.0
+        if fixed and isinstance(declared, Derivative):
+            raise ModelicaError(f"{m.at}: '{path}' is a derivative, whose start value cannot be fixed; use InitializeFlange")
+        for name, further in inner.items():
+            if name == "nominal":
+                given.nominal[path] = float(self._value(further, self.evaluation.constant))
+            elif name == "stateSelect":
+                given.state[path] = STATE_SELECT[self._value(further, self.evaluation.constant)]
+            elif name not in NO_EFFECT and name != "start":
+                valid = ["start", "fixed", "nominal", "stateSelect", *NO_EFFECT]
+                raise ModelicaError(f"{further.at}: '{name}' is no attribute of a variable; {nearest(name, valid)}")
+
+    # ------------------------------------------------------------ classes of the text
+
+    def _own(self, scope: ClassScope, modifications: Modifications, given: PartValues) -> type[Component]:
+        """The class of a part, with what is modified within its own parts; the rest is given to the instance."""
+        inside = self._split((), scope, modifications, given)
+        return self.class_of(with_classes(scope, modifications, self.evaluation.scope), inside)
+
+    def _split(
+        self, path: tuple[str, ...], scope: ClassScope, modifications: Modifications, given: PartValues
+    ) -> Modifications:
+        """What stays with the class: values within its parts, and redeclarations."""
+        kept: dict[str, Modification] = {}
+        content = content_of(scope, modifications if any(m.redeclared for m in modifications.values()) else {})
+        for name, m in modifications.items():
+            if isinstance(m.redeclared, ClassNode):
+                continue
+            element = content.elements.get(name)
+            if element is None:
+                self._of_base(path, scope, name, m, given, kept)
+                continue
+            kind = type_named(
+                element.node.type, with_classes(element.scope, modifications, self.evaluation.scope), element.node
+            )
+            here = kind_of(element.node, kind, frozenset())
+            if here == "constant":
+                raise ModelicaError(f"{m.at}: '{name}' is a constant, and cannot be modified")
+            if m.redeclared is not None:
+                kept[name] = self._closed((*path, name), m, given)
+            elif here in ("parameter", "input", "structural"):
+                if m.value is None:
+                    continue
+                _check_open(element.node.prefixes, m)
+                if path:
+                    kept[name] = self._given_within((*path, name), m, here == "structural", given)
+                else:
+                    of = self.evaluation.constant if here == "structural" else self._evaluation(here == "parameter").number
+                    given.values[name] = self._value(m, of)
+            elif here == "part":
+                inner = by_name(m.inner)
+                if kind.counterpart is not None:
+                    further = self._of_library((*path, name), kind.counterpart, inner, given)
+                else:
+                    assert kind.scope is not None
+                    further = self._split((*path, name), kind.scope, inner, given)
+                if further:
+                    kept[name] = replace(m, inner=tuple(further.values()))
+            else:
+                declared: Declaration = Discrete() if here == "discrete" else Variable()
+                if here == "connector" and kind.counterpart is not None:
+                    declared = kind.counterpart.component()
+                self.attributes(".".join((*path, name)), declared, m, given)
+        return kept
+
+    def _of_base(
+        self,
+        path: tuple[str, ...],
+        scope: ClassScope,
+        name: str,
+        m: Modification,
+        given: PartValues,
+        kept: dict[str, Modification],
+    ) -> None:
+        content = content_of(scope, {})
+        for counterpart, _ in content.library_bases:
+            if not path:
+                self._library(counterpart, {name: m}, given)
+            else:
+                kept.update(self._of_library(path, counterpart, {name: m}, given))
+            return
+        raise ModelicaError(f"{m.at}: {scope.name} has no element '{name}' to be modified; {nearest(name, content.elements)}")
+
+    def _of_library(
+        self, path: tuple[str, ...], counterpart: Counterpart, inner: Modifications, given: PartValues
+    ) -> Modifications:
+        """What is modified of a library part within a part."""
+        kept: dict[str, Modification] = {}
+        for name, m in inner.items():
+            local = counterpart.given.get(name) or counterpart.local(name)
+            declared = getattr(counterpart.component, local, None)
+            if m.value is None and isinstance(declared, (Variable, Discrete, Connector)):
+                self.attributes(".".join((*path, local)), declared, m, given)
+            else:
+                structural = isinstance(declared, Structural) or name in counterpart.ignored or name == "stateSelect"
+                kept[name] = self._given_within((*path, name), m, structural, given) if m.value is not None else m
+        return kept
+
+    def _given_within(self, path: tuple[str, ...], m: Modification, structural: bool, given: PartValues) -> Modification:
+        """A modification whose value is a parameter of the enclosing class, or, of a structural choice, the value itself."""
+        if structural:
+            return replace(m, value=_literal(self._value(m, self.evaluation.constant), m), each=True)
+        hidden = "__".join(path)
+        given.values[hidden] = self._value(m, self.evaluation.constants_only().number)
+        return replace(m, value=GivenNode(m.at, hidden), each=True)
+
+    def _closed(self, path: tuple[str, ...], m: Modification, given: PartValues) -> Modification:
+        """A redeclaration whose values are parameters of the enclosing class."""
+        new = m.redeclared
+        assert isinstance(new, ComponentNode)
+        kind = type_named(new.type, self.evaluation.scope, new)
+        inner = by_name(new.modifications)
+        if kind.counterpart is not None:
+            further = self._of_library(path, kind.counterpart, inner, given)
+        else:
+            assert kind.scope is not None
+            further = self._split(path, kind.scope, inner, given)
+        return replace(m, redeclared=replace(new, modifications=tuple(further.values())))
+
+
+def chosen(counterpart: Counterpart, name: str, value: Any, m: Modification) -> Any:
+    """The value of a structural choice: what stands for an enumeration's literal."""
+    values = counterpart.values.get(name)
+    if values is None:
+        return value
+    if value not in values:
+        raise ModelicaError(f"{m.at}: {name} = {value} is not read; {nearest(str(value), map(str, values))}")
+    return values[value]
+
+
+def _check_open(prefixes: frozenset[str], m: Modification) -> None:
+    if "final" in prefixes:
+        raise ModelicaError(f"{m.at}: '{m.name[0]}' is final, and cannot be modified")
+
+
+def _literal(value: Any, m: Modification) -> SyntaxNode:
+    match value:
+        case bool():
+            return TruthNode(m.at, value)
+        case str():
+            return StringNode(m.at, value)
+        case tuple():
+            return ArrayNode(m.at, tuple(_literal(v, m) for v in value))
+    return NumberNode(m.at, value)

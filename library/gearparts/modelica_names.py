@@ -1,0 +1,135 @@
+"""Which parts stand for the classes of the Modelica Standard Library 4.1.0, for `gearlib.read_modelica` and `gearlib.to_modelica`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gearlib.modelica.counterparts import Counterpart, StandardLibrary
+
+SMOOTHNESS = {
+    "smoothness": {"LinearSegments": "linear", "ConstantSegments": "constant", "ContinuousDerivative": "akima"},
+}
+COMPLIANT: dict[str, Any] = {
+    "nominals": {"phi_nominal": "phi_rel"}, "states": ("phi_rel", "w_rel"), "ignored": frozenset({"homotopyType"}),
+}  # fmt: skip
+NO_CHANGE = frozenset({"strict", "homotopyType", "limitsAtInit", "verboseExtrapolation", "significantDigits"})
+
+
+def _same(package: str, module: str, *names: str, **options: Any) -> dict[str, Counterpart]:
+    """Classes that have the same names here and in a package of Modelica."""
+    return {f"Modelica.{package}.{name}": Counterpart(f"{module}:{name}", **options) for name in names}
+
+
+def _named(package: str, module: str, **names: str) -> dict[str, Counterpart]:
+    """Classes by the names that they have in a package of Modelica."""
+    return {f"Modelica.{package}.{name}": Counterpart(f"{module}:{local}") for name, local in names.items()}
+
+
+_ROTATIONAL, _TRANSLATIONAL = "Mechanics.Rotational", "Mechanics.Translational"
+_SHAFTS, _INTERFACES = "gearparts.rotational.shafts", "gearparts.interfaces"
+_SOURCES, _MOTIONS = "gearparts.rotational.sources", "gearparts.rotational.motions"
+
+_CONNECTORS_AND_BASES = {
+    **_named(f"{_ROTATIONAL}.Interfaces", _INTERFACES, Flange="Flange", Flange_a="Flange", Flange_b="Flange", Support="Flange"),
+    **_named(
+        f"{_TRANSLATIONAL}.Interfaces", _INTERFACES, Flange="TranslationalFlange", Flange_a="TranslationalFlange",
+        Flange_b="TranslationalFlange", Support="TranslationalFlange",
+    ),
+    **_named("Thermal.HeatTransfer.Interfaces", _INTERFACES, HeatPort="HeatPort", HeatPort_a="HeatPort", HeatPort_b="HeatPort"),
+    **_named(
+        f"{_ROTATIONAL}.Interfaces", _INTERFACES, PartialTwoFlanges="TwoFlanges", PartialTwoFlangesAndSupport="TwoFlangesAndSupport",
+        PartialElementaryTwoFlangesAndSupport2="TwoFlangesAndSupport", PartialCompliant="Compliant",
+        PartialCompliantWithRelativeStates="Compliant", PartialOneFlangeAndSupport="OneFlange",
+        PartialElementaryOneFlangeAndSupport2="OneFlange",
+    ),
+    **_named(f"{_TRANSLATIONAL}.Interfaces", "gearparts.translational", PartialTwoFlanges="TwoTranslationalFlanges"),
+    **_named(
+        "Blocks.Interfaces", "gearparts.blocks.interfaces", SO="SO", SISO="SISO", SI2SO="SI2SO", SignalSource="SignalSource",
+    ),
+}  # fmt: skip
+
+_ROTATIONAL_PARTS = {
+    **_same(f"{_ROTATIONAL}.Components", _SHAFTS, "Fixed", "Disc"),
+    **_same(
+        f"{_ROTATIONAL}.Components", _SHAFTS, "RelativeStates", nominals={"phi_nominal": "phi_rel"}, states=("phi_rel", "w_rel"),
+    ),
+    **_same(f"{_ROTATIONAL}.Components", _SHAFTS, "Inertia", states=("phi", "w")),
+    **_same(f"{_ROTATIONAL}.Components", _SHAFTS, "Spring", "Damper", "SpringDamper", **COMPLIANT),
+    **_same(f"{_ROTATIONAL}.Components", _SHAFTS, "InitializeFlange", ignored=frozenset({"stateSelect"})),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.backlash", "ElastoBacklash", "ElastoBacklash2", **COMPLIANT),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.friction", "BearingFriction", "Brake", values=SMOOTHNESS),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.friction", "Clutch", "OneWayClutch", values=SMOOTHNESS, **COMPLIANT),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.gears.rigid_gears", "IdealGear", "IdealPlanetary"),
+    **_same(
+        f"{_ROTATIONAL}.Components", "gearparts.gears.rigid_gears", "IdealGearR2T", "IdealRollingWheel",
+        names={"flangeR": "flange_r", "flangeT": "flange_t", "supportR": "support_r", "supportT": "support_t",
+               "useSupportR": "use_support_r", "useSupportT": "use_support_t"},
+    ),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.gears.lossy", "LossyGear", "Gearbox", values=SMOOTHNESS),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.adaptors", "TorqueToAngleAdaptor"),
+    **_same(
+        f"{_ROTATIONAL}.Components", "gearparts.rotational.adaptors", "AngleToTorqueAdaptor",
+        names={"phi": "phi_ref", "w": "w_ref", "a": "a_ref"},
+    ),
+    **_same(
+        f"{_ROTATIONAL}.Sources", _SOURCES, "Torque", "Torque2", "ConstantTorque", "TorqueStep", "LinearSpeedDependentTorque",
+        "QuadraticSpeedDependentTorque", "InverseSpeedDependentTorque",
+    ),
+    **_same(
+        f"{_ROTATIONAL}.Sources", _SOURCES, "SignTorque",
+        values={"reg": {"Exp": "exp", "Sine": "sine", "Linear": "linear", "CoSine": "cosine"}},
+    ),
+    **_same(
+        f"{_ROTATIONAL}.Sources", _SOURCES, "EddyCurrentTorque",
+        names={"TRef": "T_ref", "constantExcitation": "excitation"}, ignored=frozenset({"useExcitationInput"}),
+    ),
+    **_same(f"{_ROTATIONAL}.Sources", _MOTIONS, "Position", "Speed", "Accelerate", "ConstantSpeed", states=("phi", "w")),
+    **_same(
+        f"{_ROTATIONAL}.Sources", _MOTIONS, "Move", names={"u[1]": "phi_ref", "u[2]": "w_ref", "u[3]": "a_ref"}, states=("phi", "w"),
+    ),
+    **_same(
+        f"{_ROTATIONAL}.Sensors", "gearparts.rotational.sensors", "AngleSensor", "SpeedSensor", "AccSensor", "RelAngleSensor",
+        "RelSpeedSensor", "RelAccSensor", "TorqueSensor", "PowerSensor", "MultiSensor",
+    ),
+}  # fmt: skip
+
+_TRANSLATIONAL_AND_THERMAL = {
+    **_same(f"{_TRANSLATIONAL}.Components", "gearparts.translational", "Mass", states=("s", "v")),
+    **_named(
+        f"{_TRANSLATIONAL}.Components", "gearparts.translational", Fixed="TranslationalFixed", Spring="TranslationalSpring",
+        Damper="TranslationalDamper", SpringDamper="TranslationalSpringDamper",
+    ),
+    **_same(f"{_TRANSLATIONAL}.Components", "gearparts.gears.rigid_gears", "IdealGearR2T", "IdealRollingWheel"),
+    **_same(f"{_TRANSLATIONAL}.Sources", "gearparts.translational", "Force", "QuadraticSpeedDependentForce"),
+    **_same("Thermal.HeatTransfer.Components", "gearparts.thermal", "HeatCapacitor", "ThermalConductor", "Convection"),
+    **_same("Thermal.HeatTransfer.Sources", "gearparts.thermal", "FixedTemperature"),
+}  # fmt: skip
+
+_CONTINUOUS, _DISCRETE, _NONLINEAR = "gearparts.blocks.continuous", "gearparts.blocks.discrete", "gearparts.blocks.nonlinear"
+_LIMITS = {"uMax": "y_max", "uMin": "y_min"}
+_BLOCKS = {
+    **_same("Blocks.Math", _CONTINUOUS, "Gain", "Add", "Add3", "Feedback", "Product"),
+    **_same("Blocks.Continuous", _CONTINUOUS, "Integrator", "FirstOrder", starts={"y_start": "y"}, ignored=frozenset({"initType"})),
+    **_same("Blocks.Continuous", _CONTINUOUS, "SecondOrder", starts={"y_start": "y", "yd_start": "yd"}, ignored=frozenset({"initType"})),
+    **_same("Blocks.Continuous", _CONTINUOUS, "Derivative", "PI", starts={"x_start": "x"}, ignored=frozenset({"initType"})),
+    **_same("Blocks.Continuous", _CONTINUOUS, "PID", starts={"xi_start": "x_I", "xd_start": "x_D"}, ignored=frozenset({"initType"})),
+    **_same(
+        "Blocks.Continuous", _CONTINUOUS, "LimPID", starts={"xi_start": "x_I", "xd_start": "x_D"},
+        values={"controllerType": {kind: kind for kind in ("P", "PI", "PD", "PID")}},
+        ignored=NO_CHANGE | {"initType"},
+    ),
+    **_same("Blocks.Continuous", "gearparts.blocks.transfer", "TransferFunction", ignored=frozenset({"initType"})),
+    **_same("Blocks.Nonlinear", _NONLINEAR, "Limiter", names=_LIMITS, ignored=NO_CHANGE),
+    **_same("Blocks.Nonlinear", _NONLINEAR, "DeadZone", ignored=frozenset({"deadZoneAtInit"})),
+    "Modelica.Blocks.Nonlinear.SlewRateLimiter": Counterpart(
+        f"{_NONLINEAR}:RateLimiter", names={"Rising": "rising", "Falling": "falling"}, starts={"y_start": "y"},
+        ignored=NO_CHANGE | {"initType"},
+    ),
+    **_same("Blocks.Logical", _NONLINEAR, "Hysteresis", "Switch", "LogicalSwitch"),
+    **_same("Blocks.Discrete", _DISCRETE, "Sampler", "ZeroOrderHold", "UnitDelay", "TriggeredSampler"),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "Constant", "Step", "Ramp", "Sine", names={"freqHz": "f"}),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "Pulse", "Trapezoid", names={"nperiod": "n_period"}),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "KinematicPTP"),
+}  # fmt: skip
+
+STANDARD_LIBRARY = StandardLibrary({**_CONNECTORS_AND_BASES, **_ROTATIONAL_PARTS, **_TRANSLATIONAL_AND_THERMAL, **_BLOCKS})
