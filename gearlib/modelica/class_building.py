@@ -28,6 +28,7 @@ from gearlib.modelica.part_building import STATE_SELECT, PartMaker, chosen
 from gearlib.modelica.scopes import ClassScope
 from gearlib.modelica.syntax_tree import (
     CallNode,
+    ClassNode,
     ComponentNode,
     EqualityNode,
     GivenNode,
@@ -71,6 +72,7 @@ class TextClasses:
     text: str
     source: str
     made: dict[Any, type[Component]] = field(default_factory=dict)
+    connectors: dict[ClassNode, type[Connector]] = field(default_factory=dict)
 
     def class_of(self, scope: ClassScope, modifications: Modifications) -> type[Component]:
         """The component class of a class of the text, with what is modified within its parts."""
@@ -78,6 +80,12 @@ class TextClasses:
         if key not in self.made:
             self.made[key] = _Maker(self, scope, modifications).made()
         return self.made[key]
+
+    def connector_of(self, scope: ClassScope) -> type[Connector]:
+        """The connector class of a connector of the text."""
+        if scope.node not in self.connectors:
+            self.connectors[scope.node] = connector_class(scope)
+        return self.connectors[scope.node]
 
 
 class _Maker:
@@ -221,7 +229,7 @@ class _Maker:
             kind = member.type.counterpart.component
         else:
             assert member.type.scope is not None
-            kind = connector_class(member.type.scope)
+            kind = self.classes.connector_of(member.type.scope)
         when = None
         if node.condition is not None:
             if (
