@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from gearlib.language.component import Component as Component
     from gearlib.language.component import Connection as Connection
     from gearlib.language.component import connect as connect
+    from gearlib.language.cutting import cut as cut
     from gearlib.language.declarations import Connector as Connector
     from gearlib.language.declarations import Derivative as Derivative
     from gearlib.language.declarations import Discrete as Discrete
@@ -151,6 +152,7 @@ _HOME = {
     "Energy": "gearlib.language.energy",
     "EnergyBalance": "gearlib.run.energy.energy_balance",
     "Sampled": "gearlib.language.sampled",
+    "cut": "gearlib.language.cutting",
     "check_units": "gearlib.language.dimensions",
     "read_modelica": "gearlib.modelica.reading",
     "Result": "gearlib.run.result",

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from copy import deepcopy
 from dataclasses import dataclass
 from operator import is_
 from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
@@ -229,6 +230,7 @@ class Component:
     _joined: tuple[
         tuple[Any, str], ...
     ] = ()  # signals of the enclosing component, and those of its own that an instance joins to them
+    _changes: tuple[Callable[[Any], None], ...] = ()  # what is done to an instance once its parts are made (`changed`)
     _members: ClassVar[list[list[Any]]] = []  # of the class and its bases, when `check_declarations` has found them right
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -460,12 +462,15 @@ class Component:
                     raise ModelError(
                         f"{type(self).__name__}.assemble() must return a list of connect(...) calls; got {shown(bad)}"
                     )
+                object.__setattr__(self, "_connections", connections)
+                with _inside(self):
+                    for change in self._changes:
+                        change(self)
             except BaseException:
                 self._remember_made(attributes, parts)
                 self._forget()
                 raise
             self._remember_made(attributes, parts)
-            object.__setattr__(self, "_connections", connections)
         result: Sequence[Connection] = self._connections
         return result
 
@@ -577,6 +582,46 @@ def parts_of(component: Component) -> dict[str, Any]:
     """The parts of an assembled component, by name."""
     found: dict[str, Any] = component._parts
     return found
+
+
+def connections_of(component: Component) -> Sequence[Connection]:
+    """The connections that a composite makes; it is assembled if it was not."""
+    return component._assembled()
+
+
+def reconnect(component: Component, connections: Sequence[Connection]) -> None:
+    """Put other connections in the place of those of an assembled composite."""
+    object.__setattr__(component, "_connections", list(connections))
+
+
+def put_in(component: Component, name: str, part: Component) -> None:
+    """Add a part to an assembled composite, as if its ``assemble`` had made it."""
+    setattr(component, name, part)
+    attributes, parts = component._made
+    object.__setattr__(component, "_made", (attributes | {name}, parts | {name}))
+
+
+def name_of(component: Component) -> str:
+    """The name of a part in what encloses it."""
+    name: str = component._name
+    return name
+
+
+def enclosing(component: Component) -> Iterator[Component]:
+    """What a part belongs to, from its composite outwards."""
+    node = component._parent
+    while node is not None:
+        yield node
+        node = node._parent
+
+
+def changed(component: Component, change: Callable[[Component], None]) -> Component:
+    """A copy to which something is done whenever its parts have been made: ``change`` may add parts and reconnect them."""
+    copy = deepcopy(component)
+    copy._forget()
+    object.__setattr__(copy, "_changes", (*copy._changes, change))
+    copy._assembled()
+    return copy
 
 
 def signals_of(component: Component) -> list[tuple[Any, ...]]:

@@ -343,6 +343,7 @@ class Connector(Declaration):
     description: str = ""
     when: str | None = field(default=None, kw_only=True)
     variables: ClassVar[dict[str, Variable]] = {}
+    ends: ClassVar[dict[str, Any]] = {}  # component classes that stand at an end where a connection is cut
 
     def __post_init__(self) -> None:
         _check_text(self, "description")
@@ -354,6 +355,7 @@ class Connector(Declaration):
     def __init_subclass__(cls) -> None:
         own = {name: value for name, value in vars(cls).items() if isinstance(value, (Potential, Flow))}
         cls.variables = {**cls.variables, **own}
+        cls.ends = {}
         if len({type(v) for v in cls.variables.values()}) == 1:
             raise DeclarationError(f"connector {cls.__name__} declares only one half; a Potential and a Flow are needed")
 

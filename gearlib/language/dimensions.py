@@ -20,7 +20,7 @@ from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
 from gearlib.errors import ModelError
-from gearlib.language.component import Component, _inside, equations_of, parts_of, reads_of, signals_of
+from gearlib.language.component import Component, _inside, connections_of, equations_of, parts_of, reads_of, signals_of
 from gearlib.language.declarations import Connector, Derivative, Discrete, Input, Parameter
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, value_of
 from gearlib.language.units import NONE, SECOND, Dimension, dimension, name_of
@@ -80,7 +80,7 @@ def check_units(component: Component) -> list[str]:
     stack = [component]
     while stack:
         node = stack.pop()
-        node._assembled()
+        connections_of(node)
         errors.update(dict.fromkeys(unit_errors(node, values_compared(node, equations_of(node)))))
         errors.update(dict.fromkeys(unit_errors(node, values_given(node))))
         stack += parts_of(node).values()
@@ -174,8 +174,8 @@ def _lookup(component: Component) -> UnitOf:
         owner = component
         *path, last = name.split(".")
         for step in path:
-            if step in owner._parts:
-                owner = owner._parts[step]
+            if step in parts_of(owner):
+                owner = parts_of(owner)[step]
                 continue
             connector = owner._declarations.get(step)
             inner = connector.variables.get(last) if isinstance(connector, Connector) else None

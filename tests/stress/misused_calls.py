@@ -135,6 +135,9 @@ def analyses() -> list[Call]:
             taken=frozenset(inspect.signature(gl.System.simulate).parameters) - {"self", "t_end"} | {"outputs", "nonsense"},
         ),
         Call("sweep", gl.sweep, lambda: {"analysis": gl.modes, "system": system(), "parameters": {"load.J": [1.0, 2.0]}}),
+        Call(
+            "cut", lambda place="load", **options: gl.cut(Drive(), place, **options), lambda: {"place": "load", "given": "flow"}
+        ),
         Call("grid", gl.grid, lambda: {"values": {"load.J": [1.0, 2.0]}}),
         Call("check_units", gl.check_units, lambda: {"component": Drive()}),
         Call("register_method", gl.register_method, lambda: {"method": Idle()}),
