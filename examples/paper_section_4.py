@@ -23,7 +23,6 @@ import numpy as np
 
 import gearlib as gl
 import gearparts as gp
-from gearparts.trains.xp_train import XPSymbols
 
 FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)
@@ -176,72 +175,104 @@ fig.savefig(FIGURES / "paper_fig_6_describing_function.png", dpi=90)
 # %%
 # Figure 7: from the input to the X unit
 # --------------------------------------
-# The paper cuts the subsystem "from the input end to the x-type element body". Readings: the whole train, seen at the X unit's sun
-# (where the P unit takes over), at its meshes, or at the torque it hands on; or the X unit alone, with the P unit removed and the
-# load on its carrier, its sun held or free.
+# The paper cuts the subsystem "from the input end to the x-type element body". Readings: the X unit alone, cut out of the train at its sun
+# and at the coupling, so that the load stays on its carrier (`gl.cut`), with the sun free or held; or the whole train, seen at
+# the X unit's sun, at its meshes, or at the torque that it hands on.
+
+SUN = "train.x_unit.sun"
+x_rows = {}
 
 
-class XUnitAlone(XPSymbols):
-    """The X unit with the paper's data, torque on the ring, load on the carrier."""
-
-    held = gl.Structural(True, "whether the sun is held")
-
-    def assemble(self):
-        self.drive, self.load, self.ground = gp.Torque(), gp.Damper(d=self.C_v * self.R_h**2), gp.Fixed()
-        self.unit = gp.PlanetaryUnit(
-            R_s=self.R_s, R_p=self.R_p, R_r=self.R_r, R_h=self.R_h, I_s=self.I_s, I_r=self.I_r, I_h=self.I_h, I_spin=self.I_17,
-            I_orbit=self.I_22, K_ring=self.K_g, C_ring=self.C_g, K_sun=self.K_g, C_sun=self.C_g, C_v=self.C_v,
-        )  # fmt: skip
-        links = [
-            gl.connect(self.drive.flange, self.unit.ring),
-            gl.connect(self.unit.carrier, self.load.flange_a),
-            gl.connect(self.load.flange_b, self.ground.flange),
-        ]
-        return [*links, gl.connect(self.unit.sun, self.ground.flange)] if self.held else links
+def readings(model, source, outputs, store):
+    """A row for each output; ``-w`` counts a speed or force the other way round."""
+    for output, name in outputs.items():
+        sign = -1.0 if output.startswith("-") else 1.0
+        store[name] = row(model, source, output.removeprefix("-"), name, sign)
 
 
 print("\nFig. 7, from the input to the X unit\n" + HEADER)
-x_rows = {}
-for output, name in {
-    "w_sun": "torque -> speed of the sun",
-    "q_ring": "torque -> deflection of the ring's mesh",
-    "train.x_unit.ring_mesh.f": "torque -> force of the ring's mesh",
-    "q_sun": "torque -> deflection of the sun's mesh",
-    "train.x_unit.sun_mesh.f": "torque -> force of the sun's mesh",
-    "train.x_unit.planets_at_ring.w": "torque -> speed of the planets at the ring",
-    "train.x_unit.planets_at_sun.w": "torque -> speed of the planets at the sun",
-    "train.x_unit.sun.tau": "torque -> torque at the sun's shaft",
-}.items():
-    x_rows[name] = row(system, "tau_in", output, name)
-for held in (True, False):
-    alone = gl.compile(XUnitAlone(held=held))
-    label = f"X unit alone, sun {'held' if held else 'free'}: torque ->"
-    x_rows[f"{label} carrier"] = row(alone, "drive.tau", "unit.carrier_body.w", f"{label} carrier")
-    x_rows[f"{label} ring"] = row(alone, "drive.tau", "unit.ring_gear.w", f"{label} ring")
+for end in ("free", "held"):
+    pieces = gl.cut(gp.ZhouCui2022(), SUN, "train.coupling.flange_b", given={SUN: end})
+    alone = gl.compile(pieces, outputs=["w_in", "w_out", "q_sun", "train.x_unit.sun_mesh.f", "train.x_unit_sun.flow"])
+    label = f"X unit alone, sun {end}: torque ->"
+    readings(
+        alone,
+        "tau_in",
+        {"w_out": f"{label} carrier", "w_in": f"{label} ring", "train.x_unit.sun_mesh.f": f"{label} sun's mesh"},
+        x_rows,
+    )
+    if end == "held":
+        readings(alone, "tau_in", {"train.x_unit_sun.flow": f"{label} torque that holds the sun"}, x_rows)
+    else:
+        diagrams(alone, "tau_in", "w_out", 7, "Fig. 7: X unit alone, sun free")
+        print("poles of the X unit alone, 1/s:", *(f"{p:.3f}" for p in gl.stability(alone).eigenvalues))
+readings(
+    system, "tau_in",
+    {
+        "w_sun": "torque -> speed of the sun",
+        "q_ring": "torque -> deflection of the ring's mesh",
+        "train.x_unit.ring_mesh.f": "torque -> force of the ring's mesh",
+        "q_sun": "torque -> deflection of the sun's mesh",
+        "train.x_unit.sun_mesh.f": "torque -> force of the sun's mesh",
+        "train.x_unit.planets_at_ring.w": "torque -> speed of the planets at the ring",
+        "-train.x_unit.planets_at_sun.w": "torque -> speed of the planets at the sun, reversed",
+        "train.x_unit.sun.tau": "torque -> torque at the sun's shaft",
+    },
+    x_rows,
+)  # fmt: skip
 found = {name: r.loop.margins.gain_margin_db for name, r in x_rows.items()}
 distance, nearest = min((abs(margin - PRINTED), name) for name, margin in found.items())
 print(f"printed: {PRINTED} dB; the nearest of these readings is {distance:.1f} dB away ({nearest}: {found[nearest]:.2f} dB)")
-diagrams(system, "tau_in", "w_sun", 7, "Fig. 7: from the input to the X unit")
 
 # %%
-# None of these readings gives the printed margin, and the printed margin cannot single one out: among some 5000 combinations of
-# input, output and parameters that the paper leaves open, 28 come within 0.03 dB of it, by coincidence and in no natural place.
-# No agreement is claimed.
+# None of these readings gives the printed margin, and the printed margin cannot single one out: ``paper_gain_margin.py`` takes some
+# thousands of them. No agreement is claimed.
 
 # %%
 # Figure 8: from the input to the P unit
 # --------------------------------------
-# Readings: the whole train, seen at the P unit's gears, its mesh, or the torque that enters it.
+# Readings: the P unit alone, cut out of the train at both shafts; the same with the shaft that drives it and the coupling, carrier
+# and load that it drives; or the whole train, seen at the P unit's gears, its mesh, or the torque that enters it.
 
 print("\nFig. 8, from the input to the P unit\n" + HEADER)
-for output, name in {
-    "train.p_unit.gear_1.w": "torque -> speed of gear 1",
-    "train.p_unit.gear_2.w": "torque -> speed of gear 2",
-    "q_pair": "torque -> deflection of the P unit's mesh",
-    "train.p_unit.mesh.f": "torque -> force of the P unit's mesh",
-    "train.p_unit.flange_a.tau": "torque -> torque into the P unit",
-}.items():
-    row(system, "tau_in", output, name)
-row(system, "tau_in", "train.p_unit.mesh.f", "torque -> force of the P unit's mesh, other flank", -1.0)
-diagrams(system, "tau_in", "train.p_unit.gear_1.w", 8, "Fig. 8: from the input to the P unit")
+p_rows = {}
+bare = gl.compile(
+    gl.cut(gp.ZhouCui2022(), "train.p_unit"), outputs=["train.p_unit.gear_1.w", "train.p_unit.gear_2.w", "train.p_unit.mesh.f"]
+)
+readings(
+    bare, "train.p_unit_flange_a.flow",
+    {
+        "train.p_unit.gear_1.w": "P unit alone: torque -> gear 1",
+        "-train.p_unit.gear_2.w": "P unit alone: torque -> gear 2, reversed",
+        "train.p_unit.mesh.f": "P unit alone: torque -> force of the mesh",
+    },
+    p_rows,
+)  # fmt: skip
+pieces = gl.cut(gp.ZhouCui2022(), "train.step_18.flange_a", "train.x_unit.carrier")
+loaded = gl.compile(pieces, outputs=["train.p_unit.gear_1.w", "load.w_rel", "train.p_unit.mesh.f"])
+readings(
+    loaded, "train.step_18_flange_a.flow",
+    {
+        "train.p_unit.gear_1.w": "P unit with shaft and load: torque -> gear 1",
+        "-load.w_rel": "P unit with shaft and load: torque -> load",
+        "train.p_unit.mesh.f": "P unit with shaft and load: torque -> mesh",
+    },
+    p_rows,
+)  # fmt: skip
+print("poles of the P unit with shaft and load, 1/s:", *(f"{p:.3f}" for p in gl.stability(loaded).eigenvalues))
+diagrams(
+    loaded, "train.step_18_flange_a.flow", "train.p_unit.gear_1.w", 8, "Fig. 8: P unit with shaft and load, cut from the X unit"
+)
+readings(
+    system, "tau_in",
+    {
+        "train.p_unit.gear_1.w": "torque -> speed of gear 1",
+        "-train.p_unit.gear_2.w": "torque -> speed of gear 2, reversed",
+        "q_pair": "torque -> deflection of the P unit's mesh",
+        "train.p_unit.mesh.f": "torque -> force of the P unit's mesh",
+        "-train.p_unit.mesh.f": "torque -> force of the P unit's mesh, reversed",
+        "train.p_unit.flange_a.tau": "torque -> torque into the P unit",
+    },
+    p_rows,
+)  # fmt: skip
 plt.show()
