@@ -15,9 +15,8 @@ TAKEN = {  # script: figure it writes -> picture of the pages
     "xp_train": {"time_histories": "xp_train"},
     "bond_graph_xp": {"bond_graph_xp": "bond_graph_xp", "structure_diagrams": "structure_diagrams"},
     "paper_section_4": {
-        "paper_fig_5": "paper_fig_5", "paper_fig_7": "paper_fig_7", "paper_fig_8": "paper_fig_8",
-        "paper_fig_6_describing_function": "paper_fig_6_describing_function",
-    },  # fmt: skip
+        name: name for name in ("paper_fig_5", "paper_fig_6_describing_function", "paper_fig_7", "paper_fig_8")
+    },
     "paper_gain_margin": {"paper_gain_margin": "paper_gain_margin"},
     "backlash_jump": {"backlash_jump": "backlash_jump"},
 }

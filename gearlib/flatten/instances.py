@@ -18,7 +18,7 @@ from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.model import Instance
 from gearlib.flatten.signals import joined_signals
 from gearlib.flatten.tree import Tree
-from gearlib.language.component import Component, _inside, reads_of
+from gearlib.language.component import Component, _inside, connections_of, reads_of
 from gearlib.language.declarations import NO_VALUE, Input
 from gearlib.language.expressions import check_depth, time
 from gearlib.language.tabulated import Tabulated
@@ -41,7 +41,7 @@ def walk(root: Component) -> Tree:
                 f"{path[:60]}...: components within components, {DEEPEST} levels deep; does {type(component).__name__} make a part "
                 "of its own class without end?"
             )
-        connections = component._assembled()
+        connections = connections_of(component)
         known = len(met)
         record = class_record(component, met)
         if len(met) > known:
@@ -110,7 +110,7 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
 
 
 def _add_links(tree: Tree, component: Component, number_: int) -> None:
-    for connection in component._assembled():
+    for connection in connections_of(component):
         link = []
         for port in connection.ports:
             where = tree.numbers.get(id(port.component))
