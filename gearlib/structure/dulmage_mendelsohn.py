@@ -6,11 +6,13 @@ doi 10.4153/CJM-1958-052-0.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import networkx as nx
+
+MOST_IN_GRAPHS = 500  # rows; beyond, lists are used: they take a tenth to a twentieth of the time (docs/how_it_scales.md)
 
 
 @dataclass(frozen=True)
@@ -49,31 +51,77 @@ def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) 
     ((0, 1), (0,), (1,))
     """
     partner = maximum_matching(rows)
-    taken = {v: e for e, v in partner.items()}
+    taken = set(partner.values())
     free_equations = [e for e in range(len(rows)) if e not in partner]
     free_variables = [v for v in variables if v not in taken]
     if not (free_equations or free_variables):
         return Balance(partner, (), (), (), (), 0, 0)
     graph: nx.Graph = nx.Graph()
-    graph.add_nodes_from(("e", e) for e in range(len(rows)))
-    graph.add_nodes_from(("v", v) for v in variables)
+    graph.add_nodes_from((("e", e) for e in range(len(rows))), bipartite=0)
+    graph.add_nodes_from((("v", v) for v in variables), bipartite=1)
     graph.add_edges_from((("e", e), ("v", v)) for e, row in enumerate(rows) for v in row)
-    over_e, over_v = _alternate(graph, [("e", e) for e in free_equations], taken, partner)
-    under_e, under_v = _alternate(graph, [("v", v) for v in free_variables], taken, partner)
+    pairs = {("e", e): ("v", v) for e, v in partner.items()} | {("v", v): ("e", e) for e, v in partner.items()}
+    over = alternating_reach(graph, pairs, [("e", e) for e in free_equations])
+    under = alternating_reach(graph, pairs, [("v", v) for v in free_variables])
+    over_e, over_v, under_e, under_v = (
+        tuple(sorted(i for s, i in part if s == side)) for part in (over, under) for side in ("e", "v")
+    )
     return Balance(partner, over_e, over_v, under_e, under_v, len(free_equations), len(free_variables))
 
 
 def maximum_matching(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
-    """Maximum matching, row -> column.
-
-    Augmenting paths are searched from all free rows at once, each column being tried once a pass (A. Pothen and C.-J. Fan,
-    "Computing the block triangular form of a sparse matrix", ACM Transactions on Mathematical Software 16 (1990) 303-324,
-    doi 10.1145/98267.98287).
+    """Maximum matching, row -> column: on a graph up to `MOST_IN_GRAPHS` rows, else on lists.
 
     Examples
     --------
     >>> maximum_matching([["a", "b"], ["a"], ["a"]])
-    {1: 'a', 0: 'b'}
+    {0: 'b', 1: 'a'}
+    """
+    return matching_by_graph(rows) if len(rows) <= MOST_IN_GRAPHS else matching_by_lists(rows)
+
+
+def bipartite_graph(rows: Sequence[Sequence[Any]]) -> tuple[nx.Graph, list[Any]]:
+    """The graph of rows 0, 1, ... and of the columns in them, as the numbers from ``len(rows)`` on; and the columns in this order."""
+    columns = {c: k for k, c in enumerate(dict.fromkeys(c for row in rows for c in row), len(rows))}
+    graph: nx.Graph = nx.Graph()
+    graph.add_nodes_from(range(len(rows)), bipartite=0)
+    graph.add_nodes_from(columns.values(), bipartite=1)
+    graph.add_edges_from((r, columns[c]) for r, row in enumerate(rows) for c in row)
+    return graph, list(columns)
+
+
+def matching_by_graph(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
+    """Maximum matching by the algorithm of Hopcroft and Karp, as networkx has it.
+
+    J. E. Hopcroft and R. M. Karp, "An n^(5/2) algorithm for maximum matchings in bipartite graphs", SIAM Journal on Computing 2 (1973)
+    225-231, doi 10.1137/0202019.
+    """
+    graph, columns = bipartite_graph(rows)
+    partner = nx.bipartite.hopcroft_karp_matching(graph, range(len(rows)))
+    return {r: columns[partner[r] - len(rows)] for r in range(len(rows)) if r in partner}
+
+
+def alternating_reach(graph: nx.Graph, partner: Mapping[Any, Any], start: Iterable[Any]) -> set[Any]:
+    """What alternating paths reach from unmatched nodes of one side: along any edge first, and back along matched edges only."""
+    start = list(start)
+    side = {graph.nodes[node]["bipartite"] for node in start}
+    paths: nx.DiGraph = nx.DiGraph()
+    paths.add_nodes_from(start)
+    for node, other in graph.edges:
+        here, there = (node, other) if graph.nodes[node]["bipartite"] in side else (other, node)
+        paths.add_edge(here, there)
+        if partner.get(there) == here:
+            paths.add_edge(there, here)
+    paths.add_edges_from(("start", node) for node in start)  # one source for all
+    return set(nx.descendants(paths, "start")) if start else set()
+
+
+def matching_by_lists(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
+    """Maximum matching without a graph, for the many rows of large trains.
+
+    Augmenting paths are searched from all free rows at once, each column being tried once a pass (A. Pothen and C.-J. Fan,
+    "Computing the block triangular form of a sparse matrix", ACM Transactions on Mathematical Software 16 (1990) 303-324,
+    doi 10.1145/98267.98287).
     """
     owner: dict[Any, int] = {}
     free = []
@@ -119,28 +167,3 @@ def _augment(start: int, rows: Sequence[Sequence[Any]], owner: dict[Any, int], s
             if path:
                 path.pop()
     return False
-
-
-def _alternate(
-    graph: nx.Graph, start: list[tuple[str, int]], taken: Mapping[int, int], partner: Mapping[int, int]
-) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Nodes reachable from unmatched nodes by alternating paths."""
-    if not start:
-        return (), ()
-    free_side = start[0][0]
-    seen = set(start)
-    stack = list(start)
-    while stack:
-        node = stack.pop()
-        side, i = node
-        if side == free_side:
-            following = list(graph[node])
-        elif side == "v":
-            following = [("e", taken[i])] if i in taken else []
-        else:
-            following = [("v", partner[i])] if i in partner else []
-        for other in following:
-            if other not in seen:
-                seen.add(other)
-                stack.append(other)
-    return tuple(sorted(i for s, i in seen if s == "e")), tuple(sorted(i for s, i in seen if s == "v"))

@@ -6,10 +6,14 @@ Computing 9 (1988) 213-231, doi 10.1137/0909014. The system must be structurally
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from gearlib.structure.incidence import Columns
+import networkx as nx
+
+from gearlib.structure.dulmage_mendelsohn import MOST_IN_GRAPHS, alternating_reach, bipartite_graph
+from gearlib.structure.incidence import Columns, Node
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,8 @@ class Differentiation:
 def pantelides(n_equations: int, columns: Columns) -> Differentiation:
     """Differentiation counts, highest orders, and an assignment of highest derivatives to equations.
 
+    Up to `MOST_IN_GRAPHS` equations the work is done on networkx graphs, beyond on lists.
+
     Parameters
     ----------
     n_equations : int
@@ -48,13 +54,51 @@ def pantelides(n_equations: int, columns: Columns) -> Differentiation:
     >>> pantelides(3, columns).counts
     (0, 0, 2)
     """
+    return by_graph(n_equations, columns) if n_equations <= MOST_IN_GRAPHS else by_lists(n_equations, columns)
+
+
+def by_graph(n_equations: int, columns: Columns) -> Differentiation:
+    """Pantelides' algorithm by networkx's own: Hopcroft-Karp matchings, and the descendants of what stays unmatched.
+
+    The equations are matched with the variables of highest order in a graph. What alternating paths reach from an unmatched equation is a
+    smallest set of equations with too few such variables, so all of it must be differentiated, and sets of several unmatched equations can
+    be differentiated at once; then they are matched anew. The counts are the least possible, and so those of `by_lists`.
+    """
     counts = [0] * n_equations
     current = [columns(e, 0) for e in range(n_equations)]
     orders: dict[int, int] = {}
     for row in current:
-        for v, order in row:
-            if order > orders.get(v, -1):
-                orders[v] = order
+        _raise(orders, row)
+    while True:
+        graph, variables = bipartite_graph([[v for v, order in row if order == orders[v]] for row in current])
+        partner = nx.bipartite.hopcroft_karp_matching(graph, range(n_equations))
+        unmatched = [e for e in range(n_equations) if e not in partner]
+        if not unmatched:
+            return Differentiation(tuple(counts), orders, {e: variables[partner[e] - n_equations] for e in range(n_equations)})
+        reached = sorted(alternating_reach(graph, partner, unmatched))
+        for node in reached:
+            if node >= n_equations:
+                orders[variables[node - n_equations]] += 1
+        for e in reached[: bisect_left(reached, n_equations)]:
+            counts[e] += 1
+            current[e] = columns(e, counts[e])
+            _raise(orders, current[e])
+
+
+def _raise(orders: dict[int, int], row: Sequence[Node]) -> None:
+    """Raise the highest orders to those of an equation."""
+    for v, order in row:
+        if order > orders.get(v, -1):
+            orders[v] = order
+
+
+def by_lists(n_equations: int, columns: Columns) -> Differentiation:
+    """Pantelides' algorithm as he wrote it, one equation after the other, without a graph: for the many equations of large trains."""
+    counts = [0] * n_equations
+    current = [columns(e, 0) for e in range(n_equations)]
+    orders: dict[int, int] = {}
+    for row in current:
+        _raise(orders, row)
     owner: dict[int, int] = {}  # variable (at its highest order) -> equation
     for e in range(n_equations):
         while True:
@@ -66,9 +110,7 @@ def pantelides(n_equations: int, columns: Columns) -> Differentiation:
             for other in seen_e:
                 counts[other] += 1
                 current[other] = columns(other, counts[other])
-                for v, order in current[other]:
-                    if order > orders.get(v, -1):
-                        orders[v] = order
+                _raise(orders, current[other])
     return Differentiation(tuple(counts), orders, {e: v for v, e in owner.items()})
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import networkx as nx
+import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError
 from gearlib.run.forms.scene_form import scene_form
-from gearlib.structure.dulmage_mendelsohn import maximum_matching
+from gearlib.structure import dulmage_mendelsohn, pantelides
+from gearlib.structure.dulmage_mendelsohn import matching_by_lists
 from gearlib.structure.sorting import sort_blocks
 from tests.benchmarks.scenes import Star, Tree
 
@@ -38,7 +38,7 @@ def test_every_flat_equation_can_be_matched(system: gl.System) -> None:
     assert len(top) == len(system.translation.structure.rows)
     matching = nx.bipartite.hopcroft_karp_matching(graph, top)
     rows = [[n[1] for n in graph[e] if not graph.nodes[n]["given"]] for e in top]
-    assert len(matching) // 2 == len(maximum_matching(rows)) == len(top)
+    assert len(matching) // 2 == len(matching_by_lists(rows)) == len(top)
     assert all(data["path"] for _, data in graph.nodes(data=True))
 
 
@@ -80,14 +80,49 @@ def test_differentiated_equations_and_states_are_marked() -> None:
     assert marked == set(system.states)
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.lists(st.lists(st.integers(0, 11), max_size=4, unique=True), min_size=1, max_size=12))
-def test_the_arrays_match_as_many_as_hopcroft_and_karp(rows: list[list[int]]) -> None:
-    graph = nx.Graph()
-    top = [("e", e) for e in range(len(rows))]
-    graph.add_nodes_from(top)
-    graph.add_edges_from((("e", e), ("v", v)) for e, row in enumerate(rows) for v in row)
-    assert len(maximum_matching(rows)) == len(nx.bipartite.hopcroft_karp_matching(graph, top)) // 2
+class RandomTrain(gl.Component):
+    """Bodies in a row, joined by gears, springs, planetary sets with a free or braked third shaft, and now and then nothing elastic."""
+
+    seed = gl.Structural(0)
+
+    def assemble(self) -> list[gl.Connection]:
+        rng = np.random.default_rng(self.seed)
+        self.torque, self.ground = gp.Torque(tau=gl.sin(gl.time)), gp.Fixed()
+        n = int(rng.integers(2, 7))
+        self.body = [gp.Inertia(J=float(rng.uniform(0.5, 2))) for _ in range(n)]
+        self.third = [gp.Inertia(J=1.0) for _ in range(n - 1)]
+        links = [gl.connect(self.torque.flange, self.body[0].flange_a)]
+        self.link = [
+            (
+                gp.IdealGear(ratio=float(rng.uniform(-3, -0.5))), gp.SpringDamper(c=100.0, d=1.0), gp.Spring(c=50.0),
+                gp.IdealPlanetary(ratio=float(rng.uniform(1.5, 4))),
+            )[rng.integers(4)]
+            for _ in range(n - 1)
+        ]  # fmt: skip
+        for k, link in enumerate(self.link):
+            if isinstance(link, gp.IdealPlanetary):
+                links += [
+                    gl.connect(self.body[k].flange_b, link.sun), gl.connect(link.carrier, self.body[k + 1].flange_a),
+                    gl.connect(link.ring, self.third[k].flange_a),
+                ]  # fmt: skip
+                continue
+            links += [gl.connect(self.body[k].flange_b, link.flange_a), gl.connect(link.flange_b, self.body[k + 1].flange_a)]
+        return links
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_trains_are_reduced_alike_by_graphs_and_by_lists(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    by_graphs = gl.compile(RandomTrain(seed=seed))
+    for module in (dulmage_mendelsohn, pantelides):
+        monkeypatch.setattr(module, "MOST_IN_GRAPHS", 0)
+    by_lists = gl.compile(RandomTrain(seed=seed))
+    one, two = (system.translation.structure.differentiation for system in (by_graphs, by_lists))
+    assert one.counts == two.counts
+    assert dict(one.orders) == dict(two.orders)
+    assert by_graphs.states == by_lists.states
+    blocks = [{frozenset(block) for block in s.graph(reduced=True).graph["blocks"]} for s in (by_graphs, by_lists)]
+    assert blocks[0] == blocks[1]
+    assert np.allclose(by_graphs.linearize(["torque.tau"]).A, by_lists.linearize(["torque.tau"]).A, rtol=1e-12, atol=1e-12)
 
 
 def test_arguments_are_checked() -> None:

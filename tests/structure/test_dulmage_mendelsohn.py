@@ -12,7 +12,12 @@ from hypothesis import strategies as st
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import BalanceError
-from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn, maximum_matching
+from gearlib.structure.dulmage_mendelsohn import (
+    dulmage_mendelsohn,
+    matching_by_graph,
+    matching_by_lists,
+    maximum_matching,
+)
 
 c = gl.connect
 incidence = st.lists(st.lists(st.integers(0, 7), unique=True, max_size=4), min_size=1, max_size=9)
@@ -121,3 +126,12 @@ def test_unbalanced_leaves_are_named(equations: Any, message: str) -> None:
     declared = {"x": gl.Variable("1", "one"), "y": gl.Variable("1", "other")}
     with pytest.raises(BalanceError, match=message):
         gl.compile(type("Leaf", (gl.Component,), {**declared, "equations": equations})())
+
+
+@given(st.lists(st.lists(st.integers(0, 9), max_size=4), max_size=12))
+def test_graphs_and_lists_match_as_many(rows: list[list[int]]) -> None:
+    graph, lists = matching_by_graph(rows), matching_by_lists(rows)
+    assert len(graph) == len(lists)
+    for partner in (graph, lists):
+        assert len(set(partner.values())) == len(partner)
+        assert all(v in rows[e] for e, v in partner.items())

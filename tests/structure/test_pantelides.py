@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearlib.structure.pantelides import pantelides
+from gearlib.structure.pantelides import by_graph, by_lists, pantelides
 
 Rows = list[list[tuple[int, int]]]
 
@@ -80,3 +80,22 @@ def test_counts_are_the_least_offsets_of_the_signature_matrix(seed: int) -> None
             row.setdefault(int(v), int(rng.integers(0, 3)))
         rows.append(sorted(row.items()))
     assert pantelides(n, dense(rows)).counts == smallest_offsets(rows)
+
+
+@given(
+    st.integers(2, 9).flatmap(
+        lambda n: st.lists(
+            st.lists(st.tuples(st.integers(0, n - 1), st.integers(0, 2)), min_size=1, max_size=4), min_size=n, max_size=n
+        )
+    )
+)
+def test_graphs_and_lists_agree(rows: Rows) -> None:
+    """The counts are the least possible, so both ways have one answer; an assignment may be any that fits."""
+    rows = [sorted({(e, 0), *row}) for e, row in enumerate(rows)]  # structurally nonsingular
+    graph, lists = by_graph(len(rows), dense(rows)), by_lists(len(rows), dense(rows))
+    assert graph.counts == lists.counts
+    assert dict(graph.orders) == dict(lists.orders)
+    for result in (graph, lists):
+        assert sorted(result.assignment) == sorted(result.assignment.values()) == list(range(len(rows)))
+        for e, v in result.assignment.items():
+            assert (v, result.orders[v]) in dense(rows)(e, result.counts[e])
