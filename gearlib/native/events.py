@@ -20,6 +20,7 @@ from gearlib.program.relations import Relations
 
 Integers = NDArray[np.int64]
 MOST_ITERATIONS = 100
+MOST_STEPS = 10  # of an event iteration, of which each begins with new values of states, that are noted
 
 
 def root_numbers(relations: Relations) -> Integers:
@@ -40,13 +41,16 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
     return body
 
 
-def update_body(relations: Relations, layout: Layout, n_relations: int, n_discrete: int, guards: tuple[int, int]) -> Body:
+def update_body(
+    relations: Relations, layout: Layout, n_relations: int, n_discrete: int, guards: tuple[int, int], notes: bool = False
+) -> Body:
     """The event iteration, printed.
 
     A relation whose root was located takes the side that it crossed to; it is evaluated like the others once a state has been given a
     new value, or once the values before have been set, if it compares with one of them. At the end ``fired`` holds the side of each
     root that goes with its relation, 2 or -2, and the signs of divisors, which may have jumped, are marked as old: ``guards`` tells
-    where they stand, and how many there are.
+    where they stand, and how many there are. ``notes``: whether to note, behind the body's part of ``data``, how many times states were
+    given new values, and from which discrete state and states, for `MOST_STEPS` times.
     """
     body = looped(relations.program, layout)
     numbers = root_numbers(relations)
@@ -74,6 +78,8 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
         statement = f"fired[{{extra}}] = {holds} if data[r + {{target}}] != 0.0 else {fails}"
         loop(body, phase.batch, statement, extra=np.searchsorted(numbers, phase.batch.targets))
     sides = body.lines
+    n_modes = n_relations + (2 * n_discrete + 1 if n_discrete else 0)
+    noted = _note(body, n_modes, layout.size + body.n_coefficients) if notes else []
     old = _old_signs(body, guards)
     body.lines = [
         *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", "result = 0", "moved = 1",
@@ -91,6 +97,7 @@ def update_body(relations: Relations, layout: Layout, n_relations: int, n_discre
         "    for k in range(nd):",
         "        if data[r + nr + nd + k] != data[r + nr + k]:",
         "            moved = 1",
+        *(f"    {line}" for line in noted),
         *(f"    {line}" for line in reinits),
         *(f"    {line}" for line in forget),
         "    for k in range(nd):",
@@ -145,6 +152,20 @@ def settle_body(relations: Relations, layout: Layout, n_relations: int, n_discre
         "        break",
     ]  # fmt: skip
     return body
+
+
+def _note(body: Body, n_modes: int, steps: int) -> list[str]:
+    return [
+        f"h = {body.array([n_modes, steps])}",
+        "q, e = index[h], index[h + 1]",
+        "data[e] = outer + 1.0",
+        f"if outer < {MOST_STEPS}:",
+        "    e += 1 + outer * (q + n)",
+        "    for k in range(q):",
+        "        data[e + k] = data[r + k]",
+        "    for k in range(n):",
+        "        data[e + q + k] = x[k]",
+    ]
 
 
 def _old_signs(body: Body, guards: tuple[int, int]) -> list[str]:

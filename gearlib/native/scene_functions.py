@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.compiler.object_code import CompiledFunction, compiled
-from gearlib.native.events import root_numbers, roots_body, update_body
+from gearlib.native.events import MOST_STEPS, root_numbers, roots_body, update_body
 from gearlib.native.identifiers import identifiers
 from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of, tangent_body
 from gearlib.native.layout import Layout, Shared, lay_out
@@ -51,7 +51,8 @@ class NativeScene:
     shared: Shared
     index: Integers
     size: int  # of the data block
-    tangent_numbers: int = 0  # where in it those of `tangent_body` begin
+    tangent_numbers: int = 0  # where in it those of `tangent_body` begin, and
+    noted_steps: int = 0  # where `update_body` notes its steps
 
 
 def rhs_source(
@@ -98,7 +99,7 @@ def compile_scene(
         text = function("rhs", ["x", "dx", "data", "index"], body, RHS)
     rhs = compile_function("rhs", text, body, layout)
     guards = layout.guards, program.n_guards
-    jac = pattern = roots = update = None
+    noted, jac, pattern, roots, update = 0, None, None, None, None
     if jacobian is not None:
         layout = lay_out(program, shared, end, jacobian.multiplied)
         copies = 0 if tangents is None else tangents.n_seeds
@@ -110,8 +111,10 @@ def compile_scene(
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
             roots = compile_function("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
-        body = update_body(relations, layout, n_relations, n_discrete, guards)
-        end = layout.size + body.n_coefficients
+        body = update_body(relations, layout, n_relations, n_discrete, guards, tangents is not None)
+        noted = end = layout.size + body.n_coefficients
+        if tangents is not None:
+            end += 1 + MOST_STEPS * (n_modes + len(program.states))
         update = compile_function("update", function("update", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []
     bases, base = [], 5
@@ -121,7 +124,7 @@ def compile_scene(
             packed.append(part.body.packed(base))
             base += len(packed[-1])
     index = np.concatenate([np.array([*bases, 0], np.int64), *packed])
-    return NativeScene(rhs, jac, pattern, roots, update, shared, index, end, weights)
+    return NativeScene(rhs, jac, pattern, roots, update, shared, index, end, weights, noted)
 
 
 def compile_function(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:

@@ -7,7 +7,7 @@ no number, so it is made once and carried out at one point or at many by `gearli
 `gearlib.program.scalars`, as native code by `gearlib.native.jacobian`.
 
 A seed enters at slots of states and inputs, which it is a derivative with respect to; at slots that are computed, where a multiple of it
-is thought to be added; or at entries of the parameter table.
+is thought to be added; or at what is held during an evaluation: entries of the parameter table, discrete variables, time.
 
 References
 ----------
@@ -16,9 +16,9 @@ A. Griewank, A. Walther, "Evaluating Derivatives", 2nd ed., SIAM, 2008, chapter 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ from gearlib.program.program import Batch, Linear, Newton, Program, Step
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Entering = tuple[int, int]  # slot, or n_slots + parameter; seed
+Entering = tuple[int, int]  # slot, or n_slots + parameter, or `TIME`, or what `mode` gives; seed
+TIME = -1
 _NONE = np.empty(0, np.int64)
 
 
@@ -142,6 +143,11 @@ class DerivativePlan:
         return np.concatenate([_NONE, *(slots for s in sums for slots in s.multiplied if slots is not None)])
 
 
+def mode(number: int) -> int:
+    """What stands for an entry of the discrete state where a seed enters."""
+    return TIME - 1 - number
+
+
 def state_plan(program: Program) -> DerivativePlan:
     """Derivatives of the outputs with respect to the states: the Jacobian."""
     return derivative_plan(program, [(i, i) for i in range(len(program.states))], program.output_slots)
@@ -156,7 +162,8 @@ def derivative_plan(
     ----------
     program : Program
     entering : sequence of (slot, seed)
-        Where seeds enter, each pair once; ``n_slots + p`` stands for entry p of the parameter table.
+        Where seeds enter, each pair once; ``n_slots + p`` stands for entry p of the parameter table, `mode` of a number for an entry of
+        the discrete state, `TIME` for time.
     wanted : iterable of int, optional
         Slots to differentiate, by default all. What none of them depends on is left out.
     n_seeds : int, optional
@@ -174,13 +181,15 @@ def derivative_plan(
     (1, 1)
     """
     slots = np.arange(program.n_slots) if wanted is None else np.fromiter(wanted, np.int64)
+    held = Held.of(program, [slot for slot, _ in entering])
+    entering = [(held.place(slot), seed) for slot, seed in entering]
     n_given = len(program.states) + len(program.inputs)
     computed = any(n_given <= slot < program.n_slots for slot, _ in entering)
     makers, rows_made = _made_by(program) if computed else (_NONE, _NONE)
     known = [(k, slot) for k, (slot, _) in enumerate(entering) if not n_given <= slot < program.n_slots]
     order = [k for k, _ in sorted(known, key=lambda pair: pair[1])]
     order += sorted(set(range(len(entering))) - set(order))
-    rows = _Rows(program, [entering[k] for k in order], len(known), n_seeds)
+    rows = _Rows(program, held, [entering[k] for k in order], len(known), n_seeds)
     added: dict[int, list[tuple[int, int]]] = {}  # of each step: row, entry
     for entry, k in enumerate(order[len(known) :], 1 + len(known)):
         slot = entering[k][0]
@@ -203,18 +212,58 @@ def derivative_plan(
     )
 
 
-class _Rows:
-    """The entries made so far: of each slot, and behind these of each parameter, its first entry and how many it has."""
+@dataclass(frozen=True)
+class Held:
+    """Where what is held during an evaluation stands behind the slots: parameters, the discrete state, time.
 
-    def __init__(self, program: Program, entering: Sequence[Entering], n_known: int, n_seeds: int | None) -> None:
-        self.n_slots = program.n_slots
+    Attributes
+    ----------
+    parameters, modes, time : int
+        The first of each.
+    """
+
+    parameters: int
+    modes: int
+    time: int
+    entered: tuple[bool, bool, bool]  # at parameters, the discrete state, time
+
+    @classmethod
+    def of(cls, program: Program, slots: Sequence[int]) -> Held:
+        """What is needed where seeds enter at some slots."""
+        n = program.n_slots
+        entered = any(s >= n for s in slots), any(s < TIME for s in slots), TIME in slots
+        if not any(entered):
+            return cls(n, n, n, entered)
+        batches = list(_batches(program.steps))
+        modes = 1 + max([n - 1, *slots, *(n + int(b.parameters.max(initial=-1)) for b in batches)])
+        most = max([-1, *(TIME - 1 - s for s in slots), *(int(b.relations.max(initial=-1)) for b in batches)])
+        return cls(n, modes, modes + 1 + most, entered)
+
+    def place(self, slot: int) -> int:
+        """Where a slot, or what stands for one, is counted."""
+        if slot >= 0:
+            return slot
+        return self.time if slot == TIME else self.modes + TIME - 1 - slot
+
+    def parts(self, batch: Batch) -> Iterator[tuple[Integers, Callable[[], Batch]]]:
+        """What a batch holds that seeds may enter at: the place for each row, and the derivatives with respect to it."""
+        parameters, modes, time = self.entered
+        for q in range(batch.parameters.shape[1] if parameters else 0):
+            yield self.parameters + batch.parameters[:, q], partial(batch.parameter_derivative, q)
+        for q in range(batch.relations.shape[1] if modes else 0):
+            yield self.modes + batch.relations[:, q], partial(batch.mode_derivative, q)
+        if time and batch.kernel.on_time:
+            yield np.full(len(batch), self.time), batch.time_derivative
+
+
+class _Rows:
+    """The entries made so far: of each slot, and behind these of what is held, its first entry and how many it has."""
+
+    def __init__(self, program: Program, held: Held, entering: Sequence[Entering], n_known: int, n_seeds: int | None) -> None:
+        self.n_slots, self.held = program.n_slots, held
         slots, seeds = np.array(entering, np.int64).reshape(-1, 2).T
         self.n_seeds = n_seeds if n_seeds is not None else int(seeds.max(initial=-1)) + 1
-        self.with_parameters = bool((slots >= self.n_slots).any())
-        size = self.n_slots
-        if self.with_parameters:
-            size = 1 + max([int(slots.max()), *(size + int(b.parameters.max(initial=-1)) for b in _batches(program.steps))])
-        self.length = np.bincount(slots[:n_known], minlength=size)
+        self.length = np.bincount(slots[:n_known], minlength=held.time + 1)
         self.first = 1 + np.cumsum(self.length) - self.length
         self.count = 1 + len(slots)
         self._seeds = np.append(-1, seeds)
@@ -271,17 +320,16 @@ def _of_batch(
     return factors, [None] * len(factors), which, sources, to[here[which]]
 
 
-def _of_parameters(
+def _of_held(
     rows: _Rows, batch: Batch, to: Integers, use: NDArray[np.bool_], multiplied: Integers | None = None
 ) -> Iterator[Products]:
-    """Derivatives with respect to the parameters of those rows of a batch that are in ``use``."""
-    for q in range(batch.parameters.shape[1] if rows.with_parameters else 0):
-        slots = rows.n_slots + batch.parameters[:, q]
+    """Derivatives with respect to what those rows of a batch hold that are in ``use``."""
+    for slots, differentiated in rows.held.parts(batch):
         here = np.flatnonzero(use & (rows.length[slots] > 0))
-        slope = _rows_of(batch, here).parameter_derivative(q) if len(here) else None
-        if slope is not None and not slope.kernel.is_zero:
+        if len(here) and not (slope := differentiated()).kernel.is_zero:
             which, sources = rows.entries_of(slots[here])
-            yield [slope], [None if multiplied is None else multiplied[here]], which, sources, to[here[which]]
+            taken = None if multiplied is None else multiplied[here]
+            yield [_rows_of(slope, here)], [taken], which, sources, to[here[which]]
 
 
 def _rows_of(batch: Batch, rows: Integers) -> Batch:
@@ -317,7 +365,7 @@ def _summed(rows: _Rows, products: Sequence[Products], seeds: Integers | None = 
 
 def _chained(rows: _Rows, step: Batch, alive: NDArray[np.bool_], added: Integers, entries: Integers) -> Sums | None:
     use, everyone = alive[step.targets], np.arange(len(step))
-    products = [_of_batch(rows, step, everyone, use), *_of_parameters(rows, step, everyone, use)]
+    products = [_of_batch(rows, step, everyone, use), *_of_held(rows, step, everyone, use)]
     if len(added):
         products.append(_plain(entries[use[added]], added[use[added]]))
     if not any(len(sources) for *_, sources, _ in products):
@@ -341,13 +389,13 @@ def _solved(
         inside[step.unknowns] = True
         for batch in step.residuals:
             use = np.ones(len(batch), bool)
-            products += [_of_batch(rows, batch, batch.targets, use, inside), *_of_parameters(rows, batch, batch.targets, use)]
+            products += [_of_batch(rows, batch, batch.targets, use, inside), *_of_held(rows, batch, batch.targets, use)]
     else:
         which, sources = rows.entries_of(step.known)
         products.append(_plain(sources, step.known_rows[which] if implicit else which))
         for batch in step.matrix if implicit else ():  # A z + g = 0: dA z is part of the right-hand side
             row, column = np.divmod(batch.targets, len(step.unknowns))
-            products += _of_parameters(rows, batch, row, np.ones(len(batch), bool), step.unknowns[column])
+            products += _of_held(rows, batch, row, np.ones(len(batch), bool), step.unknowns[column])
     seeds = np.unique(rows.seed_of[np.concatenate([entries, *(p[3] for p in products)])])
     if not len(seeds):
         return None
@@ -362,7 +410,7 @@ def _solved(
 
 def _has_varied_matrix(rows: _Rows, step: Linear) -> bool:
     """Whether a parameter that is differentiated by stands in the matrix of a block."""
-    if not rows.with_parameters:
+    if not rows.held.entered[0]:
         return False
     return any((rows.length[rows.n_slots + batch.parameters] > 0).any() for batch in step.matrix)
 

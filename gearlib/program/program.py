@@ -61,6 +61,14 @@ class Batch:
         """The derivatives with respect to the entries of the parameter table that one parameter is read from."""
         return self.part(derivative_of(self.kernel, f"p{self.kernel.parameters[parameter]}"), self.signs)
 
+    def mode_derivative(self, relation: int) -> Batch:
+        """The derivatives with respect to the entries of the discrete state that one relation or discrete variable is read from."""
+        return self.part(derivative_of(self.kernel, f"r{self.kernel.relations[relation]}"), self.signs)
+
+    def time_derivative(self) -> Batch:
+        """The derivatives with respect to time, all else held."""
+        return self.part(derivative_of(self.kernel, "t"), self.signs)
+
     @cached_property
     def active(self) -> tuple[int, ...]:
         """The arguments that the value depends on; relations, which hold between events, do not count."""

@@ -368,7 +368,7 @@ class SimulatedResult(Result):
 
     def __reduce__(self) -> tuple[Any, ...]:
         parts = [
-            (p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin, p.tangents, p.directions)
+            (p.scene.states, p.time, p.states, p.modes, p.parameters, p.signals, p.guess, p.begin, p.tangents)
             for p in self._segments
         ]
         if any(self.translation.with_states(p.scene.states) is not p.scene for p in self._segments):

@@ -20,8 +20,7 @@ from gearlib.run.branch import Branch, Settle, follow
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.scene import Scene, node_name, settle_once
-from gearlib.run.tangents.directions import TangentDirections
-from gearlib.run.tangents.tangents import slot_tangents
+from gearlib.run.tangents.tangents import TangentHistory, carried
 from gearlib.solvers.inputs.table import values
 from gearlib.solvers.problem import Solution
 from gearlib.structure.incidence import Node
@@ -41,8 +40,7 @@ class Segment:
     signals: Sequence[Any]
     guess: Floats
     begin: float  # s, of the run; the first sample may be later
-    tangents: Floats | None = None  # (samples, states, directions)
-    directions: TangentDirections | None = None
+    tangents: TangentHistory | None = None
     known: dict[Node, Floats] = field(default_factory=dict)
     computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
     events: Floats = field(default_factory=lambda: np.empty(0))
@@ -55,11 +53,14 @@ class Segment:
         """What a run brought back, from one of its samples on; ``finer`` integrates a run again, with other samples."""
         time, states, modes = run.times[first : len(solution.x)], solution.x[first:], solution.modes[first:]
         known = {node: history[first:] for node, history in solution.algebraic.items()}
-        tangents = None if solution.tangents is None else solution.tangents[first:]
-        directions = None if run.tangents is None else run.tangents.directions
+        tangents = None
+        if run.tangents is not None and solution.tangents is not None:
+            moving = carried(run.scene)
+            discretes = run.tangents.discretes(moving, time)
+            tangents = TangentHistory(run.tangents.directions, solution.tangents[first:], moving, discretes)
         return cls(
             run.scene, time, states, modes, run.numbers.parameters, run.signals, run.start.guess, float(run.times[0]), tangents,
-            directions, known, events=solution.event_times, finer=None if finer is None else partial(finer, run),
+            known, events=solution.event_times, finer=None if finer is None else partial(finer, run),
         )  # fmt: skip
 
     def history(self, node: Node) -> Floats:
@@ -78,16 +79,15 @@ class Segment:
     def tangents_of(self, node: Node) -> Floats:
         """Tangents of a variable that depends on the integrated states, shape (samples, directions)."""
         assert self.tangents is not None, "the run was asked for sensitivities"
-        assert self.directions is not None, "these are theirs"
         place = self.scene.place_of.get(node)
         if place is not None:
-            return self.tangents[:, place]
+            return self.tangents.states[:, place]
         if node not in self.varied:
             program, slots = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
             prepared = prepare(program, self.scene.structure, self.parameters)
             modes = self._modes_for(program, self._inputs(program))
             wanted = np.array([program.slots[node]])
-            found = slot_tangents(prepared, self.directions, wanted, self.time, slots, modes, self.tangents)
+            found = self.tangents.of_slots(prepared, wanted, self.time, slots, modes)
             self.varied[node] = found[:, 0]
         return self.varied[node]
 

@@ -17,7 +17,7 @@ from gearlib.run.integrate import integrate
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import method_of
 from gearlib.run.methods.run import Run
-from gearlib.run.refusals.differentiated import refuse_events, refuse_tangents
+from gearlib.run.refusals.differentiated import refuse_tangents
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
@@ -61,7 +61,6 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         backend=asked.backend,
     )  # fmt: skip
     if asked.directions is not None:
-        refuse_events(scene)
         first = replace(first, tangents=Tangents(asked.directions, start_tangents(scene, begin, asked.directions)))
     if asked.progress:
         print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")

@@ -59,6 +59,11 @@ def integrate_through(run: Run, method: Integrates, switched: Switched) -> list[
 def _following(run: Run, left: Solution, switched: Switched) -> Run:
     """The rest of a run, in other states where others will do."""
     scene, t, x = run.scene, np.array([left.t_last]), left.x_last
+    if run.tangents is not None:
+        raise SolverError(
+            f"there are no sensitivities after t = {left.t_last:.9g} s: the states ({', '.join(scene.state_names[:6])}) determine "
+            "the motion no further, and the run would go on with others; let it end there, or choose states that last: state='prefer'"
+        )
     here, held = memory(scene, left.data)
     here = here if left.branch is None else left.branch
     structure = scene.structure

@@ -51,18 +51,19 @@ class Exact(Method):
 
     @staticmethod
     def _lack(reason: str) -> str:
-        return f"needs a linear time-invariant scene: {reason}"
+        return f"needs a linear time-invariant scene without sensitivities: {reason}"
 
 
 def _linear(run: Run) -> LinearForm | str:
     """The linear form of a run, or why it has none."""
     if run.still:
         return LinearForm(np.zeros((0, 0)), np.zeros((0, 0)), ())
-    if run.tangents is not None:
-        return "its sensitivities are integrated with the states"
     if len(run.scene.states) > LARGEST_EXACT:
         return f"{len(run.scene.states)} states are too many for an exponential"
-    return linear_form(run.scene, run.numbers, run.signals)
+    found = linear_form(run.scene, run.numbers, run.signals)
+    if run.tangents is not None and not isinstance(found, str):
+        return "the scene is linear, but its sensitivities are integrated with the states"
+    return found
 
 
 def _problem(run: Run, linear: LinearForm) -> Problem:

@@ -16,6 +16,7 @@ from gearlib.native.scene_functions import NativeScene
 from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
+from gearlib.run.tangents.jumps import EventTangents
 from gearlib.run.tangents.tangents import tangent_code
 from gearlib.solvers.inputs.callback import Callbacks, with_callbacks
 from gearlib.solvers.inputs.table import Table, breakpoints, values
@@ -42,11 +43,14 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
     data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
     if code is not None and tangents is not None:
-        code.fill(data, tangents.directions, run.numbers.main)
+        code.fill(data, tangents.directions, run.numbers.main, tangents.discretes(code.modes))
         atol = None if run.atol is None else np.append(run.atol, tangents.spread(run.atol))
         nominal = np.append(scene.nominal, tangents.spread(scene.nominal))
         x0 = np.append(run.start.states, tangents.start)
-        return _wired(run, callbacks, scene, native, data, x0, nominal, np.ones(len(x0), bool), atol)
+        problem = _wired(run, callbacks, scene, native, data, x0, nominal, np.ones(len(x0), bool), atol)
+        if problem.update is None:
+            return problem
+        return replace(problem, update=EventTangents(run, tangents, code, problem, callbacks).native)
     nothing = np.ones(0 if scene.states else 1)  # the integrators need a state: without any, one that stands still
     return _wired(
         run, callbacks, scene, native, data, np.append(run.start.states, nothing), np.append(scene.nominal, nothing),

@@ -6,15 +6,7 @@ from typing import Any
 
 from gearlib.errors import ArgumentError
 from gearlib.run.result import Result
-from gearlib.run.scene import Scene
 from gearlib.run.translation import Translation
-
-
-def refuse_events(scene: Scene) -> None:
-    """Raise `ArgumentError` for a scene with events."""
-    if scene.relations is not None:
-        names = "; ".join(dict.fromkeys(scene.relation_names.values()))
-        raise ArgumentError(f"sensitivities of a run with events are not computed yet ({names})")
 
 
 def refuse_tangents(translation: Translation, form: str, start: Any) -> None:

@@ -11,7 +11,8 @@ Mathematics 20 (1996), doi:10.1016/0168-9274(95)00117-0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +20,17 @@ from numpy.typing import NDArray
 from gearlib.errors import ArgumentError
 from gearlib.native.jacobian import inverted_blocks
 from gearlib.native.scene_functions import NativeScene
-from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
+from gearlib.program.derivative_plan import DerivativePlan, derivative_plan, mode
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import Prepared, block_solve
-from gearlib.program.program import Program
+from gearlib.program.program import Batch, Program
 from gearlib.run.scene import Scene
 from gearlib.run.start_values import Start
 from gearlib.run.tangents.directions import Entry, TangentDirections
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+LATEST = 2.2e-14  # of the time: a sample that is no further before an event holds the limit after it
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +45,64 @@ class Tangents:
 
     directions: TangentDirections
     start: Floats
+    noted: list[tuple[float, Floats]] = field(default_factory=list)  # when discrete variables got tangents, and all of these
+
+    def note(self, t: float, discretes: Floats) -> None:
+        """Tangents of discrete variables from a time on; what a part of the run that is done again said of later times is forgotten."""
+        while self.noted and self.noted[-1][0] >= t:
+            self.noted.pop()
+        self.noted.append((t, discretes))
+
+    def discretes(self, modes: Sequence[int], times: Floats | None = None) -> Floats:
+        """Tangents of the discrete variables that are `carried`: the last ones, or at some times; shape ([times,] number, directions)."""
+        zero = np.zeros((len(modes), len(self.directions)))
+        found = np.array([zero, *(values for _, values in self.noted)])
+        if times is None:
+            return np.asarray(found[-1], float)
+        since = np.array([t for t, _ in self.noted])
+        return np.asarray(found[np.searchsorted(since, times + LATEST * np.abs(times), side="right")], float)
 
     def spread(self, values: Floats) -> Floats:
         """Something of each state for each tangent: divided by the size of the direction."""
         return np.asarray((values[:, None] / self.directions.sizes).ravel(), float)
+
+
+@dataclass(frozen=True, eq=False)
+class TangentHistory:
+    """Tangents at the samples of a run.
+
+    Attributes
+    ----------
+    directions : TangentDirections
+    states : array, shape (samples, states, directions)
+    modes : tuple of int
+        Entries of the discrete state that are `carried`, and
+    discretes : array, shape (samples, number, directions)
+        their tangents.
+    """
+
+    directions: TangentDirections
+    states: Floats
+    modes: tuple[int, ...]
+    discretes: Floats
+
+    def of_slots(self, prepared: Prepared, wanted: Integers, t: Floats, slots: Floats, modes: Floats) -> Floats:
+        """Tangents of slots of a program, shape (samples, wanted, directions).
+
+        Parameters
+        ----------
+        prepared : Prepared
+        wanted : array of int
+            Slots.
+        t : array, shape (samples,)
+        slots, modes : arrays, shape (number, samples)
+            Values of everything there.
+        """
+        directions = self.directions
+        plan = tangent_plan(prepared.program, (len(directions), directions.entries), wanted, self.modes)
+        known = np.repeat(directions.weights[:, None], len(t), axis=1)
+        weights = np.concatenate([self.states.reshape(len(t), -1).T, known, self.discretes.reshape(len(t), -1).T])
+        return dense(plan, entries(plan, At(prepared, t, slots, modes), weights))
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,21 +113,31 @@ class TangentCode:
     ----------
     plan : DerivativePlan
     native : NativeScene
+    modes : tuple of int
+        As `carried` gives them.
     """
 
     plan: DerivativePlan
     native: NativeScene
+    modes: tuple[int, ...]
 
-    def fill(self, data: Floats, directions: TangentDirections, prepared: Prepared) -> None:
+    def weigh(self, data: Floats, directions: TangentDirections, discretes: Floats) -> None:
+        """Put into a data block how much of each direction enters at parameters and at the discrete variables that are `carried`."""
+        weights = np.append(directions.weights, discretes)
+        first = len(self.plan.order) - len(weights)
+        data[self.native.tangent_numbers :][: len(weights)] = weights[self.plan.order[first:] - first]
+
+    def fill(self, data: Floats, directions: TangentDirections, prepared: Prepared, discretes: Floats) -> None:
         """Put the numbers of the tangents into a data block."""
-        first = len(self.plan.order) - len(directions.entries)
-        numbers = [directions.weights[self.plan.order[first:] - first]]
+        self.weigh(data, directions, discretes)
+        numbers = [np.empty(0)]
         for step, equations in inverted_blocks(self.plan):
             right = np.zeros((len(step.step.unknowns), len(equations)))
             right[equations, np.arange(len(equations))] = 1.0
             numbers.append(block_solve(prepared, step.block, right)[step.rows].ravel())
         written = np.concatenate(numbers)
-        data[self.native.tangent_numbers :][: len(written)] = written
+        at = self.native.tangent_numbers + len(directions.weights) + discretes.size
+        data[at : at + len(written)] = written
 
 
 def tangent_code(scene: Scene, directions: TangentDirections, jacobian: bool = False) -> TangentCode:
@@ -80,40 +146,53 @@ def tangent_code(scene: Scene, directions: TangentDirections, jacobian: bool = F
     key = *changed, jacobian
     found: TangentCode | None = scene.tangent_codes.get(key)
     if found is None:
-        plan = tangent_plan(scene.program, changed, scene.program.output_slots)
-        found = scene.tangent_codes[key] = TangentCode(plan, scene.compiled(jacobian, plan))
+        modes = carried(scene)
+        plan = tangent_plan(scene.program, changed, scene.program.output_slots, modes)
+        found = scene.tangent_codes[key] = TangentCode(plan, scene.compiled(jacobian, plan), modes)
     return found
 
 
-def tangent_plan(program: Program, key: tuple[int, tuple[Entry, ...]], wanted: Integers) -> DerivativePlan:
-    """Derivatives of some slots in directions: ``key`` says how many there are, and which entries of the parameter table they change."""
+def carried(scene: Scene) -> tuple[int, ...]:
+    """Entries of the discrete state that change with a parameter, once they were set at an event: values, not modes of friction."""
+    if scene.relations is None:
+        return ()
+    n, d = scene.model.n_relations, len(scene.model.discretes)
+    moving = {
+        int(target)
+        for batch in scene.relations.discretes
+        if batch.active or batch.kernel.on_time or any(_moves(batch, q) for q in range(batch.parameters.shape[1]))
+        for target in batch.targets
+    }
+    while True:  # and what follows from these
+        followers = {
+            int(target)
+            for batch in scene.relations.discretes
+            for r in range(batch.relations.shape[1])
+            if not batch.mode_derivative(r).kernel.is_zero
+            for target, source in zip(batch.targets.tolist(), batch.relations[:, r].tolist(), strict=True)
+            if source in moving or (source >= n + d and source - d in moving)
+        }
+        if followers <= moving:
+            return tuple(sorted({*moving, *(m + d for m in moving)}))
+        moving |= followers
+
+
+def _moves(batch: Batch, parameter: int) -> bool:
+    return not batch.parameter_derivative(parameter).kernel.is_zero
+
+
+def tangent_plan(
+    program: Program, key: tuple[int, tuple[Entry, ...]], wanted: Integers, modes: Sequence[int] = ()
+) -> DerivativePlan:
+    """Derivatives of some slots in directions, which change states, entries of the parameter table and of the discrete state.
+
+    ``key`` says how many directions there are, and which entries of the parameter table they change.
+    """
     count, changed = key
     entering = [(i, k) for i in range(len(program.states)) for k in range(count)]
     entering += [(program.n_slots + p, k) for p, k in changed]
+    entering += [(mode(m), k) for m in modes for k in range(count)]
     return derivative_plan(program, entering, wanted, count)
-
-
-def slot_tangents(
-    prepared: Prepared, directions: TangentDirections, wanted: Integers, t: Floats, slots: Floats, modes: Floats, states: Floats
-) -> Floats:
-    """Tangents of slots of a program, shape (times, wanted, directions).
-
-    Parameters
-    ----------
-    prepared : Prepared
-    directions : TangentDirections
-    wanted : array of int
-        Slots.
-    t : array, shape (times,)
-    slots, modes : arrays, shape (number, times)
-        Values of everything there.
-    states : array, shape (times, states, directions)
-        Tangents of the states.
-    """
-    plan = tangent_plan(prepared.program, (len(directions), directions.entries), wanted)
-    known = np.repeat(directions.weights[:, None], len(t), axis=1)
-    weights = np.concatenate([states.reshape(len(t), -1).T, known])
-    return dense(plan, entries(plan, At(prepared, t, slots, modes), weights))
 
 
 def start_tangents(scene: Scene, start: Start, directions: TangentDirections) -> Floats:

@@ -12,39 +12,10 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, NameLookupError
+from tests.run.tangents.other_runs import against_other_runs, differences, off
 from tests.trains import Chain
 
 c = gl.connect
-
-
-def differences(history: Callable[[float], Any], at: float, step: float = 1e-3) -> Any:
-    """The derivative of a history by a number: central differences, extrapolated twice (an error of order 6)."""
-    size = step * (abs(at) or 1.0)
-    d = [(history(at + k * size) - history(at - k * size)) / (2 * k * size) for k in (1, 2, 4)]
-    once = [(4 * d[i] - d[i + 1]) / 3 for i in (0, 1)]
-    return (16 * once[0] - once[1]) / 15
-
-
-def off(found: Any, right: Any) -> float:
-    return float(np.abs(found - right).max() / np.abs(right).max())
-
-
-def against_other_runs(
-    system: gl.System, parameter: str, outputs: list[str], t_end: float, method: str, **options: Any
-) -> None:
-    """Each output's sensitivity is the difference of runs with other numbers."""
-    run = system.simulate(t_end, samples=21, rtol=1e-10, sensitivities=[parameter], **options)
-
-    def other(value: float) -> Any:
-        given = {"start": {parameter[6:-1]: value}} if parameter.startswith("start(") else {"parameters": {parameter: value}}
-        result = system.simulate(t_end, samples=21, rtol=1e-12, method=method, **options, **given)
-        return np.array([result[name] for name in outputs])
-
-    table = system.translation.model.parameters
-    at = 0.0 if parameter.startswith("start(") else float(table.defaults[table.index[parameter]])
-    right = differences(other, at)
-    for name, expected in zip(outputs, right, strict=True):
-        assert off(run.sensitivity(name, parameter), expected) < 1e-6, name
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +25,7 @@ def driven() -> gl.System:
 
 @pytest.mark.parametrize("parameter", ["K_g", "C_g", "I_r", "R_s", "e_amplitude", "e_omega", "e_phase", "start(w_in)"])
 def test_of_the_xp_train(driven: gl.System, parameter: str) -> None:
-    against_other_runs(driven, parameter, ["w_out", "q_ring", "der(w_out)"], 0.05, "exact")
+    against_other_runs(driven, [parameter], ["w_out", "q_ring", "der(w_out)"], 0.05, "exact")
 
 
 class Decay(gl.Component):
@@ -125,7 +96,7 @@ class Closed(gl.Component):
 
 @pytest.mark.parametrize("parameter", ["load.J", "motor.J", "planetary.ratio", "closing.ratio", "shaft.c", "fan.tau_nominal"])
 def test_through_constant_linear_blocks(parameter: str) -> None:
-    against_other_runs(gl.compile(Closed()), parameter, ["load.w", "shaft.tau", "planetary.sun.tau"], 0.3, "rk8")
+    against_other_runs(gl.compile(Closed()), [parameter], ["load.w", "shaft.tau", "planetary.sun.tau"], 0.3, "rk8")
 
 
 class Implicit(gl.Component):

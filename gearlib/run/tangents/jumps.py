@@ -1,0 +1,257 @@
+"""How tangents jump at an event.
+
+An event function g(t, x, p) that crosses zero at t_e says when: dt_e/dp = -(dg/dx S + dg/dp) / (dg/dx f + dg/dt). What is differentiated
+there is the state at the event, T = S + f dt_e/dp. Where the event gives states new values, x = R(t, x, p), T becomes dR/dx T + dR/dt
+dt_e/dp + dR/dp, and discrete variables that take values of the motion get tangents of their own. After it, S = T - f dt_e/dp with the new
+right-hand side f: together S+ = S- + (f- - f+) dt_e/dp where no state is given a value.
+
+References
+----------
+I. A. Hiskens, M. A. Pai, "Trajectory sensitivity analysis of hybrid systems", IEEE Trans. Circuits and Systems I 47 (2000),
+doi:10.1109/81.828574.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+from gearlib.native.events import MOST_STEPS
+from gearlib.program.derivative_plan import TIME, DerivativePlan, derivative_plan, mode
+from gearlib.program.derivatives import At, dense, entries
+from gearlib.program.interpret import Prepared, evaluate
+from gearlib.program.program import Program
+from gearlib.program.relations import Relations
+from gearlib.run.methods.run import Run
+from gearlib.run.tangents.tangents import TangentCode, Tangents
+from gearlib.solvers.inputs.callback import Callbacks, Wrapped
+from gearlib.solvers.inputs.table import values
+from gearlib.solvers.problem import Problem
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+INSTANT = 1e-6  # of the time, s at least, over which an input's slope is taken
+MOST_PASSES = 100  # in which discrete variables that follow from each other get their tangents
+
+
+@dataclass(frozen=True, eq=False)
+class EventProgram:
+    """The program of a scene's relations, with what events compute as slots of their own.
+
+    Attributes
+    ----------
+    program : Program
+    functions, discretes, reinits : arrays, shape (number, 2)
+        Relation, entry of the discrete state, state; and the slot that holds what it is compared, or set, with.
+    """
+
+    program: Program
+    functions: Integers
+    discretes: Integers
+    reinits: Integers
+
+    @classmethod
+    def of(cls, relations: Relations) -> EventProgram:
+        """What events of some relations compute."""
+        steps, first = list(relations.program.steps), relations.program.n_slots
+        found = []
+        for batches in (relations.batches, relations.discretes, relations.reinits):
+            pairs = np.empty((0, 2), np.int64)
+            for batch in batches:
+                slots = np.arange(first, first + len(batch))
+                steps.append(replace(batch, targets=slots))
+                pairs = np.concatenate([pairs, np.column_stack([batch.targets, slots])])
+                first += len(batch)
+            found.append(pairs)
+        return cls(replace(relations.program, steps=tuple(steps), n_slots=first), *found)
+
+    @property
+    def wanted(self) -> Integers:
+        """The slots of what events compute."""
+        return np.concatenate([self.functions[:, 1], self.discretes[:, 1], self.reinits[:, 1]])
+
+
+class EventTangents:
+    """The event iteration of a run, with what it does to the tangents."""
+
+    def __init__(self, run: Run, tangents: Tangents, code: TangentCode, problem: Problem, callbacks: Callbacks) -> None:
+        scene, relations = run.scene, run.scene.relations
+        assert relations is not None, "there are events"
+        assert run.numbers.relations is not None, "with numbers"
+        assert problem.update is not None, "and an iteration"
+        self.run, self.tangents, self.code, self.callbacks = run, tangents, code, callbacks
+        self.relations, self.shared = relations, code.native.shared
+        self.n, self.count = len(scene.states), len(tangents.directions)
+        self.events = EventProgram.of(relations)
+        prepared = run.numbers.relations
+        self.prepared = Prepared(self.events.program, prepared.structure, prepared.parameters, prepared.solutions)
+        self.timed = relations.used[relations.on_time]
+        self.searched = relations.used[~relations.on_time]
+        self.discretes = tangents.discretes(code.modes)
+        self.started = False
+        double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
+        kind = partial(ctypes.CFUNCTYPE, ctypes.c_int32, ctypes.c_double, double)
+        update = kind(ctypes.POINTER(ctypes.c_int32), double, whole)
+        self._update, self._rhs = update(problem.update.address), kind(double, double, whole)(problem.rhs.address)
+        self._callback = update(self._called)
+        callbacks.callbacks += [self._callback, self._update, self._rhs]
+        self.size = len(problem.data)
+        self._prepare_plan()
+        others = relations.program
+        both = [n for n in scene.program.slots if n in others.slots] if others.iterated else []
+        self.first_guess = scene.guess(others, run.start.guess)
+        self.shared_slots = (
+            np.array([scene.program.slots[n] for n in both], np.int64), np.array([others.slots[n] for n in both], np.int64),
+        )  # fmt: skip
+
+    def _prepare_plan(self) -> None:
+        """Plan how what events compute changes, and tell where the discrete variables stand that are `carried`."""
+        program, directions, modes = self.events.program, self.tangents.directions, self.code.modes
+        columns = range(self.count + 1)
+        entering = [(i, k) for i in range(self.n) for k in columns]
+        entering += [(program.n_slots + p, k) for p, k in directions.entries]
+        entering += [(TIME, k) for k in columns]
+        entering += [(self.n + j, k) for j in range(len(program.inputs)) for k in columns]
+        entering += [(mode(m), k) for m in modes for k in range(self.count)]
+        self.plan: DerivativePlan = derivative_plan(program, entering, self.events.wanted, self.count + 1)
+        place = {m: i for i, m in enumerate(modes)}
+        n, d = self.run.scene.model.n_relations, len(self.run.scene.model.discretes)
+        chosen = [(i, place[m]) for i, m in enumerate(self.events.discretes[:, 0].tolist()) if m in place]
+        self.setting, self.set_modes = np.array(chosen, np.int64).reshape(-1, 2).T
+        pairs = [(place[m], place[m + d]) for m in modes if n <= m < n + d]
+        self.after_modes, self.before_modes = np.array(pairs, np.int64).reshape(-1, 2).T
+
+    @property
+    def native(self) -> Wrapped:
+        """The iteration as a native function."""
+        return Wrapped(ctypes.cast(self._callback, ctypes.c_void_p).value or 0)
+
+    def _called(self, t: float, x: Any, fired: Any, data: Any, index: Any) -> int:
+        try:
+            return self._iterated(t, x, fired, data, index)
+        except BaseException as problem:  # it must not cross the native frames
+            self.callbacks.problem = problem
+            return -1
+
+    def _iterated(self, t: float, x: Any, fired: Any, data: Any, index: Any) -> int:
+        everything = np.ctypeslib.as_array(x, (self.n * (1 + self.count),))
+        numbers = np.ctypeslib.as_array(data, (self.size,))
+        held = numbers[self.shared.relations :][: self.shared.n_relations]
+        states, before = everything[: self.n].copy(), held.copy()
+        crossed = (
+            self.searched[np.ctypeslib.as_array(fired, (len(self.searched),)) != 0] if len(self.searched) else self.searched
+        )
+        starting, self.started = not self.started, True
+        f = np.zeros(self.n) if starting else self._rates(t, x, data, index)
+        code = int(self._update(t, x, fired, data, index))
+        if code < 0 or (code == 0 and not (starting and self.code.modes)):
+            return code
+        here = everything[self.n :].reshape(self.n, self.count).copy()
+        if starting:
+            delay = np.zeros(self.count)
+        else:
+            switched = self.timed[held[self.timed] != before[self.timed]]
+            delay = self._delay(t, numbers, states, before, f, crossed if len(crossed) else switched, here)
+        moved = here + np.outer(f, delay)
+        if code == 2 or self.code.modes:
+            moved = self._stepped(t, numbers, moved, delay, starting)
+            if self.code.modes:
+                self.tangents.note(t, self.discretes)
+                self.code.weigh(numbers, self.tangents.directions, self.discretes)
+        if not starting:
+            moved = moved - np.outer(self._rates(t, x, data, index), delay)
+        everything[self.n :] = moved.ravel()
+        return code
+
+    def _rates(self, t: float, x: Any, data: Any, index: Any) -> Floats:
+        """Derivatives of the states."""
+        out = (ctypes.c_double * (self.n * (1 + self.count)))()
+        if self._rhs(t, x, out, data, index) != 0:
+            raise SolverError(f"the right-hand side cannot be evaluated at an event, at t = {t:.9g} s")
+        return np.array(out[: self.n])
+
+    def _inputs(self, t: float) -> tuple[Floats, Floats]:
+        """Inputs, and their slopes before ``t``."""
+        count = len(self.events.program.inputs)
+        apart = INSTANT * max(abs(t), 1e-3)
+        found = values(self.run.signals, np.array([t, t - apart, t - 2.0 * apart]), count)
+        return found[:, :1], (3.0 * found[:, 0] - 4.0 * found[:, 1] + found[:, 2]) / (2.0 * apart)
+
+    def _varied(
+        self, t: float, numbers: Floats, states: Floats, modes: Floats, moved: Floats, delay: Floats, discretes: Floats
+    ) -> Floats:
+        """How what events compute changes, shape (wanted slots, directions + 1), where states, time and discrete variables do.
+
+        The last column belongs to ``moved`` and ``delay`` alone: no parameter changes along it.
+        """
+        inputs, slopes = self._inputs(t)
+        now = np.array([t])
+        slots = evaluate(self.prepared, now, states[:, None], inputs, modes[:, None], self._guess(numbers))
+        driven = np.outer(slopes, delay)
+        weights = np.concatenate([moved.ravel(), self.tangents.directions.weights, delay, driven.ravel(), discretes.ravel()])
+        found: Floats = dense(self.plan, entries(self.plan, At(self.prepared, now, slots, modes[:, None]), weights))[0]
+        return found
+
+    def _guess(self, numbers: Floats) -> Floats:
+        """Where iterations start: on the branch that the run is on."""
+        found = np.zeros(self.events.program.n_slots)
+        here, there = self.shared_slots
+        found[: len(self.first_guess)] = self.first_guess
+        found[there] = numbers[self.code.native.rhs.layout.slots + here]
+        return found
+
+    def _delay(
+        self, t: float, numbers: Floats, states: Floats, modes: Floats, f: Floats, crossed: Integers, here: Floats
+    ) -> Floats:
+        """dt_e/dp of the event at which some relations have changed, shape (directions,)."""
+        rows = np.flatnonzero(np.isin(self.events.functions[:, 0], crossed))
+        if not len(rows):
+            return np.zeros(self.count)
+        moved = np.column_stack([here, f])
+        along = np.append(np.zeros(self.count), 1.0)
+        found = self._varied(t, numbers, states, modes, moved, along, self.discretes)[rows]
+        slopes, change = found[:, -1], found[:, :-1]
+        first = int(np.argmax(np.abs(slopes)))
+        if not change[first].any():
+            return np.zeros(self.count)
+        delay = -change[first] / slopes[first] if slopes[first] else np.full(self.count, np.nan)
+        if not np.isfinite(delay).all():
+            name = self.run.scene.relation_names[int(self.events.functions[rows[first], 0])]
+            raise SolverError(
+                f"there are no sensitivities after t = {t:.9g} s: the event function of {name} touches zero there without crossing it, "
+                "and whether there is an event depends on the parameters"
+            )
+        return delay
+
+    def _stepped(self, t: float, numbers: Floats, moved: Floats, delay: Floats, starting: bool) -> Floats:
+        """Tangents of the states after the steps that the event iteration noted; those of discrete variables are set."""
+        at, n_modes = self.code.native.noted_steps, self.shared.n_relations
+        count = int(numbers[at])
+        if count > MOST_STEPS:
+            raise SolverError(
+                f"an event at t = {t:.9g} s gives states new values {count} times; sensitivities follow {MOST_STEPS}"
+            )
+        functions, d = len(self.events.functions), len(self.events.discretes)
+        along, moved = np.append(delay, 0.0), np.column_stack([moved, np.zeros(self.n)])
+        for row in numbers[at + 1 :][: count * (n_modes + self.n)].reshape(count, -1):
+            modes, states = row[:n_modes].copy(), row[n_modes:]
+            if starting and len(self.run.scene.model.discretes):
+                modes[-1] = 1.0  # initial()
+            for _ in range(MOST_PASSES):
+                found = self._varied(t, numbers, states, modes, moved, along, self.discretes)
+                new = self.discretes.copy()
+                new[self.set_modes] = found[functions + self.setting, :-1]
+                settled, self.discretes = bool((new == self.discretes).all()), new
+                if settled:
+                    break
+            moved = moved.copy()
+            moved[self.events.reinits[:, 0]] = found[functions + d :]
+            self.discretes = self.discretes.copy()
+            self.discretes[self.before_modes] = self.discretes[self.after_modes]
+        return moved[:, :-1]

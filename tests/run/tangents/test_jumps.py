@@ -1,0 +1,209 @@
+"""Sensitivities through events: tangents jump where the time of an event, or what it does, depends on the parameter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import SolverError
+from tests.benchmarks.equations import BacklashPair
+from tests.run.tangents.other_runs import against_other_runs, off
+
+c = gl.connect
+METHODS = ["rk5", "rk8", "ida"]
+
+
+class Switched(gl.Component):
+    """x' = a from the time t_0 on."""
+
+    a = gl.Parameter("1/s", default=2.0)
+    t_0 = gl.Parameter("s", default=0.5)
+    x = gl.Variable("1", start=1.0)
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(gl.der(self.x), gl.Piecewise((self.a, gl.time >= self.t_0), (0.0, True)))]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_of_the_time_of_a_switch(method: str) -> None:
+    run = gl.compile(Switched()).simulate(1.2, samples=7, rtol=1e-9, method=method, sensitivities=["t_0", "a", "start(x)"])
+    late = run.time > 0.5
+    assert np.allclose(run.sensitivity("x", "t_0"), np.where(late, -2.0, 0.0), atol=1e-12)
+    assert np.allclose(run.sensitivity("x", "a"), np.maximum(run.time - 0.5, 0.0), atol=1e-9)
+    assert np.allclose(run.sensitivity("x", "start(x)"), 1.0)
+
+
+class Ball(gl.Component):
+    """Falls on a floor at h = 0, bounces with the restitution e, and remembers how fast it came."""
+
+    e = gl.Parameter("1", "restitution", default=0.8)
+    g = gl.Parameter("m/s2", "gravity", default=9.81)
+    h = gl.Variable("m", "height", start=1.0)
+    v = gl.Variable("m/s", "speed", start=0.0)
+    above = gl.Variable("m/s", "speed above the last impact's")
+    impact = gl.Discrete("speed of the last impact")
+    bounces = gl.Discrete("how often it touched the floor")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.h), self.v),
+            gl.Eq(gl.der(self.v), -self.g),
+            gl.Eq(self.above, self.v - self.impact),
+            gl.When(
+                self.h < 0,
+                gl.reinit(self.v, -self.e * self.v),
+                gl.Eq(self.impact, self.v),
+                gl.Eq(self.bounces, gl.pre(self.bounces) + 1),
+            ),
+        ]
+
+
+def bounced(t: Any, h: float, e: float, g: float) -> Any:
+    """Height and speed between the first impact and the second."""
+    first = np.sqrt(2 * h / g)
+    up = e * np.sqrt(2 * g * h)
+    return up * (t - first) - g * (t - first) ** 2 / 2, up - g * (t - first)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_of_a_ball_that_bounces(method: str) -> None:
+    run = gl.compile(Ball()).simulate(
+        0.9, times=[0.5, 0.7, 0.9], rtol=1e-9, method=method, sensitivities=["e", "g", "start(h)"]
+    )
+    at, tiny = [1.0, 0.8, 9.81], 1e-200
+    for place, name in enumerate(["start(h)", "e", "g"]):
+        numbers = [complex(x, tiny * (place == k)) for k, x in enumerate(at)]
+        h, v = bounced(run.time, *numbers)
+        assert off(run.sensitivity("h", name), h.imag / tiny) < 1e-7
+        assert off(run.sensitivity("v", name), v.imag / tiny) < 1e-7
+        speed = -np.sqrt(2 * numbers[2] * numbers[0])
+        if name != "e":
+            assert off(run.sensitivity("above", name), (v - speed).imag / tiny) < 1e-7
+
+
+def test_through_many_bounces() -> None:
+    run = against_other_runs(gl.compile(Ball()), ["e", "g", "start(h)"], ["h", "v", "above"], 1.5, step=1e-4)
+    assert run.stats["events"] == 4
+
+
+class Heated(gl.Component):
+    """Two-point control, with values that are held: the time and a state when it was switched off last."""
+
+    low, high = gl.Parameter("1", default=1.0), gl.Parameter("1", default=2.0)
+    k, power = gl.Parameter("1/s", default=1.0), gl.Parameter("1/s", default=3.0)
+    x, y = gl.Variable("1", start=0.5), gl.Variable("1", start=0.0)
+    on, held = gl.Discrete("on", start=1.0), gl.Discrete("what was held")
+
+    def equations(self) -> list[Any]:
+        switch = gl.Piecewise((0.0, self.x > self.high), (1.0, self.x < self.low), (gl.pre(self.on), True))
+        return [
+            gl.Eq(gl.der(self.x), -self.k * self.x + self.power * self.on),
+            gl.Eq(gl.der(self.y), self.k * (self.held - self.y)),
+            gl.Eq(self.on, switch),
+            gl.When(self.x > self.high, gl.Eq(self.held, gl.time * self.k + self.y)),
+        ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_of_what_discrete_variables_hold(method: str) -> None:
+    names = ["low", "high", "k", "power", "start(x)"]
+    run = against_other_runs(gl.compile(Heated()), names, ["x", "y"], 3.0, by=method, step=1e-4)
+    assert run.stats["events"] > 10
+
+
+@pytest.mark.parametrize("by", ["auto", "ida"])
+def test_through_contacts(by: str) -> None:
+    """The gear pair M3 of the benchmarks, which loses contact some fifty times."""
+    system = gl.compile(BacklashPair(start={"w_1": 800.0, "w_2": 400.0}), outputs=["w_1", "F"])
+    run = against_other_runs(system, ["k", "d", "b", "J_1", "r_1"], ["w_1", "F"], 0.01, by=by, step=3e-5)
+    assert run.stats["events"] > 40
+
+
+class Shift(gl.Component):
+    """A planetary set that is shifted from a brake to a clutch, as Modelica's SimpleGearShift."""
+
+    t_shift = gl.Parameter("s", default=2.03)
+    torque = gl.Parameter("N.m", default=20.0)
+
+    def assemble(self) -> list[Any]:
+        t = gl.time
+        ramp = gl.Piecewise((0.0, t < self.t_shift), ((t - self.t_shift) / 0.1, t < self.t_shift + 0.1), (1.0, True))
+        self.drive = gp.Torque(tau=gl.Piecewise((self.torque, t >= 0.5), (0.0, True)))
+        self.engine, self.load = gp.Inertia(J=1), gp.Inertia(J=10, start={"phi": 0, "w": 0})
+        self.planetary = gp.IdealPlanetary(ratio=1.5)
+        self.clutch = gp.Clutch(cgeo=2, fn_max=100, f_normalized=ramp, start={"phi_rel": 0, "w_rel": 0})
+        self.brake = gp.Brake(cgeo=2, fn_max=100, f_normalized=1 - ramp)
+        self.drag = gp.QuadraticSpeedDependentTorque(tau_nominal=-20, w_nominal=10.5)
+        return [
+            c(self.drive.flange, self.engine.flange_a), c(self.engine.flange_b, self.planetary.sun),
+            c(self.engine.flange_b, self.clutch.flange_a), c(self.planetary.ring, self.clutch.flange_b),
+            c(self.planetary.ring, self.brake.flange_a), c(self.planetary.carrier, self.load.flange_a),
+            c(self.load.flange_b, self.drag.flange),
+        ]  # fmt: skip
+
+
+def test_through_a_clutch_shift() -> None:
+    names = ["t_shift", "engine.J", "planetary.ratio", "clutch.fn_max"]
+    run = against_other_runs(gl.compile(Shift()), names, ["load.w", "engine.w", "clutch.tau"], 4.0, samples=9)
+    assert run.stats["events"] >= 6
+
+
+def test_the_tangent_of_a_speed_vanishes_where_a_brake_holds_it() -> None:
+    class Braked(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.wheel, self.brake = gp.Inertia(J=2.0, start={"w": 3.0}), gp.Brake(fn_max=10.0, f_normalized=1.0)
+            return [c(self.wheel.flange_b, self.brake.flange_a)]
+
+    system = gl.compile(Braked(), outputs=["wheel.w", "wheel.phi"])
+    run = system.simulate(2.0, samples=21, rtol=1e-9, sensitivities=["wheel.J", "start(wheel.w)"])
+    stopped = 2.0 * 3.0 / 5.0  # mue = 0.5
+    for name, turned, slowing in (("wheel.J", 3.0**2 / 10.0, 2.5 / 2.0), ("start(wheel.w)", 2.0 * 3.0 / 5.0, 1.0)):
+        late = run.time > stopped
+        assert abs(run.sensitivity("wheel.w", name)[late]).max() < 1e-9
+        right = run.time * slowing if name == "wheel.J" else np.full(21, slowing)
+        assert np.allclose(run.sensitivity("wheel.w", name)[~late], right[~late], atol=1e-8)
+        assert np.allclose(run.sensitivity("wheel.phi", name)[late], turned, atol=1e-7)
+
+
+def test_of_an_event_that_ends_a_motion() -> None:
+    class Ending(gl.Component):
+        a = gl.Parameter("1", default=1.0)
+        k = gl.Parameter("1/s", default=1.0)
+        x, y = gl.Variable("1", start=0.0), gl.Variable("1", start=0.0)
+
+        def equations(self) -> list[gl.Eq]:
+            inside = self.k * gl.Piecewise((1.0, self.x < self.a), (0.0, True))
+            return [gl.Eq(gl.der(self.x), inside), gl.Eq(gl.der(self.y), inside)]
+
+    run = gl.compile(Ending()).simulate(3.0, samples=4, rtol=1e-9, sensitivities=["a", "k"])
+    assert np.allclose(run.sensitivity("y", "a"), [0.0, 1.0, 1.0, 1.0], atol=1e-9)  # x stays at a
+    assert np.allclose(run.sensitivity("y", "k")[2:], 0.0, atol=1e-9)
+
+
+def test_states_that_end_on_the_way_are_refused() -> None:
+    class Pendulum(gl.Component):
+        """A point on a circle, in Cartesian coordinates."""
+
+        length = gl.Parameter("m", default=1.0)
+        x, y = gl.Variable("m", start=0.6), gl.Variable("m")
+        vx, vy = gl.Variable("m/s"), gl.Variable("m/s")
+        F = gl.Variable("N/(kg.m)")
+
+        def equations(self) -> list[gl.Eq]:
+            return [
+                gl.Eq(gl.der(self.x), self.vx),
+                gl.Eq(gl.der(self.y), self.vy),
+                gl.Eq(gl.der(self.vx), -self.F * self.x),
+                gl.Eq(gl.der(self.vy), -self.F * self.y - 9.81),
+                gl.Eq(self.x**2 + self.y**2, self.length**2),
+            ]
+
+    system = gl.compile(Pendulum(guess={"y": -0.8}))
+    if "x" not in system.states:
+        pytest.fail(f"the states are {system.states}")
+    with pytest.raises(SolverError, match="there are no sensitivities after t ="):
+        system.simulate(20.0, samples=3, start={"vx": 8.0}, sensitivities=["length"])
