@@ -181,7 +181,7 @@ def derivative_plan(
     (1, 1)
     """
     slots = np.arange(program.n_slots) if wanted is None else np.fromiter(wanted, np.int64)
-    held = Held.of(program, [slot for slot, _ in entering])
+    held = HeldPlaces.of(program, [slot for slot, _ in entering])
     entering = [(held.place(slot), seed) for slot, seed in entering]
     n_given = len(program.states) + len(program.inputs)
     computed = any(n_given <= slot < program.n_slots for slot, _ in entering)
@@ -213,7 +213,7 @@ def derivative_plan(
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldPlaces:
     """Where what is held during an evaluation stands behind the slots: parameters, the discrete state, time.
 
     Attributes
@@ -228,7 +228,7 @@ class Held:
     entered: tuple[bool, bool, bool]  # at parameters, the discrete state, time
 
     @classmethod
-    def of(cls, program: Program, slots: Sequence[int]) -> Held:
+    def of(cls, program: Program, slots: Sequence[int]) -> HeldPlaces:
         """What is needed where seeds enter at some slots."""
         n = program.n_slots
         entered = any(s >= n for s in slots), any(s < TIME for s in slots), TIME in slots
@@ -259,7 +259,9 @@ class Held:
 class _Rows:
     """The entries made so far: of each slot, and behind these of what is held, its first entry and how many it has."""
 
-    def __init__(self, program: Program, held: Held, entering: Sequence[Entering], n_known: int, n_seeds: int | None) -> None:
+    def __init__(
+        self, program: Program, held: HeldPlaces, entering: Sequence[Entering], n_known: int, n_seeds: int | None
+    ) -> None:
         self.n_slots, self.held = program.n_slots, held
         slots, seeds = np.array(entering, np.int64).reshape(-1, 2).T
         self.n_seeds = n_seeds if n_seeds is not None else int(seeds.max(initial=-1)) + 1

@@ -123,7 +123,9 @@ def entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floa
 def all_entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floats:
     """The entries of all slots that a plan makes on its way, shape (entries, times)."""
     numbers = np.zeros((plan.n_entries, len(at.t)))
-    numbers[1 : 1 + len(plan.order)] = 1.0 if weights is None else weights[plan.order].reshape(len(plan.order), -1)
+    if weights is not None and weights.ndim == 1:
+        weights = weights[:, None]
+    numbers[1 : 1 + len(plan.order)] = 1.0 if weights is None else weights[plan.order]
     for step in plan.steps:
         if isinstance(step, Sums):
             numbers[step.to] = sums_of_products(step, factor_values(step, at), numbers)

@@ -27,7 +27,7 @@ from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.tangents.asked import directions
-from gearlib.run.tangents.tangents import Tangents, start_tangents
+from gearlib.run.tangents.tangents import Tangents
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import Table, values
 
@@ -53,7 +53,10 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     if earlier:
         begin = earlier[0].moment(scene, earlier[1])
     else:
-        begin = translation.start(scene, parameters, float(grid[0]), asked.start, signals, discrete=True)
+        varied = asked.directions
+        seeds = None if varied is None else varied.seeds
+        own_seeds = () if varied is None else varied.starts
+        begin = translation.start(scene, parameters, float(grid[0]), asked.start, signals, True, seeds, own_seeds)
         refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
     absolute = absolute_tolerance(asked.atol, len(scene.states))
     first = Run(
@@ -61,7 +64,8 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         backend=asked.backend,
     )  # fmt: skip
     if asked.directions is not None:
-        first = replace(first, tangents=Tangents(asked.directions, start_tangents(scene, begin, asked.directions)))
+        assert begin.changes is not None, "they were asked for"
+        first = replace(first, tangents=Tangents(asked.directions, begin.changes))
     if asked.progress:
         print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
     if translation.controllers:

@@ -22,6 +22,7 @@ from gearlib.run.scene import Scene, modes_at_start, node_name
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
+Seed = tuple[int, int, float]  # what changes, with which seed, and how much
 ROUNDING = 1e-10  # of the terms of a start value: what it may miss, as values that another program computed or printed do
 NOTHING = 1e-12  # the most that computing start values leaves where zero is right
 LEAST = 1e-11  # of a variable's nominal value: a start value up to that stands for zero, as rounding of angles of some radians leaves it
@@ -104,7 +105,7 @@ def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
 
 def start_values(
     scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float], discretes: Floats | None = None,
-    seeds: Sequence[tuple[int, int, float]] | None = None,
+    seeds: Sequence[Seed] | None = None, own_seeds: Sequence[Seed] = (),
 ) -> Start:  # fmt: skip
     """Find the start of a run.
 
@@ -121,6 +122,8 @@ def start_values(
         Start values of all discrete variables, instead of the model's.
     seeds : sequence of (parameter, seed, weight), optional
         How parameters change with seeds, as `ParameterTable.derivatives` returns it: the start's ``changes`` are found, too.
+    own_seeds : sequence of (variable, seed, sign), optional
+        Start values that are seeds themselves, of representative variables.
 
     Raises
     ------
@@ -133,7 +136,7 @@ def start_values(
     variables, orders = scene.everything
     if not overrides and scene.unfixed is not None and _agree(model, parameters, guess):
         x = np.where(orders == 0, guess[variables], 0.0)
-        moved = None if seeds is None else _Change.of_guess(scene, seeds, overrides).states[scene.places]
+        moved = None if seeds is None else _Change.of_guess(scene, seeds, overrides, own_seeds).states[scene.places]
         return Start(x[scene.places], guess, scene.unfixed, changes=moved)
     fixed = fixed_values(model, parameters, overrides)
     for v, (value, _) in fixed.items():
@@ -144,7 +147,7 @@ def start_values(
     others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]
     free = [i for i in range(len(everything)) if i not in direct]
     settled = set(direct)
-    change = None if seeds is None else _Change.of_guess(scene, seeds, overrides)
+    change = None if seeds is None else _Change.of_guess(scene, seeds, overrides, own_seeds)
     if others:
         own = {int(model.representative[v]) for v in overrides}
         settled |= _satisfy(structure, scene, parameters, inputs, t, x, guess, others, fixed, free, own, discretes, change)
@@ -160,21 +163,23 @@ class _Change:
     ``states`` that of all states, (states, seeds).
     """
 
-    seeds: Sequence[tuple[int, int, float]]
+    seeds: Sequence[Seed]
     given: Floats
     states: Floats
 
     @classmethod
-    def of_guess(cls, scene: Scene, seeds: Sequence[tuple[int, int, float]], overrides: Collection[int]) -> _Change:
+    def of_guess(cls, scene: Scene, seeds: Sequence[Seed], overrides: Collection[int], own: Sequence[Seed] = ()) -> _Change:
         """Where nothing has to be solved; start values of a run are numbers, which follow from no parameter."""
         model = scene.model
-        table = np.zeros((len(model.parameters.names), 1 + max(k for _, k, _ in seeds)))
+        table = np.zeros((len(model.parameters.names), 1 + max(k for _, k, _ in (*seeds, *own))))
         for p, k, weight in seeds:
             table[p, k] = weight
         representatives, signs, slots = model.guessed
         given = np.zeros((model.n_variables, table.shape[1]))
         given[representatives] = signs[:, None] * table[slots]
         given[[int(model.representative[v]) for v in overrides]] = 0.0
+        for v, k, sign in own:
+            given[v, k] = sign
         variables, orders = scene.everything
         return cls(seeds, given, np.where(orders[:, None] == 0, given[variables], 0.0))
 

@@ -24,7 +24,7 @@ from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
 from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
-from gearlib.run.start_values import Start, start_values, start_variable
+from gearlib.run.start_values import Seed, Start, start_values, start_variable
 from gearlib.run.steady import steady_changes, steady_state
 from gearlib.run.zeros import Sums, can_be_solved, factors, special_values, sums
 from gearlib.solvers.inputs.table import FunctionInput, Table, as_table, values
@@ -361,7 +361,7 @@ class Translation:
 
     def start(
         self, scene: Scene, parameters: Floats, t: float, start: Any, signals: Sequence[Any], discrete: bool = False,
-        seeds: Sequence[tuple[int, int, float]] | None = None,
+        seeds: Sequence[Seed] | None = None, own_seeds: Sequence[Seed] = (),
     ) -> Start:  # fmt: skip
         """Start values of a scene.
 
@@ -377,8 +377,9 @@ class Translation:
             As `input_signals` gives them.
         discrete : bool
             Whether start values of discrete variables may be given, too.
-        seeds : sequence of (parameter, seed, weight), optional
-            How parameters change with seeds, as `ParameterTable.derivatives` returns it: the start's ``changes`` are found, too.
+        seeds, own_seeds : sequences of (parameter or variable, seed, weight), optional
+            How parameters change with seeds, and which start values are seeds, as for `start_values`: the start's ``changes`` are
+            found, too.
 
         Raises
         ------
@@ -400,7 +401,7 @@ class Translation:
                     overrides[start_variable(self.model, name)] = real(f"start of {name}", value)
         inputs = values(signals, np.array([t]))[:, 0]
         inputs = np.concatenate([inputs, np.zeros(len(scene.program.inputs) - len(inputs))])
-        begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds)
+        begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds, own_seeds)
         if start == "steady":
             numbers = scene.prepared(parameters)
             steady = steady_state(scene, numbers, begin, inputs, t)

@@ -16,7 +16,7 @@ from gearlib.native.scene_functions import NativeScene
 from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
 from gearlib.run.scene import Scene, settle_once
-from gearlib.run.tangents.jumps import EventTangents
+from gearlib.run.tangents.event_tangents import EventTangents
 from gearlib.run.tangents.tangents import tangent_code
 from gearlib.solvers.inputs.callback import Callbacks, with_callbacks
 from gearlib.solvers.inputs.table import Table, breakpoints, values

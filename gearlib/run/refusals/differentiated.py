@@ -31,7 +31,3 @@ def refuse_tangents(translation: Translation, form: str, start: Any) -> None:
             "sensitivities are those of a whole run: a run that goes on from a result does not know how its start changes; "
             "begin at the beginning, or give start values: start={'load.w': ...}"
         )
-    if isinstance(start, str):
-        raise ArgumentError(
-            f"start={start!r} with sensitivities: how a steady state changes is not computed; give start values"
-        )

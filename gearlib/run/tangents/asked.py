@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import name_list
 from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
+from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Structural
 from gearlib.run.start_values import start_variable
 from gearlib.run.tangents.directions import TangentDirections
@@ -47,7 +48,7 @@ def directions(
     if twice is not None:
         raise ArgumentError(f"sensitivities names {twice!r} twice")
     model, table = translation.model, translation.model.parameters
-    seeds: list[int] = []
+    paths: list[str] = []
     columns: list[int] = []
     starts: list[tuple[int, int, int]] = []
     sizes = np.ones(len(chosen))
@@ -57,27 +58,24 @@ def directions(
             rep, sign = int(model.representative[v]), int(model.sign[v])
             if sign == 0:
                 raise ArgumentError(f"sensitivities names {name!r}, and {name[6:-1]} is always zero")
+            if not (
+                _starts_by_itself(translation, rep)
+                or (isinstance(start, Mapping) and any(rep == _start(model, n) for n in start))
+            ):
+                raise ArgumentError(
+                    f"sensitivities names {name!r}, and {name[6:-1]} has no start value: it follows from those of the states. Give it one: "
+                    f"start={{{name[6:-1]!r}: ...}}"
+                )
             starts.append((rep, k, sign))
             sizes[k] = model.nominal[rep]
             continue
-        seeds.append(_parameter(translation, name))
+        sizes[k] = abs(parameters[_parameter(translation, name)]) or 1.0
+        paths.append(name)
         columns.append(k)
-        sizes[k] = abs(parameters[seeds[-1]]) or 1.0
-    fixed = [table.index[name] for name in given if name in table.index]
-    moved = [(p, columns[c], weight) for p, c, weight in table.derivatives(parameters, seeds, fixed) if weight != 0.0]
-    put_in = {p for p, _ in translation.put_in}
-    for p, k, _ in moved:
-        if p in put_in:
-            raise ArgumentError(
-                f"sensitivities names {chosen[k]!r}, and {table.names[p]} = {parameters[p]:g} is put into the equations, which are others "
-                "where it is another number: there is no derivative with respect to it; give it a small number"
-            )
-    own = start if isinstance(start, Mapping) else {}
-    overridden = frozenset(int(model.representative[v]) for v in map(model.find, own) if v is not None)
-    return TangentDirections(
-        tuple(chosen), tuple((p, k) for p, k, _ in moved), np.array([weight for *_, weight in moved]), tuple(starts), overridden,
-        sizes,
-    )  # fmt: skip
+    changes = translation.parameter_changes(paths, parameters, [name for name in given if name in table.index]) if paths else []
+    moved = [(p, columns[c], weight) for p, c, weight in changes if weight != 0.0]
+    pairs = tuple((p, k) for p, k, _ in moved)
+    return TangentDirections(tuple(chosen), pairs, np.array([weight for *_, weight in moved]), tuple(starts), sizes)
 
 
 def _parameter(translation: Translation, name: str) -> int:
@@ -101,6 +99,17 @@ def _parameter(translation: Translation, name: str) -> int:
         )
         raise NameLookupError(f"sensitivities names {name!r}, {what}")
     raise NameLookupError(f"the model has no parameter {name!r} to differentiate with respect to; {nearest(name, valid)}")
+
+
+def _start(model: FlatModel, name: str) -> int:
+    """The representative of the variable that a start value was given for; -1 of a discrete one."""
+    v = model.find(name)
+    return -1 if v is None else int(model.representative[v])
+
+
+def _starts_by_itself(translation: Translation, variable: int) -> bool:
+    """Whether the start value of a representative is fixed, or is that of a state."""
+    return (variable, 0) in translation.structure.states or variable in translation.model.fixed[0]
 
 
 def _is_choice(translation: Translation, name: str) -> bool:

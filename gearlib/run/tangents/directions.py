@@ -26,8 +26,6 @@ class TangentDirections:
         how much each changes with one unit of the column's.
     starts : tuple of (variable, column, sign)
         Start values that are a column themselves: of representative variables.
-    given : frozenset of int
-        Representative variables whose start values were given for the run, so that no parameter changes them.
     sizes : array
         Typical size of each, in its unit.
     """
@@ -36,11 +34,15 @@ class TangentDirections:
     entries: tuple[Entry, ...]
     weights: Floats
     starts: tuple[tuple[int, int, int], ...]
-    given: frozenset[int]
     sizes: Floats
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def seeds(self) -> list[tuple[int, int, float]]:
+        """How the parameter table changes: (parameter, column, weight)."""
+        return [(p, k, weight) for (p, k), weight in zip(self.entries, self.weights.tolist(), strict=True)]
 
     @cached_property
     def place(self) -> dict[str, int]:

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.errors import ArgumentError
 from gearlib.native.jacobian import inverted_blocks
 from gearlib.native.scene_functions import NativeScene
 from gearlib.program.derivative_plan import DerivativePlan, derivative_plan, mode
@@ -25,7 +24,6 @@ from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import Prepared, block_solve
 from gearlib.program.program import Batch, Program
 from gearlib.run.scene import Scene
-from gearlib.run.start_values import Start
 from gearlib.run.tangents.directions import Entry, TangentDirections
 
 Floats = NDArray[np.float64]
@@ -193,28 +191,3 @@ def tangent_plan(
     entering += [(program.n_slots + p, k) for p, k in changed]
     entering += [(mode(m), k) for m in modes for k in range(count)]
     return derivative_plan(program, entering, wanted, count)
-
-
-def start_tangents(scene: Scene, start: Start, directions: TangentDirections) -> Floats:
-    """Tangents of a scene's states at the start, shape (states, directions)."""
-    model = scene.model
-    guess = np.zeros((model.n_variables, len(directions)))
-    table = np.zeros((len(model.parameters.names), len(directions)))
-    for (p, k), weight in zip(directions.entries, directions.weights.tolist(), strict=True):
-        table[p, k] = weight
-    representatives, signs, slots = model.guessed
-    for v, sign, p in zip(representatives.tolist(), signs.tolist(), slots.tolist(), strict=True):
-        if v not in directions.given:
-            guess[v] = sign * table[p]
-    for v, k, sign in directions.starts:
-        guess[v, k] = sign
-    states = {v for v, order in scene.structure.states if order == 0}
-    for v in {*model.fixed[0].tolist(), *(v for v, *_ in directions.starts)} - states:
-        if (v, 0) in scene.structure.choice.solved_by and guess[v].any():
-            raise ArgumentError(
-                f"sensitivities: the start value of {model.name(v)}, which is no state, changes, and how the states' start values follow "
-                "is not computed yet; give start values of states"
-            )
-    return np.array([guess[v] if order == 0 else np.zeros(len(directions)) for v, order in scene.states]).reshape(
-        len(scene.states), len(directions)
-    )

@@ -57,7 +57,7 @@ def test_of_a_decay(method: str) -> None:
 def test_of_what_is_bound_to_a_parameter(chain: Callable[..., gl.System], parameter: str) -> None:
     against_other_runs(
         chain(grounded=True),
-        parameter,
+        [parameter],
         ["body[3].w", "shaft[0].tau", "der(body[0].w)"],
         2.0,
         "exact",
@@ -228,5 +228,55 @@ def test_requests_that_are_refused(chain: Callable[..., gl.System]) -> None:
         system.simulate(1.0, method="exact", **asked)  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="a run that goes on"):
         system.simulate(2.0, start=system.simulate(1.0, inputs={"torque.tau": 1.0}), sensitivities=["c"])
-    with pytest.raises(ArgumentError, match="steady"):
-        system.simulate(2.0, start="steady", **asked)  # type: ignore[arg-type]
+
+
+def test_of_a_start_that_follows_from_others() -> None:
+    """Start values of a variable that is no state: the states' follow from it, and from parameters on the way."""
+
+    class Geared(gl.Component):
+        ratio = gl.Parameter("1", default=4.0)
+        w_0 = gl.Parameter("rad/s", default=3.0)
+
+        def assemble(self) -> list[Any]:
+            self.motor, self.gear, self.load = (
+                gp.Inertia(J=0.1, start={"w": self.w_0}),
+                gp.IdealGear(ratio=self.ratio),
+                gp.Inertia(J=5.0),
+            )
+            self.drag = gp.QuadraticSpeedDependentTorque(tau_nominal=-2.0, w_nominal=1.0)
+            return [
+                c(self.motor.flange_b, self.gear.flange_a),
+                c(self.gear.flange_b, self.load.flange_a),
+                c(self.load.flange_b, self.drag.flange),
+            ]
+
+    system = gl.compile(Geared(), outputs=["load.w", "motor.w"])
+    against_other_runs(system, ["ratio", "w_0", "start(motor.w)"], ["load.w", "motor.w"], 1.0)
+
+
+def test_of_a_start_value_that_there_is_not(chain: Callable[..., gl.System]) -> None:
+    system = chain(grounded=True)
+    asked = {"inputs": {"torque.tau": 1.0}, "samples": 5, "rtol": 1e-10}
+    free = next(f"body[{i}].phi" for i in range(4) if f"body[{i}].phi" not in system.states)
+    with pytest.raises(ArgumentError, match="has no start value: it follows from those of the states"):
+        system.simulate(1.0, sensitivities=[f"start({free})"], **asked)
+    run = system.simulate(1.0, start={free: 0.2}, sensitivities=[f"start({free})"], **asked)
+    assert run.sensitivity(free, f"start({free})")[0] == pytest.approx(1.0)
+    apart = [system.simulate(1.0, start={free: 0.2 + d}, **asked)["body[3].w"] for d in (-0.1, 0.1)]
+    assert np.allclose(run.sensitivity("body[3].w", f"start({free})"), (apart[1] - apart[0]) / 0.2, atol=1e-8)
+
+
+def test_of_a_run_that_begins_in_a_steady_state() -> None:
+    class Fan(gl.Component):
+        tau = gl.Parameter("N.m", default=8.0)
+
+        def assemble(self) -> list[Any]:
+            t = gl.time
+            self.torque = gp.Torque(tau=self.tau * (1 + gl.Piecewise((gl.sin(t), t > 0), (0.0, True))))
+            self.body, self.fan = gp.Inertia(J=0.5), gp.QuadraticSpeedDependentTorque(tau_nominal=-2.0, w_nominal=1.0)
+            return [c(self.torque.flange, self.body.flange_a), c(self.body.flange_b, self.fan.flange)]
+
+    run = against_other_runs(
+        gl.compile(Fan(), outputs=["body.w"]), ["tau", "body.J", "fan.tau_nominal"], ["body.w"], 1.0, start="steady"
+    )
+    assert run.sensitivity("body.w", "tau")[0] == pytest.approx(0.5 / np.sqrt(2.0 * 8.0), rel=1e-8)
