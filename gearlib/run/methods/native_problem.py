@@ -43,6 +43,8 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
     data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
     if code is not None and tangents is not None:
+        if run.slots is None:  # it begins
+            tangents.noted.clear()
         code.fill(data, tangents.directions, run.numbers.main, tangents.discretes(code.modes))
         atol = None if run.atol is None else np.append(run.atol, tangents.spread(run.atol))
         nominal = np.append(scene.nominal, tangents.spread(scene.nominal))
