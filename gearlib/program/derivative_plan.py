@@ -181,15 +181,15 @@ def derivative_plan(
     (1, 1)
     """
     slots = np.arange(program.n_slots) if wanted is None else np.fromiter(wanted, np.int64)
-    held = HeldPlaces.of(program, [slot for slot, _ in entering])
-    entering = [(held.place(slot), seed) for slot, seed in entering]
+    places = _places(program, [slot for slot, _ in entering])
+    entering = [(_place(places, slot), seed) for slot, seed in entering]
     n_given = len(program.states) + len(program.inputs)
     computed = any(n_given <= slot < program.n_slots for slot, _ in entering)
     makers, rows_made = _made_by(program) if computed else (_NONE, _NONE)
     known = [(k, slot) for k, (slot, _) in enumerate(entering) if not n_given <= slot < program.n_slots]
     order = [k for k, _ in sorted(known, key=lambda pair: pair[1])]
     order += sorted(set(range(len(entering))) - set(order))
-    rows = _Rows(program, held, [entering[k] for k in order], len(known), n_seeds)
+    rows = _Rows(program, places, [entering[k] for k in order], len(known), n_seeds)
     added: dict[int, list[tuple[int, int]]] = {}  # of each step: row, entry
     for entry, k in enumerate(order[len(known) :], 1 + len(known)):
         slot = entering[k][0]
@@ -212,60 +212,51 @@ def derivative_plan(
     )
 
 
-@dataclass(frozen=True)
-class HeldPlaces:
-    """Where what is held during an evaluation stands behind the slots: parameters, the discrete state, time.
+Places = tuple[
+    int, int, int, tuple[bool, bool, bool]
+]  # behind the slots: the first parameter, the first entry of the discrete state,
+# time; and at which of these seeds enter
 
-    Attributes
-    ----------
-    parameters, modes, time : int
-        The first of each.
-    """
 
-    parameters: int
-    modes: int
-    time: int
-    entered: tuple[bool, bool, bool]  # at parameters, the discrete state, time
+def _places(program: Program, slots: Sequence[int]) -> Places:
+    """Where what is held during an evaluation stands behind the slots, where seeds enter at some slots."""
+    n = program.n_slots
+    entered = any(s >= n for s in slots), any(s < TIME for s in slots), TIME in slots
+    if not any(entered):
+        return n, n, n, entered
+    batches = list(_batches(program.steps))
+    modes = 1 + max([n - 1, *slots, *(n + int(b.parameters.max(initial=-1)) for b in batches)])
+    most = max([-1, *(TIME - 1 - s for s in slots), *(int(b.relations.max(initial=-1)) for b in batches)])
+    return n, modes, modes + 1 + most, entered
 
-    @classmethod
-    def of(cls, program: Program, slots: Sequence[int]) -> HeldPlaces:
-        """What is needed where seeds enter at some slots."""
-        n = program.n_slots
-        entered = any(s >= n for s in slots), any(s < TIME for s in slots), TIME in slots
-        if not any(entered):
-            return cls(n, n, n, entered)
-        batches = list(_batches(program.steps))
-        modes = 1 + max([n - 1, *slots, *(n + int(b.parameters.max(initial=-1)) for b in batches)])
-        most = max([-1, *(TIME - 1 - s for s in slots), *(int(b.relations.max(initial=-1)) for b in batches)])
-        return cls(n, modes, modes + 1 + most, entered)
 
-    def place(self, slot: int) -> int:
-        """Where a slot, or what stands for one, is counted."""
-        if slot >= 0:
-            return slot
-        return self.time if slot == TIME else self.modes + TIME - 1 - slot
+def _place(places: Places, slot: int) -> int:
+    """Where a slot, or what stands for one, is counted."""
+    _, modes, time, _ = places
+    return slot if slot >= 0 else time if slot == TIME else modes + TIME - 1 - slot
 
-    def parts(self, batch: Batch) -> Iterator[tuple[Integers, Callable[[], Batch]]]:
-        """What a batch holds that seeds may enter at: the place for each row, and the derivatives with respect to it."""
-        parameters, modes, time = self.entered
-        for q in range(batch.parameters.shape[1] if parameters else 0):
-            yield self.parameters + batch.parameters[:, q], partial(batch.parameter_derivative, q)
-        for q in range(batch.relations.shape[1] if modes else 0):
-            yield self.modes + batch.relations[:, q], partial(batch.mode_derivative, q)
-        if time and batch.kernel.on_time:
-            yield np.full(len(batch), self.time), batch.time_derivative
+
+def _held(places: Places, batch: Batch) -> Iterator[tuple[Integers, Callable[[], Batch]]]:
+    """What a batch holds that seeds may enter at: the place for each row, and the derivatives with respect to it."""
+    parameters, modes, time, entered = places
+    for q in range(batch.parameters.shape[1] if entered[0] else 0):
+        yield parameters + batch.parameters[:, q], partial(batch.parameter_derivative, q)
+    for q in range(batch.relations.shape[1] if entered[1] else 0):
+        yield modes + batch.relations[:, q], partial(batch.mode_derivative, q)
+    if entered[2] and batch.kernel.on_time:
+        yield np.full(len(batch), time), batch.time_derivative
 
 
 class _Rows:
     """The entries made so far: of each slot, and behind these of what is held, its first entry and how many it has."""
 
     def __init__(
-        self, program: Program, held: HeldPlaces, entering: Sequence[Entering], n_known: int, n_seeds: int | None
+        self, program: Program, places: Places, entering: Sequence[Entering], n_known: int, n_seeds: int | None
     ) -> None:
-        self.n_slots, self.held = program.n_slots, held
+        self.n_slots, self.places = program.n_slots, places
         slots, seeds = np.array(entering, np.int64).reshape(-1, 2).T
         self.n_seeds = n_seeds if n_seeds is not None else int(seeds.max(initial=-1)) + 1
-        self.length = np.bincount(slots[:n_known], minlength=held.time + 1)
+        self.length = np.bincount(slots[:n_known], minlength=places[2] + 1)
         self.first = 1 + np.cumsum(self.length) - self.length
         self.count = 1 + len(slots)
         self._seeds = np.append(-1, seeds)
@@ -326,7 +317,7 @@ def _of_held(
     rows: _Rows, batch: Batch, to: Integers, use: NDArray[np.bool_], multiplied: Integers | None = None
 ) -> Iterator[Products]:
     """Derivatives with respect to what those rows of a batch hold that are in ``use``."""
-    for slots, differentiated in rows.held.parts(batch):
+    for slots, differentiated in _held(rows.places, batch):
         here = np.flatnonzero(use & (rows.length[slots] > 0))
         if len(here) and not (slope := differentiated()).kernel.is_zero:
             which, sources = rows.entries_of(slots[here])
@@ -412,7 +403,7 @@ def _solved(
 
 def _has_varied_matrix(rows: _Rows, step: Linear) -> bool:
     """Whether a parameter that is differentiated by stands in the matrix of a block."""
-    if not rows.held.entered[0]:
+    if not rows.places[3][0]:
         return False
     return any((rows.length[rows.n_slots + batch.parameters] > 0).any() for batch in step.matrix)
 
