@@ -295,7 +295,8 @@ def _singular_step(step: Newton, structure: Structure, matrix: Floats, residual:
     if not finite or np.abs(residual - matrix @ change).max() > 1e-9 * np.abs(residual).max():
         if step.linear or not finite:
             raise SolverError(
-                f"the equations {_labels(step, structure)} have no solution at t = {t:g} s: they depend on each other there"
+                f"the equations {_labels(step, structure)} have no solution at t = {t:g} s: they depend on each other there. Where "
+                "friction meets a spring, a damper or other friction at a node without inertia, put an Inertia there"
             )
         change = np.asarray(change - 1e-3 * np.maximum(np.abs(z), 1.0), np.float64)
     return change

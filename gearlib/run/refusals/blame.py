@@ -34,8 +34,8 @@ def culprit(scene: Scene, numbers: Numbers, t: float, span: float, x: Floats, in
         with np.errstate(all="ignore"):
             try:
                 slots = evaluate(numbers.main, now, (x + share * span * rate)[:, None], inputs[:, None], modes[:, None], None)
-            except SolverError:
-                return ""
+            except SolverError as unsolved:  # where no guess matters, the compiled code has met the same
+                return "" if program.iterated else f"; {unsolved}"
         if not np.isfinite(slots).all():
             return _first(scene, numbers, now, slots, modes)
         if not share:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sympy
 from scipy.interpolate import Akima1DInterpolator
+from scipy.optimize import brentq
 
 import gearlib as gl
 import gearparts as gp
@@ -487,3 +488,109 @@ def test_the_torque_of_friction_is_an_output_where_no_state_depends_on_it(kind: 
 
     result = gl.compile(Held(), outputs=["b.tau"]).simulate(3.0, samples=4)
     assert result["b.tau"] == pytest.approx(np.sign(np.cos(result.time)), abs=1e-9)
+
+
+class OpeningInSeries(gl.Component):
+    """A spring-damper in series with a clutch that opens, between two bodies; with or without inertia between the two."""
+
+    clutch_first = gl.Structural(False)
+    J = gl.Structural(0.0)
+
+    def assemble(self) -> list[Any]:
+        self.drive, self.a, self.b = gp.Torque(tau=5.0), gp.Inertia(J=1.0), gp.Inertia(J=2.0)
+        self.coupling = gp.SpringDamper(c=1000.0, d=2.0)
+        self.clutch = gp.Clutch(fn_max=500.0, f_normalized=gl.Piecewise((1.0, gl.time < 0.5), (0.0, True)))
+        one, two = (self.clutch, self.coupling) if self.clutch_first else (self.coupling, self.clutch)
+        ends = [(self.drive.flange, self.a.flange_a), (self.a.flange_b, one.flange_a), (two.flange_b, self.b.flange_a)]
+        if self.J:
+            self.between = gp.Inertia(J=self.J)
+            ends += [(one.flange_b, self.between.flange_a), (self.between.flange_b, two.flange_a)]
+        else:
+            ends.append((one.flange_b, two.flange_a))
+        return [gl.connect(*pair) for pair in ends]
+
+
+@pytest.mark.parametrize("clutch_first", [False, True])
+@pytest.mark.parametrize("method", ["ida", "rk"])
+def test_friction_at_a_node_without_inertia_is_named(clutch_first: bool, method: str) -> None:
+    """Locked, its speed is given and its torque found; open, the other way round: the states are not the same."""
+    system = gl.compile(OpeningInSeries(clutch_first=clutch_first))
+    with pytest.raises(SolverError, match=r"clutch: Clutch: tau = .* have no solution at t = 0\.5 s.*put an Inertia there"):
+        system.simulate(1.0, samples=11, method=method)
+    with_inertia = gl.compile(OpeningInSeries(clutch_first=clutch_first, J=1e-3))
+    result = with_inertia.simulate(1.0, samples=3, method=method, rtol=1e-8)
+    driven, alone = (1.0, 2.001) if clutch_first else (1.001, 2.0)  # once it is open
+    momentum = (
+        driven * result["a.w"] + alone * result["b.w"]
+    )  # of the vibration against the small body nothing is left at the end
+    assert momentum[-1] == pytest.approx(5.0, rel=1e-6)
+    assert result["a.w"][-1] > result["b.w"][-1] + 1.0
+
+
+class FrictionOnPositions(gl.Component):
+    """``ModelicaTest.Rotational.TestFrictionPosition``: bearings whose angles are given, and one that a torque drives."""
+
+    def assemble(self) -> list[Any]:
+        def wave(amplitude: float, phase: float) -> Any:
+            return 0.5 + amplitude * gl.sin(2 * gl.pi * gl.time + phase)
+
+        def bearing() -> Any:
+            return gp.BearingFriction(tau_pos=((0.0, 5.0), (100.0, 5.0)), peak=1.001)
+
+        self.given, self.other = (
+            gp.Position(exact=True, phi_ref=wave(0.1, math.pi / 4)),
+            gp.Position(exact=True, phi_ref=wave(0.3, 3 * math.pi / 4)),
+        )
+        self.bearing, self.bearing_1, self.bearing_2 = bearing(), bearing(), bearing()
+        self.torque, self.inertia = gp.Torque(tau=wave(25.0, math.pi / 4)), gp.Inertia(J=1.0, start={"w": -2.0})
+        return [
+            gl.connect(self.given.flange, self.bearing.flange_a),
+            gl.connect(self.other.flange, self.bearing_2.flange_a),
+            gl.connect(self.torque.flange, self.bearing_1.flange_a),
+            gl.connect(self.bearing_1.flange_b, self.inertia.flange_a),
+        ]
+
+
+def by_hand_from_stop_to_stop(t_end: float) -> float:
+    """Speed of the body that the torque drives, J = 1: exact between its stops."""
+
+    def torque(t: float) -> float:
+        return float(0.5 + 25 * np.sin(2 * np.pi * t + np.pi / 4))
+
+    def impulse(t: float) -> float:
+        return float(0.5 * t - 25 * np.cos(2 * np.pi * t + np.pi / 4) / (2 * np.pi))
+
+    def crossing(f: Any, begin: float) -> float:
+        times = np.linspace(begin, t_end, 20001)[1:]
+        signs = np.sign([f(t) for t in times])
+        changes = np.flatnonzero(signs[1:] != signs[:-1])
+        return float(brentq(f, times[changes[0]], times[changes[0] + 1], xtol=1e-14)) if len(changes) else t_end
+
+    t, w, sense = 0.0, -2.0, -1.0
+    while True:
+
+        def speed(later: float, t: float = t, w: float = w, sense: float = sense) -> float:
+            return w + impulse(later) - impulse(t) - 5.0 * sense * (later - t)
+
+        stop = crossing(speed, t)
+        if stop == t_end:
+            return speed(t_end)
+        if abs(torque(stop)) < 5.005:  # it sticks until the torque breaks it away
+            stop = crossing(lambda later: abs(torque(later)) - 5.005, stop)
+        if stop == t_end:
+            return 0.0
+        t, w, sense = stop, 0.0, float(np.sign(torque(stop)))
+
+
+@pytest.mark.parametrize("method", ["ida", "rk", "auto"])
+def test_friction_on_given_positions(method: str) -> None:
+    """Modelica's bearings lock where a given motion turns and have no solution from there on; physics has one: they go on sliding."""
+    result = gl.compile(FrictionOnPositions()).simulate(2.0, samples=2001, method=method, rtol=1e-9)
+    for name, amplitude, phase in (("bearing", 0.1, np.pi / 4), ("bearing_2", 0.3, 3 * np.pi / 4)):
+        w = amplitude * 2 * np.pi * np.cos(2 * np.pi * result.time + phase)
+        turning = np.abs(w) > 1e-6
+        assert turning.sum() > 1990
+        assert result[f"{name}.v"] == pytest.approx(w, abs=1e-12)
+        assert result[f"{name}.tau"][turning] == pytest.approx(5.0 * np.sign(w[turning]), rel=1e-12)
+    for k in (400, 1000, 2000):
+        assert result["inertia.w"][k] == pytest.approx(by_hand_from_stop_to_stop(float(result.time[k])), abs=1e-6)
