@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from gearlib.feedback.stability_sensitivity import StabilitySensitivity as StabilitySensitivity
     from gearlib.files.parameter_sets import load_parameters as load_parameters
     from gearlib.files.parameter_sets import save_parameters as save_parameters
+    from gearlib.fitting.fit import fit as fit
+    from gearlib.fitting.fit_result import Fit as Fit
+    from gearlib.fitting.measured import MeasuredHistories as MeasuredHistories
+    from gearlib.fitting.measured import MeasuredMargins as MeasuredMargins
+    from gearlib.fitting.measured import MeasuredModes as MeasuredModes
+    from gearlib.fitting.measured import MeasuredResponse as MeasuredResponse
     from gearlib.language.component import Component as Component
     from gearlib.language.component import Connection as Connection
     from gearlib.language.component import connect as connect
@@ -127,6 +133,11 @@ _HOME = {
     **dict.fromkeys(["FrequencyResponse", "frequency_response", "transmission_error_response"], "gearlib.linear.frequency_response"),
     **dict.fromkeys(["Passivity", "passivity"], "gearlib.feedback.passivity"),
     **dict.fromkeys(["StabilityReport", "stability"], "gearlib.feedback.stability"),
+    "fit": "gearlib.fitting.fit",
+    "Fit": "gearlib.fitting.fit_result",
+    **dict.fromkeys(
+        ["MeasuredHistories", "MeasuredMargins", "MeasuredModes", "MeasuredResponse"], "gearlib.fitting.measured"
+    ),
     "StabilitySensitivity": "gearlib.feedback.stability_sensitivity",
     "ModeSensitivity": "gearlib.vibration.mode_sensitivity",
     **dict.fromkeys(["SteadyState", "steady_state"], "gearlib.linear.steady_state"),

@@ -26,6 +26,7 @@ PAGES = [
     "docs/energy.md",
     "docs/files.md",
     "docs/many_runs.md",
+    "docs/fitting.md",
     "docs/accuracy.md",
     "docs/components.md",
     "docs/errors.md",

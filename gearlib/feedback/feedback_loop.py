@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import real, shown
+from gearlib.arguments import by_name, real, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.linear_model import LinearModel, Matrices, label, matrices
 from gearlib.linear.linearize import linearized
@@ -188,7 +188,7 @@ def as_loop(
     if is_compiled(model):
         inputs, outputs = (None, None) if loop is None else ([loop[0]], [loop[1]])
         model = linearized(translation_of(model), inputs, outputs, at, parameters)
-    elif parameters or at is not None:
+    elif at is not None or by_name("parameters", parameters, "a mapping of paths to numbers"):
         raise ArgumentError("at and parameters belong to a System; a linear model has its numbers already")
     A, B, C, D, ins, outs = matrices(model)
     j = _signal("input", loop and loop[0], ins)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import check_axes, name_list, one_name, real, reals, shown
+from gearlib.arguments import by_name, check_axes, name_list, one_name, real, reals, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.linear_model import LinearModel, check_linear, matrices
 from gearlib.linear.linearize import input_names, linearized, read_by_equations
@@ -213,7 +213,12 @@ def frequency_response(
         units = tuple(translation.unit(name) for name in model.outputs)
         sources = {translation.unit(name) for name in model.inputs}
         per = sources.pop() if len(sources) == 1 else ""
-    elif inputs is not None or outputs is not None or at is not None or parameters:
+    elif (
+        inputs is not None
+        or outputs is not None
+        or at is not None
+        or by_name("parameters", parameters, "a mapping of paths to numbers")
+    ):
         raise ArgumentError("inputs, outputs, at and parameters belong to a System; a linear model has them already")
     check_linear(model)
     if hasattr(model, "A") and model.A.shape[0] > MOST_DENSE:

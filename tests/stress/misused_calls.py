@@ -143,6 +143,51 @@ def analyses() -> list[Call]:
         Call("register_method", gl.register_method, lambda: {"method": Idle()}),
         Call("modes", gl.modes, s),
         Call(
+            "fit",
+            gl.fit,
+            lambda: {
+                "system": system(),
+                "data": gl.MeasuredResponse([1.0, 2.0], [1.0 - 1j, 0.2 - 0.4j], "torque.tau", "load.w"),
+                "free": {"load.J": (0.1, 10.0)},
+                "noise": 0.1,
+                "parameters": {},
+                "evaluations": 5,
+            },
+        ),
+        Call(
+            "MeasuredHistories",
+            gl.MeasuredHistories,
+            lambda: {
+                "data": {"time": [0.0, 1.0], "load.w": [0.0, 1.0]},
+                "inputs": {"torque.tau": 1.0},
+                "start": {"load.w": 0.0},
+                "noise": 0.1,
+            },
+        ),
+        Call(
+            "MeasuredResponse",
+            gl.MeasuredResponse,
+            lambda: {
+                "omega": [1.0, 2.0],
+                "values": [1.0, 0.5j],
+                "input": "torque.tau",
+                "output": "load.w",
+                "noise": 0.1,
+            },
+        ),
+        Call("MeasuredModes", gl.MeasuredModes, lambda: {"frequencies": [1.0], "damping": [0.1], "numbers": [0], "noise": 0.1}),
+        Call(
+            "MeasuredMargins",
+            gl.MeasuredMargins,
+            lambda: {
+                "loop": ("torque.tau", "load.w"),
+                "gain_margin_db": 6.0,
+                "phase_margin": 40.0,
+                "gain": 1.0,
+                "noise": 0.1,
+            },
+        ),
+        Call(
             "steady_state", gl.steady_state, lambda: {"system": system(), "outputs": ["load.w"], "inputs": {"torque.tau": 0.0}}
         ),
         Call("mobility", gl.mobility, s),
@@ -229,6 +274,8 @@ def formulas() -> list[Call]:
 def methods() -> list[Call]:
     """Methods of what comes back."""
     s, r = system(), run()
+    measured = gl.MeasuredResponse([1.0, 2.0], [-0.5j, -0.25j], "torque.tau", "load.w")
+    fitted = gl.fit(s, measured, {"load.J": (0.1, 10.0)})
     modes, waterfall = gl.modes(s), gl.order_waterfall(r, "load.w", "load.phi", revolutions=2)
     spectrum, campbell = gl.order_spectrum(r, "load.w", "load.phi"), gl.campbell(s, [1.0, 2.0], [1.0])
     flow, response = gl.power_flow(gl.compile(Set()), {"sun.w": 1.0}), gl.frequency_response(s, [1.0, 2.0])
@@ -294,6 +341,9 @@ def methods() -> list[Call]:
         Call("Modes.motions", modes.motions, lambda: {"mode": 0}),
         Call("Modes.shape", lambda mode, name: modes.shape(mode, name), lambda: {"mode": 0, "name": "load.w"}),
         Call("Modes.to_dataframe", modes.to_dataframe),
+        Call("Fit.to_dataframe", fitted.to_dataframe),
+        Call("Fit.plot", fitted.plot),
+        Call("Fit[]", fitted.__getitem__, lambda: {"name": "load.J"}),
         Call("Modes.sensitivity", modes.sensitivity, lambda: {"parameter": "load.J"}),
         Call("FrequencyResponse.sensitivity", response.sensitivity, lambda: {"parameter": "load.J"}),
         Call("FrequencyResponse.sensitivities", response.sensitivities, lambda: {"parameters": ["load.J"]}),

@@ -21,7 +21,7 @@ from tests.stress.misused_calls import GROUPS, run, system
 NO_ARGUMENTS = {"GearlibError", "GearlibWarning", "InputWarning", "pi", "time"}  # an exception, warnings and two symbols
 MADE_BY_ANALYSES = {
     "Campbell", "EnergyBalance", "FrequencyResponse", "HarmonicBalance", "Modes", "OrderSpectrum", "OrderWaterfall", "PowerFlow",
-    "Result", "Passivity", "Runs", "ModeSensitivity", "StabilitySensitivity", "SteadyState",
+    "Fit", "Result", "Passivity", "Runs", "ModeSensitivity", "StabilitySensitivity", "SteadyState",
     "StabilityReport", "System", "Bond", "Causality", "StateEquations", "PlanetPhasing", "StiffnessPattern", "StiffnessLaw",
 }  # fmt: skip
 CONNECTORS = {"Flange", "HeatPort", "PlanarFlange", "TranslationalFlange"}  # as Connector
@@ -48,6 +48,7 @@ def test_methods_of_what_comes_back_are_misused() -> None:
         gl.Result,
         gl.Modes,
         gl.Campbell,
+        gl.Fit,
         gl.FrequencyResponse,
         gl.HarmonicBalance,
         gl.OrderSpectrum,

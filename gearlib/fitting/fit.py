@@ -1,0 +1,264 @@
+"""`fit`: parameters of a system from what was measured, by nonlinear least squares with exact derivatives."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import by_name, reals, shown, whole
+from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
+from gearlib.fitting.fit_result import Fit, FittedSeries
+from gearlib.fitting.identifiability import identifiability
+from gearlib.fitting.measured import START, Measured, MeasuredHistories, MeasuredSeries, as_real, checked_noise
+from gearlib.progress import Told, check_progress, reporting
+from gearlib.run.start_values import start_variable
+from gearlib.run.subject import translation_of
+from gearlib.run.translation import Compiled, Translation
+
+Floats = NDArray[np.float64]
+CONVERGED = 1e-8  # relative change of the parameters or of the sum of squares at which the search ends
+
+
+@dataclass(frozen=True, eq=False)
+class Range:
+    """The values that a free parameter may take, and how it is scaled: by its logarithm where it is positive.
+
+    >>> bounds = Range("c", 10.0, 1000.0, True)
+    >>> float(bounds.value(bounds.place(100.0))), bounds.width
+    (100.0, 4.605170185988092)
+    """
+
+    name: str
+    low: float
+    high: float
+    logarithmic: bool
+
+    def place(self, value: float) -> float:
+        return float(np.log(value)) if self.logarithmic else value
+
+    def value(self, place: float) -> float:
+        return float(min(max(np.exp(place) if self.logarithmic else place, self.low), self.high))
+
+    def slope(self, value: float) -> float:
+        """The derivative of the value with respect to its place."""
+        return value if self.logarithmic else 1.0
+
+    @property
+    def width(self) -> float:
+        return self.place(self.high) - self.place(self.low)
+
+
+def fit(
+    system: Compiled, data: Any, free: Mapping[str, Sequence[float]], *, noise: Any = None,
+    parameters: Mapping[str, float] | None = None, evaluations: int = 100, progress: Any = False,
+) -> Fit:  # fmt: skip
+    """Find parameters with which a system does what was measured.
+
+    Parameters
+    ----------
+    system : System
+    data : DataFrame, mapping, Measured..., or a list of these
+        Histories as `MeasuredHistories` takes them, with a column ``time``; or what was measured in one or more experiments:
+        `MeasuredHistories`, `MeasuredResponse`, `MeasuredModes`, `MeasuredMargins`.
+    free : mapping of str to (low, high)
+        The parameters to find, and start values as ``"start(load.w)"``, with bounds. The search begins at the model's own value
+        where that lies between them, else in the middle (of the logarithms, if both bounds are positive).
+    noise : float or mapping, optional
+        Standard deviation of the noise, of everything or by name; what was measured may say its own. Where none is given, the
+        noise of each series is taken to be the same part of its spread, and estimated from what is left.
+    parameters : mapping, optional
+        Other values by path, in all experiments.
+    evaluations : int
+        Most evaluations of the system (of all experiments at once).
+    progress : bool or callable
+        Whether to show a bar on a terminal; a function is told the fraction of ``evaluations`` done, and seconds.
+
+    Returns
+    -------
+    Fit
+        Values, covariance, residuals, and which combinations of the parameters the data does not determine; ``print`` it.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        Each names what was found and what was expected.
+    GearlibError
+        The system cannot be evaluated where the search begins.
+
+    Examples
+    --------
+    A rotor on a shaft of unknown stiffness and damping, of which one vibration was measured.
+
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Rotor(gl.Component):
+    ...     def assemble(self):
+    ...         self.ground, self.shaft, self.disc = gp.Fixed(), gp.SpringDamper(c=100.0, d=1.0), gp.Inertia(J=1.0)
+    ...         return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.disc.flange_a)]
+    >>> measured = gl.MeasuredModes([3.0], [0.02], noise={"frequencies": 0.01, "damping": 0.001})
+    >>> found = gl.fit(gl.compile(Rotor()), measured, free={"shaft.c": (10, 1e4), "shaft.d": (0.01, 10)})
+    >>> round(found["shaft.c"], 6), round(found["shaft.d"], 6)          # (2 pi f)^2 J, 2 zeta (2 pi f) J
+    (355.305758, 0.753982)
+    >>> found.identifiable
+    True
+    """
+    from scipy.optimize import least_squares
+
+    translation = translation_of(system)
+    common = by_name("parameters", parameters, "a mapping of paths to numbers")
+    experiments = _experiments(data)
+    ranges = _ranges(translation, free, common, experiments)
+    series = [s for e in experiments for s in e.series(system)]
+    given = checked_noise(noise, list(dict.fromkeys(s.name for s in series))) if noise is not None else {}
+    sizes, known = _sizes(series, given)
+    evaluator = _Evaluator(system, experiments, ranges, common, np.concatenate([s.numbers for s in series]), sizes)
+    evaluator.most = whole("evaluations", evaluations, 1)
+    check_progress(progress)
+    own = translation.parameter_values(common)
+    begin = np.array([_begin(r, translation, own) for r in ranges])
+    evaluator.at(begin)  # fails here with the error of the system
+    with reporting(progress, f"fit of {translation.name}") as evaluator.tell:
+        found = least_squares(
+            evaluator.residuals, begin, evaluator.jacobian, x_scale=np.array([r.width for r in ranges]), max_nfev=evaluations,
+            bounds=([r.place(r.low) for r in ranges], [r.place(r.high) for r in ranges]),
+            ftol=CONVERGED, xtol=CONVERGED, gtol=CONVERGED,
+        )  # fmt: skip
+    return _result(translation, evaluator, ranges, series, sizes, known, begin, found)
+
+
+@dataclass(eq=False)
+class _Evaluator:
+    """Residuals and their derivatives, each computed once at a point."""
+
+    system: Compiled
+    experiments: list[Measured]
+    ranges: list[Range]
+    common: Mapping[str, float]
+    measured: Floats
+    sizes: Floats
+    count: int = 0
+    approximate: dict[int, str] = field(default_factory=dict)
+    tell: Told | None = None
+    most: int = 1
+    began: float = field(default_factory=time.perf_counter)
+    _last: tuple[bytes, Floats, Floats, list[Any]] | None = None
+
+    def at(self, place: Floats) -> tuple[Floats, Floats, list[Any]]:
+        """Residuals, their derivatives with respect to the places, and what is predicted."""
+        if self._last is None or self._last[0] != place.tobytes():
+            self.count += 1
+            values = {r.name: r.value(x) for r, x in zip(self.ranges, place.tolist(), strict=True)}
+            predicted: list[Any] = []
+            slopes = []
+            for k, experiment in enumerate(self.experiments):
+                found = experiment.predicted(self.system, values, k not in self.approximate)
+                if found.approximate:
+                    self.approximate[k] = found.approximate
+                predicted += found.values
+                slopes += found.slopes
+            numbers = np.concatenate([as_real(v) for v in predicted])
+            per_place = np.array([r.slope(values[r.name]) for r in self.ranges])
+            rows = np.concatenate(slopes) * per_place
+            self._last = place.tobytes(), (numbers - self.measured) / self.sizes, rows / self.sizes[:, None], predicted
+            if self.tell is not None:
+                self.tell(min(1.0, self.count / self.most), time.perf_counter() - self.began)
+        return self._last[1:]
+
+    def residuals(self, place: Floats) -> Floats:
+        try:
+            return self.at(place)[0]
+        except GearlibError:  # the search makes a shorter step
+            return np.full(len(self.measured), np.inf)
+
+    def jacobian(self, place: Floats) -> Floats:
+        return self.at(place)[1]
+
+
+def _experiments(data: Any) -> list[Measured]:
+    given = list(data) if isinstance(data, (list, tuple)) else [data]
+    if not given:
+        raise ArgumentError("data is empty; expected what was measured in at least one experiment")
+    return [e if isinstance(e, Measured) else MeasuredHistories(e) for e in given]
+
+
+def _ranges(translation: Translation, free: Any, common: Mapping[str, float], experiments: Sequence[Measured]) -> list[Range]:
+    given = by_name("free", free, "a mapping of paths to bounds (low, high)", "shaft.c")
+    if not given:
+        raise ArgumentError("free is empty; expected the parameters to find with their bounds: free={'shaft.c': (1e3, 1e5)}")
+    table, found = translation.model.parameters, []
+    for name, bounds in given.items():
+        if name.startswith(START) and name.endswith(")"):
+            start_variable(translation.model, name[len(START) : -1])
+        elif name not in table.index or "#" in name:
+            valid = [n for n in table.names if "#" not in n]
+            raise NameLookupError(f"the model has no parameter '{name}' (in free); {nearest(name, valid)}")
+        fixed = next((o for o in (common, *(e.parameters for e in experiments)) if name in o), None)
+        if fixed is not None:
+            raise ArgumentError(f"'{name}' is free, and given as {shown(fixed[name])} in parameters; leave one of the two out")
+        pair = reals(f"free['{name}']", bounds, "(low, high)")
+        if pair.shape != (2,) or not pair[0] < pair[1]:
+            raise ArgumentError(f"free['{name}'] is {shown(bounds)}; expected (low, high), low below high")
+        low, high = float(pair[0]), float(pair[1])
+        found.append(Range(name, low, high, low > 0.0))
+    return found
+
+
+def _begin(bounds: Range, translation: Translation, numbers: Floats) -> float:
+    """Where the search begins: not on a bound, from which it could not part."""
+    index = translation.model.parameters.index.get(bounds.name)
+    low, high = bounds.place(bounds.low), bounds.place(bounds.high)
+    value = float(numbers[index]) if index is not None else np.nan
+    if bounds.low < value < bounds.high:
+        return bounds.place(value)
+    return 0.5 * (low + high)
+
+
+def _sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tuple[Floats, bool]:
+    """What each residual is divided by: the noise, or where it is not known the spread of its series; and whether it is known."""
+    noise = [s.noise if s.noise is not None else given.get(s.name) for s in series]
+    known = [n is not None for n in noise]
+    if any(known) and not all(known):
+        missing = next(s.name for s, k in zip(series, known, strict=True) if not k)
+        raise ArgumentError(
+            f"the noise of {missing} is not given, that of others is; give all, or none (they are then estimated)"
+        )
+    sizes = []
+    for s, size in zip(series, noise, strict=True):
+        numbers = s.numbers
+        spread = float(np.std(numbers)) or float(np.abs(numbers).max(initial=0.0)) or 1.0
+        sizes.append(np.full(len(numbers), spread if size is None else size))
+    return np.concatenate(sizes), all(known)
+
+
+def _result(
+    translation: Translation, evaluator: _Evaluator, ranges: list[Range], series: list[MeasuredSeries], sizes: Floats, known: bool,
+    begin: Floats, found: Any,
+) -> Fit:  # fmt: skip
+    residuals, slopes, predicted = evaluator.at(found.x)
+    values = np.array([r.value(x) for r, x in zip(ranges, found.x.tolist(), strict=True)])
+    widths = np.array([r.width for r in ranges])
+    per_place = np.array([r.slope(v) for r, v in zip(ranges, values, strict=True)])
+    seen = identifiability(slopes * widths, residuals, tuple(r.name for r in ranges), known)
+    scale = widths * per_place
+    units = translation.parameter_units
+    fitted, first = [], 0
+    for s, values_found in zip(series, predicted, strict=True):
+        count = len(s.numbers)
+        noise = float(sizes[first]) * (1.0 if known else seen.noise)
+        fitted.append(FittedSeries(s.name, s.unit, s.x, s.along, s.values, values_found, noise))
+        first += count
+    return Fit(
+        translation.name, tuple(r.name for r in ranges), values,
+        tuple(units.get(r.name, _start_unit(translation, r.name)) for r in ranges),
+        np.array([[r.low, r.high] for r in ranges]), np.array([r.value(x) for r, x in zip(ranges, begin, strict=True)]),
+        seen.covariance * np.outer(scale, scale), seen, tuple(fitted), residuals, len(evaluator.experiments), evaluator.count,
+        bool(found.status > 0), known, next(iter(evaluator.approximate.values()), ""),
+    )  # fmt: skip
+
+
+def _start_unit(translation: Translation, name: str) -> str:
+    return translation.unit(name[len(START) : -1]) if name.startswith(START) else ""

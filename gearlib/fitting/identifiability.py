@@ -1,0 +1,96 @@
+"""`Identifiability`: which combinations of parameters a set of data determines, by the singular values of its scaled sensitivities.
+
+References
+----------
+R. Brun, P. Reichert, H. R. Kuensch, "Practical identifiability analysis of large environmental simulation models", Water Resources
+Research 37 (2001), doi 10.1029/2000WR900350
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+NOTHING = 1e-8  # of the largest singular value: what is below is rounding
+SHARE = 0.1  # of a direction of length 1: parameters with less take no part in it, in words
+TOUCHED = 1e-3  # of such a direction: a parameter with more is not determined by itself
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability:
+    """What data says about parameters, each measured in the width of its range (of its logarithm, where the bounds are positive).
+
+    Attributes
+    ----------
+    names : tuple of str
+    singular_values : array (parameters,)
+        How many standard deviations of the noise the data changes by if a direction is gone along for its whole range, largest first.
+        Their inverse is the standard deviation along the direction, as a part of the range.
+    directions : array (parameters, parameters)
+        The directions, a row for each singular value.
+    determined : array of bool (parameters,)
+        Whether the data confines a direction to less than its range.
+    noise : float
+        Standard deviation of the residuals: 1 where the noise is known, else what is left after the fit.
+    covariance : array (parameters, parameters)
+        In widths of the ranges; infinite for parameters that take part in a direction that is not determined.
+    """
+
+    names: tuple[str, ...]
+    singular_values: Floats
+    directions: Floats
+    determined: NDArray[np.bool_]
+    noise: float
+    covariance: Floats
+
+    @property
+    def complete(self) -> bool:
+        """Whether every direction is determined."""
+        return bool(self.determined.all())
+
+    @property
+    def open_directions(self) -> tuple[dict[str, float], ...]:
+        """Of each direction that is not determined: the parameters that take part, with their shares, the largest first."""
+        found = []
+        for row in self.directions[~self.determined]:
+            row = row * np.sign(row[np.argmax(np.abs(row))])
+            order = [k for k in np.argsort(-np.abs(row), kind="stable") if abs(row[k]) > SHARE]
+            found.append({self.names[k]: float(row[k]) for k in order})
+        return tuple(found)
+
+
+def identifiability(slopes: Floats, residuals: Floats, names: tuple[str, ...], known: bool) -> Identifiability:
+    """From the derivatives of the residuals with respect to the parameters in widths of their ranges.
+
+    Parameters
+    ----------
+    slopes : array (residuals, parameters)
+    residuals : array
+        Over the noise where that is ``known``; else it is estimated from them.
+    names : tuple of str
+    known : bool
+
+    Examples
+    --------
+    Two springs in series, of which only the sum is felt:
+
+    >>> found = identifiability(np.array([[3.0, 3.0], [5.0, 5.0]]), np.zeros(2), ("a.c", "b.c"), True)
+    >>> found.complete, [{n: round(x, 2) for n, x in d.items()} for d in found.open_directions]
+    (False, [{'a.c': 0.71, 'b.c': -0.71}])
+    """
+    n = len(names)
+    _, sizes, directions = np.linalg.svd(np.linalg.qr(slopes, mode="r"), full_matrices=True)
+    sizes = np.concatenate([sizes, np.zeros(n - len(sizes))])
+    rank = int((sizes > NOTHING * sizes.max(initial=0.0)).sum())
+    freedom = len(residuals) - rank
+    noise = 1.0 if known else float(np.sqrt((residuals**2).sum() / freedom)) if freedom > 0 else 0.0
+    determined = (sizes > noise) & (sizes > NOTHING * sizes.max(initial=0.0)) & (sizes > 0.0)
+    inverse = np.divide(noise, sizes, out=np.zeros(n), where=determined)
+    covariance = (directions.T * inverse**2) @ directions
+    touched = np.abs(directions[~determined]).max(axis=0, initial=0.0) > TOUCHED
+    covariance[touched] = covariance[:, touched] = np.nan
+    covariance[touched, touched] = np.inf
+    return Identifiability(names, sizes, directions, determined, noise, covariance)

@@ -1,0 +1,374 @@
+"""What was measured: histories, frequency responses, modes and margins; each says what a system predicts for it, with derivatives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gearlib.arguments import by_name, increasing, one_name, real, reals, shown
+from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
+from gearlib.feedback.stability import stability
+from gearlib.linear.frequency_response import frequency_response
+from gearlib.run.request import Request
+from gearlib.run.simulate import request, run
+from gearlib.run.translation import Compiled
+from gearlib.vibration.modes import modes
+
+Floats = NDArray[np.float64]
+START = "start("  # a name that begins so is that of a start value: start(load.w)
+TIME = "time"
+MARGINS = ("gain_margin_db", "phase_margin", "delay_margin", "modulus_margin")
+STEP = 1e-5  # of a parameter: of central differences, where a run has no tangents
+TIGHT = 1e-11  # relative tolerance of runs that are subtracted from each other
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredSeries:
+    """One measured quantity over an abscissa.
+
+    Attributes
+    ----------
+    name, unit : str
+    x : array
+        Times, frequencies, or numbers.
+    along : str
+        What ``x`` is, for a plot's axis.
+    values : array, real or complex
+    noise : float or None
+        Standard deviation of each value; of a complex one, of either part.
+    """
+
+    name: str
+    unit: str
+    x: Floats
+    along: str
+    values: Any
+    noise: float | None
+
+    @property
+    def numbers(self) -> Floats:
+        """Real numbers, those of complex values part by part."""
+        return as_real(self.values)
+
+
+def as_real(values: Any) -> Floats:
+    """Real parts and behind them imaginary parts, where values are complex; along the first axis."""
+    found = np.asarray(values)
+    return np.asarray(np.concatenate([found.real, found.imag]) if np.iscomplexobj(found) else found, float)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a system predicts, series after series, and its derivatives with respect to the free parameters.
+
+    ``approximate`` says why derivatives are differences; empty where they are exact.
+    """
+
+    values: list[Any]
+    slopes: list[Any]  # (numbers, free)
+    approximate: str = ""
+
+
+class Measured(ABC):
+    """One experiment."""
+
+    parameters: Mapping[str, float]
+
+    @abstractmethod
+    def series(self, system: Compiled) -> list[MeasuredSeries]:
+        """What was measured."""
+
+    @abstractmethod
+    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
+        """What a system predicts with some values of its free parameters; derivatives exact where they can be, and are asked to be."""
+
+
+def checked_noise(noise: Any, names: Sequence[str]) -> dict[str, float]:
+    """Standard deviations by name; empty where they are not known."""
+    if noise is None:
+        return {}
+    given = {n: real("noise", noise) for n in names} if not isinstance(noise, Mapping) else by_name("noise", noise, "")
+    for name, value in given.items():
+        if name not in names:
+            raise NameLookupError(f"noise names '{name}', which was not measured; {nearest(name, names)}")
+        if not real(f"noise of {name}", value) > 0.0:
+            raise ArgumentError(f"noise of {name} is {shown(value)}; expected a standard deviation above 0")
+    return {name: float(value) for name, value in given.items()}
+
+
+def split(free: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Free parameters, and free start values by the path of their variable."""
+    starts = {name[len(START) : -1]: value for name, value in free.items() if name.startswith(START)}
+    return {name: value for name, value in free.items() if not name.startswith(START)}, starts
+
+
+class MeasuredHistories(Measured):
+    """Measured histories of variables in one experiment.
+
+    Parameters
+    ----------
+    data : pandas.DataFrame or mapping
+        A column for each variable, by path, and one called ``time`` (s); of a DataFrame without it, the index is the time. Values
+        that are NaN were not measured. A run begins at the first time.
+    inputs, start, parameters : mapping, optional
+        Of this experiment, as for `System.simulate`.
+    noise : float or mapping, optional
+        Standard deviation of the noise, of all columns or by path.
+
+    Examples
+    --------
+    >>> import gearlib as gl
+    >>> gl.MeasuredHistories({"time": [0.0, 0.1], "load.w": [0.0, 1.2]}, inputs={"torque.tau": 5.0}, noise=0.1)
+    <MeasuredHistories of load.w: 2 times>
+    """
+
+    def __init__(
+        self, data: Any, *, inputs: Mapping[str, Any] | None = None, start: Mapping[str, float] | str | None = None,
+        parameters: Mapping[str, float] | None = None, noise: Any = None,
+    ) -> None:  # fmt: skip
+        expected = "a pandas.DataFrame, or a mapping of paths to histories with one called 'time'"
+        if isinstance(data, Mapping):
+            columns: dict[str, Any] = by_name("data", data, expected)
+        elif type(data).__name__ == "DataFrame":
+            columns = {name: data[name].to_numpy() for name in data.columns}
+            columns.setdefault(TIME, data.index.to_numpy())
+        else:
+            raise ArgumentError(f"data is {shown(data)}; expected {expected}")
+        if TIME not in columns:
+            raise ArgumentError(f"data has no column 'time'; its columns are {', '.join(map(str, columns))}")
+        self.time = increasing("time", columns.pop(TIME), 2, "s")
+        self.columns: dict[str, Floats] = {}
+        for name, values in columns.items():
+            found = np.asarray(values)
+            missing = np.isnan(found) if found.dtype.kind == "f" else np.zeros(found.shape, bool)
+            found = reals(f"data['{name}']", np.where(missing, 0.0, found) if missing.any() else found, "a history of numbers")
+            if found.shape != self.time.shape:
+                raise ArgumentError(
+                    f"data['{name}'] has the shape {found.shape}; expected {self.time.shape}, as the times have"
+                )
+            self.columns[one_name("a column of data", name, "load.w")] = np.where(missing, np.nan, found)
+        if not self.columns:
+            raise ArgumentError("data has no column but the time; expected one for each variable, by path")
+        self.inputs, self.start = inputs, start
+        self.parameters = by_name("parameters", parameters, "a mapping of paths to numbers")
+        self.noise = checked_noise(noise, list(self.columns))
+
+    def __repr__(self) -> str:
+        return f"<MeasuredHistories of {', '.join(self.columns)}: {len(self.time)} times>"
+
+    def series(self, system: Compiled) -> list[MeasuredSeries]:
+        unit = system.translation.unit
+        return [
+            MeasuredSeries(n, unit(n), self.time[(here := ~np.isnan(v))], "time, s", v[here], self.noise.get(n))
+            for n, v in self.columns.items()
+        ]
+
+    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
+        names, reason = list(free), ""
+        if exact:
+            try:
+                result = self._run(system, free, 1e-8, names)
+            except GearlibError as problem:
+                reason = str(problem)  # the next run fails, too, where it is not the tangents that are at fault
+            else:
+                slopes = [np.column_stack([result.sensitivity(n, p) for p in names]) for n in self.columns]
+                return Prediction(self._kept([result[n] for n in self.columns]), self._kept(slopes))
+        result = self._run(system, free, TIGHT)
+        columns: list[list[Floats]] = [[] for _ in self.columns]
+        for name, value in free.items():
+            step = STEP * (abs(value) or 1.0)
+            ahead, back = (self._run(system, {**free, name: value + h}, TIGHT) for h in (step, -step))
+            for column, n in zip(columns, self.columns, strict=True):
+                column.append((ahead[n] - back[n]) / (2 * step))
+        return Prediction(
+            self._kept([result[n] for n in self.columns]), self._kept([np.column_stack(c) for c in columns]), reason
+        )
+
+    def _kept(self, values: list[Any]) -> list[Any]:
+        return [v[~np.isnan(measured)] for v, measured in zip(values, self.columns.values(), strict=True)]
+
+    def _run(self, system: Compiled, free: Mapping[str, float], rtol: float, tangents: Sequence[str] = ()) -> Any:
+        parameters, starts = split(free)
+        start: Any = self.start
+        if starts:
+            start = {**by_name("start", start, "a mapping of paths to start values"), **starts}
+        translation, asked = request(
+            system.translation, float(self.time[-1]), t_start=float(self.time[0]), times=self.time, rtol=rtol,
+            parameters={**self.parameters, **parameters}, start=start, inputs=self.inputs, sensitivities=tangents,
+        )  # fmt: skip
+        assert isinstance(asked, Request)
+        return run(translation, asked)
+
+
+class MeasuredResponse(Measured):
+    """A measured frequency response of one output to one input.
+
+    Parameters
+    ----------
+    omega : array
+        Rad/s.
+    values : complex array
+        Output per unit of input.
+    input, output : str
+        As for `frequency_response`.
+    at, parameters
+        Operating point and parameters of this experiment, as for `frequency_response`.
+    noise : float, optional
+        Standard deviation of the real and of the imaginary part.
+    """
+
+    def __init__(
+        self, omega: ArrayLike, values: ArrayLike, input: str, output: str, *, at: Any = None,
+        parameters: Mapping[str, float] | None = None, noise: float | None = None,
+    ) -> None:  # fmt: skip
+        self.omega = np.atleast_1d(reals("omega", omega, "angular frequencies, rad/s"))
+        try:
+            self.values = np.asarray(values, complex)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"values is {shown(values)}; expected complex numbers, one for each frequency") from None
+        if self.values.shape != self.omega.shape or self.omega.ndim != 1 or not np.isfinite(self.values).all():
+            raise ArgumentError(f"values is {shown(values)}; expected {len(self.omega)} finite complex numbers, as omega has")
+        self.input, self.output = one_name("input", input, "torque.tau"), one_name("output", output, "load.w")
+        self.at, self.parameters = at, by_name("parameters", parameters, "a mapping of paths to numbers")
+        self.noise = checked_noise(noise, [self.output]).get(self.output)
+
+    def __repr__(self) -> str:
+        return f"<MeasuredResponse of {self.output} to {self.input}: {len(self.omega)} frequencies>"
+
+    def series(self, system: Compiled) -> list[MeasuredSeries]:
+        translation = system.translation
+        unit = f"{translation.unit(self.output) or '1'} per {translation.unit(self.input) or '1'}"
+        name = f"{self.output} to {self.input}"
+        return [MeasuredSeries(name, unit, self.omega / (2 * np.pi), "frequency, Hz", self.values, self.noise)]
+
+    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
+        given = {**self.parameters, **split(free)[0]}
+        found = frequency_response(system, self.omega, [self.input], [self.output], at=self.at, parameters=given)
+        known = [name for name in free if name in given]
+        slopes = dict(zip(known, found.sensitivities(known)[:, 0, 0] if known else [], strict=True))
+        none = np.zeros(len(self.omega), complex)
+        return Prediction([found.values[0, 0]], [as_real(np.column_stack([slopes.get(name, none) for name in free]))])
+
+
+class MeasuredModes(Measured):
+    """Measured natural frequencies and damping ratios.
+
+    Parameters
+    ----------
+    frequencies : array
+        Hz.
+    damping : array, optional
+        Ratios, one for each frequency.
+    numbers : sequence of int, optional
+        Which mode each is, counted from the lowest that vibrates; by default they follow each other from 0 on.
+    at, parameters
+        Operating point and parameters of this experiment, as for `modes`.
+    noise : float or mapping, optional
+        Standard deviation of the frequencies (Hz), or by name: ``{"frequencies": 0.5, "damping": 0.002}``.
+    """
+
+    def __init__(
+        self, frequencies: ArrayLike, damping: ArrayLike | None = None, *, numbers: Sequence[int] | None = None, at: Any = None,
+        parameters: Mapping[str, float] | None = None, noise: Any = None,
+    ) -> None:  # fmt: skip
+        self.measured = {"frequencies": np.atleast_1d(reals("frequencies", frequencies, "frequencies, Hz"))}
+        count = len(self.measured["frequencies"])
+        if damping is not None:
+            self.measured["damping"] = np.atleast_1d(reals("damping", damping, "damping ratios"))
+        chosen = np.arange(count) if numbers is None else np.atleast_1d(reals("numbers", numbers, "numbers of modes"))
+        self.numbers = chosen.astype(int)
+        for name, values in {**self.measured, "numbers": self.numbers}.items():
+            if values.shape != (count,) or not count:
+                raise ArgumentError(f"{name} has the shape {values.shape}; expected one for each of {count} frequencies")
+        self.at, self.parameters = at, by_name("parameters", parameters, "a mapping of paths to numbers")
+        self.noise = checked_noise(
+            noise if isinstance(noise, Mapping) or noise is None else {"frequencies": noise}, [*self.measured]
+        )
+
+    def __repr__(self) -> str:
+        return f"<MeasuredModes: {len(self.numbers)} {' and '.join(self.measured)}>"
+
+    def series(self, system: Compiled) -> list[MeasuredSeries]:
+        units = {"frequencies": "Hz", "damping": "1"}
+        return [
+            MeasuredSeries(n, units[n], self.numbers.astype(float), "mode", v, self.noise.get(n))
+            for n, v in self.measured.items()
+        ]
+
+    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
+        given = {**self.parameters, **split(free)[0]}
+        found = modes(system, at=self.at, parameters=given)
+        chosen = found.free + self.numbers
+        if chosen.min() < found.free or chosen.max() >= len(found):
+            raise ArgumentError(
+                f"numbers names mode {self.numbers.max()}; the system has {len(found) - found.free} that vibrate"
+            )
+        slopes = {name: found.sensitivity(name) for name in free if name in given}
+        none = np.zeros(len(chosen))
+        return Prediction(
+            [getattr(found, n)[chosen] for n in self.measured],
+            [
+                np.column_stack([getattr(slopes[p], n)[chosen] if p in slopes else none for p in free])
+                for n in self.measured
+            ],
+        )  # fmt: skip
+
+
+class MeasuredMargins(Measured):
+    """Measured margins of a loop, or such as a drawing states.
+
+    Parameters
+    ----------
+    loop : (input, output)
+    gain_margin_db, phase_margin, delay_margin, modulus_margin : float, optional
+        Decibels, degrees, seconds, 1; at least one.
+    gain : float
+        Of the feedback, as for `stability`.
+    at, parameters
+        Operating point and parameters of this experiment, as for `stability`.
+    noise : float or mapping, optional
+        Standard deviation, of all or by name.
+    """
+
+    def __init__(
+        self, loop: tuple[str, str], *, gain_margin_db: float | None = None, phase_margin: float | None = None,
+        delay_margin: float | None = None, modulus_margin: float | None = None, gain: float = 1.0, at: Any = None,
+        parameters: Mapping[str, float] | None = None, noise: Any = None,
+    ) -> None:  # fmt: skip
+        given = (gain_margin_db, phase_margin, delay_margin, modulus_margin)
+        self.measured = {n: real(n, value) for n, value in zip(MARGINS, given, strict=True) if value is not None}
+        if not self.measured:
+            raise ArgumentError(f"no margin was given; expected at least one of {', '.join(MARGINS)}")
+        self.loop, self.gain = loop, real("gain", gain)
+        self.at, self.parameters = at, by_name("parameters", parameters, "a mapping of paths to numbers")
+        self.noise = checked_noise(noise, [*self.measured])
+
+    def __repr__(self) -> str:
+        return f"<MeasuredMargins of {self.loop[0]} -> {self.loop[1]}: {', '.join(self.measured)}>"
+
+    def series(self, system: Compiled) -> list[MeasuredSeries]:
+        units = dict(zip(MARGINS, ("dB", "deg", "s", "1"), strict=True))
+        return [
+            MeasuredSeries(n, units[n], np.zeros(1), "", np.array([v]), self.noise.get(n)) for n, v in self.measured.items()
+        ]
+
+    def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
+        given = {**self.parameters, **split(free)[0]}
+        found = stability(system, self.loop, gain=self.gain, at=self.at, parameters=given)
+        assert found.loop is not None, "one was chosen"
+        margins, slopes = found.loop.margins, {p: found.sensitivity(p) for p in free if p in given}
+        values, rows = [], []
+        for name in self.measured:
+            own = getattr(margins, name)
+            if not np.isfinite(own):
+                raise ArgumentError(f"the loop {self.loop[0]} -> {self.loop[1]} has no {name} with {given}: it is {own}")
+            values.append(np.array([own]))
+            plain = name.removesuffix("_db")
+            per = 20 / np.log(10) / margins.gain_margin if plain != name else 1.0
+            rows.append(np.array([[per * getattr(slopes[p], plain) if p in slopes else 0.0 for p in free]]))
+        return Prediction(values, rows)
