@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from gearparts import blocks as blocks
     from gearparts.bond_graph import BondGraphPart as BondGraphPart
     from gearparts.bond_graph import from_bond_graph as from_bond_graph
+    from gearparts.fmu import FMU as FMU
     from gearparts.gears.gear_pair import GearPair as GearPair
     from gearparts.gears.lossy import Gearbox as Gearbox
     from gearparts.gears.lossy import LossyGear as LossyGear
@@ -120,6 +121,7 @@ _HOME = {
     **dict.fromkeys(["ElastoBacklash", "ElastoBacklash2"], "gearparts.rotational.backlash"),
     **dict.fromkeys(["BondGraphPart", "from_bond_graph"], "gearparts.bond_graph"),
     **dict.fromkeys(["BearingFriction", "Brake", "Clutch", "OneWayClutch"], "gearparts.rotational.friction"),
+    "FMU": "gearparts.fmu",
     "GearPair": "gearparts.gears.gear_pair",
     **dict.fromkeys(["IdealGear", "IdealGearR2T", "IdealPlanetary", "IdealRollingWheel"], "gearparts.gears.rigid_gears"),
     **dict.fromkeys(["Flange", "HeatPort", "TranslationalFlange"], "gearparts.interfaces"),

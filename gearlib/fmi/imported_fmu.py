@@ -1,0 +1,140 @@
+"""`ImportedFmu`: an FMU of any tool, stepped in co-simulation through FMPy."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from gearlib.arguments import as_path, by_name, name_list, real
+from gearlib.errors import ArgumentError, FileError, NameLookupError, nearest
+from gearlib.optional import optional
+
+TYPES = ("Real", "Float64")
+
+
+class ImportedFmu:
+    """A co-simulation FMU as a function of time and its inputs, with a memory: each call goes on from the one before.
+
+    A call at a time no later than the last one begins anew there, as a new run does.
+
+    Parameters
+    ----------
+    path : path
+        Of the file.
+    inputs, outputs : sequence of str
+        Names of its variables, in the order of the values that it is given and gives.
+    values : mapping of str to float, optional
+        Of its parameters, and start values.
+
+    Raises
+    ------
+    FileError
+        There is no such file, or it is no FMU.
+    ArgumentError, NameLookupError
+        It is none for co-simulation, or has no such variables.
+    MissingPackageError
+        FMPy is not installed.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        values: Mapping[str, float] | None = None,
+    ) -> None:
+        self.path = as_path("FMU", path, "engine.fmu")
+        if not self.path.is_file():
+            raise FileError(f"{self.path} cannot be read: there is no such file")
+        fmpy = optional("fmpy")
+        try:
+            self._description = fmpy.read_model_description(str(self.path), validate=False)
+        except Exception as problem:
+            raise FileError(f"{self.path} is no FMU: {problem}") from None
+        if self._description.coSimulation is None or not self._description.fmiVersion.startswith(("2.0", "3.0")):
+            raise ArgumentError(
+                f"{self.path.name} is not for co-simulation by FMI 2.0 or 3.0; export it as a co-simulation FMU"
+            )
+        self.inputs, self.outputs = name_list("inputs", inputs, "w"), name_list("outputs", outputs, "tau")
+        given = by_name("values", values, "a mapping of names to numbers", "J")
+        self.values = {name: real(f"{name} of {self.path.name}", value) for name, value in given.items()}
+        self._given = self._references(self.inputs, ("input",))
+        self._taken = self._references(self.outputs, ("output", "local", "calculatedParameter"))
+        self._set = self._references([*self.values], ("parameter", "structuralParameter", "local", "output", "input"))
+        self._fmu: Any = None
+        self._t = 0.0
+
+    def _references(self, names: Sequence[str], causalities: Sequence[str]) -> list[int]:
+        """Value references of variables by name."""
+        known = {v.name: v for v in self._description.modelVariables if v.type in TYPES and v.causality in causalities}
+        for name in names:
+            if name not in known:
+                raise NameLookupError(
+                    f"{self.path.name} has no {causalities[0]} '{name}' that is a number; {nearest(name, [*known])}"
+                )
+        return [known[name].valueReference for name in names]
+
+    def __call__(self, t: float, values: Sequence[float]) -> list[float]:
+        """The outputs at a time, s, with the inputs that the unit had since the last one; these are its inputs from now on."""
+        if self._fmu is None or t <= self._t:
+            self._begin(t, values)
+        else:
+            self._fmu.doStep(currentCommunicationPoint=self._t, communicationStepSize=t - self._t)
+            self._put(self._given, values)
+        self._t = t
+        return [float(v) for v in self._get(self._taken)]
+
+    def _put(self, references: Sequence[int], values: Sequence[float]) -> None:
+        if references:
+            put = self._fmu.setReal if self._is_2 else self._fmu.setFloat64
+            put(list(references), [float(v) for v in values])
+
+    def _get(self, references: Sequence[int]) -> Any:
+        return (self._fmu.getReal if self._is_2 else self._fmu.getFloat64)(list(references))
+
+    @property
+    def _is_2(self) -> bool:
+        return bool(self._description.fmiVersion.startswith("2.0"))
+
+    def _begin(self, t: float, values: Sequence[float]) -> None:
+        if self._fmu is None:
+            self._fmu = self._instance()
+        else:
+            self._fmu.reset()
+        self._put(self._set, [*self.values.values()])
+        self._put(self._given, values)
+        if self._is_2:
+            self._fmu.setupExperiment(startTime=t)
+            self._fmu.enterInitializationMode()
+        else:
+            self._fmu.enterInitializationMode(startTime=t)
+        self._fmu.exitInitializationMode()
+
+    def _instance(self) -> Any:
+        fmpy, module = optional("fmpy"), optional("fmpy.fmi2" if self._is_2 else "fmpy.fmi3")
+        folder = tempfile.mkdtemp(prefix="gearlib-fmu-")
+        fmpy.extract(str(self.path), folder)
+        made = (module.FMU2Slave if self._is_2 else module.FMU3Slave)(
+            guid=self._description.guid, unzipDirectory=folder, instanceName=Path(self.path).stem,
+            modelIdentifier=self._description.coSimulation.modelIdentifier,
+        )  # fmt: skip
+        made.instantiate()
+        weakref.finalize(self, _freed, made, folder)
+        return made
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ImportedFmu, (self.path, self.inputs, self.outputs, self.values)
+
+
+def _freed(fmu: Any, folder: str) -> None:
+    """Free an instance, and what was unpacked for it."""
+    try:
+        fmu.terminate()
+        fmu.freeInstance()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,68 @@
+"""A Functional Mock-up Unit of another tool at a shaft: an engine, a motor with its controls, a load."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gearlib as gl
+from gearlib.fmi.imported_fmu import ImportedFmu
+from gearparts.blocks.continuous import Gain
+from gearparts.interfaces import Flange
+from gearparts.rotational.sensors import SpeedSensor
+from gearparts.rotational.sources import Torque
+
+
+class FMU(gl.Component):
+    """A co-simulation FMU that takes a shaft's speed and gives the torque on it: ``flange.tau = -torque``, held between two steps.
+
+    At the instants ``k * period`` the unit is told the speed, does a step with the inputs that it had before, and gives a torque, which is
+    held up to the next instant: the error of such a coupling falls in proportion to the period. A positive torque accelerates the
+    shaft. It needs the extra ``gearlib[fmu]`` (FMPy).
+
+    Parameters
+    ----------
+    path : path
+        Of the file, FMI 2.0 or 3.0.
+    speed, torque : str
+        Names of the unit's input in rad/s and of its output in N.m.
+    inputs, outputs : sequence of str
+        Further ones: input k is ``signals[k].u``, to be connected or given in ``simulate(inputs=...)``; output k is ``taken[k].y``.
+    values : mapping of str to float, optional
+        Of the unit's parameters, and start values, in its own units.
+    period : float
+        Of the communication, s.
+
+    Examples
+    --------
+    ::
+
+        class Car(gl.Component):
+            def assemble(self):
+                self.engine = gp.FMU("engine.fmu", speed="w", torque="tau", inputs=["throttle"], period=1e-3)
+                self.flywheel = gp.Inertia(J=0.2)
+                return [gl.connect(self.engine.flange, self.flywheel.flange_a)]
+    """
+
+    icon = "torque"
+
+    flange = Flange("shaft that it turns")
+
+    def __init__(
+        self, path: str | os.PathLike[str], *, speed: str = "w", torque: str = "tau", inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (), values: Mapping[str, float] | None = None, period: float = 1e-3,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self.unit = ImportedFmu(path, [speed, *inputs], [torque, *outputs], values)
+        self.period = period
+
+    def assemble(self) -> list[Any]:
+        self.sensor, self.source = SpeedSensor(), Torque()
+        self.signals = [Gain(k=1.0) for _ in self.unit.inputs[1:]]
+        self.taken = [Gain(k=1.0) for _ in self.unit.outputs[1:]]
+        self.exchange = gl.Sampled(
+            self.unit, self.period, inputs=[self.sensor.w, *(signal.y for signal in self.signals)],
+            outputs=[self.source.tau, *(signal.u for signal in self.taken)],
+        )  # fmt: skip
+        return [gl.connect(self.flange, self.sensor.flange, self.source.flange)]

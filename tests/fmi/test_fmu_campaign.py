@@ -1,0 +1,99 @@
+"""FMUs of all kinds of scenes, on all platforms, many times: what takes longer."""
+
+from __future__ import annotations
+
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.compiler.platforms import PLATFORMS
+from tests.benchmarks.scenes import Chain
+from tests.fmi.fmu_instance import FmuInstance
+from tests.golden.scenes import SCENES
+
+OTHERS = {"pendulum", "measured_torque"}  # other states on the way; a table as an input
+MAGIC = {".so": b"\x7fELF", ".dll": b"MZ", ".dylib": b"\xcf\xfa\xed\xfe"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(SCENES) - OTHERS))
+def test_every_golden_scene_moves_in_co_simulation_as_in_gearlib(name: str, tmp_path: Path) -> None:
+    scene = SCENES[name]
+    system = gl.compile(scene.make(), scene.outputs)
+    inputs = scene.options.get("inputs", {})
+    path = system.export_fmu(tmp_path / "scene.fmu", inputs=inputs or None, stop_time=scene.t_end)
+    assert validate_fmu(str(path)) == []
+    names = list(scene.outputs or system.states)
+    found = fmpy.simulate_fmu(
+        str(path), fmi_type="CoSimulation", stop_time=scene.t_end, output_interval=scene.t_end / 100, relative_tolerance=1e-11,
+        output=names, start_values=inputs,
+    )  # fmt: skip
+    expected = system.simulate(scene.t_end, samples=101, rtol=1e-12, method="rk", **scene.options)
+    for column in names:
+        values = np.interp(expected.time, found["time"], found[column])
+        size = max(float(np.abs(expected[column]).max()), 1e-9)
+        np.testing.assert_allclose(values, expected[column], rtol=0, atol=1e-6 * size, err_msg=column)
+
+
+@pytest.mark.slow
+def test_a_chain_of_a_thousand_bodies(tmp_path: Path) -> None:
+    system = gl.compile(Chain(N=1000), outputs=["body[0].w", "body[999].w", "shaft[0].tau"])
+    path = system.export_fmu(tmp_path / "chain.fmu")
+    found = fmpy.simulate_fmu(
+        str(path),
+        fmi_type="CoSimulation",
+        stop_time=0.01,
+        output_interval=1e-3,
+        relative_tolerance=1e-10,
+        output=list(system.outputs),
+    )
+    expected = system.simulate(0.01, samples=11, rtol=1e-12, method="rk")
+    for name in system.outputs:
+        np.testing.assert_allclose(found[name], expected[name], rtol=0, atol=1e-6 * max(np.abs(expected[name]).max(), 1e-9))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_one_file_holds_every_platform(version: str, tmp_path: Path) -> None:
+    pytest.importorskip("ziglang")
+    path = gl.compile(gp.ZhouCui2022(tau_in=100.0)).export_fmu(tmp_path / "xp.fmu", version=version, platforms="all")
+    with zipfile.ZipFile(path) as archive:
+        libraries = {n: archive.read(n)[:4] for n in archive.namelist() if n.startswith("binaries/")}
+    assert len(libraries) == len(PLATFORMS)
+    for name, start in libraries.items():
+        assert start.startswith(MAGIC[Path(name).suffix]), name
+    assert validate_fmu(str(path)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the size of a process is read from /proc")
+def test_instances_leave_nothing_behind(tmp_path: Path) -> None:
+    path = gl.compile(gp.ZhouCui2022(tau_in=100.0)).export_fmu(tmp_path / "xp.fmu")
+
+    def used() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+    def lives() -> None:
+        made: list[Any] = [FmuInstance(path, tmp_path / "content") for _ in range(100)]
+        for one in made:
+            one.begin()
+            one.go(1e-3)
+            memory = one.fmu.getFMUState()
+            one.fmu.setFMUState(memory)
+            one.fmu.freeFMUState(memory)
+            one.close()
+
+    (tmp_path / "content").mkdir()
+    lives()
+    before = used()
+    for _ in range(5):
+        lives()
+    assert used() - before < 4e6  # an instance takes some 30 kB, a thousandth of that by 500 would be seen

@@ -1,0 +1,106 @@
+"""An FMU at a shaft: an engine of our own, exported and taken in again."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+
+
+class Engine(gl.Component):
+    """Its torque follows the throttle with a lag, and falls with the speed."""
+
+    lag = gl.Parameter("s", "time constant", default=0.05, min=1e-6)
+    w = gl.Input("rad/s", "speed of the shaft")
+    throttle = gl.Input("1", "0 to 1")
+    tau = gl.Variable("N.m", "torque on the shaft", start=0.0)
+    power = gl.Variable("W", "power to the shaft")
+
+    def equations(self) -> list[gl.Eq]:
+        return [
+            gl.Eq(self.lag * gl.der(self.tau), 100.0 * self.throttle - 0.5 * self.w - self.tau),
+            gl.Eq(self.power, self.tau * self.w),
+        ]
+
+
+class Whole(gl.Component):
+    """The same engine, compiled into the train."""
+
+    def assemble(self) -> list[Any]:
+        self.engine, self.torque, self.sensor = Engine(lag=0.03), gp.Torque(), gp.SpeedSensor()
+        self.flywheel, self.shaft, self.load = gp.Inertia(J=0.3), gp.SpringDamper(c=2e3, d=5.0), gp.Inertia(J=1.0)
+        return [
+            gl.connect(self.engine.tau, self.torque.tau),
+            gl.connect(self.sensor.w, self.engine.w),
+            gl.connect(self.torque.flange, self.sensor.flange, self.flywheel.flange_a),
+            gl.connect(self.flywheel.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.load.flange_a),
+        ]
+
+
+class Coupled(gl.Component):
+    path = gl.Structural("", "of the engine")
+    period = gl.Structural(1e-3, "s")
+
+    def assemble(self) -> list[Any]:
+        self.engine = gp.FMU(
+            self.path, inputs=["throttle"], outputs=["power"], values={"lag": 0.03}, period=self.period,
+        )  # fmt: skip
+        self.flywheel, self.shaft, self.load = gp.Inertia(J=0.3), gp.SpringDamper(c=2e3, d=5.0), gp.Inertia(J=1.0)
+        return [
+            gl.connect(self.engine.flange, self.flywheel.flange_a),
+            gl.connect(self.flywheel.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.load.flange_a),
+        ]
+
+
+@pytest.fixture(scope="module")
+def engines(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    system, folder = gl.compile(Engine(), outputs=["tau", "power"]), tmp_path_factory.mktemp("engines")
+    return {v: system.export_fmu(folder / f"engine{v[0]}.fmu", version=v, kind="cs", rtol=1e-9) for v in ("2.0", "3.0")}
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_coupled_engine_approaches_the_one_in_the_model(version: str, engines: dict[str, Path]) -> None:
+    """The error falls in proportion to the period."""
+    whole = gl.simulate(Whole(), 0.4, samples=5, rtol=1e-10, inputs={"engine.throttle": 0.8})
+    errors = []
+    for period in (4e-3, 2e-3):
+        result = gl.simulate(
+            Coupled(path=str(engines[version]), period=period), 0.4, samples=5, rtol=1e-8, inputs={"engine.signals[0].u": 0.8}
+        )
+        errors.append(float(np.abs(result["load.w"] - whole["load.w"]).max()))
+        taken = result["engine.taken[0].y"][-1]
+        assert taken == pytest.approx(result["engine.source.tau"][-1] * result["flywheel.w"][-1], rel=2e-2)
+    assert errors[0] < 0.02 * whole["load.w"].max()
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_a_second_run_begins_anew_and_copies_do_so_too(engines: dict[str, Path]) -> None:
+    system = gl.compile(Coupled(path=str(engines["3.0"]), period=4e-3))
+    given = {"engine.signals[0].u": 0.8}
+    first = system.simulate(0.04, samples=3, inputs=given)["load.w"]
+    assert np.array_equal(system.simulate(0.04, samples=3, inputs=given)["load.w"], first)
+    assert np.array_equal(pickle.loads(pickle.dumps(system)).simulate(0.04, samples=3, inputs=given)["load.w"], first)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"speed": "speed"}, "has no input 'speed' that is a number"),
+        ({"torque": "tau_"}, "has no output 'tau_' that is a number; did you mean 'tau'"),
+        ({"values": {"lag_": 1.0}}, "has no parameter 'lag_' that is a number; did you mean 'lag'"),
+        ({"values": {"lag": "x"}}, "lag of engine3.fmu is 'x'"),
+        ({"path": "nowhere.fmu"}, "nowhere.fmu cannot be read: there is no such file"),
+        ({"path": __file__}, "is no FMU"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_name(options: dict[str, Any], text: str, engines: dict[str, Path]) -> None:
+    with pytest.raises(gl.GearlibError, match=text):
+        gp.FMU(**{"path": engines["3.0"], **options})
