@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gearlib as gl
+from gearlib.arguments import name_list, real
+from gearlib.errors import ArgumentError
 from gearlib.fmi.imported_fmu import ImportedFmu
 from gearparts.blocks.continuous import Gain
 from gearparts.interfaces import Flange
@@ -50,12 +52,15 @@ class FMU(gl.Component):
     flange = Flange("shaft that it turns")
 
     def __init__(
-        self, path: str | os.PathLike[str], *, speed: str = "w", torque: str = "tau", inputs: Sequence[str] = (),
+        self, path: str | os.PathLike[str] = "", *, speed: str = "w", torque: str = "tau", inputs: Sequence[str] = (),
         outputs: Sequence[str] = (), values: Mapping[str, float] | None = None, period: float = 1e-3,
     ) -> None:  # fmt: skip
         super().__init__()
-        self.unit = ImportedFmu(path, [speed, *inputs], [torque, *outputs], values)
-        self.period = period
+        further, others = name_list("inputs", inputs, "throttle"), name_list("outputs", outputs, "power")
+        self.unit = ImportedFmu(path, [speed, *further], [torque, *others], values)
+        self.period = real("period", period, "a positive number of seconds")
+        if not self.period > 0.0:
+            raise ArgumentError(f"period is {self.period:g}; expected a positive number of seconds")
 
     def assemble(self) -> list[Any]:
         self.sensor, self.source = SpeedSensor(), Torque()

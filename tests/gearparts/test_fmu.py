@@ -99,6 +99,8 @@ def test_a_second_run_begins_anew_and_copies_do_so_too(engines: dict[str, Path])
         ({"values": {"lag": "x"}}, "lag of engine3.fmu is 'x'"),
         ({"path": "nowhere.fmu"}, "nowhere.fmu cannot be read: there is no such file"),
         ({"path": __file__}, "is no FMU"),
+        ({"period": 0.0}, "period is 0; expected a positive number of seconds"),
+        ({"inputs": "throttle"}, "inputs is 'throttle'; expected a list of names"),
     ],
 )
 def test_what_does_not_fit_is_refused_by_name(options: dict[str, Any], text: str, engines: dict[str, Path]) -> None:

@@ -586,8 +586,10 @@ def components() -> list[Call]:
     calls = []
     for name in gp.__all__:
         kind = getattr(gp, name)
-        if isinstance(kind, type) and issubclass(kind, gl.Component) and kind is not gp.BondGraphPart:
+        if isinstance(kind, type) and issubclass(kind, gl.Component) and kind not in (gp.BondGraphPart, gp.FMU):
             calls.append(Call(name, _part(kind), taken=frozenset(kind._bindable) | {"start", "guess", "nominal", "state"}))
+    path = gl.compile(Drive(), outputs=["load.w"]).export_fmu(FOLDER / "part.fmu", kind="cs")
+    calls.append(Call("FMU", gp.FMU, lambda: {"path": path, "speed": "torque.tau", "torque": "load.w", "period": 1e-3}))
     return calls
 
 

@@ -18,7 +18,7 @@ from gearlib.run.energy.audit import explained
 from gearlib.run.energy.energy_balance import EnergyBalance
 from tests.gearparts.bench import bench, structural_choices
 
-EXPORTED = [getattr(gp, name) for name in gp.__all__ if name != "BondGraphPart"]
+EXPORTED = [getattr(gp, name) for name in gp.__all__ if name not in ("BondGraphPart", "FMU")]
 COMPONENTS = [c for c in EXPORTED if isinstance(c, type) and issubclass(c, gl.Component)]
 
 
