@@ -19,6 +19,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.compiler import object_code
+from gearlib.language.interior import path_of
 from gearlib.native import scene_functions
 from gearlib.run import scene as scene_module
 from tests import test_documents
@@ -208,7 +209,7 @@ def reduced_inertia(model: Tree) -> tuple[float, np.ndarray]:
     parameters = gl.compile(model).parameters
     links = {}
     for connection in model._assembled():
-        ports = [(p.component._path(), p.connector.name) for p in connection.ports]
+        ports = [(path_of(p.component), p.connector.name) for p in connection.ports]
         if ports[1][0].startswith("gear") and ports[0][0].startswith("body"):
             links[ports[1][0]] = ports[0][0]
         elif ports[0][0].startswith("gear"):

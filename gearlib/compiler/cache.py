@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import sys
 import tempfile
 import warnings
@@ -18,6 +19,8 @@ from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from threading import RLock
+from typing import Any
+from weakref import finalize
 
 from gearlib.compiler.ownership import is_own, make_private, read_own, why_foreign
 
@@ -25,7 +28,7 @@ LARGEST = 512 * 2**20  # bytes; what was used longest ago goes first
 FORMAT = "4"
 ONE_IN = 16  # files of object code, which are small, has the sizes of all files added up: some 20 us for each of them
 _SEAL = 32  # bytes of the checksum before the content
-_temporary: tempfile.TemporaryDirectory[str] | None = None
+_temporary: tuple[Path, finalize[..., Any]] | None = None  # a folder, and what deletes it at the end of the process
 _refused: set[str] = set()  # folders that were warned of
 COMPILING = RLock()
 """Held while anything is compiled: by one thread at a time, and not across a fork."""
@@ -35,7 +38,7 @@ def _after_fork() -> None:
     """After a fork: the child must not delete the parent's temporary folder."""
     global _temporary
     if _temporary is not None:
-        _temporary._finalizer.detach()  # type: ignore[attr-defined]
+        _temporary[1].detach()
         _temporary = None
     COMPILING.release()
 
@@ -79,8 +82,9 @@ def _private() -> Path:
     """Temporary folder of this process."""
     global _temporary
     if _temporary is None:
-        _temporary = tempfile.TemporaryDirectory(prefix="gearlib-", ignore_cleanup_errors=True)
-    return Path(_temporary.name)
+        folder = tempfile.mkdtemp(prefix="gearlib-")
+        _temporary = Path(folder), finalize(COMPILING, shutil.rmtree, folder, ignore_errors=True)
+    return _temporary[0]
 
 
 def cached_bytes(name: str, make: Callable[[], bytes]) -> bytes:

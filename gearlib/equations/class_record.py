@@ -17,6 +17,7 @@ from gearlib.language.component import PRIVATE, Component, check_declarations, e
 from gearlib.language.declarations import Connector, Declared, Discrete, declared_by
 from gearlib.language.dimensions import unit_errors, values_compared, values_given
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, value_of
+from gearlib.language.interior import choices_read_of, declarations_of, parts_of, structural_of
 
 
 @dataclass(frozen=True)
@@ -45,12 +46,12 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
     equations are written again, once in a compilation for each class and structural choice, and the cache is asked for these.
     """
     kind = type(component)
-    key: Any = (kind, tuple(component._structural.items()), tuple(map(type, component._structural.values())))
+    key: Any = (kind, tuple(structural_of(component).items()), tuple(map(type, structural_of(component).values())))
     try:
         hash(key)
     except Exception:  # whatever an object of the user's makes of hash()
         raise DeclarationError(
-            f"{kind.__name__}: values of structural choices must be hashable, got {shown(component._structural)}"
+            f"{kind.__name__}: values of structural choices must be hashable, got {shown(structural_of(component))}"
         ) from None
     extras = _plain_attributes(component)
     whole = id(component) if extras is None else (key, extras)
@@ -58,7 +59,7 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
         return met[whole]
     check_declarations(kind)
     equations = equations_of(component)
-    parts = tuple((n, type(p), tuple(p._structural.items())) for n, p in component._parts.items()) if equations else ()
+    parts = tuple((n, type(p), tuple(structural_of(p).items())) for n, p in parts_of(component).items()) if equations else ()
     written = (key, parts, tuple(_written(e, kind.__name__) for e in equations))
     known = _records.setdefault(kind, {})
     if written not in known:
@@ -114,7 +115,8 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
         own and not updates and not any(t.discretes for t in templates),
         updates,
         discretes,
-        frozenset(component._read) | {d.when for d in component._declarations.values() if isinstance(d, Connector) and d.when},
+        frozenset(choices_read_of(component))
+        | {d.when for d in declarations_of(component).values() if isinstance(d, Connector) and d.when},
         frozenset(n for t in everything for n in (*t.locals, *t.parameters)),
     )
 
@@ -161,7 +163,7 @@ _fitting: WeakKeyDictionary[type[Component], set[Any]] = WeakKeyDictionary()  # 
 def check_values(component: Component) -> None:
     """Refuse values given to parts whose units do not fit; those of an assembly that was met before are not measured again."""
     pairs = tuple(values_given(component))
-    parts = tuple((n, type(p), tuple(p._structural.items())) for n, p in component._parts.items())
+    parts = tuple((n, type(p), tuple(structural_of(p).items())) for n, p in parts_of(component).items())
     key = (parts, pairs)
     known = _fitting.setdefault(type(component), set())
     if pairs and key not in known:
@@ -183,7 +185,7 @@ def _plain_attributes(component: Component) -> tuple[Any, ...] | None:
     own = component.__dict__
     if len(own) == len(PRIVATE):
         return ()
-    families = {name.split("[", 1)[0] for name in component._parts}
+    families = {name.split("[", 1)[0] for name in parts_of(component)}
     plain = tuple((n, type(v), v) for n, v in own.items() if n not in PRIVATE and n not in families)
     try:
         hash(plain)
@@ -204,7 +206,7 @@ def _kind_of(name: str, component: Component, declared: Declared) -> str | None:
 
 def descend(component: Component, name: str) -> tuple[Component | None, str]:
     node = component
-    while "." in name and name.split(".", 1)[0] in node._parts:
+    while "." in name and name.split(".", 1)[0] in parts_of(node):
         head, name = name.split(".", 1)
-        node = node._parts[head]
+        node = parts_of(node)[head]
     return node, name

@@ -18,6 +18,7 @@ from gearlib.flatten.model import Instance
 from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
+from gearlib.language.interior import nominals_of, preferences_of
 
 PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
 
@@ -42,7 +43,7 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
         A name that is no variable of the component, or a value that is none.
     """
     where = instance.path or instance.kind
-    for what, given in (("nominal", component._nominal), ("state", component._state)):
+    for what, given in (("nominal", nominals_of(component)), ("state", preferences_of(component))):
         for name, value in given.items():
             if not isinstance(name, str) or name not in instance.variables:
                 raise BindingError(

@@ -16,6 +16,7 @@ from gearlib.errors import DeclarationError, nearest
 from gearlib.language.component import Component, energies_of
 from gearlib.language.declarations import Connector, Flow, Potential, declared_by
 from gearlib.language.expressions import time
+from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.units import dimension
 
 ENERGY, POWER = dimension("J"), dimension("W")
@@ -88,7 +89,7 @@ def audited(root: Component) -> list[Audited]:
     """All components that exchange, store or lose energy."""
     found = []
     for component, path in _components(root):
-        connectors = {} if component._parts else declared_by(component).connectors  # a composite only passes power on
+        connectors = {} if parts_of(component) else declared_by(component).connectors  # a composite only passes power on
         energies = energies_of(component)
         if not connectors and energies is None:
             continue
@@ -122,10 +123,10 @@ def _components(root: Component) -> Iterator[tuple[Component, str]]:
     stack = [(root, "")]
     while stack:
         component, path = stack.pop()
-        component._assembled()
+        connections_of(component)
         yield component, path
         prefix = f"{path}." if path else ""
-        stack += [(part, prefix + name) for name, part in reversed(component._parts.items())]
+        stack += [(part, prefix + name) for name, part in reversed(parts_of(component).items())]
 
 
 def _powers(name: str, connector: Connector) -> list[tuple[Any, bool]] | None:
@@ -176,8 +177,8 @@ def _term(component: Component, path: str, expression: Any, label: str) -> Term:
 
 
 def _declared(component: Component, name: str) -> bool:
-    while "." in name and name.split(".", 1)[0] in component._parts:
+    while "." in name and name.split(".", 1)[0] in parts_of(component):
         head, name = name.split(".", 1)
-        component = component._parts[head]
+        component = parts_of(component)[head]
     found = declared_by(component)
     return name in found.variables or name in found.parameters or name in found.discretes

@@ -79,13 +79,7 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
     _refuse_equal_inputs(tree, aliases)
     merged = merge(own, rep, tree.choices)
     groups = tuple(_group(r, aliases, tree) for r in raw)
-    counts = Counts(
-        len(tree.instances),
-        n_variables,
-        n_equations,
-        n_sets,
-        len(equalities) - aliases.redundant,
-    )
+    counts = Counts(len(tree.instances), n_variables, n_equations, n_sets, len(equalities) - aliases.redundant)
     starts = tree.starts
     return FlatModel(
         tuple(tree.instances), groups, table,

@@ -18,7 +18,8 @@ from gearlib.flatten.attributes import choices_of
 from gearlib.flatten.model import Instance
 from gearlib.flatten.signals import joined_signals
 from gearlib.flatten.tree import Tree
-from gearlib.language.component import Component, _inside, connections_of, reads_of
+from gearlib.language import interior
+from gearlib.language.component import Component, inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input
 from gearlib.language.expressions import check_depth, time
 from gearlib.language.tabulated import Tabulated
@@ -33,7 +34,7 @@ def walk(root: Component) -> Tree:
     composites: list[tuple[Component, int]] = []
     met: Met = {}
     first_of_kind: list[Component] = []
-    root._forget()
+    interior.forget(root)
     while stack:
         component, path = stack.pop()
         if path.count(".") > DEEPEST:
@@ -41,16 +42,16 @@ def walk(root: Component) -> Tree:
                 f"{path[:60]}...: components within components, {DEEPEST} levels deep; does {type(component).__name__} make a part "
                 "of its own class without end?"
             )
-        connections = connections_of(component)
+        connections = interior.connections_of(component)
         known = len(met)
         record = class_record(component, met)
         if len(met) > known:
             first_of_kind.append(component)
         number_ = _add_instance(tree, component, record, path)
-        if component._parts:
+        if interior.parts_of(component):
             prefix = f"{path}." if path else ""
-            stack += [(part, prefix + name) for name, part in reversed(component._parts.items())]
-        if component._parts or connections or not record.local:
+            stack += [(part, prefix + name) for name, part in reversed(interior.parts_of(component).items())]
+        if interior.parts_of(component) or connections or not record.local:
             composites.append((component, number_))
     for component, number_ in composites:
         _add_links(tree, component, number_)
@@ -98,7 +99,7 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
         tree.first_discrete[number_] = len(tree.discrete_names)
         for name, discrete in record.discretes.items():
             tree.discrete_names.append(prefix + name)
-            start = component._start.get(name, discrete.start)
+            start = interior.starts_of(component).get(name, discrete.start)
             tree.discrete_starts.append(number(start, f"start({prefix}{name})", "1", "start value of a discrete variable"))
     if record.local:
         for template in record.templates:
@@ -110,17 +111,17 @@ def _add_instance(tree: Tree, component: Component, record: ClassRecord, path: s
 
 
 def _add_links(tree: Tree, component: Component, number_: int) -> None:
-    for connection in connections_of(component):
+    for connection in interior.connections_of(component):
         link = []
         for port in connection.ports:
             where = tree.numbers.get(id(port.component))
             inside = where == number_
             ancestor = port.component
             while where is not None and ancestor is not component and ancestor is not None:
-                ancestor = ancestor._parent
+                ancestor = interior.parent_of(ancestor)
             if where is None or ancestor is None:
                 path = tree.instances[number_].path or type(component).__name__
-                foreign = ".".join(filter(None, (port.component._path(), port.connector.name)))
+                foreign = ".".join(filter(None, (interior.path_of(port.component), port.connector.name)))
                 raise ConnectionError(
                     f"{path}: connects {type(port.component).__name__} '{foreign}', "
                     "which is no part of it; assign the part to an attribute (self.name = ...; a list after it is filled), and "
@@ -148,23 +149,23 @@ def _bind_all(tree: Tree, root: Component) -> None:
     while components:
         component, parent = components.pop()
         _bind(tree, component, parent)
-        components += [(part, component) for part in reversed(component._parts.values())]
+        components += [(part, component) for part in reversed(interior.parts_of(component).values())]
 
 
 def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
     number_ = tree.numbers[id(component)]
     instance, record = tree.instances[number_], tree.records[number_]
-    bindings = component._bindings
+    bindings = interior.bindings_of(component)
     prefix = f"{instance.path}." if instance.path else ""
     for offset, (name, declared) in enumerate(instance.parameters.items()):
         value = bindings.get(name, declared.default)
         scope = parent if name in bindings else component
-        read = set(component._read) if callable(value) else None
+        read = set(interior.choices_read_of(component)) if callable(value) else None
         _set_parameter(tree, instance.first_parameter + offset, value, scope, declared.unit, declared.description)
         if (
-            read is not None and name not in record.own_names and not component._parts
+            read is not None and name not in record.own_names and not interior.parts_of(component)
         ):  # what only its default asks for has no effect
-            component._read.intersection_update(read)
+            interior.choices_read_of(component).intersection_update(read)
     for name, variable in instance.variables.items():
         if isinstance(variable, Input):
             bound = bindings[name] if name in bindings else _evaluated(variable.default, component, prefix + name)
@@ -184,11 +185,11 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
         if (number_, name) in tree.signals:
             scope, signal = tree.signals[number_, name]
             _bind_input(tree, component, scope, own_variable(instance, record, name), prefix + name, signal, variable.unit)
-        if variable.start is not None and name not in component._start:
+        if variable.start is not None and name not in interior.starts_of(component):
             _set_start(tree, prefix, name, own_variable(instance, record, name), variable.start, None, True, variable.unit)
-        elif variable.guess and name not in component._start and name not in component._guess:
+        elif variable.guess and name not in interior.starts_of(component) and name not in interior.guesses_of(component):
             _set_start(tree, prefix, name, own_variable(instance, record, name), variable.guess, None, False, variable.unit)
-    for given, fixed in ((component._guess, False), (component._start, True)):
+    for given, fixed in ((interior.guesses_of(component), False), (interior.starts_of(component), True)):
         for name, value in given.items():
             name = name if isinstance(name, str) else shown(name)
             local = name.removesuffix(")").removeprefix("der(") if name.startswith("der(") else name
@@ -219,7 +220,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                 )
             _set_start(tree, prefix, name, inner, value, parent, fixed, _unit(tree, inner))
             tree.started.add(inner)
-    if component._nominal or component._state:
+    if interior.nominals_of(component) or interior.preferences_of(component):
         tree.choices += [(own_variable(instance, record, n), what, v) for n, what, v in choices_of(component, instance)]
 
 
@@ -286,7 +287,7 @@ def _evaluated(value: Any, scope: Component, path: str) -> Any:
     if not callable(value) or isinstance(value, Tabulated):
         return value
     try:
-        with _inside(scope), reads_of(scope):
+        with inside(scope), reads_of(scope):
             return value(scope)
     except Exception as problem:
         raise BindingError(f"{path}: its function raised {type(problem).__name__}: {problem}") from None
@@ -362,7 +363,7 @@ def _discrete(tree: Tree, scope: Component, name: str) -> int:
 def _variable(tree: Tree, scope: Component | None, name: str, path: str = "") -> int:
     found, kind = _resolve(tree, scope, name) if scope is not None else (-1, None)
     if kind != "variable":
-        where = path or (scope._path() if scope is not None else "")
+        where = path or (interior.path_of(scope) if scope is not None else "")
         raise BindingError(f"{where}: '{name}' is no variable here")
     return found
 
@@ -370,7 +371,7 @@ def _variable(tree: Tree, scope: Component | None, name: str, path: str = "") ->
 def _parameter(tree: Tree, scope: Component, name: str, path: str = "") -> int:
     found, kind = _resolve(tree, scope, name)
     if kind != "parameter":
-        where = path or scope._path() or type(scope).__name__
+        where = path or interior.path_of(scope) or type(scope).__name__
         what = "a variable" if kind == "variable" else "unknown"
         raise BindingError(
             f"{where}: depends on '{name}', which is {what}; only parameters of the enclosing component can be used"

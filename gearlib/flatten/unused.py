@@ -18,8 +18,9 @@ import sympy
 from gearlib.errors import BindingError, GearlibError
 from gearlib.flatten.instances import walk
 from gearlib.flatten.tree import Tree
-from gearlib.language.component import Component, _inside, reads_of
+from gearlib.language.component import Component, inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input, Offered, Parameter, Structural
+from gearlib.language.interior import bindings_of, choices_given_to, choices_read_of, declarations_of, parts_of, structural_of
 
 MOST_TRIALS = 40  # other choices that are tried for the sake of the message
 
@@ -30,14 +31,14 @@ def refuse_unused(tree: Tree, root: Component) -> None:
     for component in _components(root):
         number = tree.numbers[id(component)]
         record = tree.records[number]
-        for name, value in component._given.items():
-            default = component._declarations[name].default  # type: ignore[attr-defined]
-            if name in component._read or name in record.choices or type(value) is Offered or _same(value, default):
+        for name, value in choices_given_to(component).items():
+            default = declarations_of(component)[name].default
+            if name in choices_read_of(component) or name in record.choices or type(value) is Offered or _same(value, default):
                 continue
             used = used or Used(tree)
             if name not in _read_by_defaults(component, number, used):
                 raise _refusal(component, tree.instances[number].path, name, value)
-        for name, value in component._bindings.items():
+        for name, value in bindings_of(component).items():
             if name in record.own_names or type(value) is Offered or value is None or value is NO_VALUE or callable(value):
                 continue
             if _from_parent(value):
@@ -107,9 +108,9 @@ class Used:
 
 def _read_by_defaults(component: Component, number: int, used: Used) -> set[str]:
     """The structural choices that the defaults of a component's parameters and inputs ask for, where these are used."""
-    with _inside(component), reads_of(component) as found:
-        for name, declared in component._declarations.items():
-            if isinstance(declared, (Parameter, Input)) and callable(declared.default) and name not in component._bindings:
+    with inside(component), reads_of(component) as found:
+        for name, declared in declarations_of(component).items():
+            if isinstance(declared, (Parameter, Input)) and callable(declared.default) and name not in bindings_of(component):
                 if used.has(number, name):
                     declared.default(component)
     return found
@@ -120,7 +121,7 @@ def _components(root: Component) -> Iterator[Component]:
     while stack:
         component = stack.pop()
         yield component
-        stack += reversed(component._parts.values())
+        stack += reversed(parts_of(component).values())
 
 
 def _same(value: Any, default: Any) -> bool:
@@ -137,8 +138,8 @@ def _from_parent(value: Any) -> bool:
 
 def _refusal(component: Component, path: str, name: str, value: Any) -> BindingError:
     kind = type(component).__name__
-    declared: Any = component._declarations[name]
-    chosen = ", ".join(f"{n}={component._structural[n]!r}" for n in _alternatives(component))
+    declared: Any = declarations_of(component)[name]
+    chosen = ", ".join(f"{n}={structural_of(component)[n]!r}" for n in _alternatives(component))
     here = f" with {chosen}" if chosen else ""
     text = declared.description.strip()
     meaning = f" ({text})" if text else ""
@@ -152,10 +153,10 @@ def _refusal(component: Component, path: str, name: str, value: Any) -> BindingE
 def _alternatives(component: Component) -> dict[str, tuple[Any, ...]]:
     """The other values of each structural choice that has few."""
     found: dict[str, tuple[Any, ...]] = {}
-    for name, declared in component._declarations.items():
+    for name, declared in declarations_of(component).items():
         if isinstance(declared, Structural):
             every = declared.choices or ((False, True) if isinstance(declared.default, bool) else ())
-            if others := tuple(v for v in every if v != component._structural[name]):
+            if others := tuple(v for v in every if v != structural_of(component)[name]):
                 found[name] = others
     return found
 
@@ -172,17 +173,17 @@ def _where_it_counts(component: Component, name: str) -> list[str]:
 
 def _counts(component: Component, name: str, other: dict[str, Any]) -> bool:
     """Whether a value would be used with other choices, and some number for every parameter."""
-    declarations = component._declarations
+    declarations = declarations_of(component)
     values: dict[str, Any] = {n: 1.0 for n, d in declarations.items() if isinstance(d, Parameter) and d.default is NO_VALUE}
     values |= {n: 1.0 for n, d in declarations.items() if isinstance(d, Input)}
     try:
-        trial = type(component)(**{**values, **component._structural, **other})
+        trial = type(component)(**{**values, **structural_of(component), **other})
         try:
             tree = walk(trial)
         except GearlibError:
-            return name in trial._read
+            return name in choices_read_of(trial)
         if isinstance(declarations[name], Structural):
-            read = name in trial._read or name in tree.records[0].choices
+            read = name in choices_read_of(trial) or name in tree.records[0].choices
             return read or name in _read_by_defaults(trial, 0, Used(tree))
         return Used(tree).has(0, name)
     except Exception:  # a component with a constructor of its own, or one that needs other values: no advice then

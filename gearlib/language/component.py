@@ -31,6 +31,7 @@ from gearlib.language.declarations import (
 )
 from gearlib.language.energy import Energy
 from gearlib.language.expressions import TOO_DEEP, Eq, When, real_symbol
+from gearlib.language.interior import parts_of, path_of
 
 if TYPE_CHECKING:
     from gearlib.drawing.diagram import Diagram
@@ -39,23 +40,10 @@ if TYPE_CHECKING:
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
 RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
 NOTHING: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())  # attributes and parts that assemble() has made
-PRIVATE = frozenset(
-    {
-        "_parent",
-        "_name",
-        "_parts",
-        "_connections",
-        "_made",
-        "_start",
-        "_guess",
-        "_nominal",
-        "_state",
-        "_structural",
-        "_bindings",
-        "_given",
-        "_read",
-    }
-)
+PRIVATE = frozenset({
+    "_parent", "_name", "_parts", "_connections", "_made", "_start", "_guess", "_nominal", "_state", "_structural", "_bindings",
+    "_given", "_read",
+})  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,7 +64,7 @@ class Port:
         return self.component._symbol(f"{self.connector.name}.{name}")
 
     def __repr__(self) -> str:
-        path = self.component._path() or type(self.component).__name__
+        path = path_of(self.component) or type(self.component).__name__
         return f"<{type(self.connector).__name__} {path}.{self.connector.name}>"
 
 
@@ -158,7 +146,7 @@ def _joined_signals(signals: tuple[Any, ...]) -> Connection:
 
 
 def _port_path(port: Port) -> str:
-    path = port.component._path()
+    path = path_of(port.component)
     return f"{path}.{port.connector.name}" if path else f"{type(port.component).__name__}.{port.connector.name}"
 
 
@@ -217,19 +205,19 @@ class Component:
     ['flange_b.tau', 'flange_a.tau', 'tau']
     """
 
-    icon: ClassVar[str] = (
-        ""  # name of the drawing that stands for the class in diagrams (gearlib.drawing.icons); empty: a labelled box
-    )
-    radii: ClassVar[
-        tuple[str, ...]
-    ] = ()  # of a class whose icon shows gears: the parameters with their radii, or with one ratio
+    icon: ClassVar[str] = ""  # drawing that stands for the class in diagrams (gearlib.drawing.icons); empty: a labelled box
+    radii: ClassVar[tuple[str, ...]] = ()  # of a class whose icon shows gears: parameters with their radii, or with one ratio
 
+    _parent: Component | None  # these are of an instance
+    _name: str
+    _parts: dict[str, Any]
+    _made: tuple[frozenset[str], frozenset[str]]
+    _read: set[str]  # the structural choices that equations and assemble asked for
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
     _bounded: ClassVar[tuple[Structural, ...]] = ()
-    _joined: tuple[
-        tuple[Any, str], ...
-    ] = ()  # signals of the enclosing component, and those of its own that an instance joins to them
+    # signals of the enclosing component, and those of its own that an instance joins to them
+    _joined: tuple[tuple[Any, str], ...] = ()
     _changes: tuple[Callable[[Any], None], ...] = ()  # what is done to an instance once its parts are made (`changed`)
     _members: ClassVar[list[list[Any]]] = []  # of the class and its bases, when `check_declarations` has found them right
 
@@ -279,16 +267,10 @@ class Component:
                 raise BindingError(
                     f"{kind}: {what} is {shown(given)}; expected {kind_of} by name, such as {what}={{'{name}': {example}}}"
                 )
-        put = object.__setattr__
-        put(self, "_parent", None)
-        put(self, "_name", "")
-        put(self, "_parts", {})
-        put(self, "_connections", None)
-        put(self, "_made", NOTHING)
-        put(self, "_start", dict(start or {}))
-        put(self, "_guess", dict(guess or {}))
-        put(self, "_nominal", dict(nominal or {}))
-        put(self, "_state", dict(state or {}))
+        self.__dict__.update(
+            _parent=None, _name="", _parts={}, _connections=None, _made=NOTHING, _start=dict(start or {}), _guess=dict(guess or {}),
+            _nominal=dict(nominal or {}), _state=dict(state or {}),
+        )  # fmt: skip
         structural: dict[str, Any] = {}
         given_names = set(bindings)
         for name in bindings:
@@ -301,10 +283,8 @@ class Component:
         for name, declared in self._bindable.items():
             if isinstance(declared, Structural):
                 structural[name] = self._structural_value(declared, bindings.pop(name, declared.default))
-        put(self, "_given", {name: value for name, value in structural.items() if name in given_names})
-        put(self, "_read", set())  # the structural choices that equations and assemble asked for
-        put(self, "_structural", structural)
-        put(self, "_bindings", bindings)
+        given = {name: value for name, value in structural.items() if name in given_names}
+        self.__dict__.update(_given=given, _read=set(), _structural=structural, _bindings=bindings)
 
     def equations(self) -> Sequence[Eq | When]:
         """What the class adds to the equations of its bases, on symbols that stand for any instance."""
@@ -368,9 +348,9 @@ class Component:
     def _structural_value(self, declared: Structural, value: Any) -> Any:
         where = f"{type(self).__name__}: structural choice '{declared.name}'"
         if declared.choices:
-            alike = [
+            alike = (
                 c for c in declared.choices if isinstance(value, type(c)) and isinstance(value, bool) == isinstance(c, bool)
-            ]
+            )
             if not any(_is_same(value, choice) for choice in alike):
                 raise BindingError(f"{where} is {shown(value)}; valid choices: {', '.join(map(shown, declared.choices))}")
             return value
@@ -389,14 +369,10 @@ class Component:
                 f"{type(self).__name__}.{name} is declared by the class; give its value when the component is made: "
                 f"{type(self).__name__}({name}=...)"
             )
-        if (
-            self._parent is not None
-            and self._name in self._parent._made[1]
-            and _scope.get() is None
-            and not name.startswith("_")
-        ):
+        parent = self._parent
+        if parent is not None and self._name in parent._made[1] and _scope.get() is None and not name.startswith("_"):
             raise ModelError(
-                f"{self._path()}.{name}: {type(self._parent).__name__}.assemble() made this part, and makes it anew whenever the model is "
+                f"{path_of(self)}.{name}: {type(parent).__name__}.assemble() made this part, and makes it anew whenever the model is "
                 "compiled; give the value there"
             )
         if isinstance(value, Component):
@@ -419,7 +395,7 @@ class Component:
     def _adopt(self, name: str, part: Component) -> None:
         if part._parent is not None:
             raise ModelError(
-                f"{type(self).__name__}.{name}: this {type(part).__name__} already is the part '{part._path()}' of another "
+                f"{type(self).__name__}.{name}: this {type(part).__name__} already is the part '{path_of(part)}' of another "
                 "component; make a new one"
             )
         if name in self._parts:
@@ -441,7 +417,7 @@ class Component:
                 if name in self.__dict__:
                     return self.__dict__[name]
             valid = [*self._declarations, *self._parts]
-            where = f"{self._path()}: {type(self).__name__}" if self._path() else type(self).__name__
+            where = f"{path_of(self)}: {type(self).__name__}" if path_of(self) else type(self).__name__
             raise AttributeNameError(f"{where} has no '{name}'; {nearest(name, valid)}")
         if name in PRIVATE:
             raise ModelError(f"{type(self).__name__}.__init__() must call super().__init__() before anything else")
@@ -454,7 +430,7 @@ class Component:
             attributes, parts = set(self.__dict__), set(self._parts)
             object.__setattr__(self, "_connections", [])
             try:
-                with _inside(self), _explained(f"{type(self).__name__}.assemble()"):
+                with inside(self), _explained(f"{type(self).__name__}.assemble()"):
                     returned = self.assemble()
                 connections = list(returned) if isinstance(returned, Iterable) else [returned]
                 if not isinstance(returned, Iterable) or not all(isinstance(c, Connection) for c in connections):
@@ -463,7 +439,7 @@ class Component:
                         f"{type(self).__name__}.assemble() must return a list of connect(...) calls; got {shown(bad)}"
                     )
                 object.__setattr__(self, "_connections", connections)
-                with _inside(self):
+                with inside(self):
                     for change in self._changes:
                         change(self)
             except BaseException:
@@ -478,7 +454,7 @@ class Component:
         for declared in self._bounded:
             value = self._structural[declared.name]
             if not declared.min <= value <= declared.max:
-                where = self._path() or type(self).__name__
+                where = path_of(self) or type(self).__name__
                 raise BoundError(f"{where}: {declared.name} is {value}; expected {declared.bounds}")
 
     def _remember_made(self, attributes: set[str], parts: set[str]) -> None:
@@ -507,24 +483,11 @@ class Component:
         own = {name: part for name, part in self._parts.items() if name not in parts}
         return kept | {"_parts": own, "_connections": None, "_made": NOTHING}
 
-    def _path(self, scope: Component | None = None) -> str:
-        names: list[str] = []
-        node: Component | None = self
-        while node is not None and node is not scope:
-            names.append(node._name)
-            node = node._parent
-        if scope is not None and node is None:
-            raise ModelError(
-                f"{type(scope).__name__} refers to a {type(self).__name__} that is no part of it; assign it to an attribute "
-                "first (self.name = ...)"
-            )
-        return ".".join(n for n in reversed(names) if n)
-
     def _symbol(self, local: str) -> Any:
         scope = _scope.get()
         if scope is self:
             return real_symbol(local)
-        path = self._path(scope)
+        path = path_of(self, scope)
         return real_symbol(f"{path}.{local}" if path else local)
 
     def _parameter(self, name: str) -> Any:
@@ -547,7 +510,7 @@ class Component:
         if value is NO_VALUE:
             value, scope = declared.default, self
             if callable(value):
-                with _inside(self):
+                with inside(self):
                     value = value(self)
         numbers = {}
         for symbol in getattr(value, "free_symbols", ()):
@@ -570,23 +533,12 @@ class Component:
     def _port(self, connector: Connector) -> Port:
         if connector.when is not None and not self._structural[connector.when]:
             raise ConnectionError(
-                f"{self._path() or type(self).__name__} has no '{connector.name}' here; make it with {connector.when}=True"
+                f"{path_of(self) or type(self).__name__} has no '{connector.name}' here; make it with {connector.when}=True"
             )
         return Port(self, connector)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}{' ' + self._path() if self._path() else ''}>"
-
-
-def parts_of(component: Component) -> dict[str, Any]:
-    """The parts of an assembled component, by name."""
-    found: dict[str, Any] = component._parts
-    return found
-
-
-def connections_of(component: Component) -> Sequence[Connection]:
-    """The connections that a composite makes; it is assembled if it was not."""
-    return component._assembled()
+        return f"<{type(self).__name__}{' ' + path_of(self) if path_of(self) else ''}>"
 
 
 def reconnect(component: Component, connections: Sequence[Connection]) -> None:
@@ -640,7 +592,7 @@ def parts_below(component: Component) -> Iterator[tuple[str, Component]]:
 
 
 @contextmanager
-def _inside(component: Component) -> Iterator[None]:
+def inside(component: Component) -> Iterator[None]:
     token = _scope.set(component)
     try:
         yield
@@ -698,11 +650,8 @@ def check_declarations(kind: type[Component]) -> None:
     for name, value in now.items():
         declared = kind._declarations.get(name)
         if value is not declared:
-            what = (
-                f"is {shown(value)} where {shown(declared)} was declared"
-                if declared
-                else "was declared outside of a component class"
-            )
+            was = f"is {shown(value)} where {shown(declared)} was declared"
+            what = was if declared else "was declared outside of a component class"
             raise DeclarationError(
                 f"{kind.__name__}.{name} {what}; declare it in the body of the class, or again in a subclass of gl.Component"
             )
@@ -765,7 +714,7 @@ def _is_hashable(equation: Eq | When) -> TypeGuard[Eq]:
 
 def _equations_by(owner: type, write: Callable[[], Any], component: Component) -> list[Eq | When]:
     """What one class adds to the equations of a component."""
-    with _inside(component), _explained(f"{owner.__name__}.equations()"):
+    with inside(component), _explained(f"{owner.__name__}.equations()"):
         returned = write()
         equations = list(returned) if isinstance(returned, Iterable) else [returned]
     if not isinstance(returned, Iterable) or not all(isinstance(e, (Eq, When)) for e in equations):
@@ -776,7 +725,7 @@ def _equations_by(owner: type, write: Callable[[], Any], component: Component) -
 
 def energies_of(component: Component) -> Energy | None:
     """What `component` says of its energy, on symbols named from its own scope."""
-    with _inside(component), _explained(f"{type(component).__name__}.energies()"):
+    with inside(component), _explained(f"{type(component).__name__}.energies()"):
         returned = component.energies()
     if returned is not None and not isinstance(returned, Energy):
         raise DeclarationError(

@@ -21,18 +21,17 @@ from gearlib.language.component import (
     Port,
     changed,
     connect,
-    connections_of,
     enclosing,
     equations_of,
     name_of,
     parts_below,
-    parts_of,
     put_in,
     reconnect,
 )
 from gearlib.language.declarations import Connector, Derivative, Flow, Input, Potential, Variable, declared_by
 from gearlib.language.energy import Energy
 from gearlib.language.expressions import Eq, der
+from gearlib.language.interior import connections_of, parts_of
 
 Given = Literal["flow", "rate", "potential", "free", "held"]
 

@@ -20,9 +20,10 @@ from sympy.core.relational import Relational
 
 from gearlib.arguments import shown
 from gearlib.errors import ModelError
-from gearlib.language.component import Component, _inside, connections_of, equations_of, parts_of, reads_of, signals_of
+from gearlib.language.component import Component, equations_of, inside, reads_of, signals_of
 from gearlib.language.declarations import Connector, Derivative, Discrete, Input, Parameter
 from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, value_of
+from gearlib.language.interior import bindable_of, bindings_of, connections_of, declarations_of, guesses_of, parts_of, starts_of
 from gearlib.language.units import NONE, SECOND, Dimension, dimension, name_of
 
 Pair = tuple[Any, Any, str]  # what should be of one dimension, or an expression and a dimension; and where they stand
@@ -125,9 +126,9 @@ def values_compared(component: Component, equations: Iterable[Eq | When]) -> Ite
         yield equation.condition, 0, ""
         for action in equation.actions:
             yield (action.state, action.value, "") if isinstance(action, Reinit) else (action.left, action.right, "")
-    with _inside(component):
-        for name, declared in component._declarations.items():
-            if isinstance(declared, Derivative) and declared.of in component._declarations:
+    with inside(component):
+        for name, declared in declarations_of(component).items():
+            if isinstance(declared, Derivative) and declared.of in declarations_of(component):
                 unit = dimension(declared.unit)
                 yield getattr(component, name), NONE if unit is None else unit, name
 
@@ -136,15 +137,15 @@ def values_given(component: Component) -> Iterator[Pair]:
     """Values by default, and those given to parts: expressions, since a number is in the declared unit; signals that are joined."""
     for signals in signals_of(component):
         yield from ((signals[0], other, "") for other in signals[1:])
-    with _inside(component):
-        for name, own in component._declarations.items():
+    with inside(component):
+        for name, own in declarations_of(component).items():
             if isinstance(own, (Parameter, Input)) and _may_be_symbolic(own.default):
                 yield from _given(component, f"the default of {name}", own.unit, own.default)
         for name, part in parts_of(component).items():
-            for key, value in part._bindings.items():
+            for key, value in bindings_of(part).items():
                 if _may_be_symbolic(value):
-                    yield from _given(component, f"{name}.{key}", part._bindable[key].unit, value)
-            for given in (part._start, part._guess):
+                    yield from _given(component, f"{name}.{key}", bindable_of(part)[key].unit, value)
+            for given in (starts_of(part), guesses_of(part)):
                 for key, value in given.items():
                     if isinstance(value, sympy.Basic) and isinstance(key, str) and (wanted := _lookup(part)(key)) is not None:
                         yield value, wanted, f"the start value of {name}.{key}"
@@ -177,10 +178,10 @@ def _lookup(component: Component) -> UnitOf:
             if step in parts_of(owner):
                 owner = parts_of(owner)[step]
                 continue
-            connector = owner._declarations.get(step)
+            connector = declarations_of(owner).get(step)
             inner = connector.variables.get(last) if isinstance(connector, Connector) else None
             return inner.unit if inner is not None else "any"
-        declared = owner._declarations.get(last)
+        declared = declarations_of(owner).get(last)
         return "any" if isinstance(declared, Discrete) else getattr(declared, "unit", "any")
 
     def dimension_of(name: str) -> Dimension | None:

@@ -14,6 +14,7 @@ from gearlib.drawing.diagram import Diagram
 from gearlib.drawing.scheme.stick_diagram import Scheme
 from gearlib.drawing.scheme.train import Train, train_of
 from gearlib.errors import ArgumentError, ModelError
+from gearlib.language import interior
 from gearlib.language.declarations import Connector, Discrete, Input, Owner, Potential, Variable, declared_by
 
 DOMAINS = {"rad": "rotation", "m": "translation", "K": "heat"}  # by the unit of a connector's potential
@@ -52,8 +53,8 @@ def outline(component: Owner, depth: int) -> Outline:
     ModelError
         Components within components without end.
     """
-    component._forget()
-    return _outline(component, component._name or type(component).__name__, depth, 0, ())
+    interior.forget(component)
+    return _outline(component, interior.name_of(component) or type(component).__name__, depth, 0, ())
 
 
 def _outline(component: Owner, name: str, depth: int, level: int, more: tuple[Terminal, ...]) -> Outline:
@@ -62,10 +63,10 @@ def _outline(component: Owner, name: str, depth: int, level: int, more: tuple[Te
         raise ModelError(
             f"{component!r}: components within components, {DEEPEST} levels deep; a part of its own class without end?"
         )
-    connections = component._assembled()
+    connections = interior.connections_of(component)
     parts: list[Outline] = []
     nets: list[Net] = []
-    if depth > 0 and component._parts:
+    if depth > 0 and interior.parts_of(component):
         for connection in connections:
             pins = tuple(_pin(component, port) for port in connection.ports)
             if pins:
@@ -76,21 +77,21 @@ def _outline(component: Owner, name: str, depth: int, level: int, more: tuple[Te
                 nets.append(Net((Pin(OWN, port.name), Pin(inner, rest)), port.domain))
         joined_signals = [Net(tuple(map(_signal_pin, c.signals)), "signal") for c in connections if c.signals]
         nets = joined(nets) + joined([*joined_signals, *_signals(component)])
-        others: dict[str, dict[str, Terminal]] = {part: {} for part in (OWN, *component._parts)}
+        others: dict[str, dict[str, Terminal]] = {part: {} for part in (OWN, *interior.parts_of(component))}
         for net in nets:
             for pin in net.pins:
                 others[pin.part].setdefault(pin.port, Terminal(pin.port, net.domain))
         more = (*more, *others.pop(OWN).values())
         parts = [
-            _outline(component._parts[part], part, depth - 1, level + 1, tuple(extra.values()))
+            _outline(interior.parts_of(component)[part], part, depth - 1, level + 1, tuple(extra.values()))
             for part, extra in others.items()
         ]
     ports = {own: Terminal(own, domain(connector)) for own, connector in declared_by(component).connectors.items()}
     ports |= {port.name: port for port in more if port.name not in ports}
     icon = component.icon if isinstance(component.icon, str) else ""
     return Outline(
-        name, type(component).__name__, icon, tuple(ports.values()), tuple(parts), tuple(nets), bool(component._parts),
-        _note(component), radii=component._radii(),
+        name, type(component).__name__, icon, tuple(ports.values()), tuple(parts), tuple(nets), bool(interior.parts_of(component)),
+        _note(component), radii=interior.radii_of(component),
     )  # fmt: skip
 
 
@@ -104,7 +105,7 @@ def _pin(scope: Owner, port: Any) -> Pin:
     """A connected port as a pin; that of a part's part belongs to the part, with its path from there."""
     if port.component is scope:
         return Pin(OWN, port.connector.name)
-    part, _, inner = port.component._path(scope).partition(".")
+    part, _, inner = interior.path_of(port.component, scope).partition(".")
     return Pin(part, f"{inner}.{port.connector.name}" if inner else port.connector.name)
 
 
@@ -127,10 +128,10 @@ def joined(nets: list[Net]) -> list[Net]:
 def _signals(component: Owner) -> list[Net]:
     """Inputs of parts that are bound to a variable of another part, or to an input of the component's own."""
     targets: dict[Pin, list[Pin]] = {}
-    for name, part in component._parts.items():
-        for own, declared in part._declarations.items():
-            if isinstance(declared, Input) and own in part._bindings:
-                for source in _sources(component, part._bindings[own]):
+    for name, part in interior.parts_of(component).items():
+        for own, declared in interior.declarations_of(part).items():
+            if isinstance(declared, Input) and own in interior.bindings_of(part):
+                for source in _sources(component, interior.bindings_of(part)[own]):
                     if source.part != name:
                         targets.setdefault(source, []).append(Pin(name, own))
     return [Net((source, *ends), "signal") for source, ends in targets.items()]
@@ -145,13 +146,16 @@ def _sources(component: Owner, value: object) -> Iterator[Pin]:
     symbols = getattr(value, "free_symbols", ())
     for symbol in sorted(str(s) for s in symbols):
         part, _, variable = symbol.partition(".")
-        if variable and part in component._parts:
+        if variable and part in interior.parts_of(component):
             yield Pin(part, variable)
-        elif not variable and isinstance(component._declarations.get(part), (Input, Variable, Discrete)):
+        elif not variable and isinstance(interior.declarations_of(component).get(part), (Input, Variable, Discrete)):
             yield Pin(OWN, part)
 
 
 def _note(component: Owner) -> str:
     """What the mouse shows: the class, and the values that the part was given."""
-    values = [f"{name} = {value}" for name, value in {**component._given, **component._bindings}.items()]
+    values = [
+        f"{name} = {value}"
+        for name, value in {**interior.choices_given_to(component), **interior.bindings_of(component)}.items()
+    ]
     return "\n".join([type(component).__name__, *(v if len(v) <= 80 else v[:77] + "..." for v in values)])

@@ -9,13 +9,7 @@ from numpy.typing import NDArray
 
 from gearlib.native.layout import EACH, Layout
 from gearlib.native.source import CLOSING, Body, loop, looped
-from gearlib.program.event_iteration import (
-    DiscretesPhase,
-    RelationsPhase,
-    UnknownsPhase,
-    compares_with_before,
-    relation_of,
-)
+from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase, compares_with_before, relation_of
 from gearlib.program.relations import Relations
 
 Integers = NDArray[np.int64]

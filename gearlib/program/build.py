@@ -8,14 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import (
-    Kernel,
-    differentiated,
-    partial_kernel,
-    relation_kernel,
-    residual_kernel,
-    solve_kernel,
-)
+from gearlib.equations.kernel import Kernel, differentiated, partial_kernel, relation_kernel, residual_kernel, solve_kernel
 from gearlib.equations.template import Template
 from gearlib.program.program import Batch, Linear, Newton, Program
 from gearlib.program.schedule import renumber, schedule

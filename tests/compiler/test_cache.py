@@ -29,7 +29,7 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
     yield tmp_path
     forget(monkeypatch)
     if cache._temporary is not None:
-        cache._temporary.cleanup()
+        cache._temporary[1]()
 
 
 def forget(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ from gearlib.drawing.diagram import Diagram
 from gearlib.drawing.icons import ICONS
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
+from gearlib.language.interior import path_of
 
 
 class EightSpeeds(gl.Component):
@@ -182,7 +183,7 @@ def connections_of(component: Component, depth: int, path: str = "") -> nx.Graph
     for connection in component._assembled():
         names = []
         for port in connection.ports:
-            inner = port.component._path(component)
+            inner = path_of(port.component, component)
             names.append(f"{path}{inner}.{port.connector.name}" if inner else f"{path}{port.connector.name}")
         nx.add_path(graph, names)
     for name, part in component._parts.items():

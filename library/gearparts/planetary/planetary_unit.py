@@ -8,6 +8,7 @@ import gearlib as gl
 from gearlib.arguments import shown
 from gearlib.errors import BindingError
 from gearlib.language.declarations import Offered
+from gearlib.language.interior import path_of
 from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh
 from gearparts.gears.meshes import ExternalMesh, InternalMesh
 from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
@@ -162,7 +163,7 @@ class PlanetaryUnit(gl.Component):
             meaning = f" ({described.description})" if described else ""
             levels = [f"level={m.level!r}" for m in models]
             advice = levels if name in CHOICES else self._other_choices(models)
-            path = f"{self._path()} (PlanetaryUnit)" if self._path() else "PlanetaryUnit"
+            path = f"{path_of(self)} (PlanetaryUnit)" if path_of(self) else "PlanetaryUnit"
             raise BindingError(
                 f"{path}: {name}={shown(value)} has no effect with level={self.level!r}, planet_meshes={self.planet_meshes!r}{meaning}; "
                 f"it counts with {' or '.join(advice)}"
@@ -287,7 +288,7 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
         if not (self.Z_s and self.Z_p and self.Z_r):
             teeth = ", ".join(f"{name}={getattr(self, name)}" for name in ("Z_s", "Z_p", "Z_r"))
             raise BindingError(
-                f"{self._path() or type(self).__name__}: sun_details and ring_details need numbers of teeth, from which the phases "
+                f"{path_of(self) or type(self).__name__}: sun_details and ring_details need numbers of teeth, from which the phases "
                 f"of the meshes follow; found {teeth}"
             )
         common = {"r_b": self.R_p, "use_support": True}
