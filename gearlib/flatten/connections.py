@@ -6,9 +6,12 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import networkx as nx
+import numpy as np
 import sympy
 
 from gearlib.equations.template import Template, make_template
+from gearlib.flatten.aliases import Aliases
+from gearlib.flatten.specialise import Raw
 
 MOST_ADDENDS = 8  # longer sums are split, so that no template grows with the model
 
@@ -44,3 +47,42 @@ def split_sum(members: SignedSum, new_variable: int) -> tuple[list[SignedSum], i
         members = (*members[head:], (new_variable, 1))
         new_variable += 1
     return [*sums, members], new_variable
+
+
+def series_of_parallels(groups: Sequence[Raw], aliases: Aliases) -> tuple[list[tuple[int, int, int]], list[Raw]]:
+    """What flows into parts that lie side by side flows out of them: flows that are equal, in place of the second sum of both.
+
+    Of ``x + a + b = 0`` and ``y - a - b = 0`` the second is ``x = -y``. Each of the two sums alone would give one of a and b, which
+    nothing else may be left to do: a spring in series with two dampers side by side, and no inertia between.
+    """
+    known: dict[frozenset[tuple[int, int]], tuple[int, int]] = {}
+    equal: list[tuple[int, int, int]] = []
+    rest: list[Raw] = []
+    for group in groups:
+        n = group.variables.shape[1]
+        if not n or group.template is not sum_template(n):
+            rest.append(group)
+            continue
+        kept = []
+        variables = aliases.representative[group.variables].tolist()
+        signs = (group.signs * aliases.sign[group.variables]).tolist()
+        for row in range(len(group)):
+            terms = [(v, sign) for v, sign in zip(variables[row], signs[row], strict=True) if sign]
+            if len(terms) < 3 or len({v for v, _ in terms}) < len(terms):
+                kept.append(row)
+                continue
+            keys = []
+            for k, (x, sign) in enumerate(terms):
+                others = sorted(terms[:k] + terms[k + 1 :])
+                first = others[0][1]
+                keys.append((frozenset((v, s * first) for v, s in others), x, sign * first))
+            match = next((key for key in keys if key[0] in known and known[key[0]][0] != key[1]), None)
+            if match is None:
+                kept.append(row)
+                known |= {key: (x, sign) for key, x, sign in keys}
+            else:
+                key, x, sign = match
+                other, its = known[key]
+                equal.append((other, x, sign * its))
+        rest.append(group if len(kept) == len(group) else group.take(np.array(kept, np.int64), group.template))
+    return equal, [g for g in rest if len(g)]

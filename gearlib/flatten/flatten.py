@@ -13,7 +13,7 @@ from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.attributes import attributes_of, merge
-from gearlib.flatten.connections import SignedSum, connection_sets, split_sum, sum_template
+from gearlib.flatten.connections import SignedSum, connection_sets, series_of_parallels, split_sum, sum_template
 from gearlib.flatten.instances import walk
 from gearlib.flatten.model import (
     Counts,
@@ -110,6 +110,11 @@ def _without_aliases(
                     changed.append(group.take(rows, template))
                 else:
                     kept.append(group if len(rows) == len(group) else group.take(rows, template))
+        series, rest = series_of_parallels(kept, aliases) if not changed else ([], kept)
+        if series:
+            equalities += series
+            raw = rest
+            continue
         if not changed:
             return raw, equalities, aliases
         equalities += [(0, 0, 1) for piece in changed if piece.template.residual == 0 for _ in range(len(piece))]  # as x = x

@@ -1,0 +1,58 @@
+"""Parts side by side in series with others, without inertia between."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+
+
+class SideBySide(gl.Component):
+    """A body on a ring of two springs and a few spring-dampers side by side, massless nodes between; or one that is all of these."""
+
+    dampers = gl.Structural(2)
+    d_0 = gl.Structural(0.0)
+    dangling = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.body = gp.Inertia(J=0.8, start={"w": 1.0})
+        self.front, self.back = gp.SpringDamper(c=5e3, d=self.d_0), gp.Spring(c=240.0)
+        self.spring = gp.SpringDamper(c=6e3, d=5.5 if self.dampers == 0 else 5.0)
+        self.more = [gp.SpringDamper(c=0.0, d=0.5 / self.dampers) for _ in range(self.dampers)]
+        between = [self.spring, *self.more]
+        links = [
+            gl.connect(self.body.flange_b, self.front.flange_b, self.back.flange_b),
+            gl.connect(self.front.flange_a, *(p.flange_a for p in between)),
+            gl.connect(*(p.flange_b for p in between), self.back.flange_a),
+        ]
+        if self.dangling:
+            self.loose = gp.Spring(c=5e3)
+            links.append(gl.connect(self.loose.flange_a, self.spring.flange_b))
+        return links
+
+
+@pytest.mark.parametrize("dangling", [False, True])
+@pytest.mark.parametrize("dampers", [1, 2, 9])
+@pytest.mark.parametrize("method", ["exact", "ida", "rk"])
+def test_dampers_side_by_side_in_series_with_springs(dampers: int, dangling: bool, method: str) -> None:
+    """They are one spring-damper; its deflection dies away as by hand: springs of 5000 and 240 N.m/rad in series, and 6000 beside."""
+    system = gl.compile(SideBySide(dampers=dampers, dangling=dangling))
+    result = system.simulate(0.01, samples=21, start={"spring.phi_rel": 0.01, "body.phi": 0.0}, method=method, rtol=1e-9)
+    series = 5000.0 * 240.0 / 5240.0
+    expected = 0.01 * np.exp(-(6000.0 + series) / 5.5 * result.time)
+    assert result["spring.phi_rel"] == pytest.approx(expected, abs=1e-9)
+    total = result["spring.tau"] + sum(result[f"more[{k}].tau"] for k in range(dampers))
+    assert total == pytest.approx(-series * expected, abs=1e-6)  # the ring closes: the others are stretched by as much
+    assert result["front.tau"] == pytest.approx(-total, abs=1e-9)  # its other flange is at the node
+    assert result["body.w"] == pytest.approx(np.ones(21), abs=1e-9)
+
+
+def test_what_lies_side_by_side_is_not_seen_from_outside() -> None:
+    one = gl.compile(SideBySide(dampers=0, d_0=2.0)).simulate(0.05, samples=11, start={"spring.phi_rel": 0.01}, rtol=1e-9)
+    three = gl.compile(SideBySide(dampers=2, d_0=2.0)).simulate(0.05, samples=11, start={"spring.phi_rel": 0.01}, rtol=1e-9)
+    for name in ("body.w", "front.tau", "back.tau", "spring.phi_rel"):
+        assert three[name] == pytest.approx(one[name], abs=1e-7), name
