@@ -27,6 +27,7 @@ PAGES = [
     "docs/files.md",
     "docs/many_runs.md",
     "docs/fitting.md",
+    "docs/gradients.md",
     "docs/accuracy.md",
     "docs/components.md",
     "docs/errors.md",

@@ -14,6 +14,7 @@ doi:10.1109/81.828574.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -27,8 +28,9 @@ from gearlib.program.derivative_plan import TIME, DerivativePlan, derivative_pla
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import Prepared, evaluate
 from gearlib.program.program import Program
-from gearlib.program.relations import Relations
 from gearlib.run.methods.run import Run
+from gearlib.run.scene import Scene
+from gearlib.run.tangents.directions import TangentDirections
 from gearlib.run.tangents.tangents import TangentCode, Tangents
 from gearlib.solvers.inputs.callback import Callbacks, Wrapped
 from gearlib.solvers.inputs.table import values
@@ -41,40 +43,76 @@ MOST_PASSES = 100  # in which discrete variables that follow from each other get
 
 
 @dataclass(frozen=True, eq=False)
-class EventProgram:
-    """The program of a scene's relations, with what events compute as slots of their own.
+class EventPlan:
+    """The program of a scene's relations, with what events compute as slots of their own, and how these change in directions.
 
     Attributes
     ----------
     program : Program
     functions, discretes, reinits : arrays, shape (number, 2)
         Relation, entry of the discrete state, state; and the slot that holds what it is compared, or set, with.
+    plan : DerivativePlan
+        Derivatives of these slots in the directions, and in one more, along which no parameter changes. Seeds enter at states,
+        parameters, time, inputs, and discrete variables that are carried.
+    setting, set_modes : arrays of int
+        Rows of ``discretes`` that give carried entries new values, and which these are.
+    after_modes, before_modes : arrays of int
+        Carried entries, and the same before an event.
     """
 
     program: Program
     functions: Integers
     discretes: Integers
     reinits: Integers
+    plan: DerivativePlan
+    setting: Integers
+    set_modes: Integers
+    after_modes: Integers
+    before_modes: Integers
 
-    @classmethod
-    def of(cls, relations: Relations) -> EventProgram:
-        """What events of some relations compute."""
-        steps, first = list(relations.program.steps), relations.program.n_slots
-        found = []
-        for batches in (relations.batches, relations.discretes, relations.reinits):
-            pairs = np.empty((0, 2), np.int64)
-            for batch in batches:
-                slots = np.arange(first, first + len(batch))
-                steps.append(replace(batch, targets=slots))
-                pairs = np.concatenate([pairs, np.column_stack([batch.targets, slots])])
-                first += len(batch)
-            found.append(pairs)
-        return cls(replace(relations.program, steps=tuple(steps), n_slots=first), *found)
 
-    @property
-    def wanted(self) -> Integers:
-        """The slots of what events compute."""
-        return np.concatenate([self.functions[:, 1], self.discretes[:, 1], self.reinits[:, 1]])
+def event_plan(scene: Scene, directions: TangentDirections, modes: Sequence[int]) -> EventPlan:
+    """What events of a scene compute, and how it changes; kept in the scene for the next run."""
+    key = "events", len(directions), directions.entries
+    found: EventPlan | None = scene.tangent_codes.get(key)
+    if found is None:
+        found = scene.tangent_codes[key] = _planned(scene, directions, modes)
+    return found
+
+
+def _planned(scene: Scene, directions: TangentDirections, modes: Sequence[int]) -> EventPlan:
+    relations = scene.relations
+    assert relations is not None, "there are events"
+    steps, first = list(relations.program.steps), relations.program.n_slots
+    found = []
+    for batches in (relations.batches, relations.discretes, relations.reinits):
+        pairs = np.empty((0, 2), np.int64)
+        for batch in batches:
+            slots = np.arange(first, first + len(batch))
+            steps.append(replace(batch, targets=slots))
+            pairs = np.concatenate([pairs, np.column_stack([batch.targets, slots])])
+            first += len(batch)
+        found.append(pairs)
+    program = replace(relations.program, steps=tuple(steps), n_slots=first)
+    functions, discretes, reinits = found
+    n_states, columns = len(scene.states), range(len(directions) + 1)
+    entering = [(i, k) for i in range(n_states) for k in columns]
+    entering += [(program.n_slots + p, k) for p, k in directions.entries]
+    entering += [(TIME, k) for k in columns]
+    entering += [(n_states + j, k) for j in range(len(program.inputs)) for k in columns]
+    entering += [(mode(m), k) for m in modes for k in range(len(directions))]
+    wanted = np.concatenate([pairs[:, 1] for pairs in found])
+    plan = derivative_plan(program, entering, wanted, len(columns))
+    place = {m: i for i, m in enumerate(modes)}
+    n, d = scene.model.n_relations, len(scene.model.discretes)
+    setting = _pairs((i, place[m]) for i, m in enumerate(discretes[:, 0].tolist()) if m in place)
+    before = _pairs((place[m], place[m + d]) for m in modes if n <= m < n + d)
+    return EventPlan(program, functions, discretes, reinits, plan, *setting, *before)
+
+
+def _pairs(pairs: Iterable[tuple[int, int]]) -> Integers:
+    """First and second numbers of pairs, as two rows."""
+    return np.array(list(pairs), np.int64).reshape(-1, 2).T
 
 
 class EventTangents:
@@ -88,7 +126,7 @@ class EventTangents:
         self.run, self.tangents, self.code, self.callbacks = run, tangents, code, callbacks
         self.relations, self.shared = relations, code.native.shared
         self.n, self.count = len(scene.states), len(tangents.directions)
-        self.events = EventProgram.of(relations)
+        self.events = event_plan(scene, tangents.directions, code.modes)
         prepared = run.numbers.relations
         self.prepared = Prepared(self.events.program, prepared.structure, prepared.parameters, prepared.solutions)
         self.timed = relations.used[relations.on_time]
@@ -102,30 +140,12 @@ class EventTangents:
         self._callback = update(self._called)
         callbacks.callbacks += [self._callback, self._update, self._rhs]
         self.size = len(problem.data)
-        self._prepare_plan()
         others = relations.program
         both = [n for n in scene.program.slots if n in others.slots] if others.iterated else []
         self.first_guess = scene.guess(others, run.start.guess)
         self.shared_slots = (
             np.array([scene.program.slots[n] for n in both], np.int64), np.array([others.slots[n] for n in both], np.int64),
         )  # fmt: skip
-
-    def _prepare_plan(self) -> None:
-        """Plan how what events compute changes, and tell where the discrete variables stand that are `carried`."""
-        program, directions, modes = self.events.program, self.tangents.directions, self.code.modes
-        columns = range(self.count + 1)
-        entering = [(i, k) for i in range(self.n) for k in columns]
-        entering += [(program.n_slots + p, k) for p, k in directions.entries]
-        entering += [(TIME, k) for k in columns]
-        entering += [(self.n + j, k) for j in range(len(program.inputs)) for k in columns]
-        entering += [(mode(m), k) for m in modes for k in range(self.count)]
-        self.plan: DerivativePlan = derivative_plan(program, entering, self.events.wanted, self.count + 1)
-        place = {m: i for i, m in enumerate(modes)}
-        n, d = self.run.scene.model.n_relations, len(self.run.scene.model.discretes)
-        chosen = [(i, place[m]) for i, m in enumerate(self.events.discretes[:, 0].tolist()) if m in place]
-        self.setting, self.set_modes = np.array(chosen, np.int64).reshape(-1, 2).T
-        pairs = [(place[m], place[m + d]) for m in modes if n <= m < n + d]
-        self.after_modes, self.before_modes = np.array(pairs, np.int64).reshape(-1, 2).T
 
     @property
     def native(self) -> Wrapped:
@@ -195,7 +215,9 @@ class EventTangents:
         slots = evaluate(self.prepared, now, states[:, None], inputs, modes[:, None], self._guess(numbers))
         driven = np.outer(slopes, delay)
         weights = np.concatenate([moved.ravel(), self.tangents.directions.weights, delay, driven.ravel(), discretes.ravel()])
-        found: Floats = dense(self.plan, entries(self.plan, At(self.prepared, now, slots, modes[:, None]), weights))[0]
+        found: Floats = dense(
+            self.events.plan, entries(self.events.plan, At(self.prepared, now, slots, modes[:, None]), weights)
+        )[0]
         return found
 
     def _guess(self, numbers: Floats) -> Floats:
@@ -246,12 +268,12 @@ class EventTangents:
             for _ in range(MOST_PASSES):
                 found = self._varied(t, numbers, states, modes, moved, along, self.discretes)
                 new = self.discretes.copy()
-                new[self.set_modes] = found[functions + self.setting, :-1]
+                new[self.events.set_modes] = found[functions + self.events.setting, :-1]
                 settled, self.discretes = bool((new == self.discretes).all()), new
                 if settled:
                     break
             moved = moved.copy()
             moved[self.events.reinits[:, 0]] = found[functions + d :]
             self.discretes = self.discretes.copy()
-            self.discretes[self.before_modes] = self.discretes[self.after_modes]
+            self.discretes[self.events.before_modes] = self.discretes[self.events.after_modes]
         return moved[:, :-1]
