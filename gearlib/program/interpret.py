@@ -183,9 +183,15 @@ def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
     return inverse
 
 
+def _joined(block: Linear | Newton, structure: Structure) -> list[str]:
+    """The variables in equations of connections."""
+    model, rows = structure.model, [structure.rows[int(e)] for e in block.equations if e >= 0]
+    return [model.name(v) for v in dict.fromkeys(v for g, i in rows for v in model.groups[g].variables[i].tolist())]
+
+
 def _singular(block: Linear | Newton, structure: Structure) -> SingularError:
     owners = list(dict.fromkeys(owner_of(structure, int(e)) for e in block.equations))
-    owners = [o for o in owners if o != "connection"]
+    owners = [o for o in owners if o != "connection"] or _joined(block, structure)
     some = ", ".join(owners[:8]) + (f" and {len(owners) - 8} more" if len(owners) > 8 else "")
     return SingularError(
         f"the equations of {some} are singular with these parameters: they leave a torque or an acceleration undetermined "

@@ -56,3 +56,20 @@ def test_what_lies_side_by_side_is_not_seen_from_outside() -> None:
     three = gl.compile(SideBySide(dampers=2, d_0=2.0)).simulate(0.05, samples=11, start={"spring.phi_rel": 0.01}, rtol=1e-9)
     for name in ("body.w", "front.tau", "back.tau", "spring.phi_rel"):
         assert three[name] == pytest.approx(one[name], abs=1e-7), name
+
+
+class Delta(gl.Component):
+    """Three dampers between three nodes without inertia, and a spring from each to the body: what is refused is named."""
+
+    def assemble(self) -> list[Any]:
+        self.body = gp.Inertia(J=0.8)
+        self.springs, self.dampers = [gp.Spring(c=5e3) for _ in range(3)], [gp.Damper(d=1.0) for _ in range(3)]
+        return [
+            gl.connect(self.body.flange_b, *(s.flange_b for s in self.springs)),
+            *(gl.connect(self.springs[k].flange_a, self.dampers[k].flange_a, self.dampers[k - 1].flange_b) for k in range(3)),
+        ]
+
+
+def test_flows_that_nothing_determines_are_named() -> None:
+    with pytest.raises(gl.GearlibError, match=r"the equations of .*springs\[0\].*tau.*dampers\[.*are singular"):
+        gl.compile(Delta()).simulate(1.0, samples=2)
