@@ -13,6 +13,7 @@ from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
 from gearlib.feedback.stability import StabilityReport
 from gearlib.files.sweep_files import sweep_path
 from gearlib.linear.frequency_response import FrequencyResponse
+from gearlib.linear.steady_state import SteadyState
 from gearlib.many_runs.carry_out import carry_out, check_executor
 from gearlib.many_runs.identity import of_function, of_functions, of_model, of_values
 from gearlib.many_runs.runs import Runs
@@ -75,8 +76,10 @@ class Analysing(Work):
         return () if self.reduce else DIMENSIONS.get(name, ())
 
     def unit(self, name: str) -> str:
-        units = self.system.translation.parameter_units
-        return units.get(name, "" if self.reduce else UNITS.get(name, ""))
+        translation, units = self.system.translation, self.system.translation.parameter_units
+        if name in units or self.reduce or name in UNITS or translation.model.find(translation.model.column(name)[0]) is None:
+            return units.get(name, "" if self.reduce else UNITS.get(name, ""))
+        return translation.unit(name)
 
     def finished(self, samples: Samples, values: Values) -> tuple[Values, Mapping[str, tuple[str, ...]]]:
         """Of modes, each in its own column."""
@@ -125,6 +128,8 @@ def kept(result: Any) -> Row:
         columns = {name: [getattr(f, name) for f in result.flanges] for name in ("speed", "torque", "power")}
         scalars = {name: getattr(result, name) for name in ("efficiency", "input_power", "circulating_power")}
         return Row(columns | scalars, {"flange": tuple(f.name for f in result.flanges)})
+    if isinstance(result, SteadyState):
+        return Row({name: float(value) for name, value in zip(result.names, result.values, strict=True)})
     if isinstance(result, HarmonicBalance):
         sizes = np.array([result.amplitude(name) for name in result.outputs])
         top = {"peak": sizes.max(axis=1), "peak_omega": result.omega[sizes.argmax(axis=1)], "folds": float(len(result.folds))}
@@ -144,7 +149,7 @@ def sweep(
     Parameters
     ----------
     analysis : callable
-        `modes`, `stability`, `frequency_response`, `power_flow`, `harmonic_balance`, or any function of a system that takes
+        `modes`, `stability`, `steady_state`, `frequency_response`, `power_flow`, `harmonic_balance`, or any function of a system that takes
         ``parameters=``.
     system : System
     parameters : mapping, Grid, DataFrame or array
@@ -157,7 +162,7 @@ def sweep(
         ``number`` among the modes of the run that vibrate; of stability the ``growth`` of the fastest motion (1/s), the
         ``least_damping`` and, of a loop, its margins; of a frequency response the complex ``response``; of power flow ``speed``,
         ``torque`` and ``power`` at each flange and the ``efficiency``; of harmonic balance the ``peak`` amplitude of each output,
-        where it is (``peak_omega``), and the number of ``folds``.
+        where it is (``peak_omega``), and the number of ``folds``; of steady states the variables by path.
     **options
         What else the analysis is given.
 

@@ -178,3 +178,11 @@ def test_any_function_of_a_system() -> None:
 def test_what_is_wrong_is_named(analysis: Any, parameters: Any, more: dict[str, Any], message: str) -> None:
     with pytest.raises((ArgumentError, NameLookupError), match=message):
         gl.sweep(analysis, gl.compile(Drive()), parameters, **more)
+
+
+def test_steady_states() -> None:
+    """w = tau / d of the brake."""
+    system = gl.compile(Drive(), outputs=["load.w"])
+    runs = gl.sweep(gl.steady_state, system, {"brake.d": [0.5, 0.8, 2.0]}, inputs={"torque.tau": 4.0})
+    np.testing.assert_allclose(runs["load.w"], [8.0, 5.0, 2.0])
+    assert runs.to_xarray()["load.w"].attrs["units"] == "rad/s"
