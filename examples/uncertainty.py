@@ -94,11 +94,7 @@ print(f"peak mesh force {before:.1f} N; {best.fun:.1f} N with {best.x[0]:.2f} K_
 assert best.fun < before
 
 # %%
-# As soft and as damped as it may be. The gradient is that of the force: differences of two runs agree with it.
-
-step = np.array([1e-4, 0.0])
-slope = (peak_force(np.ones(2) + step)[0] - peak_force(np.ones(2) - step)[0]) / 2e-4
-assert abs(slope - peak_force(np.ones(2))[1][0]) < 1e-2 * abs(slope)
+# As soft and as damped as it may be.
 
 fig, axes = plt.subplots(figsize=(6, 3), layout="constrained")
 axes.bar(np.arange(len(NAMES)) - 0.2, indices["S1"], 0.4, label="Sobol, alone")
