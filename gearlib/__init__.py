@@ -87,6 +87,7 @@ if TYPE_CHECKING:
     from gearlib.many_runs.runs import Runs as Runs
     from gearlib.many_runs.samples import grid as grid
     from gearlib.modelica.reading import read_modelica as read_modelica
+    from gearlib.modelica.writing import to_modelica as to_modelica
     from gearlib.periodic.describing_function import PreloadedBacklash as PreloadedBacklash
     from gearlib.periodic.describing_function import backlash_describing_function as backlash_describing_function
     from gearlib.periodic.describing_function import equivalent_stiffness as equivalent_stiffness
@@ -166,6 +167,7 @@ _HOME = {
     "cut": "gearlib.language.cutting",
     "check_units": "gearlib.language.dimensions",
     "read_modelica": "gearlib.modelica.reading",
+    "to_modelica": "gearlib.modelica.writing",
     "Result": "gearlib.run.result",
     "Method": "gearlib.run.methods.method",
     "register_method": "gearlib.run.methods.method_table",

@@ -15,13 +15,15 @@ from gearlib.errors import ArgumentError, FileError, GearlibError, NameLookupErr
 
 OK, USERS_FAULT, INTERRUPTED = 0, 2, 130
 
-MODEL = "FILE.py:CLASS, a component class in a file, or PACKAGE.MODULE:CLASS"
+MODEL = "FILE.py:CLASS, a component class in a file, or PACKAGE.MODULE:CLASS, or FILE.mo or FILE.mo:MODEL, a model in Modelica"
 EXAMPLES = {
     "info": "gearlib info drive.py:Drive",
     "run": "gearlib run drive.py:Drive --t-end 2 --set J_load=3 --input torque.tau=torque.csv:t,tau --out r.mat --plot load.w",
     "modes": "gearlib modes drive.py:Drive --set J_load=3",
     "fmu": "gearlib fmu drive.py:Drive --out drive.fmu --outputs load.w --platforms native,x86_64-windows",
     "plot": "gearlib plot r.mat load.w shaft.tau --out r.png",
+    "sweep": "gearlib sweep drive.py:Drive --vary J_load=1:3:5 --t-end 2 --input torque.tau=6 --outputs load.w --out -",
+    "modelica": "gearlib modelica drive.py:Drive --out Drive.mo",
     "check": "gearlib check drive.py:Drive",
 }
 
@@ -75,20 +77,38 @@ def _parser() -> argparse.ArgumentParser:
     info = command("info", _info, "say what a model consists of, its states, inputs and parameters")
     run = command("run", _run, "simulate a model")
     modes = command("modes", _modes, "natural frequencies and damping of a model")
+    sweep = command("sweep", _sweep, "simulate a model many times, with other parameters; the last values as CSV")
+    modelica = command("modelica", _modelica, "write a model as Modelica text")
     check = command("check", _check, "check the units of a model, and that it compiles and starts")
     fmu = command("fmu", _fmu, "write a model as an FMU, for other tools")
-    for each in (info, run, modes, check, fmu):
+    for each in (info, run, modes, check, fmu, sweep, modelica):
         each.add_argument("model", metavar="MODEL", help=MODEL)
         each.add_argument("--set", action="append", default=[], metavar="NAME=NUMBER", help="a parameter's value")
         each.add_argument("--parameters", metavar="FILE", help="values of parameters: .toml, .csv or .ssv")
-    run.add_argument("--t-end", type=float, required=True, metavar="S", help="end of the run, s")
-    run.add_argument("--samples", type=int, metavar="N", help="number of output times (501)")
-    run.add_argument("--method", default="auto", help="auto, exact, ida, rk, rk5 or rk8")
-    run.add_argument("--rtol", type=float, default=1e-6, help="relative tolerance (1e-6)")
-    run.add_argument("--start", action="append", default=[], metavar="NAME=NUMBER", help="a start value")
-    run.add_argument(
-        "--input", action="append", default=[], metavar="NAME=VALUE", help="an input: a number, or FILE:TIME,COLUMN for a table"
+    for each in (run, sweep):
+        each.add_argument("--t-end", type=float, required=True, metavar="S", help="end of the run, s")
+        each.add_argument("--samples", type=int, metavar="N", help="number of output times (501)")
+        each.add_argument("--method", default="auto", help="auto, exact, ida, rk, rk5 or rk8")
+        each.add_argument("--rtol", type=float, default=1e-6, help="relative tolerance (1e-6)")
+        each.add_argument("--start", action="append", default=[], metavar="NAME=NUMBER", help="a start value")
+        each.add_argument(
+            "--input",
+            action="append",
+            default=[],
+            metavar="NAME=VALUE",
+            help="an input: a number, or FILE:TIME,COLUMN for a table",
+        )
+    sweep.add_argument(
+        "--vary", action="append", required=True, metavar="NAME=VALUES",
+        help="a parameter's values: 1,2,5 or FIRST:LAST:COUNT; all combinations are run",
+    )  # fmt: skip
+    sweep.add_argument("--outputs", metavar="NAME,NAME", help="variables whose last values are kept (the states)")
+    sweep.add_argument("--out", metavar="FILE", help=".csv, or - for CSV on the screen; .nc or .zarr keep whole histories")
+    modelica.add_argument("--flat", action="store_true", help="one model without parts")
+    modelica.add_argument(
+        "--own", action="store_true", help="with all classes written out, without the Modelica Standard Library"
     )
+    modelica.add_argument("--out", metavar="FILE", help="the file to write: .mo; else on the screen")
     run.add_argument("--outputs", metavar="NAME,NAME", help="variables to compute and save (all)")
     run.add_argument(
         "--out", metavar="FILE", help="save the result: .mat, .csv, .nc, .zarr or .parquet; - for CSV on the screen"
@@ -151,6 +171,53 @@ def _run(asked: argparse.Namespace) -> None:
         _shown(result.plot(*asked.plot.split(",")), None)
 
 
+def _sweep(asked: argparse.Namespace) -> None:
+    import numpy as np
+
+    from gearlib.files.replacing import replacing
+    from gearlib.many_runs.samples import grid
+    from gearlib.system import compile
+
+    names = None if asked.outputs is None else asked.outputs.split(",")
+    system = compile(_component(asked.model), names)
+    names = list(system.states) if names is None else names
+    varied = grid({**_parameters(asked), **dict(_varied(text) for text in asked.vary)})
+    options: dict[str, Any] = {
+        "samples": asked.samples, "method": asked.method, "rtol": asked.rtol, "inputs": _inputs(asked.input),
+        "start": dict(_assigned("--start", text) for text in asked.start) or None,
+    }  # fmt: skip
+    if asked.out not in (None, "-") and not asked.out.endswith(".csv"):
+        print(system.sweep(varied, asked.t_end, outputs=names, to=asked.out, **options))
+        return
+    last = {name: lambda result, name=name: result[name][-1] for name in names}
+    runs = system.sweep(varied, asked.t_end, reduce=last, **options)
+    rows = [[name for name, _ in map(_varied, asked.vary)] + names]
+    for place in np.ndindex(runs.shape):
+        values = [runs[name][place] for name in rows[0]]
+        rows.append([repr(float(value)) for value in values])
+    text = "".join(",".join(row) + "\n" for row in rows)
+    if asked.out in (None, "-"):
+        sys.stdout.write(text)
+    else:
+        with replacing(asked.out) as path:
+            path.write_text(text, encoding="utf-8")
+
+
+def _modelica(asked: argparse.Namespace) -> None:
+    from gearlib.files.replacing import replacing
+    from gearlib.modelica.writing import to_modelica
+
+    if asked.out is not None and not asked.out.endswith(".mo"):
+        raise ArgumentError(f"--out {asked.out}: expected the name of a file that ends with .mo")
+    component = _component(asked.model, **_parameters(asked))
+    text = to_modelica(component, flat=asked.flat, standard_library=not asked.own) + "\n"
+    if asked.out is None:
+        sys.stdout.write(text)
+    else:
+        with replacing(asked.out) as path:
+            path.write_text(text, encoding="utf-8")
+
+
 def _modes(asked: argparse.Namespace) -> None:
     from gearlib.system import compile
     from gearlib.vibration.modes import modes
@@ -205,11 +272,19 @@ def _shown(axes: Any, path: str | None) -> None:
 # ---------------------------------------------------------------- what the arguments stand for
 
 
-def _component(model: str) -> Any:
+def _component(model: str, **values: Any) -> Any:
     """An instance of the class that a model's name stands for."""
     from gearlib.language.component import Component
 
     place, colon, name = model.rpartition(":")
+    if model.endswith(".mo") or (colon and place.endswith(".mo")):
+        from gearlib.modelica.reading import read_modelica
+
+        return (
+            read_modelica(Path(place or model), name)(**values)
+            if place.endswith(".mo")
+            else read_modelica(Path(model))(**values)
+        )
     if not colon or not name:
         raise ArgumentError(f"the model is '{model}'; expected {MODEL}")
     try:
@@ -223,7 +298,7 @@ def _component(model: str) -> Any:
     if not (isinstance(found, type) and issubclass(found, Component)):
         valid = [*classes, *getattr(module, "__all__", ())]
         raise NameLookupError(f"{place} has no component class {name}; {nearest(name, valid)}")
-    return found()
+    return found(**values)
 
 
 def _module(place: str) -> Any:
@@ -249,6 +324,21 @@ def _assigned(option: str, text: str) -> tuple[str, float]:
     except ValueError:
         found = f"'{value}', which is no number" if equals else "no '='"
         raise ArgumentError(f"{option} {text}: there is {found}; expected NAME=NUMBER, as in {option} load.J=3") from None
+
+
+def _varied(text: str) -> tuple[str, list[float]]:
+    """A parameter's name and its values."""
+    import numpy as np
+
+    name, _, values = text.partition("=")
+    try:
+        if values.count(":") == 2:
+            first, last, count = values.split(":")
+            return name.strip(), np.linspace(float(first), float(last), int(count)).tolist()
+        return name.strip(), [float(value) for value in values.split(",")]
+    except ValueError:
+        example = "--vary load.J=1,2,5 or --vary load.J=1:5:9"
+        raise ArgumentError(f"--vary {text}: expected NAME=NUMBER,NUMBER or NAME=FIRST:LAST:COUNT, as in {example}") from None
 
 
 def _parameters(asked: argparse.Namespace) -> dict[str, float]:

@@ -99,9 +99,48 @@ def test_info_modes_and_check(drive: str, capsys: pytest.CaptureFixture[str]) ->
     assert "Drive: units agree, " in printed
 
 
+def test_sweep_prints_the_last_values_of_all_combinations(
+    drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = [
+        "sweep",
+        drive,
+        "--vary",
+        "J_load=1:3:3",
+        "--vary",
+        "torque.tau=2,4",
+        "--t-end",
+        "2",
+        "--outputs",
+        "load.w,motor.w",
+    ]
+    assert main([*asked, "--out", "-"]) == 0
+    head, *rows = csv.reader(io.StringIO(capsys.readouterr().out))
+    assert head == ["J_load", "torque.tau", "load.w", "motor.w"]
+    assert [(float(J), float(tau)) for J, tau, *_ in rows] == [(J, tau) for J in (1.0, 2.0, 3.0) for tau in (2.0, 4.0)]
+    assert [float(J) * float(load) + float(motor) for J, _, load, motor in rows] == pytest.approx([4.0, 8.0] * 3)
+    assert main([*asked, "--out", str(tmp_path / "runs.csv")]) == 0
+    assert (tmp_path / "runs.csv").read_text(encoding="utf-8").startswith("J_load,torque.tau,load.w,motor.w\n1.0,2.0,")
+
+
+def test_models_go_to_modelica_text_and_come_from_it(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = tmp_path / "Drive.mo"
+    assert main(["modelica", drive, "--set", "J_load=3", "--out", str(text)]) == 0
+    asked = ["--t-end", "2", "--samples", "2", "--input", "torque_tau=6", "--outputs", "load.w,motor.w", "--out", "-"]
+    for model in (str(text), f"{text}:DrivePackage.Drive"):
+        assert main(["run", model, *asked]) == 0
+        _, _, (_, load, motor) = csv.reader(io.StringIO(capsys.readouterr().out))
+        assert 3 * float(load) + float(motor) == pytest.approx(12.0)
+    assert main(["modelica", drive, "--flat"]) == 0
+    assert capsys.readouterr().out.startswith('model Drive "A motor turns a load."')
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["sweep", "{drive}", "--t-end", "1", "--vary", "J_load=x"], "--vary J_load=x: expected NAME=NUMBER,NUMBER"),
+        (["modelica", "{drive}", "--out", "Drive.txt"], "--out Drive.txt: expected the name of a file that ends with .mo"),
+        (["info", "nowhere.mo"], "nowhere.mo cannot be read: there is no such file"),
         (["info", "{drive}x"], "has no component class Drivex; did you mean 'Drive'?"),
         (["info", "drive"], "the model is 'drive'; expected FILE.py:CLASS"),
         (["info", "nowhere.py:Drive"], "nowhere.py cannot be read: there is no such file"),

@@ -150,6 +150,18 @@ def _port_path(port: Port) -> str:
     return f"{path}.{port.connector.name}" if path else f"{type(port.component).__name__}.{port.connector.name}"
 
 
+@dataclass(frozen=True)
+class PartGiven:
+    """What was given to an instance when it was made."""
+
+    values: Mapping[str, Any]  # of parameters and inputs
+    choices: Mapping[str, Any]  # structural ones
+    start: Mapping[str, Any]
+    guess: Mapping[str, Any]
+    nominal: Mapping[str, float]
+    state: Mapping[str, StatePreference]
+
+
 class Component:
     """Base class of everything a model is made of.
 
@@ -537,6 +549,9 @@ class Component:
             )
         return Port(self, connector)
 
+    def _as_given(self) -> PartGiven:
+        return PartGiven(self._bindings, self._given, self._start, self._guess, self._nominal, self._state)
+
     def __repr__(self) -> str:
         return f"<{type(self).__name__}{' ' + path_of(self) if path_of(self) else ''}>"
 
@@ -574,6 +589,24 @@ def changed(component: Component, change: Callable[[Component], None]) -> Compon
     object.__setattr__(copy, "_changes", (*copy._changes, change))
     copy._assembled()
     return copy
+
+
+def connections_of(component: Component) -> Sequence[Connection]:
+    """The connections that a component makes between its parts."""
+    return component._assembled()
+
+
+def given_to(component: Component) -> PartGiven:
+    """What was given to an instance when it was made."""
+    return component._as_given()
+
+
+def evaluated_in(component: Component, value: Any) -> Any:
+    """A value that a declaration gives, on symbols of its component where it is a function of that."""
+    if not callable(value) or isinstance(value, type) or value is NO_VALUE:
+        return value
+    with _inside(component):
+        return value(component)
 
 
 def signals_of(component: Component) -> list[tuple[Any, ...]]:

@@ -46,6 +46,10 @@ class Counterpart:
         The variables that a parameter ``stateSelect`` speaks of.
     ignored : frozenset of str
         Parameters that change no trajectory.
+    enumerations : mapping of str to str
+        The enumerations of ``values``.
+    own : frozenset of str
+        What Modelica's class does not have.
     """
 
     home: str
@@ -56,6 +60,8 @@ class Counterpart:
     nominals: Mapping[str, str] = field(default_factory=dict)
     states: tuple[str, ...] = ()
     ignored: frozenset[str] = frozenset()
+    enumerations: Mapping[str, str] = field(default_factory=dict)
+    own: frozenset[str] = frozenset()
 
     @cached_property
     def component(self) -> type[Any]:
@@ -81,6 +87,11 @@ class StandardLibrary:
     """The counterparts of the Modelica Standard Library's classes, by their full names."""
 
     counterparts: Mapping[str, Counterpart]
+    spellings: Mapping[str, str] = field(default_factory=dict)  # Modelica's by the snake case
+
+    def outward(self, counterpart: Counterpart) -> Mapping[str, str]:
+        """Modelica's names by those of a component class, where they differ."""
+        return {**self.spellings, **{local: name for name, local in counterpart.names.items()}}
 
     @cached_property
     def names_by_class(self) -> Mapping[str, Mapping[str, str]]:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from gearlib.modelica.counterparts import Counterpart, StandardLibrary
+from gearlib.modelica.counterparts import Counterpart, StandardLibrary, snake_case
 
-SMOOTHNESS = {
-    "smoothness": {"LinearSegments": "linear", "ConstantSegments": "constant", "ContinuousDerivative": "akima"},
-}
+SMOOTH: dict[str, Any] = {
+    "values": {"smoothness": {"LinearSegments": "linear", "ConstantSegments": "constant", "ContinuousDerivative": "akima"}},
+    "enumerations": {"smoothness": "Modelica.Blocks.Types.Smoothness"},
+}  # fmt: skip
 COMPLIANT: dict[str, Any] = {
     "nominals": {"phi_nominal": "phi_rel"}, "states": ("phi_rel", "w_rel"), "ignored": frozenset({"homotopyType"}),
 }  # fmt: skip
+SPELLINGS = (
+    "useSupport", "useHeatPort", "heatPort", "lossPower", "lossTable", "stepTorque", "offsetTorque", "startTime", "deltaPhi",
+    "TorqueDirection", "ForceDirection", "controllerType", "yMax", "yMin", "uMax", "uMin", "uHigh", "uLow", "samplePeriod",
+    "startForward", "startBackward",
+)  # fmt: skip
 NO_CHANGE = frozenset({"strict", "homotopyType", "limitsAtInit", "verboseExtrapolation", "significantDigits"})
 
 
@@ -57,19 +63,19 @@ _ROTATIONAL_PARTS = {
     **_same(f"{_ROTATIONAL}.Components", _SHAFTS, "Spring", "Damper", "SpringDamper", **COMPLIANT),
     **_same(f"{_ROTATIONAL}.Components", _SHAFTS, "InitializeFlange", ignored=frozenset({"stateSelect"})),
     **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.backlash", "ElastoBacklash", "ElastoBacklash2", **COMPLIANT),
-    **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.friction", "BearingFriction", "Brake", values=SMOOTHNESS),
-    **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.friction", "Clutch", "OneWayClutch", values=SMOOTHNESS, **COMPLIANT),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.friction", "BearingFriction", "Brake", **SMOOTH),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.friction", "Clutch", "OneWayClutch", **SMOOTH, **COMPLIANT),
     **_same(f"{_ROTATIONAL}.Components", "gearparts.gears.rigid_gears", "IdealGear", "IdealPlanetary"),
     **_same(
         f"{_ROTATIONAL}.Components", "gearparts.gears.rigid_gears", "IdealGearR2T", "IdealRollingWheel",
         names={"flangeR": "flange_r", "flangeT": "flange_t", "supportR": "support_r", "supportT": "support_t",
                "useSupportR": "use_support_r", "useSupportT": "use_support_t"},
     ),
-    **_same(f"{_ROTATIONAL}.Components", "gearparts.gears.lossy", "LossyGear", "Gearbox", values=SMOOTHNESS),
+    **_same(f"{_ROTATIONAL}.Components", "gearparts.gears.lossy", "LossyGear", "Gearbox", **SMOOTH),
     **_same(f"{_ROTATIONAL}.Components", "gearparts.rotational.adaptors", "TorqueToAngleAdaptor"),
     **_same(
         f"{_ROTATIONAL}.Components", "gearparts.rotational.adaptors", "AngleToTorqueAdaptor",
-        names={"phi": "phi_ref", "w": "w_ref", "a": "a_ref"},
+        names={"phi": "phi_ref", "w": "w_ref", "a": "a_ref"}, own=frozenset({"k"}),
     ),
     **_same(
         f"{_ROTATIONAL}.Sources", _SOURCES, "Torque", "Torque2", "ConstantTorque", "TorqueStep", "LinearSpeedDependentTorque",
@@ -78,14 +84,17 @@ _ROTATIONAL_PARTS = {
     **_same(
         f"{_ROTATIONAL}.Sources", _SOURCES, "SignTorque",
         values={"reg": {"Exp": "exp", "Sine": "sine", "Linear": "linear", "CoSine": "cosine"}},
+        enumerations={"reg": "Modelica.Blocks.Types.Regularization"},
     ),
     **_same(
         f"{_ROTATIONAL}.Sources", _SOURCES, "EddyCurrentTorque",
         names={"TRef": "T_ref", "constantExcitation": "excitation"}, ignored=frozenset({"useExcitationInput"}),
+        own=frozenset({"T", "excitation"}),
     ),
     **_same(f"{_ROTATIONAL}.Sources", _MOTIONS, "Position", "Speed", "Accelerate", "ConstantSpeed", states=("phi", "w")),
     **_same(
         f"{_ROTATIONAL}.Sources", _MOTIONS, "Move", names={"u[1]": "phi_ref", "u[2]": "w_ref", "u[3]": "a_ref"}, states=("phi", "w"),
+        own=frozenset({"phi_ref", "w_ref", "a_ref", "k"}),
     ),
     **_same(
         f"{_ROTATIONAL}.Sensors", "gearparts.rotational.sensors", "AngleSensor", "SpeedSensor", "AccSensor", "RelAngleSensor",
@@ -116,6 +125,7 @@ _BLOCKS = {
     **_same(
         "Blocks.Continuous", _CONTINUOUS, "LimPID", starts={"xi_start": "x_I", "xd_start": "x_D"},
         values={"controllerType": {kind: kind for kind in ("P", "PI", "PD", "PID")}},
+        enumerations={"controllerType": "Modelica.Blocks.Types.SimpleController"}, own=frozenset({"room"}),
         ignored=NO_CHANGE | {"initType"},
     ),
     **_same("Blocks.Continuous", "gearparts.blocks.transfer", "TransferFunction", ignored=frozenset({"initType"})),
@@ -132,4 +142,7 @@ _BLOCKS = {
     **_same("Blocks.Sources", "gearparts.blocks.sources", "KinematicPTP"),
 }  # fmt: skip
 
-STANDARD_LIBRARY = StandardLibrary({**_CONNECTORS_AND_BASES, **_ROTATIONAL_PARTS, **_TRANSLATIONAL_AND_THERMAL, **_BLOCKS})
+STANDARD_LIBRARY = StandardLibrary(
+    {**_CONNECTORS_AND_BASES, **_ROTATIONAL_PARTS, **_TRANSLATIONAL_AND_THERMAL, **_BLOCKS},
+    {snake_case(name): name for name in SPELLINGS},
+)

@@ -221,6 +221,9 @@ def files() -> list[Call]:
         Call("Table.over", gl.Table([0.0, 1.0], [0.0, 1.0], outside="periodic").over, lambda: {"t0": 0.0, "t1": 5.0}),
         Call("load_result", gl.load_result, lambda: {"path": FOLDER / "r.mat"}),
         Call("read_modelica", gl.read_modelica, lambda: {"source": "model M Real x = 1; end M;", "name": "M"}),
+        Call(
+            "to_modelica", gl.to_modelica, lambda: {"component": Drive(), "flat": True, "standard_library": False, "name": "M"}
+        ),
         Call("load_parameters", gl.load_parameters, lambda: {"path": FOLDER / "p.toml"}),
         Call(
             "save_parameters",

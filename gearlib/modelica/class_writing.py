@@ -1,0 +1,477 @@
+"""Component classes as Modelica classes: declarations, parts with what is given to them, equations, connections."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from gearlib.equations.modelica_printer import modelica_name, modelica_text
+from gearlib.errors import ModelicaError
+from gearlib.flatten.signals import joined_signals
+from gearlib.language.component import (
+    Component,
+    Port,
+    connections_of,
+    equations_of,
+    evaluated_in,
+    given_to,
+    parts_of,
+)
+from gearlib.language.declarations import NO_VALUE, Connector, Discrete, Flow, Input, Parameter, Variable, declared_by
+from gearlib.language.expressions import Eq, Reinit, When, time, value_of
+from gearlib.language.sampled import Sampled
+from gearlib.language.tabulated import Tabulated
+from gearlib.modelica.counterparts import Counterpart, standard_library
+from gearlib.modelica.lexer import KEYWORDS
+
+_ELEMENT = re.compile(r"(.*)\[(\d+)\]$")
+_TAKEN = KEYWORDS | {"Real", "Integer", "Boolean", "String", "time", "StateSelect"}
+
+
+@dataclass
+class Change:
+    """A modification to be written: a value, and what is modified within."""
+
+    value: str | None = None
+    inner: dict[str, Change] = field(default_factory=dict)
+
+    def within(self, path: Sequence[str]) -> Change:
+        """What is modified at a path within."""
+        return self if not path else self.inner.setdefault(path[0], Change()).within(path[1:])
+
+    def text(self, name: str, each: bool = False) -> str:
+        """Such as ``w(start = 1, fixed = true)``."""
+        inner = f"({', '.join(c.text(n, each) for n, c in self.inner.items())})" if self.inner else ""
+        return f"{'each ' if each and not inner else ''}{name}{inner}{f' = {self.value}' if self.value is not None else ''}"
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """An input of a part that nothing gives, so that it is one of the class: its name, unit and description."""
+
+    name: str
+    unit: str
+    description: str
+
+
+@dataclass
+class PackageText:
+    """The classes that have been written, each once."""
+
+    standard_library: bool
+    texts: dict[str, str] = field(default_factory=dict)  # by name, in the order in which they are needed
+    lifted: dict[str, tuple[Lifted, ...]] = field(default_factory=dict)
+    named: dict[int, str] = field(default_factory=dict)  # by the component that was written
+    seen: dict[int, ClassText] = field(default_factory=dict)
+
+    def class_text(self, component: Component) -> ClassText:
+        """A component on the way to its class."""
+        if id(component) not in self.seen:
+            self.seen[id(component)] = ClassText(self, component)
+        return self.seen[id(component)]
+
+    def class_name(self, component: Component, is_root: bool = False) -> str:
+        """The name of the class of a component, which is written if it is not there yet."""
+        if id(component) not in self.named:
+            self.named[id(component)] = self._written(component, is_root)
+        return self.named[id(component)]
+
+    def _written(self, component: Component, is_root: bool) -> str:
+        wanted = type(component).__name__
+        wanted = f"{wanted}_" if wanted in _TAKEN else wanted
+        body, lifted = self.class_text(component).body(is_root)
+        name, number = wanted, 1
+        while True:
+            text = _class_text("model", name, component, body)
+            if self.texts.get(name) in (None, text):
+                break
+            number += 1
+            name = f"{wanted}_{number}"
+        self.texts.setdefault(name, text)
+        self.lifted[name] = lifted
+        return name
+
+    def connector_name(self, connector: Connector) -> str:
+        """The name of the class of a connector."""
+        kind = type(connector)
+        if self.standard_library and (full := interface_of(kind)) is not None:
+            return full
+        name = kind.__name__
+        lines = []
+        for variable, declared in connector.variables.items():
+            flow = "flow " if isinstance(declared, Flow) else ""
+            lines.append(f"  {flow}Real {variable}{attributes_text({}, declared.unit)}{comment(declared.description)};")
+        self.texts.setdefault(name, f"connector {name}{comment(kind.__doc__)}\n" + "\n".join(lines) + f"\nend {name};")
+        return name
+
+    def counterpart(self, part: Component) -> tuple[str, Counterpart] | None:
+        """The class of the standard library that a part is an instance of, if it is to be used and can say all that is given."""
+        if not self.standard_library:
+            return None
+        found = modelica_class(type(part))
+        if found is None or not _can_say(found[1], part):
+            return None
+        return found
+
+
+def modelica_class(kind: type[Component]) -> tuple[str, Counterpart] | None:
+    """The standard library's class that a component class stands for."""
+    home = f"{kind.__module__}:{kind.__name__}"
+    for full, counterpart in standard_library().counterparts.items():
+        if counterpart.home == home and ".Interfaces." not in full:
+            return full, counterpart
+    return None
+
+
+def interface_of(kind: type[Connector]) -> str | None:
+    """The standard library's connector class that a connector class stands for."""
+    home = f"{kind.__module__}:{kind.__name__}"
+    for full, counterpart in standard_library().counterparts.items():
+        if counterpart.home == home and full.endswith(("_a", "HeatPort")):
+            return full
+    return None
+
+
+def _can_say(counterpart: Counterpart, part: Component) -> bool:
+    given = given_to(part)
+    names = [*given.values, *given.choices]
+    return not any(name in counterpart.own for name in names)
+
+
+class ClassText:
+    """One class on the way to its text."""
+
+    def __init__(self, package: PackageText, component: Component) -> None:
+        self.package, self.component = package, component
+        self.connections = connections_of(component)
+        self.parts = dict(parts_of(component))
+        self.declared = declared_by(component)
+        self.counterparts = {name: package.counterpart(part) for name, part in self.parts.items()}
+        self.names: dict[str, str] = {}  # parts that cannot be elements of an array
+        self.lifted: list[Lifted] = []
+        self.told: dict[str, list[str]] | None = None
+        for name, part in self.parts.items():
+            if isinstance(part, Sampled):
+                raise ModelicaError(f"{name} calls a Python function, which cannot be written in Modelica")
+
+    # ------------------------------------------------------------ names
+
+    def naming(self, name: str) -> str:
+        """What a variable of the component is called in the text, by its path from there."""
+        first, dot, rest = name.partition(".")
+        self.families()
+        if not dot:
+            return safe_name(modelica_name(name))
+        own = self.names.get(first) or safe_name(modelica_name(first))
+        if (found := self.counterparts.get(first)) is not None:
+            return f"{own}.{_outward(found[1], rest)}"
+        if first in self.parts:
+            return f"{own}.{self.package.class_text(self.parts[first]).naming(rest)}"
+        return f"{own}.{modelica_name(rest)}"
+
+    def text(self, value: Any) -> str:
+        if isinstance(value, Tabulated):
+            value = value.expression(time, True)
+        return modelica_text(value_of(value), self.naming)
+
+    # ------------------------------------------------------------ the class
+
+    def body(self, is_root: bool) -> tuple[list[str], tuple[Lifted, ...]]:
+        """The lines of the class, and the inputs of its parts that are its own."""
+        families = self.families()
+        given = given_to(self.component)
+        outer = given if is_root else None
+        declarations = [self._parameter(n, p, given.values if is_root else {}) for n, p in self.declared.parameters.items()]
+        for name, connector in self.declared.connectors.items():
+            declarations.append(f"{self.package.connector_name(connector)} {safe_name(name)}{comment(connector.description)};")
+        joined = self._signals()
+        integers = integer_discretes(equations_of(self.component), self.declared.discretes)
+        for name, variable in self.declared.variables.items():
+            if "." not in name:
+                declarations.append(self._variable(name, variable, outer, joined.get("", {})))
+        for name, discrete in self.declared.discretes.items():
+            start = (outer.start if outer else {}).get(name, discrete.start)
+            number = repr(int(start)) if name in integers else repr(float(start))
+            kind = "Integer" if name in integers else "discrete Real"
+            declarations.append(f"{kind} {safe_name(name)}(start = {number}, fixed = true){comment(discrete.description)};")
+        parts = [line for family, members in families.items() for line in self._family(family, members, joined, outer)]
+        lifted = [f"input Real {safe_name(i.name)}{attributes_text({}, i.unit)}{comment(i.description)};" for i in self.lifted]
+        stated = [*self._equations(integers), *self._connects()]
+        lines = [*declarations, *lifted, *parts]
+        return ["  " + line for line in lines] + (["equation", *("  " + line for line in stated)] if stated else []), tuple(
+            self.lifted
+        )
+
+    def _parameter(self, name: str, declared: Parameter, given: Mapping[str, Any]) -> str:
+        value = given.get(name, declared.default)
+        attributes = {b: repr(v) for b, v in (("min", declared.min), ("max", declared.max)) if math.isfinite(v)}
+        text = "" if value is NO_VALUE or value is None else f" = {self.text(evaluated_in(self.component, value))}"
+        return f"parameter Real {safe_name(name)}{attributes_text(attributes, declared.unit)}{text}{comment(declared.description)};"
+
+    def _variable(self, name: str, declared: Variable, outer: Any, joined: Mapping[str, str]) -> str:
+        attributes: dict[str, str] = {}
+        start, fixed = (declared.start, True) if declared.start is not None else (declared.guess or None, False)
+        nominal, state = declared.nominal, declared.state
+        if outer is not None:
+            if name in outer.guess:
+                start, fixed = outer.guess[name], False
+            if name in outer.start:
+                start, fixed = outer.start[name], True
+            nominal, state = outer.nominal.get(name, nominal), outer.state.get(name, state)
+        if start is not None:
+            attributes["start"] = self.text(start)
+        if fixed:
+            attributes["fixed"] = "true"
+        if nominal != 1.0:
+            attributes["nominal"] = repr(float(nominal))
+        if math.isfinite(declared.min):
+            attributes["min"] = repr(float(declared.min))
+        if state != "default":
+            attributes["stateSelect"] = f"StateSelect.{state}"
+        value = ""
+        prefix = ""
+        if isinstance(declared, Input):
+            prefix = "input "
+            given = outer.values.get(name, declared.default) if outer is not None else declared.default
+            if given is not NO_VALUE and given is not None:
+                value = f" = {self.text(evaluated_in(self.component, given))}"
+        if name in joined:
+            value = f" = {joined[name]}"
+        return (
+            f"{prefix}Real {safe_name(name)}{attributes_text(attributes, declared.unit)}{value}{comment(declared.description)};"
+        )
+
+    # ------------------------------------------------------------ parts
+
+    def families(self) -> dict[str, list[str]]:
+        """The parts by family; a single part is its own, and so are those of a family that are not alike."""
+        if self.told is None:
+            self.told = self._tell_families()
+        return self.told
+
+    def _tell_families(self) -> dict[str, list[str]]:
+        families: dict[str, list[str]] = {}
+        for name in self.parts:
+            found = _ELEMENT.match(name)
+            families.setdefault(found[1] if found else name, []).append(name)
+        told: dict[str, list[str]] = {}
+        for family, members in families.items():
+            alike = len({self._kind(name) for name in members}) == 1
+            if alike or members == [family]:
+                told[family] = members
+                continue
+            for name in members:
+                own = name.replace("[", "_").replace("]", "")
+                self.names[name] = own
+                told[name] = [name]
+        return told
+
+    def _kind(self, name: str) -> str:
+        found = self.counterparts[name]
+        part = self.parts[name]
+        if found is None:
+            return self.package.class_name(part)
+        return found[0] + "".join(sorted([*map(str, given_to(part).choices.items()), *given_to(part).values]))
+
+    def _family(self, family: str, members: list[str], joined: Mapping[str, Mapping[str, str]], outer: Any) -> Iterator[str]:
+        changes = [self._changes(name, joined.get(name, {}), outer) for name in members]
+        found = self.counterparts[members[0]]
+        kind = found[0] if found is not None else self.package.class_name(self.parts[members[0]])
+        own = self.names.get(family) or safe_name(family)
+        if members == [family]:
+            yield f"{kind} {changes[0].text(own)};"
+        else:
+            merged = _merged(changes)
+            inner = f"({', '.join(merged)})" if merged else ""
+            yield f"{kind} {own}[{len(members)}]{inner};"
+
+    def _changes(self, name: str, joined: Mapping[str, str], outer: Any) -> Change:
+        """What is given to a part."""
+        part, found, given = self.parts[name], self.counterparts[name], given_to(self.parts[name])
+        change = Change()
+
+        def at(path: str) -> Change:
+            if found is not None:
+                return change.within(_outward(found[1], path).split("."))
+            return change.within([safe_name(modelica_name(step)) for step in path.split(".")])
+
+        if found is not None:
+            for choice, value in given.choices.items():
+                at(choice).value = _choice_text(found[1], choice, value)
+        for own, value in given.values.items():
+            if value is not None and own not in joined:
+                at(own).value = self.text(value)
+        for own, source in joined.items():
+            at(own).value = source
+        starts = [(given.guess, False, self.text), (given.start, True, self.text)]
+        if outer is not None:
+            starts += [(_below(name, outer.guess), False, self.text), (_below(name, outer.start), True, self.text)]
+        for values, fixed, text in starts:
+            for path, value in values.items():
+                if found is not None and path in found[1].starts.values():
+                    parameter = next(p for p, v in found[1].starts.items() if v == path)
+                    change.within([parameter]).value = text(value)
+                    continue
+                at(path).within(["start"]).value = text(value)
+                if fixed:
+                    at(path).within(["fixed"]).value = "true"
+        for path, value in {**given.nominal, **(_below(name, outer.nominal) if outer else {})}.items():
+            at(path).within(["nominal"]).value = repr(float(value))
+        for path, value in {**given.state, **(_below(name, outer.state) if outer else {})}.items():
+            at(path).within(["stateSelect"]).value = f"StateSelect.{value}"
+        self._lift(name, part, given.values, joined, at)
+        return change
+
+    def _lift(self, name: str, part: Component, values: Mapping[str, Any], joined: Mapping[str, str], at: Any) -> None:
+        """Inputs of a part that nothing gives become inputs of the class."""
+        unbound = [
+            Lifted(n, v.unit, v.description)
+            for n, v in declared_by(part).variables.items()
+            if isinstance(v, Input) and v.default is NO_VALUE and values.get(n) is None and n not in joined
+        ]
+        if self.counterparts[name] is None:
+            unbound += self.package.lifted.get(self.package.class_name(part), ())
+        for each in unbound:
+            own = f"{name}_{each.name}".replace("[", "_").replace("]", "").replace(".", "_")
+            self.lifted.append(Lifted(own, each.unit, each.description))
+            at(each.name).value = safe_name(own)
+
+    # ------------------------------------------------------------ equations
+
+    def _signals(self) -> dict[str, dict[str, str]]:
+        """The signals that inputs of parts, and outputs of the component, take: by part, and by name there."""
+        names = {id(part): name for name, part in self.parts.items()}
+        found: dict[str, dict[str, str]] = {}
+        for target, local, source in joined_signals(self.component, ""):
+            if target is self.component:
+                found.setdefault("", {})[local] = self.naming(str(source))
+            elif id(target) in names:
+                found.setdefault(names[id(target)], {})[local] = self.naming(str(source))
+            else:
+                raise ModelicaError(f"{local} of a part within a part takes a signal; flat=True writes such a model")
+        return found
+
+    def _equations(self, integers: frozenset[str]) -> Iterator[str]:
+        for equation in equations_of(self.component):
+            yield from equation_lines(equation, self.naming)
+
+    def _connects(self) -> Iterator[str]:
+        for connection in self.connections:
+            first, *others = connection.ports or (None,)
+            for other in others:
+                yield f"connect({self._port(first)}, {self._port(other)});"
+
+    def _port(self, port: Port | None) -> str:
+        assert port is not None
+        if port.component is self.component:
+            return safe_name(port.connector.name)
+        for name, part in self.parts.items():
+            if part is port.component:
+                return self.naming(f"{name}.{port.connector.name}")
+        raise ModelicaError(
+            f"{port!r} is a connector of a part within a part, which Modelica does not connect; flat=True writes such a model"
+        )
+
+
+def equation_lines(equation: Eq | When, naming: Any) -> Iterator[str]:
+    """An equation as lines of text."""
+    if isinstance(equation, Eq):
+        yield f"{modelica_text(value_of(equation.left), naming)} = {modelica_text(value_of(equation.right), naming)};"
+        return
+    yield f"when {modelica_text(equation.condition, naming)} then"
+    for action in equation.actions:
+        if isinstance(action, Reinit):
+            yield f"  reinit({modelica_text(action.state, naming)}, {modelica_text(action.value, naming)});"
+        else:
+            yield f"  {modelica_text(action.left, naming)} = {modelica_text(value_of(action.right), naming)};"
+    yield "end when;"
+
+
+def integer_discretes(equations: Sequence[Eq | When], discretes: Mapping[str, Discrete]) -> frozenset[str]:
+    """The discrete variables whose values are whole numbers."""
+    assigned: dict[str, list[Any]] = {name: [] for name in discretes}
+    for equation in equations:
+        for action in [equation] if isinstance(equation, Eq) else equation.actions:
+            if isinstance(action, Eq) and str(action.left) in assigned:
+                assigned[str(action.left)].append(value_of(action.right))
+    found = {name for name, d in discretes.items() if float(d.start).is_integer()}
+    while True:
+        allowed = found | {f"pre({name})" for name in found}
+        kept = {name for name in found if all(_is_whole(value, allowed) for value in assigned[name])}
+        if kept == found:
+            return frozenset(found)
+        found = kept
+
+
+def _is_whole(value: Any, names: set[str]) -> bool:
+    if value.is_Integer or str(value) in names:
+        return True
+    if type(value).__name__ == "Piecewise":
+        return all(_is_whole(branch, names) for branch, _ in value.args)
+    return bool((value.is_Add or value.is_Mul) and all(_is_whole(a, names) for a in value.args))
+
+
+def _merged(changes: list[Change]) -> list[str]:
+    """The modifications of the elements of an array."""
+    found = []
+    names = list(dict.fromkeys(n for c in changes for n in c.inner))
+    for name in names:
+        own = [c.inner.get(name, Change()) for c in changes]
+        inner = _merged(own)
+        values = [c.value for c in own]
+        text = f"({', '.join(inner)})" if inner else ""
+        if all(v is None for v in values):
+            found.append(f"{name}{text}")
+        elif len(set(values)) == 1:
+            found.append(f"each {name}{text} = {values[0]}")
+        elif None in values:
+            raise ModelicaError(f"'{name}' is given to some parts of a family only; flat=True writes such a model")
+        else:
+            found.append(f"{name}{text} = {{{', '.join(map(str, values))}}}")
+    return found
+
+
+def _below(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    return {path.removeprefix(f"{name}."): v for path, v in values.items() if path.startswith(f"{name}.")}
+
+
+def _outward(counterpart: Counterpart, path: str) -> str:
+    """A path within an instance of a library class as Modelica has it."""
+    outward = standard_library().outward(counterpart)
+    return ".".join(outward.get(step, modelica_name(step)) for step in path.split("."))
+
+
+def _choice_text(counterpart: Counterpart, name: str, value: Any) -> str:
+    modelica = standard_library().outward(counterpart).get(name, name)
+    literals = {ours: literal for literal, ours in counterpart.values.get(modelica, {}).items()}
+    if value in literals if not isinstance(value, tuple) else False:
+        return f"{counterpart.enumerations[modelica]}.{literals[value]}"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        if value and isinstance(value[0], tuple):
+            return "[" + "; ".join(", ".join(repr(float(v)) for v in row) for row in value) + "]"
+        return "{" + ", ".join(repr(float(v)) for v in value) + "}"
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def attributes_text(attributes: Mapping[str, str], unit: str) -> str:
+    found = ([] if unit == "any" else [f'unit = "{unit}"']) + [f"{n} = {v}" for n, v in attributes.items()]
+    return f"({', '.join(found)})" if found else ""
+
+
+def comment(text: str | None) -> str:
+    """A comment: the first line of a description."""
+    first = (text or "").strip().partition("\n")[0].replace("\\", "\\\\").replace('"', '\\"')
+    return f' "{first}"' if first else ""
+
+
+def safe_name(name: str) -> str:
+    return f"{name}_" if name in _TAKEN else name
+
+
+def _class_text(kind: str, name: str, component: Component, lines: list[str]) -> str:
+    return "\n".join([f"{kind} {name}{comment(type(component).__doc__)}", *lines, f"end {name};"])

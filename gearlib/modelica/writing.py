@@ -1,0 +1,85 @@
+"""`to_modelica`: a component as Modelica text."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from gearlib.arguments import shown
+from gearlib.errors import ArgumentError, ModelError
+from gearlib.language.component import Component
+from gearlib.modelica.class_writing import PackageText, comment, safe_name
+from gearlib.modelica.flat_writing import FlatText
+
+_IDENTIFIER = re.compile(r"[A-Za-z_]\w*$", re.ASCII)
+
+
+def to_modelica(component: Component, *, flat: bool = False, standard_library: bool = True, name: str | None = None) -> str:
+    """A component as Modelica text, which other tools simulate and `read_modelica` reads.
+
+    Each component class becomes a class of a package: parameters with units, bounds and defaults, variables with start attributes,
+    parts with what is given to them, equations, connections. Structural choices are settled: a class with two sets of choices is two
+    classes. Inputs of parts that nothing gives become inputs of the model.
+
+    Parameters
+    ----------
+    component : Component
+    flat : bool
+        One model without parts: ``load.w`` is called ``load_w``, connections are equations.
+    standard_library : bool
+        Whether parts that the Modelica Standard Library has are its own, ``Modelica.Mechanics.Rotational.Components.Inertia``;
+        otherwise the package has everything that it needs.
+    name : str, optional
+        Of the package, or of the flat model.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ModelicaError
+        What Modelica does not have: a Python function that is called during a run, a connection to a part within a part (with
+        ``flat``, that is written).
+
+    Examples
+    --------
+    >>> import gearlib as gl, gearparts as gp
+    >>> class Drive(gl.Component):
+    ...     '''A load on a motor.'''
+    ...     J = gl.Parameter("kg.m2", "load inertia", default=2.0, min=0)
+    ...     def assemble(self):
+    ...         self.motor, self.load = gp.Torque(tau=10 * gl.sin(gl.time)), gp.Inertia(J=self.J, start={"w": 1.0})
+    ...         return [gl.connect(self.motor.flange, self.load.flange_a)]
+    >>> print(gl.to_modelica(Drive()))
+    package DrivePackage
+      model Drive "A load on a motor."
+        parameter Real J(unit = "kg.m2", min = 0.0) = 2.0 "load inertia";
+        Modelica.Mechanics.Rotational.Sources.Torque motor(tau = 10*sin(time));
+        Modelica.Mechanics.Rotational.Components.Inertia load(J = J, w(start = 1.0, fixed = true));
+      equation
+        connect(motor.flange, load.flange_a);
+      end Drive;
+    end DrivePackage;
+    >>> print(gl.to_modelica(Drive(), standard_library=False).splitlines()[1])
+      connector Flange "A shaft end: angle ``phi`` (rad) and torque ``tau`` (N.m, flow)."
+    """
+    if not isinstance(component, Component):
+        hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
+        raise ModelError(f"to_modelica: component is {shown(component)}{hint}; expected a component")
+    for said, value in (("flat", flat), ("standard_library", standard_library)):
+        if not isinstance(value, bool):
+            raise ArgumentError(f"to_modelica: {said} is {shown(value)}; expected True or False")
+    if name is not None and not (isinstance(name, str) and _IDENTIFIER.match(name)):
+        raise ArgumentError(f"to_modelica: name is {shown(name)}; expected letters, digits and underscores, such as 'Drive'")
+    kind = safe_name(type(component).__name__)
+    if flat:
+        own = kind if name is None else name
+        lines = FlatText(component).lines()
+        body = "\n".join(line if line == "equation" else f"  {line}" for line in lines)
+        return f"model {own}{comment(type(component).__doc__)}\n{body}\nend {own};"
+    package = PackageText(standard_library)
+    package.class_name(component, is_root=True)
+    own = f"{kind}Package" if name is None else name
+    classes: list[Any] = [f"  {line}" for text in package.texts.values() for line in text.splitlines()]
+    return "\n".join([f"package {own}", *classes, f"end {own};"])
