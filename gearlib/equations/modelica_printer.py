@@ -57,9 +57,9 @@ def modelica_text(expression: Any, naming: Naming = modelica_name) -> str:
     >>> import gearlib as gl
     >>> x, w = real_symbol("x"), real_symbol("load.w")
     >>> modelica_text(2.5 * x**2 - w / 3 + gl.Piecewise((-x, w < 0), (gl.sqrt(x), True)))
-    '2.5*x^2 - load.w/3 + (if load.w < 0 then -x else sqrt(x))'
+    '-load.w/3 + 2.5*x^2 + (if load.w < 0 then -x else sqrt(x))'
     >>> modelica_text((-x) ** 3 * gl.exp(-2 * w)), modelica_text(gl.der(x) * gl.pre(x)), modelica_text(x ** -0.5)
-    ('-exp(-2*load.w)*x^3', 'der(x)*pre(x)', '1/x^0.5')
+    ('-x^3*exp(-2*load.w)', 'der(x)*pre(x)', '1/x^0.5')
     """
     return _Printer(naming).text(sympy.sympify(expression) if isinstance(expression, (int, float)) else expression)
 
@@ -197,4 +197,4 @@ class _Printer:
             return f"sample({offset}, {period})"
         if c == sympy.Ne(real_symbol("initial()"), 0):
             return "initial()"
-        return f"{self.text(c.lhs, PRODUCT)} {_SIGN[c.rel_op]} {self.text(c.rhs, PRODUCT)}"
+        return f"{self.text(c.lhs)} {_SIGN[c.rel_op]} {self.text(c.rhs)}"
