@@ -605,7 +605,7 @@ def evaluated_in(component: Component, value: Any) -> Any:
     """A value that a declaration gives, on symbols of its component where it is a function of that."""
     if not callable(value) or isinstance(value, type) or value is NO_VALUE:
         return value
-    with _inside(component):
+    with inside(component):
         return value(component)
 
 
