@@ -11,6 +11,7 @@ from typing import Any
 from gearlib.equations.modelica_printer import modelica_name, modelica_text
 from gearlib.errors import ModelicaError
 from gearlib.flatten.signals import joined_signals
+from  import parts_of
 from gearlib.language.component import (
     Component,
     Port,
@@ -18,7 +19,6 @@ from gearlib.language.component import (
     equations_of,
     evaluated_in,
     given_to,
-    parts_of,
 )
 from gearlib.language.declarations import NO_VALUE, Connector, Discrete, Flow, Input, Parameter, Variable, declared_by
 from gearlib.language.expressions import Eq, Reinit, When, time, value_of
