@@ -591,11 +591,6 @@ def changed(component: Component, change: Callable[[Component], None]) -> Compon
     return copy
 
 
-def connections_of(component: Component) -> Sequence[Connection]:
-    """The connections that a component makes between its parts."""
-    return component._assembled()
-
-
 def given_to(component: Component) -> PartGiven:
     """What was given to an instance when it was made."""
     return component._as_given()

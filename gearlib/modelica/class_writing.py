@@ -11,17 +11,16 @@ from typing import Any
 from gearlib.equations.modelica_printer import modelica_name, modelica_text
 from gearlib.errors import ModelicaError
 from gearlib.flatten.signals import joined_signals
-from  import parts_of
 from gearlib.language.component import (
     Component,
     Port,
-    connections_of,
     equations_of,
     evaluated_in,
     given_to,
 )
 from gearlib.language.declarations import NO_VALUE, Connector, Discrete, Flow, Input, Parameter, Variable, declared_by
 from gearlib.language.expressions import Eq, Reinit, When, time, value_of
+from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.sampled import Sampled
 from gearlib.language.tabulated import Tabulated
 from gearlib.modelica.counterparts import Counterpart, standard_library

@@ -12,16 +12,15 @@ import networkx as nx
 from gearlib.equations.modelica_printer import modelica_text
 from gearlib.errors import ModelicaError
 from gearlib.flatten.signals import joined_signals
-from  import parts_of
 from gearlib.language.component import (
     Component,
-    connections_of,
     equations_of,
     evaluated_in,
     given_to,
 )
 from gearlib.language.declarations import NO_VALUE, Flow, Input, Variable, declared_by
 from gearlib.language.expressions import time, value_of
+from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.sampled import Sampled
 from gearlib.language.tabulated import Tabulated
 from gearlib.modelica.class_writing import attributes_text, comment, equation_lines, integer_discretes, safe_name
