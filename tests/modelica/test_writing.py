@@ -93,7 +93,7 @@ def test_parameters_stay_open() -> None:
             lambda x, y: gl.no_event(gl.sign(x)) * gl.atan2(y, x),
             None,
         ),
-        (lambda x, y: gl.Or(gl.And(x > 1, gl.holds(y)), gl.Not(gl.initial())), None),
+        (lambda x, y: gl.Piecewise((x, gl.Or(gl.And(x > 1, y > 0), gl.Not(x > y))), (y, True)), None),
     ],
 )
 def test_expressions_keep_their_value(expression: Any, text: str | None) -> None:
