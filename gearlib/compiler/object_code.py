@@ -6,7 +6,7 @@ import hashlib
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cached_property, lru_cache
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -65,68 +65,81 @@ def compiled(source: str, name: str) -> CompiledFunction:
         return CompiledFunction(addresses[name], library)
 
 
-@cache
+class Host:
+    """What LLVM makes for the machine that the process runs on, each when it is first needed."""
+
+    @cached_property
+    def processor(self) -> tuple[str, str]:
+        """Name and features of the CPU."""
+        from llvmlite import binding
+
+        try:
+            return binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
+        except RuntimeError:  # not known to LLVM
+            return binding.get_host_cpu_name(), ""
+
+    @cached_property
+    def digest(self) -> str:
+        """Of what object code depends on besides the source: LLVM version, CPU features, compiler sources, options."""
+        import llvmlite
+        from llvmlite import binding
+
+        here = Path(__file__).parent
+        own = hashlib.sha256(b"".join((here / file).read_bytes() for file in COMPILER)).hexdigest()
+        llvm = ".".join(str(number) for number in binding.llvm_version_info)
+        return "\0".join((llvmlite.__version__, llvm, binding.get_process_triple(), *self.processor, own))
+
+    @cached_property
+    def machine(self) -> Any:
+        """LLVM's target machine."""
+        from llvmlite import binding
+
+        binding.initialize_native_target()
+        binding.initialize_native_asmprinter()
+        name, features = self.processor
+        target = binding.Target.from_triple(binding.get_process_triple())
+        reloc, model = ("static", "jitdefault") if WINDOWS else ("pic", "small")
+        return target.create_target_machine(cpu=name, features=features, opt=2, reloc=reloc, codemodel=model, jit=WINDOWS)
+
+    @cached_property
+    def linker(self) -> Any:
+        from llvmlite import binding
+
+        return binding.create_lljit_compiler(self.machine, use_jit_link=not WINDOWS, suppress_errors=True)
+
+    @property
+    def passes(self) -> tuple[Any, Any]:
+        """Function pass manager at optimisation level 1, and its pass builder.
+
+        They give code as fast as all passes at the highest level do, in a third of the time: loops come in the form that is wanted, and
+        with their vector instructions. Both objects become slower with every use, and llvmlite gives back no memory of theirs; so they
+        are neither kept for ever nor made every time.
+        """
+        if self._uses % USES == 0:
+            from llvmlite import binding
+
+            builder = binding.create_pass_builder(self.machine, binding.create_pipeline_tuning_options(speed_level=1))
+            self._passes = builder.getFunctionPassManager(), builder
+        self._uses += 1
+        return self._passes
+
+    _uses = 0
+    _passes: tuple[Any, Any]
+
+
+HOST = Host()
+
+
 def compiler_digest() -> str:
-    """Digest of what object code depends on besides the source: LLVM version, CPU features, compiler sources, options."""
-    import llvmlite
-    from llvmlite import binding
-
-    here = Path(__file__).parent
-    own = hashlib.sha256(b"".join((here / file).read_bytes() for file in COMPILER)).hexdigest()
-    llvm = ".".join(str(number) for number in binding.llvm_version_info)
-    return "\0".join((llvmlite.__version__, llvm, binding.get_process_triple(), *_processor(), own))
-
-
-@cache
-def _processor() -> tuple[str, str]:
-    """Name and features of the host CPU."""
-    from llvmlite import binding
-
-    try:
-        return binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
-    except RuntimeError:  # not known to LLVM
-        return binding.get_host_cpu_name(), ""
-
-
-@cache
-def _machine() -> Any:
-    """LLVM target machine of the host."""
-    from llvmlite import binding
-
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    name, features = _processor()
-    target = binding.Target.from_triple(binding.get_process_triple())
-    reloc, model = ("static", "jitdefault") if WINDOWS else ("pic", "small")
-    return target.create_target_machine(cpu=name, features=features, opt=2, reloc=reloc, codemodel=model, jit=WINDOWS)
-
-
-@cache
-def _linker() -> Any:
-    from llvmlite import binding
-
-    return binding.create_lljit_compiler(_machine(), use_jit_link=not WINDOWS, suppress_errors=True)
-
-
-@lru_cache(maxsize=1)
-def _passes(number: int) -> tuple[Any, Any]:
-    """Function pass manager at optimisation level 1, and its pass builder.
-
-    They give code as fast as all passes at the highest level do, in a third of the time: loops come in the form that is wanted, and
-    with their vector instructions. Both objects become slower with every use, and llvmlite gives back no memory of theirs; so they
-    are neither kept for ever nor made every time.
-    """
-    from llvmlite import binding
-
-    builder = binding.create_pass_builder(_machine(), binding.create_pipeline_tuning_options(speed_level=1))
-    return builder.getFunctionPassManager(), builder
+    """Digest of what object code depends on besides the source."""
+    return HOST.digest
 
 
 def object_code(source: str) -> bytes:
     """Compile a module."""
     from llvmlite import binding
 
-    machine, (passes, builder) = _machine(), _passes(next(_numbers) // USES)
+    machine, (passes, builder) = HOST.machine, HOST.passes
     head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
     module = binding.parse_assembly(head + intermediate(source))
     for function in module.functions:
@@ -139,7 +152,7 @@ def optimised(text: str) -> bytes:
     """Compile a module of IR with full optimisation, since inlining across functions matters in integration loops."""
     from llvmlite import binding
 
-    machine = _machine()
+    machine = HOST.machine
     head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
     module = binding.parse_assembly(head + text)
     builder = binding.create_pass_builder(machine, binding.create_pipeline_tuning_options(speed_level=3))
@@ -154,5 +167,5 @@ def linked(code: bytes, names: Sequence[str]) -> tuple[dict[str, int], Any]:
     unit = binding.JITLibraryBuilder().add_object_img(code).add_current_process()
     for name in names:
         unit.export_symbol(name)
-    tracker = unit.link(_linker(), f"gearlib_{next(_numbers)}")
+    tracker = unit.link(HOST.linker, f"gearlib_{next(_numbers)}")
     return {name: int(tracker[name]) for name in names}, tracker

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property, partial, reduce
+from functools import cached_property, partial, reduce
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +17,7 @@ import sympy
 from sympy.printing.numpy import NumPyPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from gearlib.equations.template import Relation, Template, column_symbol
+from gearlib.equations.template import Relation, Template, column_symbol, memoised
 from gearlib.language.expressions import time
 
 CALL, DIVISION = 20, 4  # additions that a function such as the sine, and a division or a square root, take as long as
@@ -43,6 +43,11 @@ class Kernel:
     columns: tuple[int, ...]
     parameters: tuple[int, ...]
     relations: tuple[int, ...]
+
+    @cached_property
+    def memo(self) -> dict[Any, Any]:
+        """What `memoised` functions found of it."""
+        return {}
 
     @cached_property
     def scalar(self) -> str:
@@ -150,7 +155,7 @@ def _kernel(template: Template, expression: Any) -> Kernel:
     return Kernel(template, renamed, tuple(columns), tuple(parameters), tuple(relations))
 
 
-@cache
+@memoised
 def differentiated(template: Template, times: int) -> Template:
     """The template of an equation's derivative of some order."""
     for _ in range(times):
@@ -158,7 +163,7 @@ def differentiated(template: Template, times: int) -> Template:
     return template
 
 
-@cache
+@memoised
 def solve_kernel(template: Template, column: int) -> Kernel | None:
     """The equation solved for one of its columns; None where it is not linear in it."""
     partial = template.partials[column]
@@ -175,14 +180,14 @@ def solve_kernel(template: Template, column: int) -> Kernel | None:
     return _kernel(template, -rest / partial.expression)
 
 
-@cache
+@memoised
 def residual_kernel(template: Template, without: frozenset[int] = frozenset()) -> Kernel:
     """The residual, with some columns set to zero."""
     zeros = {template.symbols[c]: sympy.S.Zero for c in without}
     return _kernel(template, template.residual.xreplace(zeros))
 
 
-@cache
+@memoised
 def partial_kernel(template: Template, column: int) -> Kernel:
     """The derivative of the residual with respect to a column."""
     return _kernel(template, template.partials[column].expression)
@@ -195,14 +200,14 @@ def difference_kernel(label: str) -> Kernel:
     return _kernel(template, template.residual)
 
 
-@cache
+@memoised
 def relation_kernel(template: Template, relation: int) -> Kernel:
     """What a relation compares with zero."""
     r: Relation = template.relations[relation]
     return _kernel(template, r.g)
 
 
-@cache
+@memoised
 def derivative_of(kernel: Kernel, name: str) -> Kernel:
     """Derivative of a kernel with respect to one of its columns, such as x0, or of its parameters, such as p0."""
     return _part(kernel, sympy.diff(kernel.expression, sympy.Symbol(name, real=True)))
@@ -255,7 +260,7 @@ def _part(kernel: Kernel, expression: Any) -> Kernel:
     )  # fmt: skip
 
 
-@cache
+@memoised
 def rest_of(kernel: Kernel) -> Kernel:
     """The kernel with all its columns set to zero."""
     zeros = {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns}

@@ -10,8 +10,8 @@ import re
 import sys
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, wraps
+from typing import Any, TypeVar, cast
 
 import sympy
 from sympy.core.relational import Relational
@@ -21,6 +21,7 @@ from gearlib.errors import DeclarationError, NameLookupError
 from gearlib.language.expressions import Eq, JustBefore, Sample, SquareWave, as_condition, real_symbol, time, total_derivative
 
 LARGEST = sys.float_info.max
+Found = TypeVar("Found", bound=Callable[..., Any])
 Column = tuple[str, int]  # a variable and the order of its derivative
 _DER = re.compile(r"der\((.*)\)$")
 KNOWN = (
@@ -59,6 +60,20 @@ class Partial:
         return float(self.expression) if self.expression.is_number else None
 
 
+def memoised(function: Found) -> Found:
+    """Memoise a function in its first argument, a template, a kernel or a program, so that what is derived from a class goes with it."""
+    name = f"{function.__module__}.{function.__qualname__}"
+
+    @wraps(function)
+    def found(subject: Any, *arguments: Any) -> Any:
+        key = (name, *arguments)
+        if key not in subject.memo:
+            return subject.memo.setdefault(key, function(subject, *arguments))  # of another thread, if it was first
+        return subject.memo[key]
+
+    return cast("Found", found)
+
+
 @dataclass(frozen=True, eq=False)
 class Template:
     """A residual over the symbols of one class.
@@ -85,6 +100,11 @@ class Template:
     parameters: tuple[str, ...]
     relations: tuple[Relation, ...] = ()
     discretes: tuple[str, ...] = ()
+
+    @cached_property
+    def memo(self) -> dict[Any, Any]:
+        """What `memoised` functions found of it."""
+        return {}
 
     @cached_property
     def locals(self) -> tuple[str, ...]:

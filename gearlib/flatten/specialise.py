@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import sympy
 
-from gearlib.equations.template import Relation, Template, column_symbol, make_template
+from gearlib.equations.template import Relation, Template, column_symbol, make_template, memoised
 from gearlib.errors import SingularError
 from gearlib.flatten.aliases import Aliases, Integers
 
@@ -50,7 +49,7 @@ class Raw:
         )  # fmt: skip
 
 
-@lru_cache(maxsize=10_000)
+@memoised
 def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[str, float]] = frozenset()) -> Template:
     """The template over the first local of each variable, with the values of some parameters.
 

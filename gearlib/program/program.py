@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,6 +183,11 @@ class Program:
     outputs: tuple[Node, ...]
     pivots: tuple[Batch, ...]
     residuals: tuple[int, ...] = ()
+
+    @cached_property
+    def memo(self) -> dict[Any, Any]:
+        """What `memoised` functions found of it."""
+        return {}
 
     @cached_property
     def output_slots(self) -> Integers:

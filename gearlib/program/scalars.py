@@ -7,10 +7,10 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from gearlib.equations.template import memoised
 from gearlib.program.derivative_plan import DerivativePlan, Sums
 from gearlib.program.program import Batch, Linear, Program
 from gearlib.program.text import expression, unsigned
@@ -19,15 +19,11 @@ MOST = 1500  # numbers up to which a function is written out
 NAMES: dict[str, Any] = {name: getattr(math, name) for name in dir(math) if not name.startswith("_")}
 
 
-_constants: WeakKeyDictionary[Program, Callable[[list[float]], list[float]] | None] = WeakKeyDictionary()
-
-
+@memoised
 def constants(program: Program) -> Callable[[list[float]], list[float]] | None:
     """Pivots and entries of the linear blocks as one function of the parameters; None where there are very many."""
-    if program not in _constants:
-        blocks = [b for s in program.steps if isinstance(s, Linear) for b in s.matrix]
-        _constants[program] = constants_function([*program.pivots, *blocks])
-    return _constants[program]
+    blocks = [b for s in program.steps if isinstance(s, Linear) for b in s.matrix]
+    return constants_function([*program.pivots, *blocks])
 
 
 def constants_function(batches: Sequence[Batch]) -> Callable[[list[float]], list[float]] | None:

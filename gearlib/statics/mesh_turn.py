@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import Kernel, relation_kernel, residual_kernel
-from gearlib.equations.template import Template
+from gearlib.equations.template import Template, memoised
 from gearlib.flatten.model import EquationGroup, FlatModel
 
 Floats = NDArray[np.float64]
@@ -100,7 +99,7 @@ def repeating_columns(model: FlatModel, parameters: Floats, a: Floats, b: Floats
     return found
 
 
-@cache
+@memoised
 def _bounded(template: Template) -> tuple[int, ...]:
     """Columns that may repeat: no derivatives, and none that the equation is linear in."""
     kernel = residual_kernel(template)
@@ -198,7 +197,7 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
         taken[list(fresh)] = reached[list(fresh)] = True
 
 
-@cache
+@memoised
 def _given(template: Template) -> int | None:
     """The column that an equation without derivatives gives: the only one that stands in it alone, times 1 or -1."""
     if any(order for _, order in (*template.columns, *template.relation_columns)):

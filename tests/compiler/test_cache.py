@@ -90,7 +90,7 @@ def test_another_processor_or_compiler_has_its_own_object_code(monkeypatch: pyte
     monkeypatch.setattr(object_code, "compiler_digest", lambda: compiler + "x")
     forget(monkeypatch)
     assert triple(3) == (6.0, 0)
-    for what in (object_code._machine().triple, *object_code._processor()):
+    for what in (object_code.HOST.machine.triple, *object_code.HOST.processor):
         assert what in compiler
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 from typing import Any
 
 import numpy as np
@@ -134,3 +136,13 @@ def test_what_an_evaluation_costs(expression: Any, additions: int) -> None:
     """In additions: a division or a square root counts for 4, a function for 20, a power as many as its squarings."""
     template = make(z + expression)
     assert residual_kernel(template).operations == additions + 1
+
+
+def test_what_is_derived_from_a_template_goes_with_it() -> None:
+    template = make(x**2 + y)
+    kernels = [residual_kernel(template), partial_kernel(template, 0)]
+    assert residual_kernel(template) is kernels[0]
+    gone = [weakref.ref(kernel) for kernel in kernels]
+    del template, kernels
+    gc.collect()
+    assert [there() for there in gone] == [None, None]

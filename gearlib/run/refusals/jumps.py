@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import lru_cache
 from math import isfinite
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import sympy
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import differentiated
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError
 from gearlib.equations.switch_times import switch_times
-from gearlib.equations.template import Relation, Template
+from gearlib.equations.template import Relation, Template, memoised
 from gearlib.errors import ModelError
 from gearlib.program.program import Batch, Newton, Program
 from gearlib.reduce.reduction import Structure
@@ -26,9 +25,6 @@ MOST = 50  # switches that are looked at
 APART = 1e-9  # of a time, by which both sides of a switch are told
 SMALL = 1e-9  # of the sizes on both sides: a difference below this is rounding
 KINDS = ("a jump", "a kink")
-_differentiated: WeakKeyDictionary[Program, tuple[list[tuple[int, Template]], bytes]] = (
-    WeakKeyDictionary()
-)  # and what was looked at
 
 
 def refuse_jumps(structure: Structure, program: Program, parameters: Floats, t0: float, t1: float) -> None:
@@ -41,15 +37,15 @@ def refuse_jumps(structure: Structure, program: Program, parameters: Floats, t0:
     ModelError
         Names the variable, the time, and by how much it jumps.
     """
-    if program not in _differentiated:
-        _differentiated[program] = _uses(structure, program), b""
-    uses, seen = _differentiated[program]
+    uses, seen = program.memo.get(refuse_jumps, (None, b""))
+    if uses is None:
+        uses = _uses(structure, program)
     slots = [structure.model.groups[structure.rows[e][0]].parameters[structure.rows[e][1]] for e, _ in uses]
     key = parameters[np.concatenate([np.empty(0, np.int64), *slots])].tobytes() + np.array([t0, t1]).tobytes()
     if key != seen:
         for e, template in uses:
             _check(structure, e, template, parameters, t0, t1)
-        _differentiated[program] = uses, key
+        program.memo[refuse_jumps] = uses, key
 
 
 def _uses(structure: Structure, program: Program) -> list[tuple[int, Template]]:
@@ -95,7 +91,7 @@ def _flag(relation: Relation, symbols: tuple[Any, ...], numbers: list[float], t:
     return int(value < 0 if relation.negated else value > 0)
 
 
-@lru_cache(maxsize=256)
+@memoised
 def _pieces(template: Template, symbols: tuple[Any, ...], *sides: tuple[tuple[int, int], ...]) -> list[Function] | None:
     """An equation on both sides of a switch, as functions of time and the parameters; None where variables tell how they differ."""
     found = [
