@@ -7,7 +7,7 @@ and ``t`` for time. It is printed twice: for arrays (numpy) and for scalars (nat
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial, reduce
 from types import SimpleNamespace
 from typing import Any
@@ -43,11 +43,7 @@ class Kernel:
     columns: tuple[int, ...]
     parameters: tuple[int, ...]
     relations: tuple[int, ...]
-
-    @cached_property
-    def memo(self) -> dict[Any, Any]:
-        """What `memoised` functions found of it."""
-        return {}
+    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # what `memoised` functions found
 
     @cached_property
     def scalar(self) -> str:

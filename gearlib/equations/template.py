@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from typing import Any, TypeVar, cast
 
@@ -100,11 +100,7 @@ class Template:
     parameters: tuple[str, ...]
     relations: tuple[Relation, ...] = ()
     discretes: tuple[str, ...] = ()
-
-    @cached_property
-    def memo(self) -> dict[Any, Any]:
-        """What `memoised` functions found of it."""
-        return {}
+    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # what `memoised` functions found
 
     @cached_property
     def locals(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ the others.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -183,11 +183,7 @@ class Program:
     outputs: tuple[Node, ...]
     pivots: tuple[Batch, ...]
     residuals: tuple[int, ...] = ()
-
-    @cached_property
-    def memo(self) -> dict[Any, Any]:
-        """What `memoised` functions found of it."""
-        return {}
+    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # what `memoised` functions found
 
     @cached_property
     def output_slots(self) -> Integers:
