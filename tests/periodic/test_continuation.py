@@ -18,6 +18,19 @@ def line(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
     return np.array([z[0] - 2 * w]), np.array([[1.0]]), np.array([-2.0])
 
 
+def parabola(z: Floats, w: float) -> tuple[Floats, Floats, Floats]:
+    """``w = 1 - z_0**2``, ``z_1 = z_0``: both grow through the fold at w = 1."""
+    return np.array([z[0] ** 2 + w - 1, z[1] - z[0]]), np.array([[2 * z[0], 0.0], [-1.0, 1.0]]), np.array([1.0, 0.0])
+
+
+def test_a_fold_is_where_the_parameter_turns_back() -> None:
+    path = follow(parabola, np.array([-1.0, -1.0]), 0.0, 2.0, 0.02, 500)
+    (fold,) = path.folds
+    assert path.w[fold] == pytest.approx(1.0, abs=1e-9)
+    assert path.z[fold] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert path.complete
+
+
 @pytest.mark.parametrize("points", [2, 3, 7, 50])
 def test_a_branch_ends_at_the_largest_number_of_points(points: int) -> None:
     path = follow(line, np.array([2.0]), 1.0, 1e6, 1e-6, points)
