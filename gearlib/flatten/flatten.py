@@ -10,7 +10,7 @@ import numpy as np
 from gearlib.arguments import shown
 from gearlib.equations.bindings import is_discrete_name
 from gearlib.equations.template import Template
-from gearlib.errors import BindingError, BoundError, ModelError
+from gearlib.errors import BindingError, BoundError, DeclarationError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
 from gearlib.flatten.attributes import attributes_of, merge
 from gearlib.flatten.connections import SignedSum, connection_sets, series_of_parallels, split_sum, sum_template
@@ -303,6 +303,11 @@ def _discrete_indices(template: Template, tree: Tree, instance: int) -> list[int
     places = []
     for name in template.discretes:
         if name == "initial()":
+            if not n:
+                raise DeclarationError(
+                    f"{template.label}: gl.initial() stands in an equation of a model without discrete variables, where it never acts; "
+                    "give what holds at the start as start=..., or declare a gl.Discrete whose equation holds gl.initial()"
+                )
             places.append(2 * n)
             continue
         before = name.startswith("pre(")

@@ -201,3 +201,17 @@ def test_an_expression_that_is_nested_too_deeply() -> None:
 def test_numbers_that_no_computer_holds_are_refused() -> None:
     with pytest.raises(DeclarationError, match=r"holds 1000.*too large"):
         gl.compile(leaf(lambda s: [gl.Eq(s.n, 10**400 * s.x), gl.Eq(s.m, 0)]))
+
+
+def test_the_start_in_an_equation_of_a_model_without_discrete_variables_is_refused() -> None:
+    class Law(gl.Component):
+        x = gl.Variable("1", start=1.0)
+        y = gl.Variable("1")
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), 0), gl.Eq(self.y, gl.Piecewise((self.x, gl.initial()), (0, True)))]
+
+    with pytest.raises(
+        DeclarationError, match=r"Law.*gl\.initial\(\) stands in an equation of a model without discrete variables"
+    ):
+        gl.compile(Law())
