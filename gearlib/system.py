@@ -592,6 +592,12 @@ class System(Compiled):
             outputs=outputs, stop_time=stop_time, rtol=rtol,
         )  # fmt: skip
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the summary."""
+        from gearlib.drawing.page import paragraph, preformatted
+
+        return paragraph(repr(self)) + preformatted(self.summary())
+
     def __reduce__(self) -> tuple[Any, ...]:
         return System, (self.translation,)
 

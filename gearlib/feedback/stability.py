@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from gearlib.arguments import one_name, real
+from gearlib.drawing.page import preformatted, table
+from gearlib.drawing.printed import fitted
 from gearlib.errors import ArgumentError
 from gearlib.feedback.feedback_loop import Loop, as_loop
 from gearlib.feedback.gain_range import gains_in_words, stable_gains
@@ -61,7 +63,7 @@ class LoopReport:
         same = "the same" if self.closed_poles.verdict == self.verdict else f"the closed loop is {self.closed_poles.verdict}"
         found = motions(self.closed_poles)
         lines.append(f"  eigenvalues      {same}{': ' if found else ''}{'; '.join(found)}")
-        return "\n".join([*lines, *self._margins_in_words()])
+        return fitted("\n".join([*lines, *self._margins_in_words()]))
 
     def _margins_in_words(self) -> list[str]:
         m = self.margins
@@ -174,7 +176,15 @@ class StabilityReport:
         ]
         if self.loop is not None:
             lines += ["", str(self.loop)]
-        return "\n".join(lines)
+        return fitted("\n".join(lines))
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the words, and the poles as a table."""
+        words, _, rest = str(self).partition("\n\n")
+        loop = "" if self.loop is None else preformatted(str(self.loop))
+        head = ["real part, 1/s", "imaginary part, rad/s", "frequency, Hz", "damping ratio"]
+        rows = [[v.real, v.imag, abs(v) / (2 * np.pi), d] for v, d in zip(self.poles.values, self.poles.damping, strict=True)]
+        return preformatted(words) + (table(head, rows) if rest else "") + loop
 
 
 def motions(found: Poles, at_zero: str = "") -> list[str]:

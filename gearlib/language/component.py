@@ -336,6 +336,12 @@ class Component:
 
         return drawn(self, depth, fold, width)
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the diagram, or why there is none."""
+        from gearlib.language.outline import html_of
+
+        return html_of(self)
+
     def scheme(self) -> Scheme:
         """Stick diagram: shafts as lines, gears as bars at their radii, planetary sets, clutches, brakes and the hatched housing.
 

@@ -11,9 +11,10 @@ import networkx as nx
 from gearlib.arguments import flag, real, whole
 from gearlib.drawing.block_diagram import OWN, Net, Outline, Pin, Terminal
 from gearlib.drawing.diagram import Diagram
+from gearlib.drawing.page import paragraph, picture, preformatted
 from gearlib.drawing.scheme.stick_diagram import Scheme
 from gearlib.drawing.scheme.train import Train, train_of
-from gearlib.errors import ArgumentError, ModelError
+from gearlib.errors import ArgumentError, GearlibError, ModelError
 from gearlib.language import interior
 from gearlib.language.declarations import Connector, Discrete, Input, Owner, Potential, Variable, declared_by
 
@@ -43,6 +44,15 @@ def scheme_of(component: Owner) -> Scheme:
 def train_in(component: Owner) -> Train:
     """Everything in a component that turns, at all depths, as a stick diagram shows it."""
     return train_of(outline(component, DEEPEST))
+
+
+def html_of(component: Owner) -> str:
+    """What a notebook shows of a component: its diagram, or why it has none."""
+    about = paragraph((type(component).__doc__ or type(component).__name__).strip().partition("\n")[0].replace("`", ""))
+    try:
+        return about + picture(drawn(component, 1, True, 1400.0).svg)
+    except GearlibError as why:
+        return about + preformatted(str(why))
 
 
 def outline(component: Owner, depth: int) -> Outline:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import by_name, check_axes, name_list, one_name, real, reals, shown
+from gearlib.drawing.printed import fitted
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.linear_model import LinearModel, check_linear, matrices
 from gearlib.linear.linearize import input_names, linearized, read_by_equations
@@ -104,7 +105,7 @@ class FrequencyResponse:
         lines = [f"{what}: {len(self.omega)} frequencies from {self.frequencies.min():.6g} to {self.frequencies.max():.6g} Hz"]
         if self.conditions:
             lines.append(f"Operating point: {'; '.join(self.conditions)}.")
-        return "\n".join(lines)
+        return fitted("\n".join(lines))
 
     @property
     def frequencies(self) -> Floats:

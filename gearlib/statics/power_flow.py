@@ -8,6 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gearlib.arguments import by_name, one_name, shown
+from gearlib.drawing.page import paragraph, preformatted, table
+from gearlib.drawing.printed import fitted, shortened
 from gearlib.drawing.sankey import Band, sankey
 from gearlib.drawing.scheme.speed_ladder import speed_ladder
 from gearlib.drawing.scheme.stick_diagram import Load, Scheme
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from gearlib.language.component import Component
 
 RPM = 30 / 3.141592653589793
+NAME, SLIDES = 42, "  (m/s, N)"  # columns of a table's names; what stands behind flanges that slide
 NOTHING = 1e-12  # of the largest torque or speed: rounding
 
 
@@ -231,7 +234,16 @@ class PowerFlow:
 
     def __str__(self) -> str:
         lines = [self._title, "", *_table(self._shown, self._scales), *self._left_out, *self._sharing, "", *self._balance]
-        return "\n".join(lines)
+        return fitted("\n".join(lines))
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the flanges as a table, the balance below it."""
+        rows: list[list[str | float]] = [
+            [f.name, f.speed, "" if f.sliding else f.speed * RPM, f.torque, f.power] for f in self._shown
+        ]
+        head = ["flange", "speed, rad/s", "speed, 1/min", "torque, N·m", "power, W"]
+        about = "".join(map(paragraph, [*self._left_out, *([" ".join(self._sharing)] if self._sharing else [])]))
+        return paragraph(self._title) + table(head, rows) + about + preformatted(fitted("\n".join(self._balance)))
 
     @property
     def _title(self) -> str:
@@ -321,12 +333,15 @@ def _flows(branches: Sequence[PowerEdge]) -> tuple[list[tuple[str, str, float]],
 
 
 def _table(flanges: list[FlangePower], scales: tuple[float, float]) -> list[str]:
-    width = max((len(f.name) for f in flanges), default=6)
+    most = NAME - (len(SLIDES) if any(f.sliding for f in flanges) else 0)
+    width = min(max((len(f.name) for f in flanges), default=6), most)
     lines = [f"{'flange':{width}}  {'speed, rad/s':>13} {'speed, 1/min':>13} {'torque, N.m':>13} {'power, W':>13}"]
     for f in flanges:
         speed = 0.0 if abs(f.speed) <= NOTHING * scales[0] else f.speed
         torque = 0.0 if abs(f.torque) <= NOTHING * scales[1] else f.torque
         turning = f"{'-':>13}" if f.sliding else f"{speed * RPM:13.6g}"
-        slides = "  (m/s, N)" if f.sliding else ""
-        lines.append(f"{f.name:{width}}  {speed:13.6g} {turning} {torque:13.6g} {speed * torque + 0.0:13.6g}{slides}")
+        slides = SLIDES if f.sliding else ""
+        lines.append(
+            f"{shortened(f.name, width):{width}}  {speed:13.6g} {turning} {torque:13.6g} {speed * torque + 0.0:13.6g}{slides}"
+        )
     return [*lines, "(torque and power are positive into the component: a drive's power is negative, a load's positive)"]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import by_name, check_axes, increasing, real, reals, shown
+from gearlib.drawing.printed import fitted
 from gearlib.drawing.style import COLOURS, MARK
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
@@ -94,7 +95,7 @@ class Campbell:
             for c in self.crossings
         ]
         lines = lines if self.crossings else ["no order meets a natural frequency in this range of speed"]
-        return "\n".join([*lines, *([f"Operating point: {'; '.join(self.conditions)}."] if self.conditions else [])])
+        return fitted("\n".join([*lines, *([f"Operating point: {'; '.join(self.conditions)}."] if self.conditions else [])]))
 
     @property
     def highest(self) -> float:

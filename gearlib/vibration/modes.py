@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import one_name, shown
 from gearlib.arguments import whole as whole_number
+from gearlib.drawing.page import paragraph, table
+from gearlib.drawing.printed import COLUMNS, fitted, shortened
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow, Potential
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 MOST_DENSE = 500  # states up to which all eigenvalues are computed
+COLUMN = 33  # where the energies stand in what is printed
 UNSURE = 1e-3  # of a mode's energy: shares that may be off by more are not given
 NEGATIVE = 1e-6  # of a mode's energy: an energy below is no rounding
 
@@ -183,16 +186,16 @@ class Modes:
                 kinetic[mode], potential[mode], off[mode] = (np.concatenate(kind) for kind in zip(*parts, strict=True))
                 potential[mode] *= bool(value)
         unknown = self._unknown_shares(numbers, kinetic, potential, off)
-        for table in (kinetic, potential):
-            np.maximum(table, 0.0, out=table)  # what is less is rounding, or is not given
-            total = table.sum(axis=1, keepdims=True)
-            np.divide(100 * table, total, out=table, where=total > 0)
-            table[:, table.max(axis=0, initial=0.0) < 1e-5] = 0.0  # percent: rounding of components that keep none
+        for shares in (kinetic, potential):
+            np.maximum(shares, 0.0, out=shares)  # what is less is rounding, or is not given
+            total = shares.sum(axis=1, keepdims=True)
+            np.divide(100 * shares, total, out=shares, where=total > 0)
+            shares[:, shares.max(axis=0, initial=0.0) < 1e-5] = 0.0  # percent: rounding of components that keep none
         order = [k for k in np.argsort(numbers) if kinetic[:, k].any() or potential[:, k].any()]
         kinetic, potential = kinetic[:, order], potential[:, order]
         bodies = np.asarray(kinetic.any(axis=0), bool)
-        for table in (kinetic, potential):
-            table[list(unknown)] = np.nan
+        for shares in (kinetic, potential):
+            shares[list(unknown)] = np.nan
         return _Shares([numbers[k] for k in order], kinetic, potential, bodies, unknown)
 
     def _unknown_shares(self, numbers: list[int], kinetic: Floats, potential: Floats, off: Floats) -> dict[int, str]:
@@ -296,11 +299,27 @@ class Modes:
     def __str__(self) -> str:
         most = [[self._largest(shares[k]) for shares in (self.kinetic, self.potential)] for k in range(len(self))]
         width = max([34, *(len(kinetic) for kinetic, _ in most)])
+        if COLUMN + width + 2 + max([0, *(len(potential) for _, potential in most)]) > COLUMNS:
+            return fitted("\n".join([*self._below_each_other(), *self._remarks]))
         lines = [f"mode  frequency, Hz    damping   {'kinetic energy':{width}}  potential energy"]
         for k, (kinetic, potential) in enumerate(most):
             line = f"{k:4d}  {self.frequencies[k]:13.6g}  {self.damping[k]:9.5f}   {kinetic:{width}}  {potential}"
             lines.append(line.rstrip())
-        lines += [f"Shares of energy of mode {k} are not given: {why}." for k, why in self.not_given.items()]
+        return fitted("\n".join([*lines, *self._remarks]))
+
+    def _below_each_other(self) -> list[str]:
+        """Long names: the potential energy of a mode stands below its kinetic energy."""
+        lines = [f"{'mode  frequency, Hz    damping':{COLUMN}}kinetic energy, and potential energy below it"]
+        for k in range(len(self)):
+            kinetic, potential = (self._largest(shares[k], 26) for shares in (self.kinetic, self.potential))
+            lines.append(f"{f'{k:4d}  {self.frequencies[k]:13.6g}  {self.damping[k]:9.5f}':{COLUMN}}{kinetic}".rstrip())
+            lines += [" " * COLUMN + potential] if potential else []
+        return lines
+
+    @property
+    def _remarks(self) -> list[str]:
+        """What is to be said besides the modes."""
+        lines = [f"Shares of energy of mode {k} are not given: {why}." for k, why in self.not_given.items()]
         lines += [f"Mode {k} is a free relative motion across {across}." for k, across in self.gaps.items()]
         if self.positions:
             lines.append(f"Nothing depends on {', '.join(self.positions)}.")
@@ -313,11 +332,25 @@ class Modes:
             lines.append(f"Besides these, {self.preloads} {are}, locked into loops of meshes.")
         if len(self.decays):
             lines.append(f"Decays without oscillation, 1/s: {', '.join(f'{-d:.6g}' for d in self.decays[:8])}")
-        return "\n".join(lines)
+        return lines
 
-    def _largest(self, shares: Floats) -> str:
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a line for each mode, and the remarks below it."""
+        rows: list[list[str | float]] = [
+            [
+                float(k),
+                float(self.frequencies[k]),
+                float(self.damping[k]),
+                *map(self._largest, (self.kinetic[k], self.potential[k])),
+            ]
+            for k in range(len(self))
+        ]
+        head = ["mode", "frequency, Hz", "damping", "kinetic energy", "potential energy"]
+        return table(head, rows) + "".join(map(paragraph, self._remarks))
+
+    def _largest(self, shares: Floats, longest: int = 1000) -> str:
         best = [i for i in np.argsort(-shares, kind="stable")[:2] if shares[i] > 0.5]
-        return ", ".join(f"{self.components[i]} {shares[i]:.0f} %" for i in best)
+        return ", ".join(f"{shortened(self.components[i], longest)} {shares[i]:.0f} %" for i in best)
 
     def draw(self, mode: int, *, axes: Any = None) -> Any:
         """Draw a mode: amplitudes of the bodies, and the shares of energy. Returns the matplotlib axes."""

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.drawing.printed import fitted, shortened
+
 Floats = NDArray[np.float64]
 ROUNDING = 1e-12  # of the stored energies: smaller differences between them are not known
 ROWS = 12  # of each kind in the table
@@ -88,14 +90,14 @@ class EnergyBalance:
                 continue
             lines.append(f"{title:<40}{_total(values):>14.6g}")
             ends = sorted(((float(v[-1]), path) for path, v in values.items()), key=lambda item: -abs(item[0]))
-            lines += [f"  {path:<38}{value:>14.6g}" for value, path in ends[:ROWS]]
+            lines += [f"  {shortened(path, 80):<38}{value:>14.6g}" for value, path in ends[:ROWS]]
             lines += [f"  ... and {len(ends) - ROWS} more"] if len(ends) > ROWS else []
         if np.any(self.returned):
             lines.append(f"{'heat that stays, through heat ports':<40}{self.returned[-1]:>14.6g}")
         lines.append(f"{'residual':<40}{self.residual[-1]:>14.2g}")
         if self.unknown:
             lines.append(f"not known how much power flows into {', '.join(self.unknown)}")
-        return "\n".join(lines)
+        return fitted("\n".join(lines))
 
 
 def _total(values: Mapping[str, Floats]) -> float:

@@ -1,0 +1,58 @@
+"""Text that fits a terminal: long lines go on below, and long names lose their middle."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+
+COLUMNS = 100
+LABEL = re.compile(r"\s*\S+(?: \S+)*?\s{2,}(?=\S)")  # a label before the text of its line
+
+
+def fitted(text: str, columns: int = COLUMNS) -> str:
+    """Text whose lines are no longer than a number of columns; what goes on below stands under the text of its line.
+
+    A word that is too long for a line loses its middle.
+
+    >>> print(fitted("  inputs      0 unless a run is given them: motor.tau, load.tau", 40))
+      inputs      0 unless a run is given
+                  them: motor.tau,
+                  load.tau
+    """
+    return "\n".join(_wrapped(line, columns) for line in text.split("\n"))
+
+
+def _wrapped(line: str, columns: int) -> str:
+    if len(line) <= columns:
+        return line
+    label = LABEL.match(line)
+    start = len(line) - len(line.lstrip())
+    indent = label.end() if label and label.end() <= columns // 2 else min(start + 2, columns // 2)
+    cut = max(line.rfind(" ", 0, columns + 1), 0)
+    if not line[:cut].strip() or cut <= indent:  # one word that is too long: the columns before it are kept
+        cut = indent if label and label.end() <= columns // 2 else start
+    first, words = line[:cut].rstrip(), [shortened(word, columns - indent) for word in line[cut:].split()]
+    margin = " " * indent
+    rest = textwrap.wrap(
+        " ".join(words),
+        columns,
+        initial_indent=margin,
+        subsequent_indent=margin,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    if len(first) <= indent and rest:
+        return "\n".join([first.ljust(indent) + rest[0][indent:], *rest[1:]])
+    return "\n".join([first, *rest])
+
+
+def shortened(name: str, columns: int) -> str:
+    """A name that is not longer than a number of columns: of a long path the middle is left out.
+
+    >>> shortened("train.x_unit.planet[0].kinematics.ring_side", 30)
+    'train.x_unit....tics.ring_side'
+    """
+    if len(name) <= columns:
+        return name
+    end = (columns - 3 + 1) // 2
+    return f"{name[: columns - 3 - end]}...{name[-end:]}"
