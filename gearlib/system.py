@@ -595,8 +595,9 @@ class System(Compiled):
     def _repr_html_(self) -> str:
         """What a notebook shows: the summary."""
         from gearlib.drawing.page import paragraph, preformatted
+        from gearlib.drawing.printed import fitted
 
-        return paragraph(repr(self)) + preformatted(self.summary())
+        return paragraph(repr(self)) + preformatted(fitted(self.summary()))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return System, (self.translation,)

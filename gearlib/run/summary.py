@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from gearlib.drawing.printed import COLUMNS, fitted
 from gearlib.flatten.model import FlatModel
 from gearlib.program.program import Linear, Newton
 from gearlib.program.residual_form import ResidualForm
@@ -56,7 +55,7 @@ def summary(
         lines.append(f"  inputs      0 unless a run is given them: {_some(list(inputs))}")
     if free:
         lines.append(f"  start       at their guess, since nothing fixes them: {_some(list(free))}")
-    return fitted("\n".join([*lines, *([] if handed is None else _unknowns(model, handed))]))
+    return "\n".join([*lines, *([] if handed is None else _unknowns(model, handed))])
 
 
 def _unknowns(model: FlatModel, handed: ResidualForm) -> list[str]:
@@ -67,7 +66,7 @@ def _unknowns(model: FlatModel, handed: ResidualForm) -> list[str]:
     count = f"{len(names)} unknown{'s' if len(names) != 1 else ''} and as many equations"
     lines = [f"  {form:<11} {count}, of which {len(names) - n} are algebraic; index {index}"]
     for label, part in (("differential", names[:n]), ("algebraic", names[n:])):
-        text = textwrap.wrap(", ".join(part) or "none", COLUMNS - 18, break_long_words=False, break_on_hyphens=False)
+        text = textwrap.wrap(", ".join(part) or "none", 110, break_long_words=False, break_on_hyphens=False)
         lines += [f"    {label if i == 0 else '':<13} {line}" for i, line in enumerate(text)]
     return lines
 
