@@ -18,7 +18,7 @@ from gearlib.drawing.arrangement import (
     icon_of,
     label_of,
 )
-from gearlib.drawing.block_diagram import Outline, Terminal, folded
+from gearlib.drawing.block_diagram import OWN, Outline, Terminal, folded
 from gearlib.drawing.icons import INK, LIGHT
 from gearlib.drawing.svg import Picture, circle, document, group, line, number, path, polygon, rectangle, text, text_width
 
@@ -58,8 +58,9 @@ def _contents(found: Arrangement, x: float, y: float, free: float) -> Iterator[s
     """Everything in an arrangement whose upper left corner is at (x, y); the frame is ``free`` beside it."""
     for wire in found.wires:
         yield _wire(wire, x, y)
+    joined = {pin.port for wire in found.wires for pin in wire.net.pins if pin.part == OWN}
     for port in found.border:
-        yield from _border(port, x, y, found.width, free)
+        yield from _border(port, x, y, found.width, free, port.port.name in joined)
     for box in found.boxes:
         yield group(_box(box, x + box.x, y + box.y), title=f"{box.part.name}: {box.part.note or box.part.kind}")
 
@@ -79,10 +80,11 @@ def _wire(wire: Wire, x: float, y: float) -> str:
     return group(drawn, title=pins if wire.net.count == 1 else f"{wire.net.count} × {pins}")
 
 
-def _border(port: Border, x: float, y: float, width: float, free: float) -> Iterator[str]:
-    """A port of the component: a square on its frame, its name, and the wire to the first channel."""
+def _border(port: Border, x: float, y: float, width: float, free: float, joined: bool) -> Iterator[str]:
+    """A port of the component: a square on its frame, its name, and the wire to the first channel where something is joined to it."""
     frame = x - free if port.side == LEFT else x + width + free
-    yield line(frame, y + port.y, x + port.x, y + port.y, **_style(port.port.domain))
+    if joined:
+        yield line(frame, y + port.y, x + port.x, y + port.y, **_style(port.port.domain))
     yield _square(port.port, frame, y + port.y)
     at, anchor = (frame + 7, "start") if port.side == LEFT else (frame - 7, "end")
     yield text(at, y + port.y - 4, port.port.name, text_anchor=anchor, font_size="10", fill=COLOURS[port.port.domain])

@@ -96,9 +96,20 @@ def nyquist_plot(
     axes[0].set_title("whole curve")
     _nyquist_margins(axes[1], chosen, m)
     axes[1].set_title("around −1")
+    for ax in axes:
+        mark_frequencies(ax, omega, curve.real, curve.imag)
+    _say_where_it_is(axes[1], curve, m)
     axes[0].figure.legend(*axes[1].get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=4)
     axes[0].figure.suptitle(_title(chosen, "Nyquist plot"))
     return list(axes)
+
+
+def _say_where_it_is(ax: Any, curve: Complexes, m: Margins) -> None:
+    """Words in the place of a curve that is not seen around -1."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    if not ((curve.real > left) & (curve.real < right) & (np.abs(curve.imag) < high)).any():
+        said = f"the curve is not seen here:\nit comes no nearer to −1\nthan {m.modulus_margin:.3g}"
+        ax.text((left + right) / 2, low + 0.8 * (high - low), said, ha="center", va="center", fontsize=8)
 
 
 def _view(loop: Loop, omega: Floats, curve: Complexes) -> float:
@@ -183,17 +194,14 @@ def nichols_plot(
     phase, level = np.degrees(np.unwrap(np.angle(curve))), 20 * np.log10(np.maximum(np.abs(curve), 1e-300))
     phase += 360 * np.round((-90 - phase[0]) / 360)
     axes.plot(phase, level, color=CURVE, lw=1.4, label="L(jω)")
-    for decade in range(int(np.ceil(np.log10(omega[0] / (2 * np.pi)))), int(np.floor(np.log10(omega[-1] / (2 * np.pi)))) + 1):
-        i = int(np.argmin(np.abs(omega - 2 * np.pi * 10.0**decade)))
-        axes.plot(phase[i], level[i], ".", color=CURVE, ms=6)
-        axes.annotate(f"{10.0**decade:g} Hz", (phase[i], level[i]), xytext=(4, 3), textcoords="offset points", fontsize=7)
     points = [p for p in np.arange(-1260.0, 901.0, 360.0).tolist() if phase.min() - 100 <= p <= phase.max() + 100] or [-180.0]
     axes.plot(points, np.zeros(len(points)), "+", color=POINT, ms=11, mew=2, label="−1 (−180°, 0 dB)")
     _nichols_margins(axes, m, omega, phase)
     low, high = max(float(level.min()), -120.0), min(float(level.max()), 120.0)
     axes.set_ylim(min(low, -12) - 6, max(high, 12) + 6)
     axes.set_xlim(min(phase.min(), *points) - 25, max(phase.max(), *points) + 25)
-    _closed_loop_lines(axes, points)
+    taken = _closed_loop_lines(axes, points)
+    mark_frequencies(axes, omega, phase, level, taken)
     axes.set_xlabel("phase of L, deg")
     axes.set_ylabel("gain |L|, dB")
     axes.xaxis.set_major_locator(MultipleLocator(45))
@@ -213,9 +221,11 @@ def _nichols_margins(ax: Any, m: Margins, omega: Floats, phase: Floats) -> None:
     ax.plot(where or [np.nan], np.zeros(max(1, len(where))), "o", color=PHASE, ms=6, label=phase_label)
 
 
-def _closed_loop_lines(ax: Any, points: Sequence[float]) -> None:
-    """Lines of equal |L / (1 + L)| around each image of -1."""
+def _closed_loop_lines(ax: Any, points: Sequence[float]) -> list[Floats]:
+    """Lines of equal |L / (1 + L)| around each image of -1; returns where their labels are, in pixels."""
     angle = np.linspace(1e-3, 2 * np.pi - 1e-3, 600)
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    taken: list[Floats] = []
     for centre in points:
         for decibels in (6.0, 3.0, 1.0, -3.0, -6.0, -12.0):
             closed = 10 ** (decibels / 20) * np.exp(1j * angle)
@@ -223,9 +233,65 @@ def _closed_loop_lines(ax: Any, points: Sequence[float]) -> None:
             x, y = np.degrees(np.angle(opened)) % 360 - 360 + centre + 180, 20 * np.log10(np.abs(opened))
             x = np.where(np.abs(np.diff(x, prepend=x[0])) > 180, np.nan, x)
             ax.plot(x, y, color="0.8", lw=0.6, zorder=0)
-            if centre == points[0]:
-                i = int(np.argmax(y)) if decibels > 0 else int(np.nanargmin(np.abs(x - (centre - 110))))
-                ax.annotate(f"{decibels:+g} dB", (x[i], y[i]), fontsize=6, color="0.5", ha="center", annotation_clip=True)
+            inside = (
+                np.isfinite(x)
+                & (x > left + 0.04 * (right - left))
+                & (x < right - 0.04 * (right - left))
+                & (y > low)
+                & (y < high)
+            )
+            if centre == points[0] and inside.any():
+                here = np.flatnonzero(inside)
+                i = int(here[np.argmax(y[here])] if decibels > 0 else here[np.argmin(x[here])])
+                at = ax.transData.transform((x[i], y[i]))
+                if _is_free(at, taken, 26.0, 10.0):
+                    taken.append(at)
+                    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+                    ax.text(
+                        x[i],
+                        y[i],
+                        f"{decibels:+g} dB",
+                        fontsize=6,
+                        color="0.35",
+                        ha="center",
+                        va="center",
+                        bbox=box,
+                        clip_on=True,
+                    )
+    return taken
+
+
+def mark_frequencies(ax: Any, omega: Floats, x: Floats, y: Floats, taken: Sequence[Floats] = ()) -> None:
+    """Dots with frequencies (Hz) on a curve, at 1, 2 and 5 of each decade where labels have room.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        With its limits as they stay.
+    omega, x, y : arrays
+        Angular frequencies, growing, and the curve.
+    taken : sequence of arrays (2,)
+        Places of other labels, pixels.
+    """
+    ax.apply_aspect()
+    hertz, (left, right), (low, high) = omega / (2 * np.pi), ax.get_xlim(), ax.get_ylim()
+    first, last = int(np.floor(np.log10(hertz[0]))), int(np.ceil(np.log10(hertz[-1])))
+    places = [np.asarray(at) for at in taken]
+    for times in (1.0, 2.0, 5.0):  # whole decades first
+        for f in (times * 10.0 ** np.arange(first, last + 1)).tolist():
+            if not hertz[0] <= f <= hertz[-1]:
+                continue
+            at = float(np.interp(f, hertz, x)), float(np.interp(f, hertz, y))
+            place = ax.transData.transform(at)
+            if left < at[0] < right and low < at[1] < high and _is_free(place, places, 42.0, 14.0):
+                places.append(place)
+                ax.plot(*at, ".", color=CURVE, ms=6)
+                ax.annotate(f"{f:g} Hz", at, xytext=(4, 3), textcoords="offset points", fontsize=7)
+
+
+def _is_free(place: Floats, taken: Sequence[Floats], width: float, height: float) -> bool:
+    """Whether a label has room beside others, in pixels."""
+    return all(abs(place[0] - other[0]) > width or abs(place[1] - other[1]) > height for other in taken)
 
 
 def bode_plot(

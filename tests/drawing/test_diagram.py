@@ -136,6 +136,35 @@ def check(found: Arrangement) -> None:
             check(box.inner)
 
 
+def test_a_port_that_nothing_inside_uses_has_no_wire_inside() -> None:
+    class Inner(gl.Component):
+        used = gl.Input("N.m", "torque", default=0.0)
+        idle = gl.Input("N.m", "bound from outside, and read by nothing", default=0.0)
+
+        def assemble(self):
+            self.torque, self.body = gp.Torque(tau=self.used), gp.Inertia(J=1.0)
+            return [gl.connect(self.torque.flange, self.body.flange_a)]
+
+    class Outer(gl.Component):
+        a, b = gl.Input("N.m", "torque"), gl.Input("N.m", "torque")
+
+        def assemble(self):
+            self.inner = Inner(used=self.a, idle=self.b)
+            return []
+
+    svg = ET.fromstring(Outer().diagram(2).svg)
+    name = "{http://www.w3.org/2000/svg}"
+    heights = {t.text: float(t.get("y")) + 4 for t in svg.iter(f"{name}text")}
+    stubs = {float(line.get("y1")) for line in svg.iter(f"{name}line") if line.get("stroke-dasharray") == "5 3"}
+    assert heights["used"] in stubs
+    assert heights["a"] in stubs
+    rows = [line for line in svg.iter(f"{name}line") if float(line.get("y1")) == heights["idle"]]
+    assert all(
+        float(line.get("x1")) < 60 for line in rows if line.get("stroke-dasharray") == "5 3"
+    )  # outside of the frame only
+    assert heights["idle"] not in stubs or heights["b"] == heights["idle"]
+
+
 def along(p, q) -> bool:
     """Whether two pieces lie on each other; crossing at a right angle is fine."""
     if p[1] == p[3] == q[1] == q[3]:

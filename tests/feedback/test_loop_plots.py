@@ -20,6 +20,46 @@ def closed() -> Iterator[None]:
     plt.close("all")
 
 
+def overprints(ax: Any) -> list[tuple[str, str]]:
+    """Labels within the axes that lie on each other."""
+    ax.figure.draw_without_rendering()
+    seen = [t for t in ax.texts if t.get_text() and t.get_window_extent().overlaps(ax.get_window_extent())]
+    return [
+        (a.get_text(), b.get_text())
+        for i, a in enumerate(seen)
+        for b in seen[:i]
+        if a.get_window_extent().overlaps(b.get_window_extent())
+    ]
+
+
+LOOPS = {
+    "three lags": control.tf([1.2], [1, 2, 1, 0]),
+    "resonances": control.tf([3.0, 0.2, 30], [1, 0.3, 16, 2, 5]),
+    "one lag": control.tf([5.0], [1, 1]),
+    "far away": control.tf([1e-3], [1, 1]),
+    "large": control.tf([1e6], [1, 1]),
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_frequencies_are_marked_and_no_label_lies_on_another(name: str) -> None:
+    whole, near = gl.nyquist_plot(LOOPS[name])
+    nichols = gl.nichols_plot(LOOPS[name])
+    for ax in (whole, near, nichols):
+        assert not overprints(ax), name
+    for ax in (whole, nichols):
+        assert any(t.get_text().endswith(" Hz") for t in ax.texts), name
+    for label in [t for t in whole.texts if t.get_text().endswith(" Hz")]:
+        hertz = float(label.get_text().split()[0])
+        there = LOOPS[name](2j * np.pi * hertz)
+        assert np.allclose(label.xy, (there.real, there.imag), atol=0.01 * np.abs(there) + 1e-9)
+    curves = [line for line in near.lines if line.get_label() == "L(jω), ω > 0"]
+    inside = near.viewLim.contains
+    seen = any(inside(x, y) for line in curves for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True))
+    assert seen or any("comes no nearer" in t.get_text() for t in near.texts)
+    plt.close("all")
+
+
 def texts(ax: Any) -> str:
     legend = ax.get_legend() or (ax.figure.legends or [None])[0]
     entries = [t.get_text() for t in legend.get_texts()] if legend else []
