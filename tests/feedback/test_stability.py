@@ -214,10 +214,9 @@ def test_report_is_readable(paper: gl.System, chain: Callable[..., gl.System]) -
     )
     assert loop[0] == "Loop torque.tau -> body[2].w, negative feedback: unstable: a motion grows exponentially"
     assert loop[1] == "  Nyquist          Over all frequencies the curve encircles -1 twice clockwise (N = 2)."
-    assert loop[3].startswith(
-        "  eigenvalues      the same: a vibration at 1.71426 Hz grows e-fold in 0.1951 s; the rest falls to"
-    )
-    assert loop[4] == "  gain             stable for less than 0.0412029 (-27.701 dB) times the present gain"
+    said = " ".join(" ".join(loop).split())
+    assert "eigenvalues the same: a vibration at 1.71426 Hz grows e-fold in 0.1951 s; the rest falls to" in said
+    assert "  gain             stable for less than 0.0412029 (-27.701 dB) times the present gain" in loop
 
 
 @pytest.mark.parametrize(
