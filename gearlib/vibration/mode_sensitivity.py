@@ -60,5 +60,5 @@ def mode_sensitivity(parameter: str, unit: str, value: float, eigenvalues: Compl
     size = np.abs(eigenvalues)
     moving = np.where(size > 0, size, 1.0)
     faster = np.where(size > 0, (eigenvalues.conj() * changes).real / moving, 0.0)
-    damping = np.where(size > 0, -(changes.real * moving - eigenvalues.real * faster) / moving**2, 0.0)
+    damping = np.where(size > 0, -(changes.real * moving - eigenvalues.real * faster) / moving**2, 0.0) + 0.0  # no -0
     return ModeSensitivity(parameter, unit, value, changes, faster / (2 * np.pi), damping, faster / moving * value)

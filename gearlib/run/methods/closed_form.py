@@ -51,7 +51,7 @@ class Exact(Method):
 
     @staticmethod
     def _lack(reason: str) -> str:
-        return f"needs a linear time-invariant scene without sensitivities: {reason}"
+        return f"needs a linear time-invariant scene: {reason}"
 
 
 def _linear(run: Run) -> LinearForm | str:

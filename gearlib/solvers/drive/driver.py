@@ -112,9 +112,10 @@ class Driver:
 
     def __init__(self, problem: Problem, stepper: Stepper, before: Driver | None = None) -> None:
         self.problem, self.stepper, self.status = problem, stepper, "more"
-        self.t_end, self._steps_before, self.events_before = float(problem.times[-1]), 0, 0
         if stepper.steps:
             _check(problem)
+        self.t_end, self._steps_before, self.events_before = float(problem.times[-1]), 0, 0
+        if stepper.steps:
             self._lay_out(before)
         else:
             self._lay_out_samples()
