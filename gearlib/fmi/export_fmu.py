@@ -11,7 +11,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from gearlib.arguments import as_path, name_list, one_of, real
+from gearlib.arguments import as_path, name_list, one_of, real, shown
 from gearlib.errors import ArgumentError
 from gearlib.files.replacing import replacing
 from gearlib.fmi.binaries import HERE, chosen_platforms, shared_library
@@ -35,6 +35,8 @@ def export_fmu(
 ) -> Path:  # fmt: skip
     """Write an FMU; `System.export_fmu` says what the arguments are."""
     target = as_path("export_fmu", path, "train.fmu")
+    if target.suffix.lower() != ".fmu":
+        raise ArgumentError(f"export_fmu({shown(str(path))}): name the file ....fmu")
     one_of("the version of FMI", version, VERSIONS)
     kinds = tuple(dict.fromkeys([kind] if isinstance(kind, str) else name_list("kind", kind, "cs")))
     for name in kinds:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.arguments import name_list, real, shown
+from gearlib.arguments import by_name, name_list, real, shown
 from gearlib.errors import ArgumentError, ModelError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.program.build import build
@@ -300,6 +300,8 @@ def _inputs(translation: Translation, inputs: Any) -> tuple[tuple[int, ...], Flo
     starts = np.zeros(len(known))
     if inputs is None:
         return tuple(range(len(known))), starts
+    if isinstance(inputs, Mapping):
+        inputs = by_name("inputs", inputs, "a mapping of inputs to numbers", "torque.tau")
     names = list(inputs) if isinstance(inputs, Mapping) else name_list("inputs", inputs, "torque.tau")
     for name in names:
         if name not in known:

@@ -14,6 +14,7 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
+from gearlib.errors import ArgumentError
 from tests.benchmarks.scenes import Chain
 from tests.fmi.fmu_instance import FmuInstance
 from tests.gearparts import msl_hybrid_examples
@@ -288,3 +289,9 @@ def test_a_missing_compiler_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(binaries, "find_spec", lambda name: None)
     with pytest.raises(gl.errors.MissingPackageError, match="pip install ziglang"):
         gl.compile(Driven()).export_fmu(tmp_path / "driven.fmu")
+
+
+def test_an_fmu_has_a_name_that_tools_know(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"name the file \.\.\.\.fmu"):
+        gl.compile(CASES["backlash"].make()).export_fmu(tmp_path / "nonsense")
+    assert not list(tmp_path.iterdir())
