@@ -269,6 +269,7 @@ def test_compiling_does_not_depend_on_the_process() -> None:
     assert run(DETERMINED, hash_seed=1) == run(DETERMINED, hash_seed=2)
 
 
+@pytest.mark.slow  # the reference takes a minute of processor time
 def test_chain_of_a_thousand_agrees_with_the_matrix_exponential() -> None:
     times = np.linspace(0.0, 0.02, 11)
     expected = chain_speeds(1000, times)
