@@ -36,7 +36,7 @@ def export_fmu(
     """Write an FMU; `System.export_fmu` says what the arguments are."""
     target = as_path("export_fmu", path, "train.fmu")
     if target.suffix.lower() != ".fmu":
-        raise ArgumentError(f"export_fmu({shown(str(path))}): name the file ....fmu")
+        raise ArgumentError(f"export_fmu(): path is {shown(str(path))}; name the file ....fmu")
     one_of("the version of FMI", version, VERSIONS)
     kinds = tuple(dict.fromkeys([kind] if isinstance(kind, str) else name_list("kind", kind, "cs")))
     for name in kinds:
