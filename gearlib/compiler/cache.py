@@ -1,9 +1,9 @@
 """On-disk cache of object code: its folder, its permissions, its maximum size.
 
-The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file's name is a digest of what it was made from, so concurrent writers
-agree, and every file appears complete or not at all. Object code is cached with a checksum (`cached_bytes`). What cannot be cached there is
-made anew: a damaged or unwritable cache costs time, never a result. A folder in which somebody else can write is not used, with a
-warning (`gearlib.compiler.ownership`).
+The folder is ``GEARLIB_CACHE``, or the user's cache folder. A file is named by a digest of its inputs, so concurrent writers agree on
+its content, and files are written atomically. Object code carries a checksum (`cached_bytes`). What cannot be cached is recomputed: a
+damaged or read-only cache costs time, never a result. A folder that other users can write to is rejected with a warning
+(`gearlib.compiler.ownership`).
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from weakref import finalize
 
 from gearlib.compiler.ownership import is_own, make_private, read_own, why_foreign
 
-LARGEST = 512 * 2**20  # bytes; what was used longest ago goes first
+LARGEST = 512 * 2**20  # bytes; the least recently used files are evicted first
 FORMAT = "4"
-ONE_IN = 16  # files of object code, which are small, has the sizes of all files added up: some 20 us for each of them
+ONE_IN = 16  # object files are small, so the total size is summed (some 20 us per file) for one in this many only
 _SEAL = 32  # bytes of the checksum before the content
-_temporary: tuple[Path, finalize[..., Any]] | None = None  # a folder, and what deletes it at the end of the process
-_refused: set[str] = set()  # folders that were warned of
+_temporary: tuple[Path, finalize[..., Any]] | None = None  # the folder, and the finalizer that deletes it when the process ends
+_refused: set[str] = set()  # folders that a warning was given for
 COMPILING = RLock()
 """Held while anything is compiled: by one thread at a time, and not across a fork."""
 
@@ -43,7 +43,7 @@ def _after_fork() -> None:
     COMPILING.release()
 
 
-if sys.platform != "win32":  # a child that began while a thread compiled would wait for that thread for ever
+if sys.platform != "win32":  # a child forked while another thread compiles would wait for its lock for ever
     os.register_at_fork(before=COMPILING.acquire, after_in_parent=COMPILING.release, after_in_child=_after_fork)
 
 
@@ -62,7 +62,7 @@ def folder() -> Path:
 
         chosen = user_cache_dir("gearlib", appauthor=False)
     path = Path(chosen) / f"{_version()}-{FORMAT}-py{sys.version_info.major}.{sys.version_info.minor}"
-    with suppress(OSError, RuntimeError):  # a loop of symbolic links is a RuntimeError
+    with suppress(OSError, RuntimeError):  # a cycle of symbolic links is a RuntimeError
         make_private(path)
         path = path.resolve()
         foreign = why_foreign(path)
@@ -93,9 +93,9 @@ def cached_bytes(name: str, make: Callable[[], bytes]) -> bytes:
     Parameters
     ----------
     name : str
-        Of the file: a digest of all that the content depends on.
+        File name: a digest of everything that the content depends on.
     make : callable
-        Makes the content.
+        Computes the content.
     """
     path = folder() / name
     with suppress(OSError):

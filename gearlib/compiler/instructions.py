@@ -6,8 +6,8 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-OWN = ("sin", "cos", "exp", "log", "sqrt", "copysign")  # functions that LLVM knows
-LIBRARY = (  # of the C library
+OWN = ("sin", "cos", "exp", "log", "sqrt", "copysign")  # LLVM intrinsics
+LIBRARY = (  # functions of the C library
     "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "nextafter",
 )  # fmt: skip
 SYMBOLS = {**{name: f"llvm.{name}.f64" for name in OWN}, **{name: name for name in LIBRARY}}
@@ -16,9 +16,9 @@ TWO_ARGUMENTS = ("atan2", "copysign", "nextafter", "pow")
 COMPARISONS = {
     "==": ("oeq", "eq"), "!=": ("une", "ne"), "<": ("olt", "slt"), "<=": ("ole", "sle"), ">": ("ogt", "sgt"), ">=": ("oge", "sge"),
 }  # fmt: skip
-LANES = 8  # numbers side by side that are computed together; LLVM makes as many instructions of it as the processor needs
+LANES = 8  # vector length of unrolled loops; LLVM splits it into as many instructions as the processor needs
 LANED = f"<{LANES} x double>"
-BLOCK = 4  # vectors whose length is a multiple of it are worked on in blocks, with no remainder
+BLOCK = 4  # vectors whose length is a multiple of it are processed in blocks, without a remainder loop
 BLOCKED = f"<{BLOCK} x double>"
 VECTORS = {LANED: LANES, BLOCKED: BLOCK}
 CONVERSIONS = {
@@ -35,7 +35,7 @@ class Value(NamedTuple):
     """An IR value: its LLVM name or literal, and its type."""
 
     text: str
-    kind: str  # double, i64, i32, i1, a vector, a record, a tuple in braces, or one of these and "*": where such a thing lies
+    kind: str  # double, i64, i32, i1, a vector, a record, a tuple in braces, or one of these followed by "*" (a pointer to it)
 
     @property
     def typed(self) -> str:
@@ -48,12 +48,12 @@ class Value(NamedTuple):
 
 
 def real(number: float) -> Value:
-    """A floating-point constant in hexadecimal; decimal digits would be rounded a second time."""
+    """A floating-point constant in hexadecimal, since decimal digits would be rounded again."""
     return Value(f"0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}", "double")
 
 
 def constant(number: object) -> Value:
-    """A constant of the type that corresponds to the Python value's."""
+    """A constant of the IR type that corresponds to the Python type."""
     if isinstance(number, bool):
         return Value("true" if number else "false", "i1")
     if isinstance(number, int) and abs(number) < 2**63:
@@ -64,27 +64,27 @@ def constant(number: object) -> Value:
 
 
 class Writer:
-    """The instructions of one function under construction.
+    """Instruction list of one function under construction.
 
     Attributes
     ----------
     lines : list of str
     block : str
-        The block that is being written.
+        Label of the current basic block.
     declarations : dict of str to str
-        Of the mathematical functions in use.
+        Declarations of the mathematical functions in use.
     """
 
     def __init__(self, declarations: dict[str, str], fused: bool = False) -> None:
         self.declarations = declarations
-        self.fused = " contract" if fused else ""  # of vectors: a product and a sum in one instruction
+        self.fused = " contract" if fused else ""  # allow fused multiply-add in vector code
         self.lines: list[str] = []
         self.block, self._count = "", 0
 
     # ------------------------------------------------------------ blocks
 
     def new(self) -> str:
-        """A fresh name of a value or basic block."""
+        """A fresh name for a value or basic block."""
         self._count += 1
         return f"v{self._count}"
 
@@ -104,14 +104,14 @@ class Writer:
         self.lines.append(f"  br i1 {condition.text}, label %{yes}, label %{no}")
 
     def phi(self, coming: Sequence[tuple[Value, str]]) -> Value:
-        """A phi node: the value that belongs to the predecessor block."""
+        """A phi node: one value per predecessor block."""
         kind = coming[0][0].kind
         return self.emit(f"phi {kind} {', '.join(f'[ {value.text}, %{block} ]' for value, block in coming)}", kind)
 
     # ------------------------------------------------------------ memory
 
     def at(self, array: Value, index: Value, vector: str = "") -> Value:
-        """Pointer to an element of an array, or to the first of a vector."""
+        """Pointer to an array element, or to the first element of a vector."""
         element = array.kind.removesuffix("*")
         if not array.kind.endswith("*") or index.kind != "i64" or (vector and element != "double"):
             raise Unsupported("no array with a whole number as its index")
@@ -122,7 +122,7 @@ class Writer:
         return self.emit(f"getelementptr inbounds i8, {record.typed}, i64 {offset}", f"{kind}*")
 
     def address(self, number: Value, kind: str) -> Value:
-        """The array or record at an address."""
+        """The array or record stored at an address."""
         return self.emit(f"inttoptr {number.typed} to ptr", kind)
 
     def one_by_one(self, place: Value) -> Value:
@@ -132,7 +132,7 @@ class Writer:
             part = self.emit(f"getelementptr inbounds double, {place.typed}, i64 {i}", "double*")
             number = self.emit(
                 f"load atomic double, {part.typed} unordered, align 8", "double"
-            )  # or LLVM makes one load of them
+            )  # volatile, or LLVM would merge the loads into one
             block = self.emit(f"insertelement {block.typed}, {number.typed}, i64 {i}", BLOCKED)
         return block
 
@@ -248,7 +248,7 @@ class Writer:
         return self.emit(f"fptosi {value.typed} to i64", "i64") if value.kind == "double" else self.converted(value, "i64")
 
     def called(self, name: str, values: Sequence[Value]) -> Value:
-        """Call of a function of libm, declared free of side effects (errno is never read), so that equal calls are merged."""
+        """Call of a libm function, declared free of side effects (errno is never read), so that LLVM merges equal calls."""
         symbol, numbers = SYMBOLS[name], [self.converted(value, "double").typed for value in values]
         known = "" if symbol.startswith("llvm.") else " nounwind willreturn memory(none)"
         self.declarations[symbol] = f"declare double @{symbol}({', '.join('double' for _ in numbers)}){known}"

@@ -1,7 +1,8 @@
 """Compilation of modules written in the small language: integration loops, SUNDIALS callbacks, table look-up.
 
-Such a module is an ordinary Python file. What bears the decorator `native` is read as text and compiled, once per machine; numbers,
-records and prototypes that it names are those of the module. A module may add functions that it generates itself, as ``GENERATED``.
+Such a module is an ordinary Python file. Functions decorated with `native` are compiled from their source text, once per machine; the
+numbers, records and prototypes that they refer to are looked up in the module. A module may add functions that it generates itself, as
+``GENERATED``.
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ from gearlib.compiler.cache import COMPILING, cached_bytes
 from gearlib.compiler.object_code import compiler_digest, linked, optimised
 from gearlib.compiler.translate import Environment, Prototype, fields_of, is_record, translated
 
-_loaded: list[Any] = []  # libraries; addresses of their functions are kept in many places, so they stay in memory
+_loaded: list[Any] = []  # linked libraries; never unloaded, since the addresses of their functions are stored in many places
 
 
 @dataclass(frozen=True)
 class NativeFunctions:
-    """Addresses of the exported functions of some modules, valid until the process ends."""
+    """Addresses of the exported functions of some modules, valid for the lifetime of the process."""
 
     addresses: Mapping[str, int]
     _loops: dict[str, Any] = field(default_factory=dict)
 
     def loop(self, name: str) -> Callable[[int], int]:
-        """A function that takes the address of a record; ctypes releases Python's lock while it runs."""
+        """A function that takes the address of a record; ctypes releases the GIL while it runs."""
         if name not in self._loops:
             self._loops[name] = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64)(self.addresses[name])
         found: Callable[[int], int] = self._loops[name]
@@ -48,12 +49,12 @@ class NativeFunctions:
         name : str
         record : ctypes.Structure
         **arrays
-            Fields of the record that are addresses of arrays: contiguous, of 64-bit numbers.
+            Record fields that hold the addresses of arrays: contiguous, of 64-bit numbers.
 
         Returns
         -------
         int
-            What the function returns.
+            The function's return value.
         """
         for key, array in arrays.items():
             if not array.flags.c_contiguous or array.dtype.itemsize != 8:
@@ -69,7 +70,7 @@ def native_functions(*modules: str) -> NativeFunctions:
     Parameters
     ----------
     *modules : str
-        Dotted names. Functions of one may call those of the others; those that return ``int32`` are exported.
+        Dotted names. Functions of one may call those of another; those that return ``int32`` are exported.
     """
     loaded, texts, generated = _texts(modules)
     digest = native_digest(*modules)[:24]
@@ -82,26 +83,26 @@ def native_functions(*modules: str) -> NativeFunctions:
         try:
             code = cached_bytes(f"gearlib_model_{digest}.o", lambda: optimised(translated(functions(), fused=True)))
             addresses, library = linked(code, names)
-        except RuntimeError:  # damage that the checksum did not show
+        except RuntimeError:  # damage that the checksum did not reveal
             addresses, library = linked(optimised(translated(functions(), fused=True)), names)
     _loaded.append(library)
     return NativeFunctions(addresses)
 
 
 def native_digest(*modules: str) -> str:
-    """Digest of all that the code of some modules depends on."""
+    """Digest of everything that the code of some modules depends on."""
     loaded, texts, generated = _texts(modules)
-    values = [repr(sorted(_values(vars(module)))) for module in loaded]  # also of what a module imports from others
+    values = [repr(sorted(_values(vars(module)))) for module in loaded]  # includes what a module imports from others
     return hashlib.sha256("\0".join([compiler_digest(), *texts, *generated, *values]).encode()).hexdigest()
 
 
 def native_text(*modules: str) -> str:
-    """LLVM's text for modules as one unit, to be compiled for any platform."""
+    """LLVM IR of modules as one unit, to be compiled for any platform."""
     return translated(_functions(*_texts(modules)), fused=True)
 
 
 def _texts(modules: Sequence[str]) -> tuple[list[ModuleType], list[str], list[str]]:
-    """Modules, their text, and the text that they generate."""
+    """Modules, their source, and the source that they generate."""
     loaded = [importlib.import_module(name) for name in modules]
     texts = [Path(str(module.__file__)).read_text(encoding="utf-8") for module in loaded]
     return loaded, texts, [str(getattr(module, "GENERATED", "")) for module in loaded]
@@ -110,7 +111,7 @@ def _texts(modules: Sequence[str]) -> tuple[list[ModuleType], list[str], list[st
 def _functions(
     loaded: Sequence[ModuleType], texts: Sequence[str], generated: Sequence[str]
 ) -> Iterator[tuple[ast.FunctionDef, Environment]]:
-    """What is compiled of modules, each function with the names that it was written among."""
+    """The functions of modules that are compiled, each with its global names."""
     for module, text, more in zip(loaded, texts, generated, strict=True):
         for node in ast.parse(text).body:
             if isinstance(node, ast.FunctionDef) and _is_native(node):
@@ -123,7 +124,7 @@ def _is_native(node: ast.FunctionDef) -> bool:
 
 
 def _values(environment: Environment) -> Iterator[tuple[str, str]]:
-    """Globals that code can depend on besides its text: constants, records and prototypes."""
+    """Globals that code depends on besides its text: constants, records and prototypes."""
     for name, value in environment.items():
         if isinstance(value, (bool, int, float, Prototype)):
             yield name, repr(value)

@@ -15,8 +15,8 @@ from gearlib.compiler.cache import COMPILING, cached_bytes
 from gearlib.compiler.translate import intermediate
 
 COMPILER = ("data_flow.py", "instructions.py", "native_module.py", "object_code.py", "platforms.py", "translate.py")
-WINDOWS = sys.platform == "win32"  # LLVM's newer linker, for small code in one piece, is not at home there
-LINKED = 300  # modules that stay in the process though nobody uses them, those met last
+WINDOWS = sys.platform == "win32"  # JITLink, LLVM's newer linker for small code models, does not support Windows COFF
+LINKED = 300  # modules kept linked though unreferenced, the most recently used ones
 USES = 64
 _numbers = count()
 
@@ -60,13 +60,13 @@ def compiled(source: str, name: str) -> CompiledFunction:
         try:
             code = cached_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source))
             addresses, library = linked(code, [name])
-        except RuntimeError:  # damage that the checksum did not show
+        except RuntimeError:  # damage that the checksum did not reveal
             addresses, library = linked(object_code(source), [name])
         return CompiledFunction(addresses[name], library)
 
 
 class Host:
-    """What LLVM makes for the machine that the process runs on, each when it is first needed."""
+    """LLVM objects for the host machine, each created on first use."""
 
     @cached_property
     def processor(self) -> tuple[str, str]:
@@ -75,12 +75,12 @@ class Host:
 
         try:
             return binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
-        except RuntimeError:  # not known to LLVM
+        except RuntimeError:  # a CPU unknown to LLVM
             return binding.get_host_cpu_name(), ""
 
     @cached_property
     def digest(self) -> str:
-        """Of what object code depends on besides the source: LLVM version, CPU features, compiler sources, options."""
+        """Digest of what object code depends on besides its source: LLVM version, CPU features, compiler sources, options."""
         import llvmlite
         from llvmlite import binding
 
@@ -111,9 +111,9 @@ class Host:
     def passes(self) -> tuple[Any, Any]:
         """Function pass manager at optimisation level 1, and its pass builder.
 
-        They give code as fast as all passes at the highest level do, in a third of the time: loops come in the form that is wanted, and
-        with their vector instructions. Both objects become slower with every use, and llvmlite gives back no memory of theirs; so they
-        are neither kept for ever nor made every time.
+        At level 1 the code is as fast as with all passes at the highest level, in a third of the time: loops arrive in canonical form
+        and already vectorised. Both objects slow down with every use, and llvmlite never frees their memory; so they are reused a
+        limited number of times.
         """
         if self._uses % USES == 0:
             from llvmlite import binding
@@ -131,7 +131,7 @@ HOST = Host()
 
 
 def compiler_digest() -> str:
-    """Digest of what object code depends on besides the source."""
+    """Digest of what object code depends on besides its source."""
     return HOST.digest
 
 
@@ -149,7 +149,7 @@ def object_code(source: str) -> bytes:
 
 
 def optimised(text: str) -> bytes:
-    """Compile a module of IR with full optimisation, since inlining across functions matters in integration loops."""
+    """Compile an IR module with full optimisation, since inlining across functions matters in integration loops."""
     from llvmlite import binding
 
     machine = HOST.machine
@@ -161,7 +161,7 @@ def optimised(text: str) -> bytes:
 
 
 def linked(code: bytes, names: Sequence[str]) -> tuple[dict[str, int], Any]:
-    """Link object code into the process: addresses of exported functions, and the owner of their memory."""
+    """Link object code into the process; returns the addresses of exported functions and the owner of their memory."""
     from llvmlite import binding
 
     unit = binding.JITLibraryBuilder().add_object_img(code).add_current_process()

@@ -1,9 +1,9 @@
 """Ownership checks: cached code is executed only from files and folders that no other user can write.
 
-Compiled code that another user of the machine has put into a cache would run with the rights of whoever finds it there. So a folder
-counts only if nobody but its owner and the administrator can write in it or put another one in its place, and a file only if it is a
-plain one of the same owner. A checksum does not help: whoever writes the code can write its checksum. Windows gives every user a
-folder of their own; there nothing is checked.
+Compiled code planted in a cache by another user would run with the rights of whoever loads it. So a folder is trusted only if nobody
+but its owner and the administrator can write to it or replace it, and a file only if it is a regular one of the same owner. A checksum
+is no protection: whoever writes the code can write its checksum. On Windows every user has a folder of their own, and nothing is
+checked.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 ADMINISTRATOR = 0
-NOT_FOLLOWED = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # nor waited for
+NOT_FOLLOWED = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # nor block on a pipe
 
 
 def make_private(folder: Path) -> None:
@@ -31,7 +31,7 @@ def why_foreign(folder: Path) -> str | None:
     Parameters
     ----------
     folder : Path
-        Without symbolic links.
+        Free of symbolic links.
     """
     if sys.platform == "win32":
         return None
@@ -39,7 +39,9 @@ def why_foreign(folder: Path) -> str | None:
         found = path.lstat()
         if found.st_uid not in (ADMINISTRATOR, os.geteuid()):
             return f"{path} belongs to {_user(found.st_uid)}"
-        kept_by_owners = path != folder and found.st_mode & stat.S_ISVTX  # as in /tmp: others can add, but not replace
+        kept_by_owners = (
+            path != folder and found.st_mode & stat.S_ISVTX
+        )  # sticky bit, as on /tmp: others can add files, but not replace them
         if _others_write(found) and not kept_by_owners:
             return f"others can write in {path}"
     return None
@@ -60,7 +62,7 @@ def read_own(path: Path) -> bytes:
     Raises
     ------
     OSError
-        There is none, or it is no plain file (a pipe would never end), or others can have written it.
+        The file does not exist, is not a regular file (reading a pipe would never end), or others can have written it.
     """
     handle = os.open(path, os.O_RDONLY | NOT_FOLLOWED)
     with os.fdopen(handle, "rb") as file:
@@ -77,14 +79,14 @@ def _written_by_owner(found: os.stat_result) -> bool:
 
 
 def _others_write(found: os.stat_result) -> bool:
-    """Whether others than the owner have write permission; a group without other members does not count."""
+    """Whether anyone but the owner has write permission; a group without other members does not count."""
     if found.st_mode & stat.S_IWOTH:
         return True
     return bool(found.st_mode & stat.S_IWGRP) and not _of_one_user(found.st_gid)
 
 
 def _of_one_user(group: int) -> bool:
-    """Whether a group is a user-private group: of the user's name, without other members."""
+    """Whether a group is a user-private group: named like the user, without other members."""
     if sys.platform != "win32":
         import grp
         import pwd

@@ -1,4 +1,4 @@
-"""Object code for other machines: what is compiled here runs on any processor of a platform, not only on this one."""
+"""Cross-compilation: object code for any processor of a platform, not only for the host."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from gearlib.compiler.object_code import compiler_digest
 
 @dataclass(frozen=True)
 class Platform:
-    """A machine and its operating system.
+    """A processor architecture with its operating system.
 
     Attributes
     ----------
     name : str
-        As FMI calls it: ``"x86_64-linux"``.
+        FMI 3.0's name, such as ``"x86_64-linux"``.
     triple : str
-        As LLVM does.
+        LLVM's target triple.
     zig : str
-        As ``zig cc -target`` does; with the oldest C library that the code is to run with.
+        Target of ``zig cc -target``, with the oldest C library that is supported.
     suffix : str
-        Of a shared library.
+        File suffix of shared libraries.
     fmi2 : str
-        As FMI 2.0 calls it.
+        FMI 2.0's name.
     """
 
     name: str
@@ -52,14 +52,14 @@ PLATFORMS = {
 
 
 def own_platform() -> str:
-    """The name of the platform that this process runs on; it need not be one of `PLATFORMS`."""
+    """Name of the host platform; it need not be one of `PLATFORMS`."""
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
     system = {"win32": "windows"}.get(sys.platform, sys.platform)
     return f"{machine}-{system}"
 
 
 def _machine(triple: str) -> Any:
-    """LLVM target machine of a platform, for its plainest processor."""
+    """LLVM target machine of a platform, for its baseline processor."""
     from llvmlite import binding
 
     binding.initialize_all_targets()
@@ -68,15 +68,15 @@ def _machine(triple: str) -> Any:
 
 
 def object_code_for(target: Platform, text: Callable[[], str], made_from: str) -> bytes:
-    """Compile LLVM's text for a platform; its functions are seen by what they are linked with, and not outside.
+    """Compile LLVM IR for a platform; its functions are visible to what they are linked with, and hidden outside.
 
     Parameters
     ----------
     target : Platform
     text : callable
-        Makes the text, as `gearlib.compiler.translate` does.
+        Returns the IR, as `gearlib.compiler.translate` produces it.
     made_from : str
-        All that the text depends on, or a digest of it: what was compiled once is found in the cache.
+        Everything that the IR depends on, or a digest of it: the key in the cache.
     """
     digest = hashlib.sha256("\0".join((compiler_digest(), target.triple, made_from)).encode()).hexdigest()[:24]
     with COMPILING:

@@ -9,29 +9,29 @@ from typing import Any, TypeVar
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Record = TypeVar("_Record", bound=type[ctypes.Structure])
 
-# Kinds: arrays of numbers of 64, 64 and 32 bits; a whole number of 32 bits.
+# Types: arrays of 64-bit floats, 64-bit and 32-bit integers; a 32-bit integer.
 floats = list[float]
 ints = list[int]
 int32s = list[int]
 int32 = int
 
-parallel = range  # a loop whose iterations do not depend on each other
-blocks = range  # a loop over several elements at a time
-generated: Any = None  # stands for a function whose text the module generates
+parallel = range  # a loop with independent iterations
+blocks = range  # a loop that processes several elements per iteration
+generated: Any = None  # placeholder for a function whose source the module generates
 
 
 def floats_at(address: int) -> floats:
-    """The array at an address."""
+    """The float array at an address."""
     raise NotImplementedError(address)
 
 
 def ints_at(address: int) -> ints:
-    """The array at an address."""
+    """The array of 64-bit integers at an address."""
     raise NotImplementedError(address)
 
 
 def int32s_at(address: int) -> int32s:
-    """The array at an address."""
+    """The array of 32-bit integers at an address."""
     raise NotImplementedError(address)
 
 

@@ -1,23 +1,22 @@
 """A compiler for the small language: the part of Python that generated functions and integration loops are written in, to LLVM's
 intermediate language.
 
-The language has numbers, flat arrays, records, loops and branches only. So one walk over the syntax tree is enough: every expression
-has one kind, a name stands for the value that it was given last (static single assignment, no memory is set aside for it), and where
-branches or loops meet, values are joined by phi nodes.
+The language has numbers, flat arrays, records, loops and branches only. So a single pass over the syntax tree suffices: every
+expression has one type, a name stands for the value last assigned to it (static single assignment; no stack slots), and where branches
+or loops meet, values are joined by phi nodes.
 
-Arguments and results declare their kinds: ``float``, ``int`` (64 bits), ``int32``, ``bool``, ``None``, a tuple of these, the arrays
-``floats``, ``ints``, ``int32s``, of which no bounds are checked, and records (subclasses of `ctypes.Structure` whose fields are
-``c_int64`` and ``c_double``). An address is an ``int``; ``floats_at(address)``, ``ints_at(address)``, ``int32s_at(address)`` and
-``Record(address)`` are what lies there, and a `Prototype` of the environment calls the C function at an address. Functions that
-return ``int32`` are exported.
+Arguments and results declare their types: ``float``, ``int`` (64 bits), ``int32``, ``bool``, ``None``, a tuple of these, the arrays
+``floats``, ``ints``, ``int32s`` (without bounds checks), and records (subclasses of `ctypes.Structure` whose fields are ``c_int64`` and
+``c_double``). An address is an ``int``; ``floats_at(address)``, ``ints_at(address)``, ``int32s_at(address)`` and ``Record(address)``
+dereference it, and a `Prototype` of the environment calls the C function at an address. Functions that return ``int32`` are exported.
 
-The iterations of a loop over ``parallel(n)`` do not depend on each other; where they work on consecutive elements of arrays they are
-vectorised. A loop over ``blocks(n)`` handles `BLOCK` elements at a time, of arrays whose length is a multiple of it and not zero:
-what is indexed by the loop's name is a vector, ``total(v)`` the sum of its elements, ``where(c, a, b)`` a selection, and
-``one_by_one(x, i)`` loads elements that were just written one by one.
+A loop over ``parallel(n)`` has independent iterations; where they access consecutive array elements they are vectorised. A loop over
+``blocks(n)`` processes `BLOCK` elements at a time, of arrays whose length is a nonzero multiple of it: what is indexed by the loop
+variable is a vector, ``total(v)`` its sum, ``where(c, a, b)`` a select, and ``one_by_one(x, i)`` loads elements that were just stored
+one by one.
 
-The meaning is Python's but for two things: a division by zero gives infinity or not-a-number, as do functions outside of their
-domains, and whole numbers have 64 bits.
+Semantics are Python's with two exceptions: a division by zero gives infinity or NaN, as do functions outside their domains, and
+integers have 64 bits.
 """
 
 from __future__ import annotations
@@ -51,16 +50,16 @@ ARRAYS_AT = {"floats_at": "double*", "ints_at": "i64*", "int32s_at": "i32*"}
 FIELDS: dict[object, str] = {ctypes.c_int64: "i64", ctypes.c_double: "double"}
 OPERATIONS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div"}
 COMPARISONS = {ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
-LARGEST_POWER = 1 << 16  # by multiplications
+LARGEST_POWER = 1 << 16  # largest exponent expanded into multiplications
 
 Names = dict[str, Value]
-Environment = Mapping[str, object]  # what the names of a module stand for that are neither local nor functions of the language
-Signature = tuple[tuple[str, ...], str]  # kinds of the arguments and of the result
+Environment = Mapping[str, object]  # values of names that are neither local nor functions of the language
+Signature = tuple[tuple[str, ...], str]  # types of the arguments and of the result
 
 
 @dataclass(frozen=True)
 class Prototype:
-    """A C function that is called by its address: ``prototype(address, *arguments)``.
+    """A C function called through its address: ``prototype(address, *arguments)``.
 
     Attributes
     ----------
@@ -79,18 +78,18 @@ class Prototype:
 
 
 def intermediate(source: str, environment: Environment | None = None) -> str:
-    r"""LLVM's text for a module of functions.
+    r"""LLVM IR for a module of functions.
 
     Parameters
     ----------
     source : str
     environment : mapping, optional
-        Numbers, records and prototypes that the source names.
+        Numbers, records and prototypes that the source refers to.
 
     Raises
     ------
     Unsupported
-        Source with anything that is not compiled here.
+        The source is outside the supported subset.
 
     Examples
     --------
@@ -107,9 +106,9 @@ def intermediate(source: str, environment: Environment | None = None) -> str:
 
 
 def translated(functions: Iterable[tuple[ast.FunctionDef, Environment]], fused: bool = False) -> str:
-    """LLVM's text for functions, each with the environment that it was written in.
+    """LLVM IR for functions, each with its environment.
 
-    ``fused`` allows a product and a sum of vectors to be one instruction, which rounds once instead of twice.
+    ``fused`` allows fused multiply-add in vector code, which rounds once instead of twice.
     """
     functions = list(functions)
     signatures = {node.name: _signature(node, environment) for node, environment in functions}
@@ -143,7 +142,7 @@ def is_record(value: object) -> bool:
 
 
 def fields_of(record: object) -> list[tuple[str, object]]:
-    """Names and kinds of a record's fields: those of the record that it extends come first."""
+    """Names and types of a record's fields, inherited ones first."""
     bases = reversed(record.__mro__) if isinstance(record, type) else ()
     return [field for base in bases for field in vars(base).get("_fields_", ())]
 
@@ -188,7 +187,7 @@ class _Function:
         kinds, self.result = signatures[node.name]
         self.write = write
         self.loops: list[_Exits] = []
-        self.lane, self.vector = "", LANED  # the name that runs over several consecutive elements at a time, and their kind
+        self.lane, self.vector = "", LANED  # the loop variable of the current block of elements, and the vector type
         self.arguments = [(a.arg, Value(f"%a.{a.arg}", kind)) for a, kind in zip(node.args.args, kinds, strict=True)]
         self.names: Names | None = dict(self.arguments)
 
@@ -251,7 +250,7 @@ class _Function:
         elif not (
             isinstance(statement, ast.Pass) or (isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant))
         ):
-            raise _refusal(statement)  # what is left is a docstring
+            raise _refusal(statement)  # only docstrings are left
 
     def give_back(self, statement: ast.Return) -> None:
         if self.result == "void":
@@ -305,7 +304,7 @@ class _Function:
             self.store(target, self.write.operated(operation, self.value(target), self.value(statement.value)))
 
     def choose(self, statement: ast.If) -> None:
-        """An if-elif chain, iteratively: it may be longer than recursion allows."""
+        """An if-elif chain, iteratively: it may be longer than the recursion limit."""
         end, rest = self.write.new(), cast(list[ast.stmt], [statement])
         coming: list[tuple[str, Names]] = []
         while len(rest) == 1 and isinstance(rest[0], ast.If):
@@ -323,7 +322,7 @@ class _Function:
         self.join(end, coming)
 
     def leave(self, end: str, coming: list[tuple[str, Names]]) -> None:
-        """Branch to a block with several predecessors, if this place is reachable."""
+        """Branch to a block with several predecessors, if this point is reachable."""
         if self.names is not None:
             coming.append((self.write.block, self.names))
             self.write.go(end)
@@ -531,7 +530,7 @@ class _Function:
         return self.write.called("pow", [base, exponent])
 
     def compared(self, node: ast.Compare) -> Value:
-        if len(node.ops) > 1:  # what is compared twice has no effects
+        if len(node.ops) > 1:  # an operand that is compared twice must have no side effects
             sides = [node.left, *node.comparators]
             pairs: list[ast.expr] = [ast.Compare(a, [o], [b]) for a, o, b in zip(sides, node.ops, sides[1:])]
             return self.conditions(ast.BoolOp(ast.And(), pairs))
@@ -555,7 +554,7 @@ class _Function:
     def chosen(self, node: ast.IfExp) -> Value:
         """Conditional expression: only the chosen value is computed."""
         end, rest = self.write.new(), cast(ast.expr, node)
-        coming: list[tuple[Value, str, int]] = []  # with the place at the end of its block
+        coming: list[tuple[Value, str, int]] = []  # each with the insertion point at the end of its block
         while isinstance(rest, ast.IfExp):
             yes, no = self.write.new(), self.write.new()
             self.branch(rest.test, yes, no)
@@ -566,10 +565,10 @@ class _Function:
             rest = rest.orelse
         coming.append((self.value(rest), self.write.block, len(self.write.lines)))
         self.write.go(end)
-        if len({value.kind for value, *_ in coming}) > 1:  # numbers of several kinds, as of a condition and a variable
+        if len({value.kind for value, *_ in coming}) > 1:  # mixed types, as of a condition and a variable
             if any(value.kind not in ("double", "i64", "i1") for value, *_ in coming):
                 raise _refusal(node)
-            for k, (value, block, place) in reversed(list(enumerate(coming))):  # each where it is computed
+            for k, (value, block, place) in reversed(list(enumerate(coming))):  # each value in the block that computes it
                 added = len(self.write.lines)
                 coming[k] = self.write.converted(value, "double"), block, place
                 conversion = self.write.lines[added:]

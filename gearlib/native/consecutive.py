@@ -1,8 +1,8 @@
-"""Unit-stride loops: linear equations of neighbouring instances over consecutive slots, vectorisable.
+"""Unit-stride loops over runs of consecutive slots: linear equations of neighbouring instances, vectorisable.
 
-Slots are numbered so that neighbours in a chain lie side by side. A run is a stretch of rows in which every slot grows by one; inside
-it the loop reads and writes plain stretches of memory, which the compiler turns into vector instructions. The coefficients of a
-linear equation depend on parameters only, so they are computed once per run of the solver and lie side by side as well.
+Slots are numbered so that neighbours in a chain are adjacent. A run is a range of rows in which every slot grows by one; within it the
+loop reads and writes contiguous memory, which the compiler vectorises. The coefficients of a linear equation depend on parameters only,
+so they are computed once before integration and stored contiguously as well.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from gearlib.equations.kernel import rest_of
 from gearlib.program.program import Batch
 
 Integers = NDArray[np.int64]
-SHORTEST = 8  # rows that runs must have on average to be worth it
+SHORTEST = 8  # average run length, in rows, below which unit-stride loops do not pay
 
 
 def starts_of_runs(columns: Integers) -> Integers:
@@ -41,14 +41,14 @@ def has_runs(batch: Batch) -> bool:
 
 
 def coefficient_batches(batch: Batch) -> list[Batch]:
-    """Batches for the parameter-dependent coefficients and the constant part, computed before a run."""
+    """Batches for the parameter-dependent coefficients and the constant term, computed before a run."""
     slopes = (batch.derivative(a) for a in range(len(batch.kernel.columns)))
     found = [slope for slope in slopes if slope.kernel.number is None]
     return found if rest_of(batch.kernel).is_zero else [*found, batch.rest]
 
 
 def run_lines(batch: Batch, place: str) -> list[str]:
-    """The loop over runs; ``place`` holds the index array that `run_index` makes."""
+    """The loop over runs; ``place`` is the position of the index array made by `run_index`."""
     n_x, n_q = batch.arguments.shape[1], len(coefficient_batches(batch))
     width = 2 + n_x + n_q
     terms, q = [], 0
@@ -78,7 +78,7 @@ def run_lines(batch: Batch, place: str) -> list[str]:
 
 
 def run_index(batch: Batch, slots_at: int, coefficients_at: int) -> Integers:
-    """Number of runs, then of each its length, and where in ``data`` its first slots and its coefficients lie."""
+    """Number of runs, then for each its length and the offsets in ``data`` of its first slots and its coefficients."""
     columns = np.column_stack([batch.targets, batch.arguments])
     starts = starts_of_runs(columns)
     lengths = np.diff([*starts, len(batch)])

@@ -1,4 +1,4 @@
-"""Compiled evaluation of a program at many points: all its slots, and the derivatives that a plan lists."""
+"""Compiled evaluation of a program at many points: all slots, and the derivatives that a plan lists."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Integers = NDArray[np.int64]
 
 @record
 class Points(ctypes.Structure):
-    """Points at which a native function is evaluated, a row for each of them in every array."""
+    """Points at which a native function is evaluated: one row per point in every array."""
 
     function: int
     count: int
@@ -35,13 +35,13 @@ class Points(ctypes.Structure):
     n_states: int
     shared: int  # discrete state and inputs
     n_shared: int
-    n_parameters: int  # which stand before these in the data block
+    n_parameters: int  # offset of these in the data block
     values: int
     n_values: int
     slots: int
     n_slots: int
-    place: int  # of the slots in the data block
-    memory: int  # what iterations remember from one call to the next
+    place: int  # offset of the slots in the data block
+    memory: int  # what Newton iterations carry from one call to the next
     n_memory: int
     status: int
     data: int
@@ -78,9 +78,9 @@ class CompiledProgram:
     ----------
     program : Program
     n_parameters, n_relations : int
-        Of the whole model.
+        Sizes in the whole model.
     plan : DerivativePlan, optional
-        Derivatives to compute, too.
+        Derivatives to compute as well.
     """
 
     program: Program
@@ -90,7 +90,7 @@ class CompiledProgram:
 
     @cached_property
     def _code(self) -> tuple[NativeFunction, int, Integers]:
-        """The function, how large its data block is, and its index block."""
+        """The function, the size of its data block, and its index block."""
         program, shared = self.program, Shared(self.n_parameters, self.n_relations, len(self.program.inputs))
         layout = lay_out(program, shared, shared.size, np.arange(program.n_slots))
         if self.plan is None:
@@ -102,7 +102,7 @@ class CompiledProgram:
         return compile_function("slots", text, body, layout), size, np.concatenate([[1], body.packed(1)])
 
     def evaluator(self, prepared: Prepared) -> Evaluator:
-        """Evaluates the program with one set of parameters."""
+        """An evaluator for one set of parameters."""
         code, size, index = self._code
         data = np.zeros(size)
         data[: self.n_parameters] = prepared.parameters
@@ -112,12 +112,12 @@ class CompiledProgram:
 
 @dataclass(frozen=True, eq=False)
 class Evaluator:
-    """A compiled program with the numbers of one set of parameters.
+    """A compiled program with one set of parameter values.
 
     Attributes
     ----------
     plan : DerivativePlan or None
-        Of the derivatives that are computed.
+        Plan of the derivatives that are computed.
     code : NativeFunction
     prepared : Prepared
     data, index : arrays
@@ -133,7 +133,7 @@ class Evaluator:
     def slots(
         self, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None = None, forgiving: bool = False
     ) -> Floats:
-        """All slots, as `gearlib.program.interpret.evaluate` returns them."""
+        """All slots, in the layout of `gearlib.program.interpret.evaluate`."""
         return self._at(t, states, inputs, relations, guess, forgiving)[0]
 
     def derivatives(self, t: Floats, states: Floats, inputs: Floats, relations: Floats) -> tuple[Floats, Floats]:
@@ -152,10 +152,10 @@ class Evaluator:
     def _at(
         self, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None, forgiving: bool
     ) -> tuple[Floats, Floats, Integers]:
-        """Slots, listed derivatives, and the points at which the compiled code gave up, so that they were interpreted."""
+        """Slots, listed derivatives, and the points at which the compiled code failed and the interpreter took over."""
         code, plan, count = self.code, self.plan, len(t)
         layout, program = code.layout, self.prepared.program
-        if guess is not None and guess.ndim == 2:  # one for each point
+        if guess is not None and guess.ndim == 2:  # one per point
             found = evaluate(self.prepared, t, states, inputs, relations, guess, forgiving)
             return found, np.empty((count, 0)), np.arange(count)
         self.data[layout.slots : layout.slots + program.n_slots] = 0.0 if guess is None else guess

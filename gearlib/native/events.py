@@ -14,22 +14,22 @@ from gearlib.program.relations import Relations
 
 Integers = NDArray[np.int64]
 MOST_ITERATIONS = 100
-MOST_STEPS = 10  # of an event iteration, of which each begins with new values of states, that are noted
+MOST_STEPS = 10  # of an event iteration: how many re-initialisations of states (``reinit``) are recorded
 
 
 def root_numbers(relations: Relations) -> Integers:
-    """The relations that need a root search, in the order of the native root functions."""
+    """Indices of the relations that need a root search, in the order of the native root functions."""
     return relations.used[~relations.on_time]
 
 
 def roots_body(relations: Relations, layout: Layout) -> Body:
-    """g of each relation that compares more than time, with the sign that makes zero count as negative."""
+    """Root functions of the relations that compare more than time, signed so that zero counts as negative."""
     body = looped(relations.program, layout)
     body.lines = body.lines[:-CLOSING]
     numbers = root_numbers(relations)
     for phase in relations.event_iteration.event_functions:
         strict, negated = relation_of(phase.batch)
-        sign = "" if strict != negated else "-"  # positive where a strict relation holds, where another one does not
+        sign = "" if strict != negated else "-"  # positive where a strict relation holds, or where a non-strict one does not
         part = replace(phase.batch, targets=np.searchsorted(numbers, phase.batch.targets))
         loop(body, part, f"values[{{target}}] = {sign}({{value}})")
     return body
@@ -38,13 +38,13 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
 def update_body(
     relations: Relations, layout: Layout, n_relations: int, n_discrete: int, guards: tuple[int, int], notes: bool = False
 ) -> Body:
-    """The event iteration, printed.
+    """Body of the native event iteration.
 
-    A relation whose root was located takes the side that it crossed to; it is evaluated like the others once a state has been given a
-    new value, or once the values before have been set, if it compares with one of them. At the end ``fired`` holds the side of each
-    root that goes with its relation, 2 or -2, and the signs of divisors, which may have jumped, are marked as old: ``guards`` tells
-    where they stand, and how many there are. ``notes``: whether to note, behind the body's part of ``data``, how many times states were
-    given new values, and from which discrete state and states, for `MOST_STEPS` times.
+    A relation whose root was located takes the side that it crossed to; it is evaluated like the others once a state has been
+    re-initialised or, if it compares with values before the event, once these have been updated. At the end ``fired`` holds the side of
+    each root that agrees with its relation (2 or -2), and the signs of divisors, which may have jumped, are marked as stale: ``guards``
+    gives their offset and number. ``notes``: whether to record, behind the body's part of ``data``, how often states were
+    re-initialised, and from which discrete state and states, up to `MOST_STEPS` times.
     """
     body = looped(relations.program, layout)
     numbers = root_numbers(relations)
@@ -67,7 +67,7 @@ def update_body(
         ["if result == 2:", f"    for k in range({len(numbers)}):", "        fired[k] = 0"] if reinits and len(numbers) else []
     )
     body.lines = []
-    for phase in iteration.event_functions:  # by rounding, a function's own sign may differ from what its relation says
+    for phase in iteration.event_functions:  # through rounding, the sign of a function may differ from its relation
         holds, fails = (2, -2) if relation_of(phase.batch)[0] else (-2, 2)
         statement = f"fired[{{extra}}] = {holds} if data[r + {{target}}] != 0.0 else {fails}"
         loop(body, phase.batch, statement, extra=np.searchsorted(numbers, phase.batch.targets))
@@ -109,10 +109,10 @@ def update_body(
 
 
 def settle_body(relations: Relations, layout: Layout, n_relations: int, n_discrete: int) -> Body:
-    """The event iteration of a run that is being started, printed: relations and discrete variables as `modes_at_start` finds them.
+    """Body of the event iteration at the start of a run, for relations and discrete variables as `modes_at_start` finds them.
 
-    Equations need have a solution in the end only: before, friction that moves may be tried as stuck. What does not settle here, the
-    event iteration of the run may settle.
+    Only the final discrete state must admit a solution of the equations: on the way, a moving friction element may be tried as stuck.
+    What does not settle here may settle in the event iteration of the run.
     """
     body = looped(relations.program, layout, forgiving=True)
     head, compute, body.lines = body.lines[:2], body.lines[2:-CLOSING], []
@@ -170,11 +170,11 @@ def _old_signs(body: Body, guards: tuple[int, int]) -> list[str]:
 
 
 def _test(body: Body, phase: RelationsPhase, numbers: Integers | None) -> None:
-    """The relations of a phase; ``numbers`` are those of the root functions, where some may have been located."""
+    """Evaluate the relations of a phase; ``numbers`` are those of the root functions, where some may have been located."""
     lines = ["y = {value}", f"f = 1.0 if y {phase.comparison} 0.0 else 0.0"]
     roots = np.zeros(len(phase.batch), np.int64)
     if phase.on_time:
-        body.lines += ["now = t", "t = t + 1e-12 * max(abs(t), 1e-3)"]  # `right_hand`
+        body.lines += ["now = t", "t = t + 1e-12 * max(abs(t), 1e-3)"]  # right-hand limit in time, as `right_hand` takes it
     elif numbers is not None:
         roots = np.searchsorted(numbers, phase.batch.targets)
         first = " and outer == 0" if compares_with_before(phase.batch) else ""

@@ -1,7 +1,7 @@
-"""Code generation for derivatives, such as the analytic Jacobian: forward accumulation as a plan lists it.
+"""Code generation for derivatives, such as the analytic Jacobian: sparse forward accumulation, following a plan.
 
-The entries of a plan lie one after another in ``data``. Each factor is computed once and multiplied into all the entries that it
-contributes to; lists of integers say which.
+The entries of a plan are stored consecutively in ``data``. Each factor is computed once and multiplied into all entries that it
+contributes to; integer lists hold the sparsity.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Pattern:
-    """Sparsity of a matrix of derivatives, in compressed columns."""
+    """Sparsity pattern of a derivative matrix, in compressed sparse columns."""
 
     indptr: Integers
     indices: Integers
-    size: int  # entries that are computed on the way
+    size: int  # entries computed on the way
 
 
 def pattern_of(plan: DerivativePlan, tangents: int = 0) -> Pattern:
-    """The sparsity of what a plan computes: a row for each slot that is wanted, a column for each seed.
+    """Sparsity pattern of what a plan computes: one row per wanted slot, one column per seed.
 
-    Where so many tangents of each state follow the states, the matrix stands once more for each of them: how they change with the states,
-    which takes second derivatives, is left out.
+    With ``tangents`` tangents of each state appended to the states, the matrix is repeated for each of them. How the tangents' own
+    derivatives depend on the states takes second derivatives, and is left out.
     """
     counts = np.bincount(plan.seeds, minlength=plan.n_seeds)
     rows = plan.rows[plan.by_column]
@@ -46,7 +46,7 @@ def pattern_of(plan: DerivativePlan, tangents: int = 0) -> Pattern:
 
 
 def _with_copies(plan: DerivativePlan, tangents: int) -> tuple[Integers, Integers]:
-    """Entries column by column, of the matrix and then of its columns' copies, and which copy each belongs to; -1 of the first."""
+    """Entries column by column, of the matrix and then of the copies of its columns, and the copy that each belongs to (-1: none)."""
     ends = np.cumsum(np.bincount(plan.seeds, minlength=plan.n_seeds))
     columns = np.split(np.arange(len(plan.seeds)), ends[:-1])
     repeated = [np.tile(column, tangents) for column in columns]
@@ -55,12 +55,12 @@ def _with_copies(plan: DerivativePlan, tangents: int) -> tuple[Integers, Integer
 
 
 def jacobian_body(program: Program, layout: Layout, plan: DerivativePlan, tangents: int = 0) -> tuple[Body, int]:
-    """The body of a function that computes what a plan lists, by columns, and how large ``data`` must be for it.
+    """Body of a function that computes the entries of a plan, by columns, and the size of ``data`` that it needs.
 
     ``tangents``: as for `pattern_of`.
     """
     body = looped(program, layout)
-    body.lines = body.lines[:-CLOSING]  # no derivatives of states are stored
+    body.lines = body.lines[:-CLOSING]  # the derivatives of states are not stored
     ones = [f"h = {body.array([len(plan.order)])}", "for k in range(index[h]):", "    data[d + 1 + k] = 1.0"]
     end = accumulate(body, layout, plan, layout.size + body.n_coefficients, ones, 1 + len(plan.order))
     listed = plan.sources[plan.by_column]
@@ -72,11 +72,11 @@ def jacobian_body(program: Program, layout: Layout, plan: DerivativePlan, tangen
 
 
 def tangent_body(program: Program, layout: Layout, plan: DerivativePlan) -> tuple[Body, int, int]:
-    """The body of a right-hand side that goes on with tangents: where its numbers begin in ``data``, and how large that must be.
+    """Body of a right-hand side extended by tangents, the offset of its numbers in ``data``, and the size that this needs.
 
-    Each seed of the plan is a direction, which enters at every state and at some parameters. The tangents of the states are their
-    weights: they stand behind the states, those of one state after those of the other, and so do their derivatives. The numbers are
-    the weights of the parameters, and the inverses of `inverted_blocks`, row by row.
+    Each seed of the plan is a direction, which enters at every state and at some parameters. The tangents are the weights at the
+    states: they follow the states, those of one state after those of the other, and so do their derivatives. The numbers are the
+    weights at the parameters and the inverses of `inverted_blocks`, row by row.
     """
     body = looped(program, layout, guarded=True)
     n, n_states = len(program.states), plan.n_seeds * len(program.states)
@@ -106,7 +106,7 @@ def tangent_body(program: Program, layout: Layout, plan: DerivativePlan) -> tupl
 
 
 def inverted_blocks(plan: DerivativePlan) -> list[tuple[Solved, Integers]]:
-    """Linear blocks with a parameter in their matrix that is differentiated by, and the equations that then have a right-hand side."""
+    """Linear blocks whose matrix depends on a differentiated parameter, and the equations with a right-hand side for that reason."""
     blocks = [s for s in plan.steps if isinstance(s, Solved) and s.implicit and isinstance(s.step, Linear)]
     return [(s, np.unique(s.sums.to // s.width)) for s in blocks]
 
@@ -120,11 +120,11 @@ def accumulate(
     n_ones: int,
     inverses: Sequence[int] = (),
 ) -> int:
-    """Append the statements that compute the entries of a plan, from ``at`` on in ``data``; where these and what they need end.
+    """Append the statements that compute the entries of a plan, from offset ``at`` of ``data``; returns where their storage ends.
 
-    Behind the entries lie the right-hand side of a block, and what its elimination needs. ``entering``: statements that set the entries
-    of the seeds, which follow entry 0 at ``data[d]``; entries from 1 to ``n_ones`` are one. ``inverses``: where those of
-    `inverted_blocks` stand, if they were prepared.
+    The entries are followed by scratch space for the right-hand side of a block and its elimination. ``entering``: statements that set
+    the entries of the seeds, which follow entry 0 at ``data[d]``; entries 1 to ``n_ones`` are one. ``inverses``: offsets of the
+    inverses of `inverted_blocks`, if they were prepared.
     """
     implicit = [(s, len(s.step.unknowns)) for s in plan.steps if isinstance(s, Solved) and s.implicit]
     inverted = {id(s): (place, rows) for (s, rows), place in zip(inverted_blocks(plan), inverses, strict=False)}
@@ -155,7 +155,7 @@ def accumulate(
 
 
 def _summed(body: Body, sums: Sums, base: str, n_ones: int) -> list[Body]:
-    """Add products to where each belongs, counted from ``base``; entries below ``n_ones`` are one."""
+    """Accumulate sums of products at offsets from ``base``; entries below ``n_ones`` are one."""
     pieces, targets = [], sums.targets
     for position, (factor, slots) in enumerate(zip(sums.factors, sums.multiplied, strict=True)):
         chosen, pointer = sums.of_factor(position)
@@ -177,7 +177,7 @@ def _scattered(
     targets: Integers,
     n_ones: int,
 ) -> list[Body]:
-    """Loops over a factor's rows and, inside, over the entries that each contributes to; ``extra``: slots that multiply it."""
+    """Nested loops over the rows of a factor and the entries that each contributes to; ``extra``: slots that multiply the factor."""
     value = "y = {value}" if extra is None else "y = ({value}) * data[v + {extra}]"
     if body.literal:
         piece = body.piece()
@@ -207,7 +207,7 @@ def _scattered(
 
 
 def _plain(body: Body, base: str, targets: Integers, sources: Integers) -> None:
-    """Add entries as they are."""
+    """Add entries without a factor."""
     body.lines += [
         f"f, g, a = {body.array(sources)}, {body.array(targets)}, {body.array([len(sources)])}",
         "for j in range(index[a]):",
@@ -216,7 +216,7 @@ def _plain(body: Body, base: str, targets: Integers, sources: Integers) -> None:
 
 
 def _multiplied(body: Body, step: Solved, block: Linear, layout: Layout) -> None:
-    """The entries of a linear block: its solution, which lies in ``data``, times those of what is known."""
+    """The entries of a linear block: its solution matrix, stored in ``data``, times those of the known slots."""
     known, column = np.divmod(step.sums.targets, step.width)
     rows = np.searchsorted(layout.needed[step.block], step.rows)
     number = layout.solutions[step.block] + rows[:, None] * len(block.known) + known
@@ -230,7 +230,7 @@ def _multiplied(body: Body, step: Solved, block: Linear, layout: Layout) -> None
 
 
 def _applied(body: Body, step: Solved, place: int, equations: Integers, n_ones: int) -> None:
-    """Implicit differentiation of a linear block, whose inverse lies in ``data``: dz = -inverse(A) (dA z + dg)."""
+    """Implicit differentiation of a linear block with its inverse in ``data``: dz = -inverse(A) (dA z + dg)."""
     row, column = np.divmod(step.sums.to, step.width)
     sums = replace(step.sums, to=np.searchsorted(equations, row) * step.width + column)
     head = body.array([len(equations), step.width, len(step.rows), step.first, place])

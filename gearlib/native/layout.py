@@ -14,10 +14,10 @@ from gearlib.program.program import Batch, Linear, Newton, Program
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-# A model's native function: ``int32 f(double t, void *x, void *out, void *data, void *index)``.
+# Signature of a model's native function: ``int32 f(double t, void *x, void *out, void *data, void *index)``.
 MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
-SEARCH = 6.0  # times an addition: an operation of an elimination in short loops that looks for pivots
-EACH = 3  # numbers that are remembered of a divisor
+SEARCH = 6.0  # cost of one operation of pivoted elimination in short loops, relative to an addition
+EACH = 3  # numbers stored per divisor
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class Shared:
 
 @dataclass(frozen=True)
 class Layout:
-    """One function's part of ``data``: solution matrices of its linear blocks, slots, scratch."""
+    """One function's section of ``data``: solution matrices of its linear blocks, slots, scratch."""
 
     shared: Shared
     solutions: tuple[int, ...]
     slots: int
     scratch: int
-    guards: int  # of each divisor: its sign (half where it is from before an event), how large it and its numerator were
-    size: int  # where the part ends
-    needed: tuple[Integers, ...]  # of each linear block: which of its unknowns anything uses
+    guards: int  # per divisor: its sign (0.5 if stale since an event), the largest magnitudes of it and of its numerator
+    size: int  # end of the section
+    needed: tuple[Integers, ...]  # per linear block: the unknowns that anything uses
 
     @property
     def relations(self) -> int:
@@ -63,7 +63,7 @@ class Layout:
 
 
 def lay_out(program: Program, shared: Shared, base: int, also: Integers | None = None) -> Layout:
-    """The layout of one program, beginning at ``base``; slots that ``also`` are used must be computed, too."""
+    """Lay out the section of one program from offset ``base``; slots that ``also`` are used must be computed, too."""
     used = np.zeros(program.n_slots, bool)
     used[program.output_slots] = True
     if also is not None:
@@ -85,15 +85,15 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
             at += len(rows) * len(step.known)
         elif isinstance(step, Newton):
             n = len(step.unknowns)
-            scratch = max(scratch, n * n + 2 * n + 1)  # right-hand side, matrix, order of columns
+            scratch = max(scratch, n * n + 2 * n + 1)  # right-hand side, matrix, column order
     end = at + program.n_slots
-    memory = len(program.iterated)  # a first determinant each
+    memory = len(program.iterated)  # a reference determinant each
     guards = end + scratch + memory
     return Layout(shared, tuple(solutions), at, end, guards, guards + EACH * program.n_guards, tuple(needed))
 
 
 def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared, guess: Floats | None = None) -> None:
-    """Write a program's numbers into its part of ``data``; the coefficients of runs stand behind the layout's end."""
+    """Write a program's numbers into its section of ``data``; coefficients of unit-stride runs follow its end."""
     at = layout.size
     for batch in coefficients:
         data[at : at + len(batch)] = constant_values(batch, prepared.parameters)
@@ -106,7 +106,7 @@ def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: 
 
 
 def operations(program: Program, layout: Layout) -> float:
-    """Roughly how many additions one evaluation of a program costs; nonlinear blocks are taken to need two iterations."""
+    """Approximate cost of one evaluation of a program, in additions; two iterations are assumed for nonlinear blocks."""
     total, needed = 0.0, iter(layout.needed)
     for step in program.steps:
         if isinstance(step, Batch):

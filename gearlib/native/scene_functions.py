@@ -22,12 +22,14 @@ from gearlib.program.relations import Relations
 Integers = NDArray[np.int64]
 
 
-RHS, JAC, ROOTS, UPDATE, TABLES = range(5)  # entries of ``index`` that say where each function's integers begin, and tables'
+RHS, JAC, ROOTS, UPDATE, TABLES = range(
+    5
+)  # header entries of ``index``: where the integers of each function, and of the tables, begin
 
 
 @dataclass(frozen=True)
 class NativeFunction:
-    """A compiled function and its parts of the data and index blocks."""
+    """A compiled function with its sections of the data and index blocks."""
 
     machine_code: CompiledFunction
     body: Body
@@ -41,7 +43,7 @@ class NativeFunction:
 
 @dataclass(frozen=True)
 class NativeScene:
-    """All native functions of a scene, with one data and one index block between them."""
+    """All native functions of a scene, sharing one data and one index block."""
 
     rhs: NativeFunction
     jac: NativeFunction | None
@@ -51,14 +53,14 @@ class NativeScene:
     shared: Shared
     index: Integers
     size: int  # of the data block
-    tangent_numbers: int = 0  # where in it those of `tangent_body` begin, and
-    noted_steps: int = 0  # where `update_body` notes its steps
+    tangent_numbers: int = 0  # offset of the numbers of `tangent_body`
+    noted_steps: int = 0  # offset of the steps recorded by `update_body`
 
 
 def rhs_source(
     program: Program, layout: Layout, names: Callable[[], Sequence[str]], parameter_names: Sequence[str]
 ) -> tuple[str, Body]:
-    """Source of the right-hand side: written out where it is small, else in loops, which need no names."""
+    """Source of the right-hand side: unrolled for small programs, else in loops, which need no names."""
     if is_small(program):
         body = written_out(program, layout, dict(enumerate(identifiers(names()))), parameter_names)
     else:
@@ -70,23 +72,23 @@ def compile_scene(
     program: Program, relations: Relations | None, names: Callable[[], Sequence[str]], parameter_names: Sequence[str],
     n_relations: int, n_discrete: int, jacobian: DerivativePlan | None, tangents: DerivativePlan | None = None,
 ) -> NativeScene:  # fmt: skip
-    """Compile what a run needs.
+    """Compile the functions that a run needs.
 
     Parameters
     ----------
     program : Program
         Computes the derivatives of the states.
     relations : Relations, optional
-        Where the program uses relations.
+        Given where the program uses relations.
     names : callable
-        Gives those of the slots.
+        Returns the names of the slots.
     parameter_names : sequence of str
     n_relations, n_discrete : int
-        Of the whole model.
+        Sizes in the whole model.
     jacobian : DerivativePlan, optional
-        The derivatives of the outputs with respect to the states, where the analytic Jacobian is wanted.
+        Derivatives of the outputs with respect to the states, where the analytic Jacobian is wanted.
     tangents : DerivativePlan, optional
-        Their derivatives in directions, a seed each, where the right-hand side goes on with tangents.
+        Their derivatives in directions, one seed each, where the right-hand side is extended by tangents.
     """
     n_modes = n_relations + (2 * n_discrete + 1 if n_discrete else 0)
     shared = Shared(len(parameter_names), n_modes, len(program.inputs))
@@ -128,6 +130,6 @@ def compile_scene(
 
 
 def compile_function(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:
-    """Compile the source of one function."""
+    """Compile one function."""
     full = HEADER + (SOLVE if "solve(" in text else "") + text
     return NativeFunction(compiled(full, name), body, layout, full)

@@ -18,9 +18,9 @@ from gearlib.structure.sorting import Block, reach, sort_blocks
 from gearlib.structure.tearing import Tearing, tear
 
 Integers = NDArray[np.int64]
-# (kernel, group, times differentiated) -> (row of the group, target, sign) of each instance
+# (kernel, group, times differentiated) -> (row of the group, target, sign) per instance
 Found = dict[tuple[Kernel, int, int], list[tuple[int, int, int]]]
-# kernel, group, row, kind (0 relations, 1 discrete variables, 2 states), target, sign of what must be evaluated at events
+# kernel, group, row, kind (0 relation, 1 discrete variable, 2 state), target, sign of what is evaluated at events
 Place = tuple[Kernel, int, int, int, int, int]
 # template, group, row, times differentiated, columns inside a block, (column, unknown of the block, sign) of these
 _Row = tuple[Template, int, int, int, frozenset[int], list[tuple[int, int, int]]]
@@ -34,7 +34,7 @@ def build(structure: Structure, targets: Iterable[Node], states: Sequence[Node] 
     structure : Structure
     targets : iterable of (variable, order)
     states : sequence of nodes, optional
-        Which states hold the first slots, in that order; by default those in use.
+        The states, in the order of the first slots; by default those in use.
     dynamic : bool
         Whether the derivatives of all states in use are targets as well.
     """
@@ -55,7 +55,7 @@ class Builder:
         given = set(self.model.inputs.tolist())
         inputs = [(int(v), 0) for v in self.model.inputs]
         extra: set[Node] = set()
-        if given:  # derivatives of inputs, where a constraint on one was differentiated
+        if given:  # derivatives of inputs, where a constraint on an input was differentiated
             counts = structure.differentiation.counts
             extra = {n for e, c in enumerate(counts) for n in structure.dependence.columns(e, c) if n[0] in given and n[1] > 0}
             extra = {(v, k) for v, top in extra for k in range(1, top + 1)}
@@ -65,7 +65,7 @@ class Builder:
             for node in block:
                 self.slots.setdefault(node, len(self.slots))
         self.n_slots = len(self.slots)
-        self.residuals: dict[Node, int] = {}  # slots of residuals, by the tearing variable that is among the states
+        self.residuals: dict[Node, int] = {}  # slots of residuals, keyed by the tearing variables that are among the states
         self.table = np.full((1 + max((k for _, k in self.slots), default=0), self.model.n_variables), -1)
         for (v, k), slot in self.slots.items():
             self.table[k, v] = slot
@@ -93,7 +93,7 @@ class Builder:
         return Program(self.states, self.inputs, slots, n_slots, steps, outputs, checks, residuals)
 
     def places(self, used: Integers) -> list[Place]:
-        """What must be evaluated at events, where some modes are used."""
+        """The kernels to evaluate at events, where some modes are used."""
         model, n_relations, n_discrete = self.model, self.model.n_relations, len(self.model.discretes)
         found: list[Place] = []
         for relation in used[used < n_relations].tolist():
@@ -114,7 +114,7 @@ class Builder:
         return found
 
     def nodes(self, kernel: Kernel, g: int, i: int) -> list[Node]:
-        """Variables with their orders that a kernel of one row needs."""
+        """Variables, with their derivative orders, that a kernel reads in one row."""
         group = self.groups[g]
         columns = [*kernel.template.columns, *kernel.template.relation_columns]
         where = {name: c for c, name in enumerate(group.template.locals)}
@@ -122,7 +122,7 @@ class Builder:
         return [(int(group.variables[i, c]), order) for c, order in named if group.signs[i, c]]
 
     def modes(self, kernel: Kernel, g: int, i: int) -> Integers:
-        """Relations and discrete values that a kernel of one row needs."""
+        """Relations and discrete values that a kernel reads in one row."""
         modes: Integers = self._modes(kernel, g, np.array([i]))[0]
         return modes
 
@@ -143,12 +143,12 @@ class Builder:
         return self.structure.rows[e]
 
     def template(self, e: int, k: int) -> tuple[Template, int, int]:
-        """The template of an equation's k-th derivative, its group and its row there."""
+        """The template of an equation's k-th derivative, with its group and row."""
         g, i = self._place(e)
         return differentiated(self.model.groups[g].template, k), g, i
 
     def _positions(self, template: Template, g: int, i: int) -> list[tuple[int, Node, int]]:
-        """(column, node, sign) of one equation; what is always zero is left out."""
+        """(column, node, sign) of one equation; what is identically zero is left out."""
         variables, signs = self.variables[g][i], self.signs[g][i]
         base = self.model.groups[g].template.locals
         if template.locals == base:
@@ -181,7 +181,7 @@ class Builder:
         return True
 
     def _copies(self, kernel: Kernel, template: Template, g: int, i: int, node: Node, sign: int) -> bool:
-        """An unknown that equals another one gets its slot. (What is bound to an input keeps one of its own: it may be varied.)"""
+        """Give an unknown that equals another one the same slot; one bound to an input gets its own, since the input may be varied."""
         if not kernel.is_copy:
             return False
         source = [(n, s) for c, n, s in self._positions(template, g, i) if c == kernel.columns[0]]
@@ -192,7 +192,7 @@ class Builder:
         return True
 
     def _block(self, block: Block, scalar: Found, pivots: Found) -> Linear | Newton | None:
-        """Emit a block of several unknowns: linear with constant matrix, or torn, for Newton's method; None if its tears are states."""
+        """Emit a block of several unknowns: linear with a constant matrix, or torn for Newton's method; None if its tears are states."""
         position = {node: c for c, node in enumerate(block)}
         solving = [self.structure.choice.solved_by[node] for node in block]
         rows = []
@@ -240,7 +240,7 @@ class Builder:
     def _torn(
         self, rows: list[_Row], tears: list[Node], columns: tuple[int, ...], block: Block, scalar: Found, pivots: Found
     ) -> None:  # fmt: skip
-        """Emit a block whose tearing variables are known: an assignment for each other unknown, a residual for each of them."""
+        """Emit a block with known tearing variables: an assignment for every other unknown, a residual for every tearing variable."""
         lead = len(rows) - len(tears)
         for (template, g, i, k, _, inside), u in zip(rows[:lead], columns, strict=False):
             column, sign = next((c, sign) for c, place, sign in inside if place == u)

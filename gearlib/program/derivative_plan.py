@@ -1,13 +1,13 @@
-"""How the derivatives of a program come about: which products of which factors are summed to which entry.
+"""Symbolic plan of a program's sparse forward differentiation: which products of factors are summed into which entry.
 
-Derivatives with respect to seeds are carried forward through the steps of a program. Every slot has a row of entries, one for each seed
-that it depends on; entries are numbered through. A batch makes sums of products of its own derivatives (factors) with entries of its
-arguments (sources); a block solves its linearised equations for entries of all its unknowns. The plan holds integers only. It depends on
-no number, so it is made once and carried out at one point or at many by `gearlib.program.derivatives`, or printed: as Python by
-`gearlib.program.scalars`, as native code by `gearlib.native.jacobian`.
+Derivatives with respect to seeds are propagated forward through the steps of a program. Every slot has a row of entries, one for each
+seed that it depends on; entries are numbered consecutively. A batch contributes sums of products of its partial derivatives (factors)
+with entries of its arguments (sources); a block solves its linearised equations for the entries of all its unknowns. The plan consists
+of integers and is independent of numerical values, so it is made once and evaluated at one point or many by
+`gearlib.program.derivatives`, or printed: as Python by `gearlib.program.scalars`, as native code by `gearlib.native.jacobian`.
 
-A seed enters at slots of states and inputs, which it is a derivative with respect to; at slots that are computed, where a multiple of it
-is thought to be added; or at what is held during an evaluation: entries of the parameter table, discrete variables, time.
+A seed enters at slots of states and inputs (a derivative with respect to them); at computed slots (a perturbation added to their
+value); or at quantities held constant during an evaluation: entries of the parameter table, discrete variables, time.
 
 References
 ----------
@@ -27,29 +27,29 @@ from gearlib.program.program import Batch, Linear, Newton, Program, Step
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Entering = tuple[int, int]  # slot, or n_slots + parameter, or `TIME`, or what `mode` gives; seed
+Entering = tuple[int, int]  # slot, or n_slots + parameter, or `TIME`, or the code made by `mode`; seed
 TIME = -1
 _NONE = np.empty(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Products, in the order of the sums that they belong to.
+    """Sums of products, in compressed-row layout.
 
     Attributes
     ----------
     factors : tuple of Batch
-        Derivatives with respect to one argument or parameter, a number for each row.
+        Partial derivatives with respect to one argument or parameter, one value per row.
     multiplied : tuple of (array or None)
-        Slots that a factor is multiplied by, where the entries of a block's matrix are what is differentiated.
+        Slots that multiply a factor, where the entries of a block's matrix are themselves differentiated.
     which : array of int
-        Of each product: the row of its factor, all factors' rows one after another; -1 where the factor is one.
+        Per product: the row of its factor, counted through all factors; -1 where the factor is one.
     sources : array of int
-        Of each product: the entry.
+        Per product: the entry that is multiplied.
     starts : array of int
         First product of each sum.
     to : array of int
-        Where each sum goes: the entry of a batch's target, or the place (row * width + column) in a block's right-hand side.
+        Destination of each sum: an entry of a batch's target, or the position (row * width + column) in a block's right-hand side.
     """
 
     factors: tuple[Batch, ...]
@@ -64,11 +64,11 @@ class Sums:
 
     @property
     def targets(self) -> Integers:
-        """Of each product: where its sum goes."""
+        """Per product: the destination of its sum."""
         return np.repeat(self.to, np.diff(self.starts, append=len(self.which)))
 
     def of_factor(self, position: int) -> tuple[Integers, Integers]:
-        """The products of one factor in the order of its rows, and where each row's begin."""
+        """The products of one factor sorted by row, and where each row begins."""
         ends = np.cumsum([0, *map(len, self.factors)])
         chosen = np.flatnonzero((self.which >= ends[position]) & (self.which < ends[position + 1]))
         rows = self.which[chosen] - ends[position]
@@ -78,25 +78,25 @@ class Sums:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Entries of a block's unknowns, row by row from ``first`` on, all rows with the same seeds.
+    """Entries of a block's unknowns, row by row from ``first`` on; all rows have the same seeds.
 
     Attributes
     ----------
     step : Linear or Newton
     block : int
-        Number of the linear block; -1 of one that is solved by iteration.
+        Number of the linear block; -1 for a block solved by Newton's method.
     implicit : bool
-        Whether the right-hand side has a row for each equation, so that the linearised equations must be solved; else it has one for
-        each known slot of a linear block, and the solution at hand is multiplied by it.
+        Whether the right-hand side has one row per equation, so that the linearised equations are solved; otherwise it has one per
+        known slot of a linear block, and the solution matrix is multiplied by it.
     sums : Sums
         The right-hand side.
     rows : array of int
-        The unknowns that anything needs.
+        The unknowns whose entries are needed.
     width : int
         Number of seeds.
     first : int
     added, added_sources : arrays of int
-        Seeds that enter at the unknowns: where they are added, counted from ``first``, and entries.
+        Seeds that enter at the unknowns: positions counted from ``first``, and the entries added there.
     """
 
     step: Linear | Newton
@@ -112,10 +112,10 @@ class Solved:
 
 @dataclass(frozen=True, eq=False)
 class DerivativePlan:
-    """How the derivatives of some slots come about.
+    """Sparse differentiation plan for some slots.
 
-    Derivative i is that of slot ``wanted[rows[i]]`` with respect to seed ``seeds[i]``, and entry ``sources[i]``. Entry 0 is zero;
-    those of the seeds where these enter follow, in the order ``order``.
+    Derivative i is that of slot ``wanted[rows[i]]`` with respect to seed ``seeds[i]``, and is entry ``sources[i]``. Entry 0 is zero;
+    the entries of the seeds follow in the order ``order``.
     """
 
     wanted: Integers
@@ -133,18 +133,18 @@ class DerivativePlan:
 
     @cached_property
     def by_column(self) -> Integers:
-        """The order of the derivatives column by column."""
+        """Permutation that sorts the derivatives by column."""
         return np.lexsort((self.rows, self.seeds))
 
     @property
     def multiplied(self) -> Integers:
-        """Slots whose values are factors themselves."""
+        """Slots whose values appear as factors."""
         sums = (s.sums for s in self.steps if isinstance(s, Solved))
         return np.concatenate([_NONE, *(slots for s in sums for slots in s.multiplied if slots is not None)])
 
 
 def mode(number: int) -> int:
-    """What stands for an entry of the discrete state where a seed enters."""
+    """Code of a seed that enters at an entry of the discrete state."""
     return TIME - 1 - number
 
 
@@ -162,12 +162,12 @@ def derivative_plan(
     ----------
     program : Program
     entering : sequence of (slot, seed)
-        Where seeds enter, each pair once; ``n_slots + p`` stands for entry p of the parameter table, `mode` of a number for an entry of
-        the discrete state, `TIME` for time.
+        Where seeds enter, each pair once; ``n_slots + p`` denotes entry p of the parameter table, `mode` of a number an entry of the
+        discrete state, `TIME` time.
     wanted : iterable of int, optional
-        Slots to differentiate, by default all. What none of them depends on is left out.
+        Slots to differentiate, by default all. Those that depend on no seed are left out.
     n_seeds : int, optional
-        If there are more than those that enter.
+        Total number, if there are more seeds than those that enter.
 
     Examples
     --------
@@ -190,7 +190,7 @@ def derivative_plan(
     order = [k for k, _ in sorted(known, key=lambda pair: pair[1])]
     order += sorted(set(range(len(entering))) - set(order))
     rows = _Rows(program, places, [entering[k] for k in order], len(known), n_seeds)
-    added: dict[int, list[tuple[int, int]]] = {}  # of each step: row, entry
+    added: dict[int, list[tuple[int, int]]] = {}  # per step: row, entry
     for entry, k in enumerate(order[len(known) :], 1 + len(known)):
         slot = entering[k][0]
         added.setdefault(int(makers[slot]), []).append((int(rows_made[slot]), entry))
@@ -214,12 +214,12 @@ def derivative_plan(
 
 Places = tuple[
     int, int, int, tuple[bool, bool, bool]
-]  # behind the slots: the first parameter, the first entry of the discrete state,
-# time; and at which of these seeds enter
+]  # offsets behind the slots: the first parameter, the first entry of the discrete state,
+# time; and the places at which seeds enter
 
 
 def _places(program: Program, slots: Sequence[int]) -> Places:
-    """Where what is held during an evaluation stands behind the slots, where seeds enter at some slots."""
+    """Places, behind the slots, of constants at which seeds enter."""
     n = program.n_slots
     entered = any(s >= n for s in slots), any(s < TIME for s in slots), TIME in slots
     if not any(entered):
@@ -231,13 +231,13 @@ def _places(program: Program, slots: Sequence[int]) -> Places:
 
 
 def _place(places: Places, slot: int) -> int:
-    """Where a slot, or what stands for one, is counted."""
+    """Place of a slot, or of the constant that a code denotes."""
     _, modes, time, _ = places
     return slot if slot >= 0 else time if slot == TIME else modes + TIME - 1 - slot
 
 
 def _held(places: Places, batch: Batch) -> Iterator[tuple[Integers, Callable[[], Batch]]]:
-    """What a batch holds that seeds may enter at: the place for each row, and the derivatives with respect to it."""
+    """Constants of a batch at which seeds may enter: place per row, and the derivatives with respect to it."""
     parameters, modes, time, entered = places
     for q in range(batch.parameters.shape[1] if entered[0] else 0):
         yield parameters + batch.parameters[:, q], partial(batch.parameter_derivative, q)
@@ -248,7 +248,7 @@ def _held(places: Places, batch: Batch) -> Iterator[tuple[Integers, Callable[[],
 
 
 class _Rows:
-    """The entries made so far: of each slot, and behind these of what is held, its first entry and how many it has."""
+    """Entry numbering under construction: first entry and number of entries of each slot, and of each constant behind the slots."""
 
     def __init__(
         self, program: Program, places: Places, entering: Sequence[Entering], n_known: int, n_seeds: int | None
@@ -263,11 +263,11 @@ class _Rows:
 
     @property
     def seed_of(self) -> Integers:
-        """Of each entry its seed; -1 of the one that is zero."""
+        """Seed of each entry; -1 for the zero entry."""
         return self._seeds[: self.count]
 
     def make(self, slots: Integers, lengths: Integers, seeds: Integers) -> int:
-        """Number the entries of some slots; the first number."""
+        """Number the entries of some slots; returns the first number."""
         first = self.count
         self.length[slots], self.first[slots] = lengths, first + lengths.cumsum() - lengths
         self.count += len(seeds)
@@ -277,7 +277,7 @@ class _Rows:
         return first
 
     def entries_of(self, slots: Integers) -> tuple[Integers, Integers]:
-        """All entries of some slots one after another, and to which slot of the list each belongs."""
+        """All entries of some slots, concatenated, and the slot of the list that each belongs to."""
         lengths, first = self.length[slots], self.first[slots]
         if (lengths == 1).all():
             return np.arange(len(slots)), first
@@ -292,7 +292,7 @@ _NOTHING: Products = [], [], _NONE, _NONE, _NONE
 def _of_batch(
     rows: _Rows, batch: Batch, to: Integers, use: NDArray[np.bool_], inside: NDArray[np.bool_] | None = None
 ) -> Products:
-    """The chain rule through those rows of a batch that are in ``use``; slots ``inside`` a block are its own unknowns."""
+    """The chain rule for the rows of a batch that are in ``use``; slots ``inside`` a block are its own unknowns."""
     slots, signs = batch.arguments.T, batch.argument_signs.T
     if len(batch.active) < len(slots):
         active = list(batch.active)
@@ -316,7 +316,7 @@ def _of_batch(
 def _of_held(
     rows: _Rows, batch: Batch, to: Integers, use: NDArray[np.bool_], multiplied: Integers | None = None
 ) -> Iterator[Products]:
-    """Derivatives with respect to what those rows of a batch hold that are in ``use``."""
+    """Derivatives with respect to constants that the rows of a batch in ``use`` hold."""
     for slots, differentiated in _held(rows.places, batch):
         here = np.flatnonzero(use & (rows.length[slots] > 0))
         if len(here) and not (slope := differentiated()).kernel.is_zero:
@@ -326,17 +326,17 @@ def _of_held(
 
 
 def _rows_of(batch: Batch, rows: Integers) -> Batch:
-    """Some rows of a batch, in their order; the batch where these are all."""
+    """Some rows of a batch, in the given order; the batch itself if these are all."""
     return batch if len(rows) == len(batch) else batch.take(rows)
 
 
 def _plain(sources: Integers, to: Integers) -> Products:
-    """Entries that are added as they are."""
+    """Entries added with factor one."""
     return [], [], np.full(len(sources), -1), sources, to
 
 
 def _summed(rows: _Rows, products: Sequence[Products], seeds: Integers | None = None) -> Sums:
-    """Products of the same row and seed summed; ``seeds`` are the columns, all by default. Sums go to row * columns + column."""
+    """Sum the products of equal row and seed into row * columns + column; ``seeds`` are the columns, by default all."""
     if len(products) == 1:
         factors, multiplied, which, sources, to = products[0]
     else:
@@ -386,7 +386,7 @@ def _solved(
     else:
         which, sources = rows.entries_of(step.known)
         products.append(_plain(sources, step.known_rows[which] if implicit else which))
-        for batch in step.matrix if implicit else ():  # A z + g = 0: dA z is part of the right-hand side
+        for batch in step.matrix if implicit else ():  # A z + g = 0: dA z joins the right-hand side
             row, column = np.divmod(batch.targets, len(step.unknowns))
             products += _of_held(rows, batch, row, np.ones(len(batch), bool), step.unknowns[column])
     seeds = np.unique(rows.seed_of[np.concatenate([entries, *(p[3] for p in products)])])
@@ -402,14 +402,14 @@ def _solved(
 
 
 def _has_varied_matrix(rows: _Rows, step: Linear) -> bool:
-    """Whether a parameter that is differentiated by stands in the matrix of a block."""
+    """Whether a differentiated parameter appears in the matrix of a block."""
     if not rows.places[3][0]:
         return False
     return any((rows.length[rows.n_slots + batch.parameters] > 0).any() for batch in step.matrix)
 
 
 def _made_by(program: Program) -> tuple[Integers, Integers]:
-    """Of each slot that is computed: the step that does, and its row there."""
+    """Per computed slot: the step that computes it, and its row there."""
     makers, rows = np.full(program.n_slots, -1), np.zeros(program.n_slots, np.int64)
     for number, step in enumerate(program.steps):
         made = step.targets if isinstance(step, Batch) else step.unknowns
@@ -418,7 +418,7 @@ def _made_by(program: Program) -> tuple[Integers, Integers]:
 
 
 def _needed(program: Program, wanted: Integers) -> NDArray[np.bool_]:
-    """The slots that some slots depend on, themselves among them."""
+    """The slots that some slots depend on, including themselves."""
     alive = np.zeros(program.n_slots, bool)
     alive[wanted] = True
     for step in reversed(program.steps):

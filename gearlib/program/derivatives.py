@@ -1,4 +1,4 @@
-"""Exact derivatives of a program's slots with respect to states, inputs, parameters and added terms: a plan carried out with numpy."""
+"""Exact derivatives of a program's slots with respect to states, inputs, parameters and perturbations: plans evaluated with NumPy."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from gearlib.program.program import Batch, Linear, Newton
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Added = tuple[int, int, float]  # slot, which of the added seeds, weight
-SINGULAR = 1e13  # condition number beyond which equations depend on each other
-MOST_DENSE = 4_000_000  # slots times seeds up to which a full matrix is returned
+Added = tuple[int, int, float]  # slot, index of the added seed, weight
+SINGULAR = 1e13  # condition number beyond which equations count as linearly dependent
+MOST_DENSE = 4_000_000  # slots times seeds up to which a dense matrix is returned
 
 
 @dataclass(frozen=True, eq=False)
 class At:
-    """Where derivatives are taken: a program with its parameters, and values of everything at some times.
+    """Linearisation points: a program with its parameters, and the values of all slots at some times.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class At:
     relations: Floats
 
     def values(self, batch: Batch) -> Floats:
-        """A batch's values, shape (rows, times)."""
+        """Values of a batch, shape (rows, times)."""
         if batch.numbers is not None:
             found = batch.numbers[:, None]
         elif batch.of_parameters:
@@ -65,21 +65,21 @@ def derivatives(
         Values at which to differentiate.
     relations : array, shape (relations,)
     seeds : sequence of int
-        Slots of states and inputs to differentiate with respect to; ``n_slots + p`` stands for entry p of the parameter table.
+        Slots of states and inputs to differentiate with respect to; ``n_slots + p`` denotes entry p of the parameter table.
     added : sequence of (slot, seed, weight)
-        Slots of unknowns, each thought to have a multiple of a new seed added to what it is computed from.
+        Perturbations: each adds a multiple of a new seed to the value of a computed slot.
     wanted : iterable of int, optional
         Slots to differentiate, by default all.
 
     Returns
     -------
     array or scipy.sparse.csr_matrix, shape (wanted, seeds + added seeds)
-        Sparse where a full one would be large.
+        Sparse where a dense matrix would be large.
 
     Raises
     ------
     SolverError
-        Equations that determine unknowns together are singular there.
+        A block of equations is singular at this point.
     """
     n = len(seeds)
     entering = [*((slot, k) for k, slot in enumerate(seeds)), *((slot, n + seed) for slot, seed, _ in added)]
@@ -95,7 +95,7 @@ def derivatives(
 
 
 def dense(plan: DerivativePlan, values: Floats) -> Floats:
-    """Entries at some times as full matrices, shape (times, wanted, seeds)."""
+    """Derivatives at some times as dense matrices, shape (times, wanted, seeds)."""
     result = np.zeros((values.shape[1], *plan.shape))
     result[:, plan.rows, plan.seeds] = values.T
     return result
@@ -109,19 +109,19 @@ def entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floa
     plan : DerivativePlan
     at : At
     weights : array, optional
-        How much of its seed enters at each of the slots, shape (slots,) or (slots, times); 1 by default.
+        Weight with which a seed enters at each slot, shape (slots,) or (slots, times); 1 by default.
 
     Raises
     ------
     SolverError
-        Equations that determine unknowns together are singular there.
+        A block of equations is singular at this point.
     """
     result: Floats = all_entries(plan, at, weights)[plan.sources]
     return result
 
 
 def all_entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> Floats:
-    """The entries of all slots that a plan makes on its way, shape (entries, times)."""
+    """The entries of all slots on the way, shape (entries, times)."""
     numbers = np.zeros((plan.n_entries, len(at.t)))
     if weights is not None and weights.ndim == 1:
         weights = weights[:, None]
@@ -138,7 +138,7 @@ def all_entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> 
 
 
 def factor_values(sums: Sums, at: At) -> Floats:
-    """Values of the factors, all their rows one after another, and a one behind them."""
+    """Values of the factors, all rows concatenated, followed by a one."""
     with np.errstate(all="ignore"):
         found = [
             at.values(batch) if slots is None else at.values(batch) * at.slots[slots]
@@ -148,7 +148,7 @@ def factor_values(sums: Sums, at: At) -> Floats:
 
 
 def sums_of_products(sums: Sums, factors: Floats, numbers: Floats) -> Floats:
-    """What the products of factors with entries add up to, shape (sums, times); a last factor is that of entries taken as they are."""
+    """Sums of products of factors and entries, shape (sums, times); the last factor is the one for entries added as they are."""
     if not len(sums):
         return np.empty((0, numbers.shape[1]))
     with np.errstate(all="ignore"):
@@ -187,21 +187,21 @@ def newton_solved(step: Newton, at: At, right: Floats) -> Floats:
 
 
 def newton_matrix(step: Newton, at: At) -> Floats:
-    """The matrix of a block's linearised equations, shape (times, unknowns, unknowns)."""
+    """Matrix of a block's linearised equations, shape (times, unknowns, unknowns)."""
     n = len(step.unknowns)
     found = assemble(step.jacobian, at.t, at.slots, at.prepared.parameters, at.relations, n * n)
     return found.T.reshape(-1, n, n)
 
 
 def slopes(batch: Batch, at: At) -> Iterator[tuple[Integers, Integers, Floats]]:
-    """For each argument of a batch at one point: rows, the argument's slots, derivatives; absent arguments are left out."""
+    """Per argument of a batch at one point: rows, the argument's slots, partial derivatives; absent arguments are skipped."""
     for a in batch.active:
         here = np.flatnonzero(batch.argument_signs[:, a])
         yield here, batch.arguments[here, a], at.values(batch.derivative(a))[here, 0]
 
 
 def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats, wanted: Iterable[int] | None = None) -> Floats:
-    """How slots change with what the equations that are solved by iteration leave open, shape (wanted, how many directions)."""
+    """Sensitivity of slots to the null space of the blocks solved by iteration, shape (wanted, directions)."""
     at = At(prepared, np.array([t]), slots[:, None], relations[:, None])
     added: list[Added] = []
     count = 0
@@ -216,7 +216,7 @@ def undetermined(prepared: Prepared, t: float, slots: Floats, relations: Floats,
 
 
 def _null_space(matrix: Floats) -> Floats:
-    """Orthonormal directions that a square matrix, its rows and columns scaled, takes to nothing."""
+    """Orthonormal null space of a square matrix, after scaling its rows and columns."""
     row = np.abs(matrix).max(axis=1)
     scaled = matrix / np.where(row > 0.0, row, 1.0)[:, None]
     column = np.abs(scaled).max(axis=0)
@@ -230,12 +230,12 @@ def _null_space(matrix: Floats) -> Floats:
 
 
 def solve_shared(matrix: Floats, right: Floats) -> Floats:
-    """Solve linear equations; of several solutions take the smallest: stuck elements side by side share their torque in any way.
+    """Solve linear equations, in the minimum-norm sense if not unique: locked elements in parallel may share their torque in any way.
 
     Raises
     ------
     LinAlgError
-        There is no solution.
+        The equations are inconsistent.
     """
     row = 1 / np.maximum(np.abs(matrix).max(axis=1), 1e-300)
     column = 1 / np.maximum((np.abs(matrix) * row[:, None]).max(axis=0), 1e-300)

@@ -1,7 +1,7 @@
-"""The event iteration as an ordered list of phases: `gearlib.run.scene` carries it out with numpy, `gearlib.native.events` prints it.
+"""The event iteration as an ordered list of phases: `gearlib.run.scene` executes it with NumPy, `gearlib.native.events` prints it.
 
-At an event, one phase of a pass follows the other, and passes follow each other until one changes nothing. Then states are given new
-values and the values before the event are set to those after it; if that changes anything, all is repeated.
+At an event the phases of a pass run in order, and passes are repeated until one changes nothing. Then states are re-initialised and the
+values before the event are set to those after it; if that changes anything, all is repeated.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ _COMPARED = {">=": np.greater_equal, ">": np.greater, "<=": np.less_equal, "<": 
 
 @dataclass(frozen=True)
 class UnknownsPhase:
-    """All slots of the program are computed with the discrete state at hand."""
+    """Evaluate all slots of the program with the current discrete state."""
 
 
 @dataclass(frozen=True)
 class DiscretesPhase:
-    """Discrete variables take the values of a batch."""
+    """Set discrete variables to the values of a batch."""
 
     batch: Batch
 
 
 @dataclass(frozen=True, eq=False)
 class RelationsPhase:
-    """Relations hold where a batch's values, compared with zero, say so.
+    """Set relations by comparing a batch's values with zero.
 
     Attributes
     ----------
     batch : Batch
     on_time : bool
-        They compare nothing but time, and take their right-hand limit. The others are event functions: one whose root was located
-        takes the side that it crossed to.
+        Whether they compare nothing but time, and take their right-hand limit. The others are event functions: one whose root was
+        located takes the side that it crossed to.
     """
 
     batch: Batch
@@ -49,7 +49,7 @@ class RelationsPhase:
 
     @property
     def comparison(self) -> str:
-        """How values that hold compare with zero."""
+        """The comparison with zero under which the relations hold."""
         return {(False, False): ">=", (True, False): ">", (False, True): "<=", (True, True): "<"}[relation_of(self.batch)]
 
     def hold(self, values: Floats) -> Floats:
@@ -59,14 +59,14 @@ class RelationsPhase:
 
 @dataclass(frozen=True, eq=False)
 class EventIteration:
-    """The phases.
+    """Phases of the event iteration.
 
     Attributes
     ----------
     passed : tuple
-        Of one pass.
+        Phases of one pass.
     reinits : tuple of Batch
-        New values of states, given between passes that change nothing.
+        New values of states (``reinit``), assigned once a pass changes nothing.
     """
 
     passed: tuple[UnknownsPhase | DiscretesPhase | RelationsPhase, ...]
@@ -81,11 +81,11 @@ class EventIteration:
 def event_iteration(
     relations: tuple[Batch, ...], discretes: tuple[Batch, ...], reinits: tuple[Batch, ...], on_time: Integers
 ) -> EventIteration:
-    """The event iteration of some batches; ``on_time``: the relations that compare nothing but time."""
+    """Event iteration for some batches; ``on_time`` marks the relations that compare nothing but time."""
     passed: list[UnknownsPhase | DiscretesPhase | RelationsPhase] = []
     if any(batch.arguments.size for batch in discretes):
         passed.append(UnknownsPhase())
-    passed += map(DiscretesPhase, discretes)  # first, so that what has just become stuck is tried as locked
+    passed += map(DiscretesPhase, discretes)  # first, so that an element that has just become stuck is tried as locked
     passed.append(UnknownsPhase())
     for batch in relations:
         timed = np.isin(batch.targets, on_time)
@@ -96,12 +96,12 @@ def event_iteration(
 
 
 def right_hand(t: Floats) -> Floats:
-    """Times at which conditions in time are tested, so that they take their right-hand limit."""
+    """Times slightly later, at which conditions on time take their right-hand limit."""
     return np.asarray(t + 1e-12 * np.maximum(np.abs(t), 1e-3), float)
 
 
 def compares_with_before(batch: Batch) -> bool:
-    """Whether a discrete variable's value before the event is part of what a relation compares."""
+    """Whether a relation compares a discrete variable's value before the event."""
     template, n = batch.kernel.template, len(batch.kernel.template.relations)
     return any(template.discretes[i - n].startswith("pre(") for i in batch.kernel.relations if i >= n)
 

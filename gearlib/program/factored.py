@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-CHUNK = 256  # columns that are solved for at once
+CHUNK = 256  # columns solved for at once
 
 
 @dataclass(frozen=True, eq=False)
 class Factored:
-    """``-inverse(A)[:, known]`` as an operator; the dense matrix of thousands of unknowns would take gigabytes.
+    """The operator ``-inverse(A)[:, known]``; a dense matrix for thousands of unknowns would take gigabytes.
 
     Attributes
     ----------
     factors : scipy.sparse.linalg.SuperLU
         Of A.
     known : array of int
-        The columns.
+        The columns that have a right-hand side.
     """
 
     factors: Any
@@ -34,7 +34,7 @@ class Factored:
         return int(self.factors.shape[0]), len(self.known)
 
     def __matmul__(self, right: Floats) -> Floats:
-        """The product with an array of shape (known, anything)."""
+        """Product with an array of shape (known, anything)."""
         full = np.zeros((self.shape[0], right.shape[1]))
         full[self.known] = -right
         return self.solve(full)
@@ -48,7 +48,7 @@ class Factored:
         return result
 
     def __getitem__(self, rows: Sequence[int] | Integers) -> Floats:
-        """Some rows, by solves with A or its transpose, whichever are fewer."""
+        """Some rows, by solves with A or its transpose, whichever takes fewer."""
         chosen = np.asarray(rows, np.int64)
         result = np.empty((len(chosen), len(self.known)))
         by_row = len(chosen) <= len(self.known)
@@ -65,6 +65,6 @@ class Factored:
         return result
 
     def tolist(self) -> list[list[float]]:
-        """All entries, dense."""
+        """All entries, as nested lists."""
         rows: list[list[float]] = self[range(self.shape[0])].tolist()
         return rows

@@ -1,7 +1,7 @@
 """NumPy backend: interpret a Program, vectorised over time.
 
-This serves what is asked for after a run, start values, linearisation, and everything that must be known once per run: the
-factorised matrices of linear blocks.
+Used for outputs computed after a run, start values and linearisation, and for what is computed once per run: the factorised matrices of
+linear blocks.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from gearlib.program.scalars import constants
 from gearlib.reduce.reduction import Structure
 
 Floats = NDArray[np.float64]
-SINGULAR = 1e-13  # reciprocal condition below which a matrix counts as singular
-MOST_DENSE = 400  # unknowns up to which a block's matrix is handled as a full one
-ENTRIES = 1_000_000  # of the matrices of a block at many times that are solved together
+SINGULAR = 1e-13  # reciprocal condition number below which a matrix counts as singular
+MOST_DENSE = 400  # unknowns up to which a block's matrix is treated as dense
+ENTRIES = 1_000_000  # matrix entries of a block at many times that are solved in one batch
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A program with its parameter values, and with the solution matrix of each linear block."""
+    """A program with its parameter values and the solution matrix of each linear block."""
 
     program: Program
     structure: Structure
     parameters: Floats
     solutions: tuple[Floats | Factored, ...]  # in the order of the linear blocks: (unknowns, known)
     compiled: Callable[[Floats, Floats, Floats, Floats, Floats | None, bool], Floats] | None = (
-        None  # what `evaluate` calls instead
+        None  # compiled replacement for `evaluate`, if any
     )
 
     @property
@@ -65,12 +65,12 @@ def constant_values(batch: Batch, parameters: Floats) -> Floats:
 
 
 def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepared:
-    """Factorise the constant blocks, and check that no pivot vanishes.
+    """Factorise the constant blocks and check that no pivot vanishes.
 
     Raises
     ------
     SingularError
-        Names the components whose values are at fault.
+        Names the components whose values make the block singular.
     """
     pivots, matrices = _constants(program, parameters)
     wrong = (pivots == 0.0) | ~np.isfinite(pivots)
@@ -93,14 +93,14 @@ def _divided(program: Program, structure: Structure, parameters: Floats, row: in
 
 
 def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Floats]]:
-    """Values of the pivots, and of each linear block's entries."""
+    """Values of the pivots, and the entries of each linear block."""
     function, groups = constants(program), program.constant_groups
     if function is None:
         parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
     else:
         try:
             everything = np.array(function(parameters.tolist()), float)
-        except (ZeroDivisionError, ValueError, OverflowError):  # let the array backend say nan or inf
+        except (ZeroDivisionError, ValueError, OverflowError):  # the array backend gives nan or inf instead
             parts = [np.concatenate([np.empty(0), *(constant_values(b, parameters) for b in group)]) for group in groups]
         else:
             parts = [everything[here] for here in program.constant_parts]
@@ -108,7 +108,7 @@ def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Float
 
 
 def owner_of(structure: Structure, equation: int) -> str:
-    """Path of the component that wrote an equation."""
+    """Path of the component that an equation comes from."""
     if equation < 0:
         instance = structure.model.instances[-1 - equation]
         return instance.path or instance.kind
@@ -116,9 +116,9 @@ def owner_of(structure: Structure, equation: int) -> str:
 
 
 def labelled(structure: Structure, batch: Batch, row: int) -> str:
-    """An equation with the path of the component that wrote it."""
+    """Text of an equation, with the path of the component that it comes from."""
     who, label = owner_of(structure, int(batch.equations[row])), batch.kernel.template.label
-    return label if label.startswith(f"{who}: ") else f"{who}: {label}"  # the outermost one is its class
+    return label if label.startswith(f"{who}: ") else f"{who}: {label}"  # the root component is named by its class
 
 
 def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | Factored:
@@ -147,7 +147,7 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | 
 
 
 def block_solve(prepared: Prepared, block: int, right: Floats) -> Floats:
-    """``inverse(A) @ right`` of a linear block, by its number; the solution at hand has only the columns of what is known."""
+    """``inverse(A) @ right`` for a linear block, by its number; the stored solution has only the columns of known slots."""
     step = [s for s in prepared.program.steps if isinstance(s, Linear)][block]
     solution = prepared.solutions[block]
     if isinstance(solution, Factored):
@@ -160,7 +160,7 @@ def block_solve(prepared: Prepared, block: int, right: Floats) -> Floats:
 
 @lru_cache(maxsize=4)
 def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
-    """Inverse of a matrix, None of a singular one; memoised, since the programs of a scene share blocks."""
+    """Inverse of a matrix, None if it is singular; memoised, since the programs of a scene share blocks."""
     summed = np.bincount(np.frombuffer(places, np.int64), np.frombuffer(entries), n * n)
     matrix = np.asarray(summed, float).reshape(n, n)
     row_scale = np.abs(matrix).max(axis=1)
@@ -175,7 +175,7 @@ def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
         inverse: Floats = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
         return None
-    bound = n * n * max(inverse.max(), -inverse.min())  # of the condition, since the matrix is scaled
+    bound = n * n * max(inverse.max(), -inverse.min())  # of the condition number, since the matrix is scaled
     if not bound < 1 / SINGULAR and not np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max() < 1 / SINGULAR:
         return None
     inverse /= column_scale[:, None]
@@ -184,7 +184,7 @@ def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
 
 
 def _joined(block: Linear | Newton, structure: Structure) -> list[str]:
-    """The variables in equations of connections."""
+    """The variables that occur in connection equations of a block."""
     model, rows = structure.model, [structure.rows[int(e)] for e in block.equations if e >= 0]
     return [model.name(v) for v in dict.fromkeys(v for g, i in rows for v in model.groups[g].variables[i].tolist())]
 
@@ -203,14 +203,14 @@ def evaluate(
     prepared: Prepared, t: Floats, states: Floats, inputs: Floats, relations: Floats, guess: Floats | None = None,
     forgiving: bool = False,
 ) -> Floats:  # fmt: skip
-    """All slots of a program.
+    """Evaluate all slots of a program.
 
     Parameters
     ----------
     t : array, shape (times,)
     states, inputs, relations : arrays, shape (number, times)
     guess : array, shape (slots,) or (slots, times), optional
-        Where Newton's iterations start: at the first time, and each other time from the solution before; or at each time.
+        Initial guess of Newton's iterations: for the first time (each later time starts from the solution before it), or for each time.
     forgiving : bool
         Whether equations without a solution leave their unknowns at the guess.
 
@@ -241,10 +241,10 @@ def evaluate(
 
 
 def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None) -> None:
-    """Solve a block: at all times together where each has a start of its own, else time by time, each from the solution before."""
+    """Solve a block: at all times at once where each has its own guess, else sequentially, each from the solution before."""
     n, times = len(step.unknowns), len(t)
     if step.linear or (guess is not None and guess.ndim == 2):
-        # linear ones from nothing: a guess takes digits from what is small, and what is undetermined shall be zero
+        # linear blocks start from zero: a guess costs digits of small unknowns, and undetermined ones shall be zero
         start = np.zeros((n, times)) if step.linear or guess is None else guess[step.unknowns]
         together = max(1, ENTRIES // n**2)
         for first in range(0, times, together):
@@ -259,7 +259,7 @@ def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relation
 
 
 def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, start: Floats) -> None:
-    """Newton's method, vectorised over time; times among which a matrix is singular are solved one by one."""
+    """Newton's method, vectorised over time; if any matrix is singular, the times are solved one by one."""
     n, z, left = len(step.unknowns), start.copy(), np.arange(len(t))
     for iteration in range(50):
         here, flags, now = slots[:, left], relations[:, left], t[left]
@@ -315,7 +315,7 @@ def _labels(step: Newton, structure: Structure) -> str:
 
 
 def assemble(batches: Sequence[Batch], t: Floats, slots: Floats, parameters: Floats, relations: Floats, size: int) -> Floats:
-    """Scatter-add of batches' values at their targets, shape (size, times)."""
+    """Scatter-add the values of batches at their targets, shape (size, times)."""
     result = np.zeros((size, slots.shape[1]))
     for batch in batches:
         np.add.at(result, batch.targets, batch_values(batch, t, slots, parameters, relations))

@@ -1,9 +1,9 @@
 """Translational symmetries of a program: directions in state space along which its results are invariant.
 
-A train looks the same however far it has turned, so that nothing but its angles may grow when it turns steadily. A change ``dx`` is
-such a symmetry if the linear parts of all equations pass on nothing of it, and if no argument that an equation is nonlinear in changes.
-This is carried forward through the program as `gearlib.program.derivatives` carries derivatives, with constant coefficients only. What
-comes out holds for all states at once: a spring inside its gap does not look free.
+A train looks the same however far it has turned, so that in steady rotation nothing but its angles may grow. A displacement ``dx`` is
+such a symmetry if the linear parts of all equations map it to zero, and if it changes no argument that an equation is nonlinear in. The
+displacement is propagated forward through the program as `gearlib.program.derivatives` propagates derivatives, with constant
+coefficients only. So the result holds for all states: a spring inside its gap does not count as free.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from gearlib.program.program import Batch, Linear, Newton
 from gearlib.program.relations import Relations
 
 Floats = NDArray[np.float64]
-LOOKS = 24  # random arguments at which a nonlinear kernel is examined
-DECADES = (-6.0, 4.0)  # of these arguments
-INDEPENDENT = 1e-9  # smallest singular value of directions that count as different
+LOOKS = 24  # random arguments at which a nonlinear kernel is sampled
+DECADES = (-6.0, 4.0)  # range of magnitudes of these arguments
+INDEPENDENT = 1e-9  # smallest singular value at which directions count as independent
 
 
 def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relations, Prepared] | None, scale: Floats) -> Floats:
@@ -30,11 +30,11 @@ def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relatio
     ----------
     prepared : Prepared
     targets : sequence of int
-        Slots of what must not change.
+        Slots that must be invariant.
     events : pair, optional
-        What the program's events compare, with the same parameters.
+        The program of the event functions, with the same parameters.
     scale : array
-        Nominal values of the states; the changes are counted in them.
+        Nominal values of the states, which scale the directions.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relatio
         rows.append(carried)
     n, widths = len(scale), [carried.width for carried in rows]
     total = n + sum(width - n for width in widths)
-    wide = []  # the unknowns of iterations in each program have columns of their own
+    wide = []  # the iteration unknowns of each program have columns of their own
     for k, part in enumerate(parts):
         at = n if k == 0 else total - (widths[-1] - n)
         here = np.zeros((len(part), total))
@@ -64,7 +64,7 @@ def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relatio
 
 
 class _Carried:
-    """Directional derivatives carried forward through a program, one column per state and iteration unknown."""
+    """Directional derivatives propagated through a program, one column per state and iteration unknown."""
 
     def __init__(self, prepared: Prepared, scale: Floats) -> None:
         program = prepared.program
@@ -93,12 +93,12 @@ class _Carried:
         return np.vstack([self.slots[list(targets)], self.constraints()])
 
     def constraints(self) -> Floats:
-        """Changes of nonlinear arguments that were met since the last call."""
+        """Changes of nonlinear arguments since the last call."""
         found, self._rows = self._rows, []
         return np.vstack([np.zeros((0, self.width)), *found])
 
     def change(self, batch: Batch) -> Floats:
-        """Change of a batch's values, as far as its coefficients are constant; the arguments of others go to the constraints."""
+        """Change of a batch's values through its constant coefficients; all other arguments go to the constraints."""
         result = np.zeros((len(batch), self.width))
         varying: list[int] = []
         for a in batch.active:
@@ -115,7 +115,7 @@ class _Carried:
         return result
 
     def _directions(self, batch: Batch, varying: Sequence[int]) -> Floats:
-        """Of each row, directions of the arguments that its value depends on: one for a function of their difference."""
+        """Per row, the directions of the arguments that its value depends on: one for a function of a difference."""
         random = np.random.default_rng(len(varying))
         shape = (LOOKS, len(batch.kernel.columns))
         points = np.where(random.random(shape) < 0.5, -1, 1) * 10.0 ** random.uniform(*DECADES, shape)
@@ -131,7 +131,7 @@ class _Carried:
         return np.asarray(right * (sizes > INDEPENDENT * sizes[:, :1].clip(1e-300))[:, :, None], float)
 
     def _slope(self, batch: Batch, argument: int, points: Floats, flags: Floats) -> Floats:
-        """The derivative with respect to one argument, with the parameters of each row, at some points."""
+        """The partial derivative with respect to one argument, with the parameters of each row, at some points."""
         kernel, slope = batch.kernel, batch.derivative(argument)
         arguments = [points[:, kernel.columns.index(c)] for c in slope.kernel.columns]
         constants = [self._prepared.parameters[slope.parameters[:, [p]]] for p in range(slope.parameters.shape[1])]

@@ -1,8 +1,7 @@
 """`Program`: an evaluation order as integer arrays (slots, arguments, targets).
 
-Every quantity has a slot: first the states, then the given inputs, then the unknowns. A `Batch` applies one kernel to many
-instances; a `Linear` block solves equations whose matrix is constant during a run (factorised beforehand); a `Newton` block solves
-the others.
+Every quantity has a slot: states first, then inputs, then unknowns. A `Batch` applies one kernel to many instances; a `Linear` block
+solves equations whose matrix is constant during a run (factorised beforehand); a `Newton` block solves the others.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 
-LOST = 1e6  # times its solution, the change of a linear block leaves too few digits of it: it is solved once more from there
-ROUNDING = 1e-12  # change of an unknown that may be all rounding: of unknowns near zero no relative accuracy can be asked
+LOST = 1e6  # ratio of the change of a linear block's solution to the solution beyond which too few digits are left: solve again from there
+ROUNDING = 1e-12  # change of an unknown that may be pure rounding: unknowns near zero have no relative accuracy
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Batch:
     """One kernel for many instances: ``slot[targets] = signs * kernel(slot[arguments] * argument_signs, ...)``."""
 
     kernel: Kernel
-    equations: Integers  # which wrote it; -1 - instance for equations of discrete variables
+    equations: Integers  # where they come from; -1 - instance for equations of discrete variables
     targets: Integers  # (n,)
     signs: Integers  # (n,)
     arguments: Integers  # (n, columns)
@@ -44,35 +43,35 @@ class Batch:
 
     @cached_property
     def columns(self) -> tuple[tuple[Integers, Integers | None], ...]:
-        """Slots of each argument, and their signs as a column, None where all are plus."""
+        """Slots of each argument, and their signs as a column (None where all are plus)."""
         pairs = zip(self.arguments.T, self.argument_signs.T, strict=True)
         return tuple((np.ascontiguousarray(a), None if (s == 1).all() else s[:, None].copy()) for a, s in pairs)
 
     @cached_property
     def sign_column(self) -> Integers | None:
-        """The signs as a column, None where all are plus."""
+        """The signs as a column (None where all are plus)."""
         return None if (self.signs == 1).all() else self.signs[:, None].copy()
 
     def derivative(self, argument: int) -> Batch:
-        """The derivatives with respect to the slots that one argument is read from; its sign is among the factors."""
+        """Partial derivatives with respect to the slots of one argument; its sign is among the factors."""
         slope = derivative_of(self.kernel, f"x{self.kernel.columns[argument]}")
         return self.part(slope, self.signs * self.argument_signs[:, argument])
 
     def parameter_derivative(self, parameter: int) -> Batch:
-        """The derivatives with respect to the entries of the parameter table that one parameter is read from."""
+        """Partial derivatives with respect to the parameter-table entries of one parameter."""
         return self.part(derivative_of(self.kernel, f"p{self.kernel.parameters[parameter]}"), self.signs)
 
     def mode_derivative(self, relation: int) -> Batch:
-        """The derivatives with respect to the entries of the discrete state that one relation or discrete variable is read from."""
+        """Partial derivatives with respect to the discrete-state entries of one relation or discrete variable."""
         return self.part(derivative_of(self.kernel, f"r{self.kernel.relations[relation]}"), self.signs)
 
     def time_derivative(self) -> Batch:
-        """The derivatives with respect to time, all else held."""
+        """Partial derivatives with respect to time."""
         return self.part(derivative_of(self.kernel, "t"), self.signs)
 
     @cached_property
     def active(self) -> tuple[int, ...]:
-        """The arguments that the value depends on; relations, which hold between events, do not count."""
+        """The arguments that the value depends on; relations, constant between events, do not count."""
         return tuple(a for a, c in enumerate(self.kernel.columns) if not derivative_of(self.kernel, f"x{c}").is_zero)
 
     @property
@@ -81,7 +80,7 @@ class Batch:
         return self.part(rest_of(self.kernel), self.signs)
 
     def part(self, kernel: Kernel, signs: Integers) -> Batch:
-        """The same instances with a kernel over what this one's holds, or some of it."""
+        """The same instances with another kernel over all or some of this one's columns."""
         x = [self.kernel.columns.index(c) for c in kernel.columns]
         p = [self.kernel.parameters.index(c) for c in kernel.parameters]
         r = [self.kernel.relations.index(c) for c in kernel.relations]
@@ -97,12 +96,12 @@ class Batch:
 
     @cached_property
     def numbers(self) -> Floats | None:
-        """The values where they are plain numbers."""
+        """The values, if they are plain numbers."""
         value = self.kernel.number
         return None if value is None else np.asarray(value * self.signs, float)
 
     def take(self, rows: Integers) -> Batch:
-        """Some of the rows, in the order that is given."""
+        """Some of the rows, in the given order."""
         return Batch(
             self.kernel, self.equations[rows], self.targets[rows], self.signs[rows], self.arguments[rows],
             self.argument_signs[rows], self.parameters[rows], self.relations[rows],
@@ -110,14 +109,14 @@ class Batch:
 
 
 def _picked(table: Integers, columns: list[int]) -> Integers:
-    """Some columns of a table; a view where these are none or the first ones, as is common."""
+    """Some columns of a table; a view if they are none or the first ones, as is common."""
     n = len(columns)
     return table[:, :n] if columns == list(range(n)) else table[:, columns]
 
 
 @dataclass(frozen=True)
 class Guard:
-    """Divisors of a batch, whose targets number the divisors of the whole program, and the slots of the quotients."""
+    """Divisors of a batch, numbered through the whole program, with the slots of the quotients."""
 
     divisors: Batch
     quotients: Integers
@@ -141,14 +140,14 @@ class Linear:
 
 @dataclass(frozen=True)
 class Newton:
-    """Equations solved by iteration (once, where they are linear with a matrix that varies), in the order of their tearing."""
+    """Equations solved by iteration (in one step where they are linear with a varying matrix), in tearing order."""
 
     unknowns: Integers  # slots
     residuals: tuple[Batch, ...]  # targets: row
     jacobian: tuple[Batch, ...]  # targets: row * n + column
     linear: bool
     equations: Integers
-    lead: int  # so many unknowns follow from the others one after another: the matrix begins with a lower triangular part
+    lead: int  # the first unknowns, which follow from the others in sequence: a leading lower triangular part of the matrix
     constrained: bool  # whether constraints on the states are among the equations, so that other states may be needed somewhere
 
 
@@ -157,22 +156,22 @@ Step = Batch | Linear | Newton
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Steps in topological order, and where its inputs and outputs stand.
+    """Steps in topological order, and the slots of inputs and outputs.
 
     Attributes
     ----------
     states, inputs : tuples of (variable, order)
-        Held by the first slots.
+        Nodes in the first slots.
     slots : mapping of (variable, order) to int
     n_slots : int
     steps : tuple
-        Level by level: batches as large as possible.
+        Level by level, in batches as large as possible.
     outputs : tuple of (variable, order)
-        What the program is for; derivatives of the states, usually.
+        What the program computes, usually the derivatives of the states.
     pivots : tuple of Batch
         Coefficients that are divided by, and so must not vanish.
     residuals : tuple of int
-        Slots of residuals, which the outputs are followed by where algebraic unknowns are left to the integrator.
+        Slots of residuals, appended to the outputs where algebraic unknowns are left to the integrator.
     """
 
     states: tuple[Node, ...]
@@ -183,7 +182,7 @@ class Program:
     outputs: tuple[Node, ...]
     pivots: tuple[Batch, ...]
     residuals: tuple[int, ...] = ()
-    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # what `memoised` functions found
+    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # cache of `memoised` functions
 
     @cached_property
     def output_slots(self) -> Integers:
@@ -191,25 +190,25 @@ class Program:
 
     @cached_property
     def undifferentiated(self) -> tuple[Integers, Integers]:
-        """Variables themselves, not their derivatives: their numbers and their slots."""
+        """Variables that are not derivatives: their numbers and their slots."""
         pairs = [(v, slot) for (v, k), slot in self.slots.items() if k == 0]
         table = np.array(pairs, np.int64).reshape(-1, 2)
         return table[:, 0], table[:, 1]
 
     @cached_property
     def constant_groups(self) -> tuple[tuple[Batch, ...], ...]:
-        """Batches that depend on parameters only: pivots and matrices of linear blocks."""
+        """Batches that depend on parameters only: pivots and the matrices of linear blocks."""
         return (self.pivots, *(s.matrix for s in self.steps if isinstance(s, Linear)))
 
     @cached_property
     def constant_parts(self) -> tuple[slice, ...]:
-        """Where each group stands when their values follow each other."""
+        """Range of each group in the concatenated values."""
         ends = [0, *itertools.accumulate(sum(len(b) for b in group) for group in self.constant_groups)]
         return tuple(itertools.starmap(slice, itertools.pairwise(ends)))
 
     @cached_property
     def on_time(self) -> bool:
-        """Whether anything depends on time itself."""
+        """Whether anything depends on time explicitly."""
         return any(
             b.kernel.on_time
             for s in self.steps
@@ -218,12 +217,12 @@ class Program:
 
     @cached_property
     def iterated(self) -> tuple[Newton, ...]:
-        """Nonlinear blocks: those whose Newton iteration takes several steps."""
+        """Nonlinear blocks: those that take several Newton iterations."""
         return tuple(s for s in self.steps if isinstance(s, Newton) and not s.linear)
 
     @cached_property
     def guards(self) -> tuple[Guard, ...]:
-        """What is divided by and may change its sign, of all equations that are solved one by one."""
+        """Divisors that may change sign, of all equations solved individually."""
         found, n = [], 0
         residuals = np.array(self.residuals, np.int64)
         for batch in (step for step in self.steps if isinstance(step, Batch)):
@@ -251,7 +250,7 @@ class Program:
 
     @cached_property
     def is_linear(self) -> bool:
-        """Linear in states and unknowns, with constant coefficients (inputs and time may enter in any way)."""
+        """Whether it is linear in states and unknowns with constant coefficients (inputs and time may enter in any way)."""
         return all(
             not isinstance(s, Newton) and all(b.kernel.template.linear for b in ([s] if isinstance(s, Batch) else s.matrix))
             for s in self.steps

@@ -28,15 +28,15 @@ class Relations:
     """
 
     program: Program
-    batches: tuple[Batch, ...]  # what relations compare
+    batches: tuple[Batch, ...]  # the compared expressions
     discretes: tuple[Batch, ...]
     reinits: tuple[Batch, ...]
     used: Integers  # relations, sorted
-    on_time: NDArray[np.bool_]  # of each used one: compares nothing but time
+    on_time: NDArray[np.bool_]  # per used relation: compares nothing but time
 
     @cached_property
     def event_iteration(self) -> EventIteration:
-        """How the discrete state follows from the states at an event."""
+        """How the discrete state is determined at an event."""
         return event_iteration(self.batches, self.discretes, self.reinits, self.used[self.on_time])
 
 

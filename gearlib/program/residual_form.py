@@ -1,8 +1,8 @@
-"""Programs that leave algebraic unknowns to the integrator: residuals of the equations, in place of their solution.
+"""Programs that leave algebraic unknowns to the integrator: residuals of the equations instead of their solution.
 
 Two forms. In the *index-reduced* one every unknown that a scene needs is an unknown of the integrator, and every equation a residual
-F(t, y, y'): nothing is solved, ordered or eliminated. In the *torn* one the tearing variables of the nonlinear blocks are, and all
-else is computed from these and the states in sequence, so that no Newton iteration goes on within an evaluation.
+F(t, y, y'): nothing is solved, sorted or eliminated. In the *torn* one only the tearing variables of the nonlinear blocks are, and
+everything else is computed in sequence from these and the states, so that no Newton iteration runs within an evaluation.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class ResidualForm:
-    """What an integrator of differential-algebraic equations is handed.
+    """Equations as an integrator of differential-algebraic equations takes them.
 
     Attributes
     ----------
@@ -35,10 +35,10 @@ class ResidualForm:
         The states, then the algebraic unknowns.
     n_states : int
     program : Program
-        Computes the residuals F(t, y, y'), or the derivatives of the states and then the residuals of the algebraic unknowns. Its
-        ``states`` are the unknowns; where it is implicit, they are followed by the derivatives of the states.
+        Computes the residuals F(t, y, y'), or the derivatives of the states followed by the residuals of the algebraic unknowns. Its
+        ``states`` are the unknowns, followed by the derivatives of the states if it is implicit.
     relations : Relations or None
-        What changes at events, as functions of the same.
+        Update rules of the discrete state as functions of the same unknowns.
     implicit : bool
         Whether the program computes F(t, y, y').
     """
@@ -55,7 +55,7 @@ class ResidualForm:
 
 
 def torn_form(structure: Structure, program: Program, relations: Relations | None, wanted: Sequence[int]) -> ResidualForm:
-    """The form of a scene's program in which the tearing variables of its nonlinear blocks are unknowns of the integrator.
+    """The torn form of a scene's program: the tearing variables of its nonlinear blocks are unknowns of the integrator.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def torn_form(structure: Structure, program: Program, relations: Relations | Non
     program : Program
         Computes the derivatives of the states.
     relations : Relations, optional
-        What changes at events, if anything does.
+        Update rules of the discrete state, if any.
     wanted : sequence of int
         Discrete variables that are outputs.
     """
@@ -78,19 +78,19 @@ def torn_form(structure: Structure, program: Program, relations: Relations | Non
 def index_reduced_form(
     structure: Structure, states: tuple[Node, ...], outputs: Sequence[Node], wanted: Sequence[int], with_modes: bool
 ) -> ResidualForm:
-    """The index-reduced equations as they are: every unknown that a scene needs, and the equation that structure gave to it.
+    """The index-reduced equations: every unknown that a scene needs, and the equation matched to it.
 
     Parameters
     ----------
     structure : Structure
     states : tuple of nodes
-        That are integrated.
+        The integrated states.
     outputs : sequence of nodes
-        To be among the unknowns.
+        Nodes to include among the unknowns.
     wanted : sequence of int
         Discrete variables that are outputs.
     with_modes : bool
-        Whether anything changes at events.
+        Whether there is a discrete state.
     """
     builder, model = Builder(structure, (), states), structure.model
     targets = dict.fromkeys([*((v, k + 1) for v, k in states), *outputs])
@@ -110,7 +110,7 @@ def index_reduced_form(
 
 
 def _residuals(structure: Structure, builder: Builder, states: tuple[Node, ...], targets: dict[Node, None]) -> Program:
-    """One residual for each unknown, from the equation that structure gave to it."""
+    """One residual per unknown, from the equation matched to it."""
     place = {state: i for i, state in enumerate(states)}
     rates = [(v, k + 1) for v, k in states]
     found, _ = reach(structure.dependence, targets, dynamic=True)
@@ -146,7 +146,7 @@ def _same(pairs: Integers, n: int, first: int) -> Batch:
 
 
 def _relations(builder: Builder, program: Program, places: list[Place], used: Integers) -> Relations:
-    """What relations and discrete variables compare, read off the unknowns."""
+    """The expressions that relations and discrete variables compare, as functions of the unknowns."""
     known = len(program.states) + len(program.inputs)
     helper = Program(program.states, program.inputs, program.slots, known, (), (), ())
     return update_rules(builder, helper, places, used[used < builder.model.n_relations])

@@ -1,4 +1,4 @@
-"""Generated scalar Python functions for one-off evaluations: a few scalar operations cost less than one on arrays."""
+"""Generated scalar Python functions for one-off evaluations: a few scalar operations are cheaper than one on arrays."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from gearlib.program.derivative_plan import DerivativePlan, Sums
 from gearlib.program.program import Batch, Linear, Program
 from gearlib.program.text import expression, unsigned
 
-MOST = 1500  # numbers up to which a function is written out
+MOST = 1500  # numbers up to which a function is generated
 NAMES: dict[str, Any] = {name: getattr(math, name) for name in dir(math) if not name.startswith("_")}
 
 
 @memoised
 def constants(program: Program) -> Callable[[list[float]], list[float]] | None:
-    """Pivots and entries of the linear blocks as one function of the parameters; None where there are very many."""
+    """Pivots and entries of the linear blocks as one function of the parameters; None where there are too many."""
     blocks = [b for s in program.steps if isinstance(s, Linear) for b in s.matrix]
     return constants_function([*program.pivots, *blocks])
 
 
 def constants_function(batches: Sequence[Batch]) -> Callable[[list[float]], list[float]] | None:
-    """A function of the parameters that gives the values of batches without arguments; None where there are very many."""
+    """A function of the parameters that returns the values of batches without arguments; None where there are too many."""
     if sum(len(b) for b in batches) > MOST:
         return None
     items = [_text(batch, i) for batch in batches for i in range(len(batch))]
@@ -46,18 +46,18 @@ def _compiled(source: str) -> Callable[..., Any]:
     return function
 
 
-Term = tuple[int, str]  # sign, and a factor or a name; "" is one
+Term = tuple[int, str]  # sign, and a factor or a name; "" stands for one
 _NAME = re.compile(r"\bd\d+\b")
 
 
 def linear_function(program: Program, plan: DerivativePlan) -> Callable[[list[float], list[float]], Any] | None:
-    """The derivatives that a plan lists, for a linear program, written out.
+    """Generated function for the derivatives that a plan lists, for a linear program.
 
     Returns
     -------
     callable or None
-        ``f(parameters, solutions)`` gives the values; ``solutions`` are the numbers of all blocks' solutions one after the other.
-        None where writing it out would be too long.
+        ``f(parameters, solutions)`` returns the values; ``solutions`` are the concatenated solution matrices of all blocks. None where
+        the source would be too long.
     """
     sizes = [len(s.unknowns) * len(s.known) for s in program.steps if isinstance(s, Linear)]
     before = np.cumsum([0, *sizes]).tolist()
@@ -66,7 +66,7 @@ def linear_function(program: Program, plan: DerivativePlan) -> Callable[[list[fl
 
     def store(entry: int, products: list[tuple[Term, Term]]) -> None:
         (sign, factor), (other, name) = products[0]
-        if len(products) == 1 and not factor:  # plus or minus what has a name already
+        if len(products) == 1 and not factor:  # plus or minus something that already has a name
             terms[entry] = sign * other, name
         else:
             lines[f"d{entry}"] = " ".join(_product(*pair) for pair in products)
@@ -107,9 +107,9 @@ def linear_function(program: Program, plan: DerivativePlan) -> Callable[[list[fl
 
 
 def _products(sums: Sums) -> Iterator[list[tuple[Term, int]]]:
-    """Of each sum its factors, and the entries that they multiply."""
+    """Per sum, its factors and the entries that they multiply."""
     factors = [term for f in sums.factors for term in _factors(f)]
-    factors.append((1, ""))  # the one that -1 stands for
+    factors.append((1, ""))  # stands for the -1 of products without a factor
     ends = [*sums.starts.tolist(), len(sums.which)]
     pairs = [(factors[w], source) for w, source in zip(sums.which.tolist(), sums.sources.tolist(), strict=True)]
     for start, end in itertools.pairwise(ends):

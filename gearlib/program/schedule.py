@@ -13,11 +13,11 @@ from gearlib.errors import ModelError
 from gearlib.program.program import Batch, Linear, Newton, Step
 
 Integers = NDArray[np.int64]
-UNSEEN, WAITING = -1, -2  # of a step without a level: whether it waits for its arguments
+UNSEEN, WAITING = -1, -2  # states of a step without a level: not visited, or waiting for its arguments
 
 
 def schedule(batches: Sequence[Batch], others: Sequence[Linear | Newton], n_slots: int, n_known: int) -> tuple[Step, ...]:
-    """Levels: each step as early as its arguments allow; steps of one level and kernel form one batch."""
+    """Schedule each step as early as its arguments allow; steps of one level and kernel form one batch."""
     maker = np.full(n_slots, -1)
     kinds: list[tuple[int, int]] = []  # (batch, row) or (-1 - block, 0)
     arguments: list[list[int]] = []

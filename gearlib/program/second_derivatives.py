@@ -1,8 +1,8 @@
-"""Second derivatives of a program: how the derivatives that a plan lists change along directions of slots and parameters.
+"""Second derivatives of a program: directional derivatives of the derivatives that a plan lists.
 
-The plan of the first derivatives is carried out with dual numbers: every factor, entry and block has a value and a change. The change
-of a factor is the derivative of its own kernel; that of a block's entries, which solve M X + R = 0, solves M X' + R' + M' X = 0. So the
-state matrix of a linear model is differentiated with respect to a parameter without a difference.
+The plan of the first derivatives is evaluated in dual numbers: every factor, entry and block has a value and a directional derivative.
+For a factor that is the derivative of its kernel; for the entries of a block, which solve M X + R = 0, it solves M X' + R' + M' X = 0.
+So the state matrix of a linear model is differentiated with respect to a parameter without finite differences.
 
 References
 ----------
@@ -26,20 +26,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """How everything that a program reads and computes changes along some directions.
+    """Directional derivatives of everything that a program reads and computes.
 
     Attributes
     ----------
     slots : array, shape (slots, directions)
     parameters : array, shape (parameters, directions)
-        Of the whole parameter table.
+        For the whole parameter table.
     """
 
     slots: Floats
     parameters: Floats
 
     def of(self, batch: Batch, at: At) -> Floats:
-        """The change of a batch's values, shape (rows, directions)."""
+        """Directional derivatives of a batch's values, shape (rows, directions)."""
         found = np.zeros((len(batch), self.slots.shape[1]))
         with np.errstate(all="ignore"):
             for a in batch.active:
@@ -52,21 +52,21 @@ class Direction:
 
 
 def entry_changes(plan: DerivativePlan, at: At, along: Direction, weights: Floats | None = None) -> Floats:
-    """How the derivatives that a plan lists change along some directions, shape (derivatives, directions).
+    """Directional derivatives of the derivatives that a plan lists, shape (derivatives, directions).
 
     Parameters
     ----------
     plan : DerivativePlan
     at : At
-        One point.
+        At a single point.
     along : Direction
     weights : array, optional
-        As for `gearlib.program.derivatives.entries`; they do not change.
+        As for `gearlib.program.derivatives.entries`; held constant.
 
     Raises
     ------
     SolverError
-        Equations that determine unknowns together are singular there.
+        A block of equations is singular at this point.
     """
     numbers = all_entries(plan, at, weights)
     changes = np.zeros((plan.n_entries, along.slots.shape[1]))
@@ -93,7 +93,7 @@ def _sums_changed(sums: Sums, at: At, along: Direction, numbers: Floats, changes
 
 
 def _block_changed(step: Solved, at: At, along: Direction, numbers: Floats, changes: Floats) -> Floats:
-    """Changes of the entries of the unknowns that are needed, row after row."""
+    """Directional derivatives of the needed entries of a block's unknowns, row by row."""
     block, width, directions = step.step, step.width, changes.shape[1]
     n = len(block.unknowns)
     given = np.zeros(((len(block.known) if isinstance(block, Linear) and not step.implicit else n) * width, directions))

@@ -13,7 +13,7 @@ _TOKEN = re.compile(r"\b([xpr])(\d+)\b")
 def expression(
     batch: Batch, row: int, argument: Callable[[int], str], parameter: Callable[[int], str], flag: Callable[[int], str]
 ) -> str:
-    """The kernel's text with each placeholder replaced; ``row`` tells the signs."""
+    """The kernel's source with each placeholder replaced; ``row`` selects the signs."""
     text = unsigned(batch, row, argument, parameter, flag)
     return text if batch.signs[row] > 0 else f"-({text})"
 
@@ -21,7 +21,7 @@ def expression(
 def unsigned(
     batch: Batch, row: int, argument: Callable[[int], str], parameter: Callable[[int], str], flag: Callable[[int], str]
 ) -> str:
-    """The same without the sign of the whole."""
+    """The same without the overall sign."""
     kernel = batch.kernel
     position = {("x", c): a for a, c in enumerate(kernel.columns)}
     position |= {("p", c): a for a, c in enumerate(kernel.parameters)}
