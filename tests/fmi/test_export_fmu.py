@@ -209,6 +209,30 @@ def test_directional_derivatives_are_those_of_the_linear_model(
     np.testing.assert_allclose(found, A.T @ seed, rtol=1e-10, atol=1e-10 * np.abs(A).max())
 
 
+class Shrinking(gl.Component):
+    """A condition that compares a huge number before 0.5 s, and one of size one afterwards; it comes true at 0.7 s."""
+
+    x = gl.Variable("s", "clock")
+    late = gl.Discrete("after 0.5 s")
+    true = gl.Discrete("after 0.7 s")
+
+    def equations(self) -> list[Any]:
+        return [
+            gl.Eq(gl.der(self.x), 1.0),
+            gl.Eq(self.late, self.x > 0.5),
+            gl.Eq(self.true, 1e9 * (self.late - 1) + self.late * (self.x - 0.7) > 0),
+        ]
+
+
+def test_an_event_function_that_becomes_smaller_at_an_event_is_located_as_sharply_as_one_that_was_small(tmp_path: Path) -> None:
+    """The hysteresis goes by the size of the function since the last event, not by its size before."""
+    system = gl.compile(Shrinking(), outputs=["true"])
+    fmu = Exported(system, system.export_fmu(tmp_path / "shrinking.fmu"))
+    found = fmu.simulate("ModelExchange", 1.0, 11, output=["true"])
+    assert found["true"][-1] == 1.0
+    assert fmu.events == pytest.approx([0.5, 0.7], abs=1e-6)
+
+
 def test_inputs_follow_slopes_in_fmi_2(tmp_path: Path) -> None:
     """A torque that rises by 5 N.m/s on 2 kg.m2: the speed is 1.25 t^2 only if the input moves within the steps."""
     from fmpy.fmi2 import FMU2Slave

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #define INDEX ((int64_t *)model.index)
-#define HYSTERESIS 1e-10 /* of the largest value of an event function: how far it must cross zero */
+#define HYSTERESIS 1e-10 /* of the largest value of an event function since the last event: how far it must cross zero */
 #define SMALLEST 1e-6    /* what that largest value is taken for at least */
 
 /* ------------------------------------------------------------ memory */
@@ -423,7 +423,7 @@ int handle_events(Instance *m, int *states_changed, double *next) {
     for (int64_t i = 0; i < model.n_indicators; i++) {
         int told = m->fired[i] == 2 || m->fired[i] == -2;
         m->side[i] = told ? m->fired[i] / 2 : (m->g[i] > 0.0) - (m->g[i] < 0.0);
-        if (fabs(m->g[i]) > m->scale[i]) m->scale[i] = fabs(m->g[i]);
+        m->scale[i] = fabs(m->g[i]); /* it may be another function from here on, and much smaller than the one before */
     }
     next_time(m->t, m->x, next, m->data, INDEX);
     m->next_event = *next;
