@@ -212,10 +212,8 @@ def derivative_plan(
     )
 
 
-Places = tuple[
-    int, int, int, tuple[bool, bool, bool]
-]  # offsets behind the slots: the first parameter, the first entry of the discrete state,
-# time; and the places at which seeds enter
+# Offsets behind the slots: the first parameter, the first entry of the discrete state, time; and at which of these seeds enter.
+Places = tuple[int, int, int, tuple[bool, bool, bool]]
 
 
 def _places(program: Program, slots: Sequence[int]) -> Places:

@@ -1,9 +1,9 @@
 """Solution branches of nonlinear algebraic equations, tracked along a run independently of the samples.
 
-sin(b - a) = 0.3 sin(b) has many solutions b for one a. The run follows one of them from its start on; what is computed after the run
-must take the same. So the equations are solved along the run, at times that have nothing to do with the samples, in steps that are
-halved until value and slope at both ends agree: the slope, taken over a tiny interval, would show another branch, or turns left out.
-At events the unknowns may jump; each event is stepped to from just before it. The samples start from what lies between two steps.
+sin(b - a) = 0.3 sin(b) has many solutions b for one a. The run follows one of them from its start; what is computed after the run must
+be on the same branch. So the equations are solved along the run, at times independent of the samples, in steps that are halved until
+the values and slopes at both ends agree: the slope, taken over a tiny interval, reveals a jump to another branch or a lost turn. At
+events the unknowns may jump; each event is approached to just before it. Iterations for the samples start from interpolated values.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Floats = NDArray[np.float64]
 Path = Callable[[Floats], tuple[Floats, Floats, Floats]]  # times -> states, inputs, modes, each (number, times)
 Settle = Callable[[Floats, Floats, Floats, Floats, Floats | None], Floats]  # times, states, inputs, modes, guess -> modes
 
-POINTS, LONGEST = 2048, 32  # places to step to, and how many of them one step may pass
-SLOPE = 1 / 64  # of the distance between two places: the interval over which a slope is taken
-AGREE, SMALL = 0.02, 0.001  # of a step's length and of the range so far: how exactly value and slopes must agree
-BETWEEN, NARROWEST = 16, 1e-10  # places put into an interval in which a step fails; of the run, below which it is a jump
-BEFORE = 1e-12  # of the largest time: how far before an event the place on its other side lies
+POINTS, LONGEST = 2048, 32  # number of candidate step ends, and how many of them one step may pass
+SLOPE = 1 / 64  # of the distance between two candidates: the interval over which a slope is taken
+AGREE, SMALL = 0.02, 0.001  # of a step's length and of the range so far: agreement required of values and slopes
+BETWEEN, NARROWEST = 16, 1e-10  # points inserted where a step fails; fraction of the run below which that is a jump
+BEFORE = 1e-12  # of the largest time: distance of the point just before an event
 MOST_EVENTS = 2000
 
 
@@ -40,7 +40,7 @@ class Branch:
     slopes: Floats
 
     def guess(self, nodes: Sequence[Node], times: Floats) -> Floats:
-        """Values between the steps, cubic, (nodes, times)."""
+        """Values between the steps by cubic interpolation, (nodes, times)."""
         columns = [self.nodes.index(node) for node in nodes]
         i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, max(len(self.times) - 2, 0))
         values, slopes = self.values[:, columns], self.slopes[:, columns]
@@ -61,32 +61,32 @@ class Branch:
 def follow(
     prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None = None
 ) -> Branch:
-    """Follow the unknowns of a program's nonlinear blocks from the start of a run on.
+    """Track the unknowns of a program's nonlinear blocks from the start of a run.
 
     Parameters
     ----------
     prepared : Prepared
     path : callable
-        The run at any times.
+        The run's trajectory at any times.
     begin, end : float
-        Of the run (s).
+        Interval of the run (s).
     events : array
         Times of events.
     guess : array, shape (slots,)
-        Where the iterations start at the beginning.
+        Start of the iterations at the beginning.
     settle : callable, optional
-        Finds the modes that the path does not know, which depend on the unknowns.
+        Finds the modes that are not part of the path since they depend on the unknowns.
 
     Raises
     ------
     SolverError
-        The equations have no solution somewhere.
+        The equations have no solution at some time.
     """
     return _Walk(prepared, path, begin, end, events, guess, settle).whole()
 
 
 class _Walk:
-    """The places along a run, what is known there, and how far the unknowns have been followed."""
+    """Candidate points along a run, what is known there, and how far the unknowns have been tracked."""
 
     def __init__(
         self, prepared: Prepared, path: Path, begin: float, end: float, events: Floats, guess: Floats, settle: Settle | None
@@ -106,7 +106,7 @@ class _Walk:
         self._look(self.places, self.span / POINTS, end)
 
     def _look(self, places: Floats, apart: float, end: float) -> None:
-        """Find the run's states at some places, and near them for slopes."""
+        """Evaluate the trajectory at some points, and beside them for slopes."""
         near = np.where(places + SLOPE * apart <= end, places + SLOPE * apart, places - SLOPE * apart)
         self.delta |= dict(zip(places.tolist(), near.tolist(), strict=True))
         times = np.unique(np.concatenate([places, near]))
@@ -159,7 +159,7 @@ class _Walk:
         return Branch(self.nodes, np.array(times), np.array(values), np.array(slopes))
 
     def _reach(self, i: int, stride: int) -> int:
-        """The place to step to: no further than just before the next event."""
+        """Index of the point to step to: at most just before the next event."""
         for j in range(i + 1, min(i + stride, len(self.places) - 1)):
             if float(self.places[j + 1]) in self.jumps:
                 return j
@@ -168,7 +168,7 @@ class _Walk:
     def _step(
         self, t: float, z: Floats, slope: Floats, end: float, middle: float, covered: Floats, jump: bool
     ) -> tuple[Floats, Floats] | None:
-        """Value and slope at the end of a step, None where they do not agree with those at its beginning, or in its middle."""
+        """Value and slope at the end of a step; None if they disagree with those at its beginning or midpoint."""
         h = end - t
         try:
             later = self._solve(end, z if jump else z + h * slope)

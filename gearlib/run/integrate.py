@@ -1,4 +1,4 @@
-"""`integrate`: a run with a method."""
+"""`integrate`: integrate a run with a method."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from gearlib.solvers.problem import Solution
 
 
 def integrate(run: Run, method: Integrates) -> Solution:
-    """Integrate with a method.
+    """Integrate a run with a method, after checking that the method fits.
 
     Raises
     ------
     ArgumentError
-        A method that cannot do this scene.
+        The method cannot integrate this scene.
     SolverError
         The integration failed.
     """

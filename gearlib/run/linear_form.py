@@ -25,17 +25,17 @@ from gearlib.solvers.problem import LinearForm
 
 Floats = NDArray[np.float64]
 TIME: Any = sympy.Symbol("time", real=True)
-MOST_WRITTEN = 60  # states up to which the matrices' entries are written out as scalar operations
+MOST_WRITTEN = 60  # states up to which the matrix entries are computed by generated scalar code
 
 
 @dataclass(eq=False)
 class _Plan:
-    """What the linear form of a scene needs that does not depend on numbers, and the inputs that were recognised last."""
+    """The parts of a scene's linear form that do not depend on numbers, and the inputs recognised last."""
 
     seeds: list[tuple[Batch, int]]
     added: list[int]
-    derivatives: DerivativePlan  # of the rates with respect to states, inputs, and terms added to slots
-    written: Any  # a function that gives them quickly, or None
+    derivatives: DerivativePlan  # of the rates with respect to states, inputs, and perturbations of slots
+    written: Any  # generated function for these, or None
     slots: NDArray[np.int64]  # parameters in the driving expressions
     last: tuple[Any, ...] = ()  # key, expressions
     form: tuple[Any, ...] = ()  # numbers, key, the linear form
@@ -79,7 +79,7 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
         return "an input is a table of cubics"
     plan = _plan(scene)
     key = (numbers.parameters[plan.slots].tobytes(), tuple(s if not callable(s) else id(s) for s in signals))
-    known, last = plan.form, plan.last  # other threads may put others in their places meanwhile
+    known, last = plan.form, plan.last  # other threads may replace them meanwhile
     if known and known[0]() is numbers and known[1] == key:
         found: LinearForm = known[2]
         return found
@@ -92,7 +92,7 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
 
 
 def _drives(scene: Scene, numbers: Numbers, signals: Sequence[Any], plan: _Plan) -> tuple[tuple[Any, ...], Floats]:
-    """The inputs as expressions, and how much of each goes into the scene's inputs and the terms added to slots."""
+    """The driving terms as expressions, and the weights with which each enters inputs and slots."""
     m = len(scene.program.inputs)
     expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
     constant = [k for k, e in enumerate(expressions) if e.is_number]
@@ -129,7 +129,7 @@ def _matrices(scene: Scene, numbers: Numbers, plan: _Plan, mix: Floats) -> tuple
 
 
 def _sparse(values: Floats, plan: DerivativePlan, n: int, mix: Floats) -> tuple[Any, Floats]:
-    """A, sparse, and B from the entries of a plan."""
+    """A (sparse) and B from the entries of a plan."""
     from scipy.sparse import csr_array
 
     inner = plan.seeds < n
@@ -156,13 +156,13 @@ def not_finite(scene: Scene, numbers: Numbers) -> SingularError:
 
 
 def affine_seeds(program: Program) -> list[tuple[Batch, int]]:
-    """Rows of batches whose value does not vanish with all their arguments: what drives a linear program."""
+    """Rows of batches that are not homogeneous: the driving terms of a linear program."""
     driving = [step for step in program.steps if isinstance(step, Batch) and not rest_of(step.kernel).is_zero]
     return [(step, i) for step in driving for i in range(len(step))]
 
 
 def driving_expression(scene: Scene, batch: Batch, row: int, parameters: Floats) -> Any:
-    """What a batch's row adds of its own, as an expression of time with numbers."""
+    """The inhomogeneous term of a batch's row, as an expression of time with numbers."""
     kernel, template = batch.kernel, batch.kernel.template
     g, i = scene.structure.rows[int(batch.equations[row])]
     group = scene.model.groups[g]

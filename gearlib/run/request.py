@@ -19,13 +19,13 @@ from gearlib.run.tangents.directions import TangentDirections
 
 Floats = NDArray[np.float64]
 INCREASING = "an increasing sequence of finite numbers, s"
-SHORTEST, LONGEST = 1e-200, 1e200  # s; squares of other steps are no numbers
-SMALL = 1e8  # bytes of results that fit anywhere
+SHORTEST, LONGEST = 1e-200, 1e200  # s; steps outside would overflow or underflow when squared
+SMALL = 1e8  # bytes of results that always fit into memory
 
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked of a run."""
+    """Validated arguments of a run."""
 
     t_start: float
     times: Floats
@@ -33,19 +33,19 @@ class Request:
     rtol: float
     atol: ArrayLike | None
     parameters: Floats
-    start: Any  # a mapping, 'steady', a result, or a result and a time
+    start: Any  # a mapping, "steady", a result, or a result and a time
     signals: tuple[Any, ...]
     progress: bool
     max_step: float | None
-    zero_inputs: tuple[str, ...] = ()  # that nobody gave
+    zero_inputs: tuple[str, ...] = ()  # inputs that were not given
     form: str = "ode"
     backend: str = "native"
-    directions: TangentDirections | None = None  # that the run is differentiated in
-    pieces: Any = None  # of a run with sampled controllers that is done again: what these gave
+    directions: TangentDirections | None = None  # directions of differentiation
+    pieces: Any = None  # of a repeated run with sampled controllers: the recorded controller outputs
 
 
 def output_times(t_start: float, t_end: float, samples: int | None, times: ArrayLike | None, states: int = 0) -> Floats:
-    """The output times, or an `ArgumentError` that says what is wrong with what was asked for; ``states`` are kept at each."""
+    """The output times; raises `ArgumentError` for impossible ones. ``states`` values are stored at each."""
     if not t_end > t_start:
         raise ArgumentError(f"t_end ({t_end:g}) must be greater than t_start ({t_start:g})")
     if not SHORTEST <= t_end - t_start <= LONGEST:
@@ -76,7 +76,7 @@ def output_times(t_start: float, t_end: float, samples: int | None, times: Array
 
 
 def _memory() -> float:
-    """Bytes of the machine's memory, where the system tells."""
+    """Bytes of physical memory, if the system tells."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE")) * float(os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, ValueError, OSError):
@@ -85,7 +85,7 @@ def _memory() -> float:
 
 @lru_cache(maxsize=4)
 def _check_times(grid: bytes, t_start: float, t_end: float) -> None:
-    """Raise `ArgumentError` for times that cannot be; other parameters come with the same times."""
+    """Raise `ArgumentError` for impossible times; other parameters come with the same times."""
     times = np.frombuffer(grid)
     if not np.isfinite(times).all() or (np.diff(times) <= 0).any():
         raise ArgumentError(f"times is {shown(times)}; expected {INCREASING}")
@@ -94,7 +94,7 @@ def _check_times(grid: bytes, t_start: float, t_end: float) -> None:
 
 
 def check_options(method: str | Method, rtol: float, max_step: float | None) -> None:
-    """Raise `ArgumentError` for an unknown method, a tolerance or a step out of range."""
+    """Raise `ArgumentError` for an unknown method, or a tolerance or step out of range."""
     if max_step is not None and not real("max_step", max_step, "a positive number of seconds, or None") >= SHORTEST:
         raise ArgumentError(f"max_step is {shown(max_step)}; expected a positive number of seconds, or None")
     method_of(method)
@@ -103,7 +103,7 @@ def check_options(method: str | Method, rtol: float, max_step: float | None) -> 
 
 
 def check_form(method: str | Method, form: str, backend: str) -> None:
-    """Raise `ArgumentError` for an unknown form of the equations or backend of IDA, or one that the method does not take."""
+    """Raise `ArgumentError` for an unknown form of the equations or IDA backend, or one that the method does not take."""
     for name, given, known in (("form", form, FORMS), ("backend", backend, BACKENDS)):
         if not isinstance(given, str) or given not in known:
             advice = nearest(given, known) if isinstance(given, str) else f"Valid names: {', '.join(known)}"
@@ -115,7 +115,7 @@ def check_form(method: str | Method, form: str, backend: str) -> None:
 
 
 def absolute_tolerance(atol: ArrayLike | None, n: int) -> Floats | None:
-    """One absolute tolerance for each state, or None where none was given."""
+    """One absolute tolerance per state, or None if none was given."""
     if atol is None:
         return None
     expected = f"positive numbers: one, or one for each of the {n} states"

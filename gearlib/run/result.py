@@ -1,4 +1,4 @@
-"""`Result`: the outcome of a run. Variables that were not integrated are computed from the states when they are asked for."""
+"""`Result`: the outcome of a run. Variables that were not integrated are computed from the states on demand."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 MOST_SHOWN = 30  # outputs in a notebook
-ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the parts of a run
+ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the segments of a run
 
 
 class Statistics(dict[str, Any]):
-    """What the solver did; ``["energy_residual"]``, which costs several runs, is there as soon as it is read."""
+    """Solver statistics; ``["energy_residual"]``, which costs several runs, is computed on first access."""
 
     check_energy: Callable[[], None] | None = None
 
@@ -56,10 +56,10 @@ class Statistics(dict[str, Any]):
 class Result(ABC):
     """Time histories of one run.
 
-    ``result["load.w"]`` is the history of a variable, ``result["der(load.w)"]`` that of its derivative, ``result.time`` the
-    instants, ``result.stats`` what the solver did, ``result.events`` when and where there were events. Everything that the model
-    holds can be asked for; what the run did not need is computed then, and an absolute angle that was not integrated is integrated
-    then. A result that was read from a file has what was saved.
+    ``result["load.w"]`` is the history of a variable, ``result["der(load.w)"]`` that of its derivative, ``result.time`` the sample
+    times, ``result.stats`` the solver statistics, ``result.events`` when and where events occurred. Every variable of the model is
+    available: what the run did not need is computed on demand, including absolute angles that were not integrated. A result read from a
+    file has the variables that were saved.
     """
 
     time: Floats
@@ -68,7 +68,7 @@ class Result(ABC):
 
     @abstractmethod
     def __getitem__(self, name: str) -> Floats:
-        """The history of a variable."""
+        """History of a variable."""
 
     @abstractmethod
     def __iter__(self) -> Iterator[str]:
@@ -84,15 +84,14 @@ class Result(ABC):
 
     @abstractmethod
     def at(self, t: float) -> dict[str, float]:
-        """Values of the outputs at a time, s; `final` are those at the end.
+        """Values of the outputs at a time (s); `final` gives those at the end.
 
-        A run is done again up to a time that is none of its samples; between the samples of a file values are joined by straight
-        lines.
+        For a time between samples the run is repeated up to it; a result read from a file is interpolated linearly.
 
         Raises
         ------
         ArgumentError
-            The run does not go to that time.
+            The time lies outside the run.
 
         Examples
         --------
@@ -108,13 +107,13 @@ class Result(ABC):
 
     @abstractmethod
     def record(self, names: Sequence[str] | None = None) -> Record:
-        """The histories of some variables and what made them, as files hold them (see `save`)."""
+        """Histories of some variables with their provenance, in the layout of result files (see `save`)."""
 
     @abstractmethod
     def energy_balance(self) -> EnergyBalance:
-        """Work put in, energy stored and heat of every component, over time, and the residual; printed, it is a table.
+        """Work put in, energy stored and heat of every component over time, with the residual; prints as a table.
 
-        The run is done again, with as many samples as the integrals of the powers need; a run that is not asked has no part of it.
+        The run is repeated with as many samples as the quadrature of the powers needs; runs pay nothing for it otherwise.
 
         Examples
         --------
@@ -133,16 +132,16 @@ class Result(ABC):
 
     @abstractmethod
     def sensitivity(self, name: str, parameter: str) -> Floats:
-        """How a variable changes with a parameter or a start value, at each sample.
+        """Sensitivity of a variable to a parameter or start value, at each sample.
 
-        The times of the samples are the same; the times of events change with the parameter.
+        The derivative is taken at fixed sample times; event times move with the parameter.
 
         Parameters
         ----------
         name : str
-            A variable, or a derivative.
+            Path of a variable, or ``"der(...)"`` of one.
         parameter : str
-            One of those that the run was asked for: ``simulate(sensitivities=[...])``.
+            One of those requested by ``simulate(sensitivities=[...])``.
 
         Returns
         -------
@@ -152,11 +151,11 @@ class Result(ABC):
         Raises
         ------
         NameLookupError, ArgumentError
-            No such variable, a discrete variable, or a parameter that the run was not asked for.
+            Unknown variable, a discrete variable, or a parameter that was not requested.
 
         Examples
         --------
-        A body that a torque speeds up: w = tau t / J.
+        A body accelerated by a torque: w = tau t / J.
 
         >>> import gearlib as gl, gearparts as gp
         >>> class Drive(gl.Component):
@@ -185,22 +184,22 @@ class Result(ABC):
         return self.at(float(self.time[-1]))
 
     def save(self, path: str | os.PathLike[str], names: Sequence[str] | None = None) -> None:
-        """Write histories to a file, with their units and with what made them: model, parameters, method, versions.
+        """Write histories to a file, with units and provenance: model, parameters, method, versions.
 
         Parameters
         ----------
         path : path
-            Its suffix says the format: ``.mat`` (Dymola's and OpenModelica's), ``.csv``, ``.nc`` (netCDF), ``.zarr``, ``.parquet``.
-            A file that is there is replaced when all is written.
+            The suffix selects the format: ``.mat`` (Dymola and OpenModelica), ``.csv``, ``.nc`` (netCDF), ``.zarr``, ``.parquet``. An
+            existing file is replaced atomically.
         names : sequence of str, optional
-            Variables. By default the outputs that the system was compiled with, or everything where it was compiled without.
+            Paths of variables. By default the outputs that the system was compiled with, or everything if it was compiled without.
 
         Raises
         ------
         FileError
-            The file cannot be written there.
+            The file cannot be written.
         ArgumentError, NameLookupError, MissingPackageError
-            No such format, no such variable, or a package for it that is not installed.
+            Unknown format or variable, or a package that the format needs is not installed.
 
         Examples
         --------
@@ -235,7 +234,7 @@ class Result(ABC):
         self, *names: str, units: Mapping[str, str] | None = None, other: Result | Mapping[str, Result] | None = None,
         events: bool = True, axes: Any = None,
     ) -> Any:  # fmt: skip
-        """Plot variables over time with matplotlib, those of one unit into one diagram; returns the axes.
+        """Plot variables over time with matplotlib, one diagram per unit; returns the axes.
 
         Parameters
         ----------
@@ -244,15 +243,15 @@ class Result(ABC):
         units : mapping of str to str, optional
             Units to show, by variable or by SI unit, such as ``{"m": "µm", "N": "kN", "s": "ms"}``.
         other : Result or mapping of str to Result, optional
-            Runs to compare, by the names they have in the legend; dashed.
+            Runs to compare, keyed by their name in the legend; drawn dashed.
         events : bool
-            Whether the times of events are marked.
+            Whether to mark the times of events.
         axes : matplotlib Axes, optional
-            To draw into: one, or one for each unit.
+            Axes to draw into: one, or one per unit.
 
         Returns
         -------
-        matplotlib Axes, or an array of them where there are several units.
+        An array if there are several units.
         """
         from gearlib.drawing.histories import plot_histories
 
@@ -279,8 +278,8 @@ class Result(ABC):
         x, y : str
             Variables, such as a deflection and its force, or ``"mesh.q"`` and ``"der(mesh.q)"``.
         period : float, optional
-            Of the excitation, s: the last period is drawn strongly, the state at whole periods before the end is marked (the
-            Poincaré section), and the work of the last period of a path and its force is named.
+            Of the excitation, s: the last period is drawn bold, the states at whole periods before the end are marked (the Poincaré
+            section), and the work per period is stated where x and y are a path and its force.
         units : mapping of str to str, optional
             As for `plot`.
         axes : matplotlib Axes, optional
@@ -296,15 +295,15 @@ class Result(ABC):
         self, name: str, *, window: str = "hann", t_start: float | None = None, f_max: float | None = None,
         units: Mapping[str, str] | None = None, axes: Any = None,
     ) -> Any:  # fmt: skip
-        """Plot the amplitudes of a variable over frequency; returns the axes.
+        """Plot the amplitude spectrum of a variable; returns the axes.
 
         Parameters
         ----------
         name : str
         window : {"hann", "flattop", "blackman", "rectangular"}
-            Flattop shows amplitudes right wherever their frequencies lie, hann tells close frequencies apart.
+            Flattop shows amplitudes accurately wherever their frequencies lie, Hann separates close frequencies.
         t_start : float, optional
-            What is before, such as the transient, is left out, s.
+            Start of the analysed interval (s), to leave out the transient.
         f_max : float, optional
             Highest frequency shown, Hz.
         units : mapping of str to str, optional
@@ -319,13 +318,13 @@ class Result(ABC):
         return plot_spectrum(history, shown, window=window, t_start=t_start, f_max=f_max, axes=axes)
 
     def history(self, name: str, run: str = "") -> History:
-        """A variable over time with its unit, as plots take it; ``run`` is a name for this run."""
+        """A variable over time with its unit, as plots take it; ``run`` labels this run."""
         from gearlib.drawing.histories import History
 
         return History(name, self.unit(name), self.time, self[name], run)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a line for each output."""
+        """Notebook representation: one line per output."""
         rows = []
         for name in self.keys()[:MOST_SHOWN]:
             history = self[name]
@@ -339,9 +338,9 @@ class Result(ABC):
 
 
 class SimulatedResult(Result):
-    """The result of a run in this process: what the run did not need is computed when it is asked for.
+    """Result of a run in this process; what the run did not need is computed on demand.
 
-    ``result.translation`` and ``result.request`` say which model was asked what.
+    ``result.translation`` and ``result.request`` hold the model and the request.
     """
 
     def __init__(
@@ -405,7 +404,7 @@ class SimulatedResult(Result):
         return sign * self._tangents_of(node)[:, asked.place[parameter]]
 
     def _tangents_of(self, node: Node) -> Floats:
-        """Tangents of a variable of the flat equations, or of a derivative of one, shape (samples, directions)."""
+        """Tangents of a flat-model variable or its derivative, shape (samples, directions)."""
         missing = self.scene.missing(node)
         if missing:
             return self._extend(missing)._tangents_of(node)
@@ -426,7 +425,7 @@ class SimulatedResult(Result):
         name, model = one_name("name", name, "load.w"), self.scene.model
         if name in model.discretes.names:
             return "", ""
-        self.scene.named(name)  # a wrong name is refused, with those that are near
+        self.scene.named(name)  # raises for a wrong name, suggesting similar ones
         base, order = model.column(name)
         declared = model.declaration(model.variable(base))
         return (
@@ -458,7 +457,7 @@ class SimulatedResult(Result):
         )  # fmt: skip
 
     def _computable(self, names: Iterable[str]) -> list[str]:
-        """What of some variables the model's equations give, and the discrete variables that the run kept."""
+        """Those of some variables that the model's equations determine, and the recorded discrete variables."""
         kept = []
         for name in [*names, *self.scene.model.discretes.names]:
             with suppress(NameLookupError):
@@ -470,7 +469,7 @@ class SimulatedResult(Result):
         return list(dict.fromkeys(kept))
 
     def _gathered(self, names: Sequence[str]) -> tuple[Floats, list[tuple[int, int]]]:
-        """Distinct histories as columns, and for each name its column and sign; all computed together."""
+        """Distinct histories as columns, and per name its column and sign; all computed together."""
         discretes = set(self.scene.model.discretes.names)
         found = {name: self.scene.named(name) for name in names if name not in discretes}
         self._compute_together([node for node, sign in found.values() if sign])
@@ -487,7 +486,7 @@ class SimulatedResult(Result):
         return np.column_stack([np.empty((len(self.time), 0)), *histories]), places
 
     def _compute_together(self, nodes: Sequence[Node]) -> None:
-        """Prepare to compute some variables at once, and the run with the states that they need as well."""
+        """Prepare to compute some variables together, extending the run by the states that they need."""
         missing = {state for node in nodes for state in self.scene.missing(node)}
         if missing:
             self._extend(missing)
@@ -497,7 +496,7 @@ class SimulatedResult(Result):
             self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
 
     def _extend(self, missing: Iterable[Node]) -> SimulatedResult:
-        """The run with more states, done again where it has not been yet."""
+        """The run with additional states; integrated again unless that has been done."""
         if self._extended is None or any(s not in self._extended.scene.place_of for s in missing):
             more = () if self._extended is None else self._extended.scene.states
             self._extended = self._again(tuple(sorted({*self.scene.states, *more, *missing})))
@@ -511,46 +510,46 @@ class SimulatedResult(Result):
         return np.column_stack([self.history_of(node) for node in self.scene.states])
 
     def _again(self, states: tuple[Node, ...], times: Floats | None = None) -> SimulatedResult:
-        """The same run with other states, or other times."""
+        """The same run with other states or other sample times."""
         asked = self.request
         atol = asked.atol if states == self.translation.scene.states or np.ndim(asked.atol) == 0 else None  # type: ignore[arg-type]
         asked = replace(asked, times=asked.times if times is None else times, atol=atol)
         return self._run(self.translation, asked, self.translation.with_states(states))
 
     def with_sample(self, t: float) -> SimulatedResult:
-        """The run itself if a moment is one of its samples, else the run up to that moment, done again."""
+        """The run itself if a time is one of its samples, else the run repeated up to it."""
         if t in self.time:
             return self
         return self._again(self.scene.states, np.append(self.time[self.time < t], t))
 
     def moment(self, scene: Scene, t: float) -> Start:
-        """What a run of a scene starts from that goes on from here at a time."""
+        """Start values for a scene whose run continues from this one at a time."""
         if t not in self.time:
             return self.with_sample(t).moment(scene, t)
         sample, part = int(np.searchsorted(self.time, t)), self.segment_at(t)
         states = np.array([self.history_of(node)[sample] for node in scene.states], float)
         guess = part.guess.copy()
-        if scene.program.iterated:  # on the branch on which the run was
+        if scene.program.iterated:  # on the solution branch of this run
             for v in scene.program.undifferentiated[0].tolist():
                 guess[v] = self.history_of((v, 0))[sample]
         return Start(states, guess, (), part.modes_at(scene.program, t) if scene.n_modes else None)
 
     def _finer(self, times: Floats) -> Segment:
-        """The run at other times: it is done again to its end, with the same steps."""
+        """The run with other samples: integrated again to its end, with the same steps."""
         part: Segment = self._again(self.scene.states, np.union1d(times, self.time[-1:]))._segments[0]
         return part
 
     def segment_at(self, t: float) -> Segment:
-        """The part of the run that a time lies in."""
+        """The segment that contains a time."""
         return next(part for part in reversed(self._segments) if part.time[0] <= t)
 
     def _joined(self, histories: Iterable[Floats]) -> Floats:
-        """One history of the parts'; each later part begins at the end of the one before."""
+        """Histories of the segments joined into one; each later segment begins at the end of the one before."""
         first, *later = histories
         return np.concatenate([first, *(history[1:] for history in later)]) if later else first
 
     def history_of(self, node: Node) -> Floats:
-        """Of a variable of the flat equations, or of a derivative of one."""
+        """History of a flat-model variable or its derivative."""
         if node not in self._known:
             missing = self.scene.missing(node)
             if not missing and len(self._segments) == 1:
@@ -574,7 +573,7 @@ class SimulatedResult(Result):
         return self._energy_balance
 
     def check_energy(self) -> None:
-        """Put the residual into ``stats``, and warn where it exceeds what the tolerance of the run explains."""
+        """Store the residual in ``stats``, and warn if it exceeds what the run's tolerance explains."""
         from gearlib.run.energy.audit import explained
 
         found = self.energy_balance()
@@ -600,7 +599,7 @@ def _restored(
     translation: Translation, request: Request, run: Callable[..., SimulatedResult], parts: Sequence[tuple[Any, ...]],
     stats: dict[str, Any], events: list[Any],
 ) -> SimulatedResult:  # fmt: skip
-    """A result that comes from another process."""
+    """Unpickle a result from another process."""
     made = [(Segment(translation.with_states(states), *rest), stats, ()) for states, *rest in parts]
     result = SimulatedResult(made, translation, request, run)
     result.stats.update(stats)

@@ -1,4 +1,4 @@
-"""`Scene`: a reduced model and the states that a run integrates; programs and native code are made when first needed."""
+"""`Scene`: a reduced model with the states that a run integrates; programs and native code are made on first use."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Integers = NDArray[np.int64]
 
 
 def node_name(model: FlatModel, node: Node) -> str:
-    """The path of a variable, or "der(path)" of its derivative."""
+    """Path of a variable, or ``"der(path)"`` for its derivative."""
     return "der(" * node[1] + model.name(node[0]) + ")" * node[1]
 
 
@@ -45,17 +45,17 @@ class Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The states that are integrated and the outputs asked for, with programs and native code.
+    """Integrated states and requested outputs, with programs and native code.
 
     Attributes
     ----------
     structure : Structure
     states : tuple of nodes
-        In the order in which they are integrated.
+        In integration order.
     wanted : tuple of int
         Discrete variables that are outputs.
     outputs : tuple of nodes
-        Outputs that are no states: they are computed together.
+        Outputs that are not states; they are computed together.
     """
 
     structure: Structure
@@ -80,16 +80,16 @@ class Scene:
 
     @cached_property
     def jacobian(self) -> DerivativePlan:
-        """How the derivatives of the rates with respect to the states come about."""
+        """Derivative plan of the rates with respect to the states."""
         return state_plan(self.program)
 
     @cached_property
     def place_of(self) -> dict[Node, int]:
-        """Where each state stands."""
+        """Index of each state."""
         return {node: i for i, node in enumerate(self.states)}
 
     def named(self, name: str) -> tuple[Node, int]:
-        """The node that a name stands for, and its sign (0: always zero).
+        """The node that a name stands for, and its sign (0: identically zero).
 
         Raises
         ------
@@ -101,13 +101,13 @@ class Scene:
         return self._named[name]
 
     def missing(self, node: Node) -> tuple[Node, ...]:
-        """States that must be integrated too to know a variable."""
+        """Additional states that must be integrated to compute a variable."""
         if node not in self._missing:
             self._missing[node] = tuple(s for s in needed_states(self.structure, [node]) if s not in self.place_of)
         return self._missing[node]
 
     def computing(self, node: Node) -> Program:
-        """Computes a variable from the states; cached for the next run."""
+        """Program that computes a variable from the states; cached."""
         if node not in self._computing:
             together = self.outputs if node in self.outputs else (node,)
             program = build(self.structure, together, self.states, dynamic=False)
@@ -115,14 +115,14 @@ class Scene:
         return self._computing[node]
 
     def compute_together(self, nodes: Iterable[Node]) -> None:
-        """Let some variables be computed by one program, as soon as one of them is asked for."""
+        """Compute some variables by one program, as soon as one of them is requested."""
         new = [n for n in dict.fromkeys(nodes) if n not in self._computing and n not in self.outputs and n not in self.place_of]
         if new:
             self._computing.update(dict.fromkeys(new, build(self.structure, new, self.states, dynamic=False)))
 
     @cached_property
     def iterated(self) -> tuple[int, ...]:
-        """Variables that the run finds by iteration."""
+        """Variables that the run solves by iteration."""
         unknowns = {slot for step in self.program.iterated for slot in step.unknowns.tolist()}
         return tuple(v for (v, k), slot in self.program.slots.items() if k == 0 and slot in unknowns)
 
@@ -132,7 +132,7 @@ class Scene:
 
     @cached_property
     def relations(self) -> Relations | None:
-        """What changes at events, if anything does."""
+        """Update rules of the discrete state, if there is one."""
         if not self.n_modes:
             return None
         found = relations_of(self.structure, self.program, self.wanted)
@@ -140,7 +140,7 @@ class Scene:
 
     @cached_property
     def time_switches(self) -> TimeSwitches:
-        """When conditions in time switch."""
+        """Switching times of conditions on time."""
         return time_switches(self.relations)
 
     @cached_property
@@ -164,11 +164,11 @@ class Scene:
 
     @cached_property
     def native_with_jacobian(self) -> NativeScene:
-        """Compiled functions with one."""
+        """Compiled functions with a Jacobian."""
         return self.compiled(True)
 
     def compiled(self, jacobian: bool, tangents: DerivativePlan | None = None) -> NativeScene:
-        """Compiled functions, with a Jacobian or not; with a right-hand side that goes on with the tangents of a plan."""
+        """Compiled functions with or without a Jacobian, and with a right-hand side extended by the tangents of a plan."""
         return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model.parameters.names,
                              self.model.n_relations, len(self.model.discretes),
                              self.jacobian if jacobian else None, tangents)  # fmt: skip
@@ -185,7 +185,7 @@ class Scene:
 
     @cached_property
     def relation_names(self) -> dict[int, str]:
-        """Component and equation of each relation that is used."""
+        """Component and equation of each relation in use."""
         return relation_names(self.structure, self.relations)
 
     @cached_property
@@ -194,33 +194,33 @@ class Scene:
 
     @cached_property
     def everything(self) -> tuple[Integers, Integers]:
-        """Variable and order of every state of the structure."""
+        """Variable and derivative order of every state of the structure."""
         table = np.array(self.structure.states, np.int64).reshape(-1, 2)
         return table[:, 0], table[:, 1]
 
     @cached_property
     def places(self) -> Integers:
-        """Where the states of the scene stand among those of the structure."""
+        """Indices of the scene's states among those of the structure."""
         place = {node: i for i, node in enumerate(self.structure.states)}
         return np.array([place[s] for s in self.states], np.int64)
 
     @cached_property
     def unfixed(self) -> tuple[str, ...] | None:
-        """States that no start value fixes; None where fixed variables are no states, so that equations must be solved."""
+        """States that no start value fixes; None where fixed variables are not states, so that equations must be solved."""
         fixed = set(self.model.fixed[0].tolist())
         if any((v, 0) in self.structure.choice.solved_by for v in fixed - {v for v, k in self.structure.states if k == 0}):
             return None
         return tuple(name for name, (v, k) in zip(self.state_names, self.states, strict=True) if k or v not in fixed)
 
     def numbers(self, parameters: Floats) -> Numbers:
-        """Prepare for a set of parameters."""
+        """Programs prepared for one set of parameters."""
         main = prepare(self.program, self.structure, parameters)
         relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
         return Numbers(parameters, main, relations)
 
     @cached_property
     def _at_points(self) -> tuple[CompiledProgram, CompiledProgram | None]:
-        """The program with its Jacobian and that of the relations, compiled for evaluation at many points."""
+        """The program with its Jacobian, and that of the relations, compiled for evaluation at many points."""
         sizes = len(self.model.parameters.names), self.n_modes
         relations = self.relations
         return (
@@ -229,7 +229,7 @@ class Scene:
         )
 
     def compiled_numbers(self, parameters: Floats) -> tuple[Numbers, Evaluator]:
-        """Numbers whose programs are evaluated by compiled code, and what gives derivatives as well: for many points, many times."""
+        """Numbers whose programs run as compiled code, and the evaluator that also gives derivatives: for many points, many times."""
         numbers, (main, others) = self.numbers(parameters), self._at_points
         evaluator, relations = main.evaluator(numbers.main), numbers.relations
         if relations is not None and others is not None:
@@ -237,7 +237,7 @@ class Scene:
         return Numbers(parameters, replace(numbers.main, compiled=evaluator.slots), relations), evaluator
 
     def prepared(self, parameters: Floats) -> Numbers:
-        """The same, cached for the parameters that were last used."""
+        """The same, cached for the most recent parameters."""
         key = parameters.tobytes()
         found = self._prepared.get(key)
         if found is None:
@@ -250,10 +250,10 @@ class Scene:
         self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,
         start: Floats | None = None,
     ) -> Floats:  # fmt: skip
-        """Relations and discrete variables as they are at some times, each by itself, shape (modes, times).
+        """Relations and discrete variables at some times, each time independently, shape (modes, times).
 
-        Discrete variables are as if the run was started there, from the values given or those of the model. ``start``: values of
-        variables at which iterations start.
+        Discrete variables are those of a run started at that time, from the given values or the model's. ``start``: values of variables
+        at which iterations start.
         """
         if self.relations is None or numbers.relations is None:
             return np.zeros((self.n_modes, len(t)))
@@ -263,7 +263,7 @@ class Scene:
     def data(
         self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, start: Floats, slots: Floats | None = None
     ) -> Floats:
-        """The data block of a run. Its iterations start at values of variables, or at slots of the main program where it goes on."""
+        """The data block of a run; iterations start at values of variables, or at slots of the main program where it continues."""
         guess = self.guess(self.program, start) if slots is None else slots
 
         def guesses(program: Program) -> Floats:
@@ -277,12 +277,12 @@ class Scene:
         return data_block(native, numbers, inputs, flags, guesses)
 
     def guess(self, program: Program, start: Floats) -> Floats:
-        """Where Newton's iterations start."""
+        """Initial guess of Newton's iterations."""
         return guess_of(program, start)
 
 
 def guess_of(program: Program, start: Floats) -> Floats:
-    """Where Newton's iterations start: the start values of variables, zero for their derivatives."""
+    """Initial guess of Newton's iterations: the start values of variables, zero for their derivatives."""
     result = np.zeros(program.n_slots)
     variables, slots = program.undifferentiated
     result[slots] = start[variables]
@@ -292,7 +292,7 @@ def guess_of(program: Program, start: Floats) -> Floats:
 def data_block(
     native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Callable[[Program], Floats]
 ) -> Floats:  # fmt: skip
-    """The data block of native functions; ``guess`` gives the slots at which a program's iterations start."""
+    """The data block of native functions; ``guess`` returns the slots at which a program's iterations start."""
     shared = native.shared
     data = np.zeros(native.size)
     data[: shared.n_parameters] = numbers.parameters
@@ -321,7 +321,7 @@ def modes_at_start(
     model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
     discretes: Floats | None = None, guess: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """Relations and discrete variables of a run that is started there, shape (modes, times)."""
+    """Relations and discrete variables of a run that starts at a time, shape (modes, times)."""
     modes = np.zeros((model.n_modes, len(t)))
     n, d = model.n_relations, len(model.discretes)
     if d:
@@ -329,7 +329,7 @@ def modes_at_start(
         modes[n + 2 * d] = 1.0
     for _ in range(100):
         for _ in range(100):
-            # equations need have a solution in the end only: before, friction that moves may be tried as stuck
+            # only the final modes must admit a solution: on the way, a moving friction element may be tried as stuck
             new = settle_once(relations, prepared, t, states, inputs, modes, guess, forgiving=True)
             settled, modes = bool((new == modes).all()), new
             if settled:
@@ -339,7 +339,7 @@ def modes_at_start(
         if d:
             modes[n + 2 * d] = 0.0
         if not settled or (before == modes[n + d : n + 2 * d]).all():
-            break  # what does not settle here, the run's own event iteration may settle; if not, it names it
+            break  # the run's own event iteration may settle the rest, or name it
     if any(isinstance(step, Newton) for step in prepared.program.steps):
         settle_once(relations, prepared, t, states, inputs, modes, guess)
     return modes
@@ -365,13 +365,13 @@ def settle_once(
 
 
 def needed_states(structure: Structure, targets: Iterable[Node]) -> tuple[Node, ...]:
-    """The states that must be integrated to know some variables."""
+    """The states that must be integrated to compute some variables."""
     _, states = reach(structure.dependence, targets, dynamic=True, events=True)
     return tuple(sorted(states))
 
 
 def needed_discretes(structure: Structure, targets: Iterable[Node]) -> tuple[int, ...]:
-    """The discrete variables that some variables depend on at the same moment, and those that these depend on."""
+    """The discrete variables that some variables depend on at the same instant, transitively."""
     model, dependence = structure.model, structure.dependence
     known = len(model.discretes)
     unknowns, _ = reach(dependence, targets, dynamic=False, events=True)
@@ -382,7 +382,7 @@ def needed_discretes(structure: Structure, targets: Iterable[Node]) -> tuple[int
         waiting += model.groups[g].discretes[i].tolist()
     while waiting:
         place = waiting.pop()
-        if place >= 2 * known or place % known in found:  # the last one says that the run is being started
+        if place >= 2 * known or place % known in found:  # the last entry is the flag of the start of a run
             continue
         found.add(place % known)
         for update in model.discretes.updates:
@@ -400,6 +400,6 @@ def needed_inputs(structure: Structure, targets: Iterable[Node]) -> tuple[str, .
     for node in unknowns:
         e, k = dependence.choice.solved_by[node]
         met |= {v for v, _ in (*dependence.columns(e, k), *dependence.at_events.get(e, ()))}
-    for update in model.discretes.updates:  # which of them the targets depend on is not asked
+    for update in model.discretes.updates:  # conservatively, the targets are taken to depend on all of them
         met |= set(update.equations.variables.ravel().tolist())
     return tuple(model.name(v) for v in model.inputs.tolist() if v in met)

@@ -1,4 +1,4 @@
-"""`Segment`: a segment of a run with one set of states, and the variables computed from them."""
+"""`Segment`: the part of a run with one set of states, and the variables computed from them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """States and modes at the samples; other variables are computed from them when they are asked for."""
+    """States and modes at the samples; other variables are computed from them on demand."""
 
     scene: Scene
     time: Floats
@@ -39,18 +39,18 @@ class Segment:
     parameters: Floats
     signals: Sequence[Any]
     guess: Floats
-    begin: float  # s, of the run; the first sample may be later
+    begin: float  # s; the first sample may be later
     tangents: TangentHistory | None = None
     known: dict[Node, Floats] = field(default_factory=dict)
     computed: list[tuple[Program, Floats]] = field(default_factory=list)  # programs and the histories of their slots
     events: Floats = field(default_factory=lambda: np.empty(0))
-    finer: Callable[[Floats], Segment] | None = None  # the same at other times
+    finer: Callable[[Floats], Segment] | None = None  # the same segment at other times
     branches: list[Branch] = field(default_factory=list)
-    varied: dict[Node, Floats] = field(default_factory=dict)  # tangents that were asked for
+    varied: dict[Node, Floats] = field(default_factory=dict)  # tangents already computed
 
     @classmethod
     def of(cls, run: Run, solution: Solution, first: int = 0, finer: Callable[[Run, Floats], Segment] | None = None) -> Segment:
-        """What a run brought back, from one of its samples on; ``finer`` integrates a run again, with other samples."""
+        """The solution of a run from one of its samples on; ``finer`` integrates the run again with other samples."""
         time, states, modes = run.times[first : len(solution.x)], solution.x[first:], solution.modes[first:]
         known = {node: history[first:] for node, history in solution.algebraic.items()}
         tangents = None
@@ -64,7 +64,7 @@ class Segment:
         )  # fmt: skip
 
     def history(self, node: Node) -> Floats:
-        """A variable that depends on the integrated states."""
+        """History of a variable that depends on the integrated states."""
         if node not in self.known:
             place = self.scene.place_of.get(node)
             if place is not None:
@@ -72,7 +72,7 @@ class Segment:
             else:
                 found = next((c for c in self.computed if node in c[0].slots), None) or self._compute(node)
                 history = self.known[node] = found[1][found[0].slots[node]]
-                if not math.isfinite(np.vdot(history, history)):  # the quickest look at all of them
+                if not math.isfinite(np.vdot(history, history)):  # the fastest test of all values at once
                     self._tell(node, history)
         return self.known[node]
 
@@ -103,7 +103,7 @@ class Segment:
             )  # fmt: skip
 
     def discrete(self, name: str) -> Floats:
-        """A discrete variable."""
+        """History of a discrete variable."""
         scene, model = self.scene, self.scene.model
         used, place = scene.relations, model.n_relations + model.discretes.names.index(name)
         if used is None or not any(place in b.targets for b in used.discretes):
@@ -130,9 +130,9 @@ class Segment:
         return self.computed[-1]
 
     def _followed(self, prepared: Prepared, settle: Settle | None = None) -> Floats:
-        """Where the iterations of a program start at each sample: on the branch that the run is on.
+        """Initial guess of a program's iterations at each sample, on the solution branch of the run.
 
-        ``settle`` finds the relations that the run had no need of; without it they are known at every time.
+        ``settle`` evaluates the relations that the run did not need; without it they are known at every time.
         """
         program = prepared.program
         start = self.scene.guess(program, self.guess)
@@ -159,7 +159,7 @@ class Segment:
         return guess
 
     def _modes_for(self, program: Program, inputs: Floats) -> Floats:
-        """The modes at all samples; relations that the run had no need of are evaluated here."""
+        """The modes at all samples; relations that the run did not need are evaluated here."""
         scene, model = self.scene, self.scene.model
         modes = self.modes.T
         if not scene.n_modes:
@@ -184,7 +184,7 @@ def _settled(
     scene: Scene, found: Relations, prepared: Prepared, new: NDArray[np.int64], t: Floats, states: Floats, inputs: Floats,
     modes: Floats, guess: Floats | None,
 ) -> Floats:  # fmt: skip
-    """The modes with some relations evaluated until none of them changes any more."""
+    """The modes after iterating some relations to a fixed point."""
     for _ in range(100):
         passed = settle_once(found, prepared, t, states, inputs, modes, guess)
         restless = passed[new] != modes[new]

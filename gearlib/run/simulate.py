@@ -1,4 +1,4 @@
-"""`run`: carry out what was asked of a translation."""
+"""`run`: execute a request on a translation."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ Floats = NDArray[np.float64]
 
 
 def run(translation: Translation, asked: Request, scene: Scene | None = None) -> SimulatedResult:
-    """Integrate a scene of a translation: its own, unless another is given.
+    """Integrate a scene of a translation, by default its own.
 
     Raises
     ------
     ArgumentError, NameLookupError, StartError, SolverError
-        Each names what was found and what was expected.
+        The message names what was found and what was expected.
     """
     scene = scene or translation.scene
     parameters, times = asked.parameters, asked.times
@@ -84,12 +84,12 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         print(
             f"{translation.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s"
         )
-    hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, where it was not asked for
+    hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, if it was not requested
     given = {"zero_inputs": asked.zero_inputs}
     method = method_of(asked.method)
 
     def finer(part: Run, more: Floats) -> Segment:
-        """A segment once more, with other samples: to the same end, since steps do not depend on samples."""
+        """A segment with other samples, over the same interval: steps do not depend on samples."""
         again = replace(part, times=np.union1d(more, part.times[[0, -1]]), max_step=part.longest_step)
         return Segment.of(again, integrate(again, method))
 
@@ -98,7 +98,7 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
     if first.longest_step < math.inf:
-        asked = replace(asked, max_step=first.longest_step)  # a run that is done again takes the same steps
+        asked = replace(asked, max_step=first.longest_step)  # a repeated run takes the same steps
     refuse_too_small([part for part, _, _ in found], asked.rtol)
     return SimulatedResult(found, translation, asked, run)
 
@@ -110,12 +110,12 @@ def request(
     max_step: float | None = None, progress: bool = False, form: str = "ode", backend: str = "native",
     sensitivities: Sequence[str] = (),
 ) -> tuple[Translation, Request]:  # fmt: skip
-    """The translation that fits what is asked of a run, and the request with all of it checked, as `System.simulate` takes it.
+    """The translation that fits a request, and the validated request; arguments as for `System.simulate`.
 
     Raises
     ------
     ArgumentError, NameLookupError, BoundError
-        Each names what was found and what was expected.
+        The message names what was found and what was expected.
     """
     names = translation.open_inputs
     earlier = earlier_run(translation, start)
@@ -145,7 +145,7 @@ def request(
 def warn_of_zero_inputs(
     translation: Translation, zero: tuple[str, ...], runs: str = "this run", given: str = "simulate"
 ) -> None:
-    """Warn of inputs that nobody gave and that the outputs depend on."""
+    """Warn of inputs that were not given although the outputs depend on them."""
     missed = [name for name in translation.needed_inputs if name in zero] if zero else []
     if missed:
         many = f"the inputs {some(missed, ', ')}: they are" if len(missed) > 1 else f"the input {missed[0]}: it is"
@@ -157,12 +157,12 @@ def warn_of_zero_inputs(
 
 
 def earlier_run(translation: Translation, start: Any) -> tuple[SimulatedResult, float] | None:
-    """The run that ``start`` says goes on, and from when; None where none does.
+    """The run that ``start`` continues and the time at which it does; None if it continues none.
 
     Raises
     ------
     ArgumentError
-        A run of another model, or a time that it does not reach.
+        A run of another model, or a time outside the run.
     """
     if isinstance(start, SimulatedResult):
         start = (start, float(start.time[-1]))

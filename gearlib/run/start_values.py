@@ -1,4 +1,4 @@
-"""Consistent start values: what is fixed holds, what is only guessed gives way, contradictions are named."""
+"""Consistent start values: fixed values hold, guesses give way, contradictions are reported."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ from gearlib.run.scene import Scene, modes_at_start, node_name
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
-Seed = tuple[int, int, float]  # what changes, with which seed, and how much
-ROUNDING = 1e-10  # of the terms of a start value: what it may miss, as values that another program computed or printed do
-NOTHING = 1e-12  # the most that computing start values leaves where zero is right
-LEAST = 1e-11  # of a variable's nominal value: a start value up to that stands for zero, as rounding of angles of some radians leaves it
+Seed = tuple[int, int, float]  # parameter or variable, seed, weight
+ROUNDING = 1e-10  # relative to the terms of a start value: admissible mismatch, as of values printed by another program
+NOTHING = 1e-12  # largest remainder of computed start values where zero is exact
+LEAST = 1e-11  # of a variable's nominal value: a smaller start value counts as zero (rounding of angles of some radians)
 
 
 @dataclass(frozen=True)
 class Start:
-    """Start values."""
+    """Consistent start values of a run."""
 
     states: Floats  # of the scene
     guess: Floats  # of every representative variable, for iterations
     free: tuple[str, ...]  # states that nothing fixes
     modes: Floats | None = None  # relations and discrete variables, where these do not follow from the model and the states
     steady: bool = False  # whether the states are steady
-    changes: Floats | None = None  # of the states with parameters, (states, seeds), where these were asked for
+    changes: Floats | None = None  # derivatives of the states with respect to parameters, (states, seeds), if requested
 
 
 def start_variable(model: FlatModel, name: str) -> int:
-    """The number of a variable that a start value is given for.
+    """Number of the variable that a start value is given for.
 
     Raises
     ------
     NameLookupError
-        No such variable, or one that has no start value: a derivative, a discrete variable, an input.
+        Unknown variable, or one without a start value: a derivative, a discrete variable, an input.
     """
     if isinstance(name, str):
         base, order = model.column(name)
@@ -64,7 +64,7 @@ def start_variable(model: FlatModel, name: str) -> int:
 
 
 def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, float]) -> dict[int, tuple[float, str]]:
-    """Fixed start values by representative variable, with the name under which each was given; those of a run win."""
+    """Fixed start values by representative variable, with the names under which they were given; those of the run take precedence."""
     fixed: dict[int, tuple[float, str]] = {}
     own = {int(model.representative[v]) for v in overrides}
     given = [
@@ -91,12 +91,12 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
 
 
 def _rounding(values: Iterable[float]) -> float:
-    """What may stand for zero among start values that were computed from each other."""
+    """Magnitude below which start values computed from each other count as zero."""
     return min(NOTHING, ROUNDING * max(map(abs, values), default=0.0))
 
 
 def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
-    """Whether all fixed start values are those in ``guess``."""
+    """Whether all fixed start values agree with ``guess``."""
     representatives, signs, slots = model.fixed
     return bool(
         (guess[representatives] == signs * parameters[slots]).all() and (signs.all() or not parameters[slots][signs == 0].any())
@@ -107,7 +107,7 @@ def start_values(
     scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float], discretes: Floats | None = None,
     seeds: Sequence[Seed] | None = None, own_seeds: Sequence[Seed] = (),
 ) -> Start:  # fmt: skip
-    """Find the start of a run.
+    """Compute consistent start values of a run.
 
     Parameters
     ----------
@@ -119,16 +119,17 @@ def start_values(
     overrides : mapping of int to float
         Start values given for this run, by variable.
     discretes : array, optional
-        Start values of all discrete variables, instead of the model's.
+        Start values of all discrete variables, replacing the model's.
     seeds : sequence of (parameter, seed, weight), optional
-        How parameters change with seeds, as `ParameterTable.derivatives` returns it: the start's ``changes`` are found, too.
+        Derivatives of the parameters with respect to seeds, as `ParameterTable.derivatives` returns them; gives ``changes`` of the
+        start.
     own_seeds : sequence of (variable, seed, sign), optional
-        Start values that are seeds themselves, of representative variables.
+        Start values that are themselves seeds, of representative variables.
 
     Raises
     ------
     StartError
-        Fixed values that contradict each other.
+        Fixed values contradict each other.
     """
     structure, model = scene.structure, scene.model
     guess = start_guess(model, parameters)
@@ -157,9 +158,9 @@ def start_values(
 
 @dataclass(frozen=True, eq=False)
 class _Change:
-    """How start values change with seeds.
+    """Derivatives of start values with respect to seeds.
 
-    ``seeds`` are (parameter, seed, weight); ``given`` is the change of all variables' start and guess values, (variables, seeds);
+    ``seeds`` are (parameter, seed, weight); ``given`` is the derivative of all variables' start and guess values, (variables, seeds),
     ``states`` that of all states, (states, seeds).
     """
 
@@ -169,7 +170,7 @@ class _Change:
 
     @classmethod
     def of_guess(cls, scene: Scene, seeds: Sequence[Seed], overrides: Collection[int], own: Sequence[Seed] = ()) -> _Change:
-        """Where nothing has to be solved; start values of a run are numbers, which follow from no parameter."""
+        """Case without equations to solve; start values given for a run are numbers, independent of the parameters."""
         model = scene.model
         table = np.zeros((len(model.parameters.names), 1 + max(k for _, k, _ in (*seeds, *own))))
         for p, k, weight in seeds:
@@ -189,10 +190,10 @@ def _satisfy(
     others: list[Node], fixed: dict[int, tuple[float, str]], free: list[int], own: Collection[int] = (),
     discretes: Floats | None = None, change: _Change | None = None,
 ) -> set[int]:  # fmt: skip
-    """Move the free states (as little as possible) until the other fixed values hold. Changes ``x``; returns what moved.
+    """Move the free states as little as possible until the other fixed values hold. Changes ``x``; returns the moved states.
 
-    A variable whose value is given for this run (one of ``own``) and that follows from a single state stands for that state, so
-    that the model's start value of the state gives way.
+    A variable given for this run (one of ``own``) that follows from a single state stands for that state, so that the model's start
+    value of the state gives way.
     """
     program = build(structure, others, structure.states, dynamic=False)
     prepared = prepare(program, structure, parameters)
@@ -228,7 +229,7 @@ def _satisfy(
         error, gradient = found - wanted, gradients(slots)
         if not moved and free:
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
-        # an error is measured by the terms that it is left of, not by other values: at 1e9 rad, 3 rad are no rounding
+        # an error is relative to its own terms, not to other values: even at 1e9 rad, 3 rad are not rounding
         terms = np.abs(gradient) @ np.abs(x) + np.abs(found - gradient @ x) + np.abs(wanted)
         wrong = ~(np.abs(error) <= ROUNDING * terms + nothing + least * (np.abs(wanted) <= least))
         worst = float(np.abs(error).max())
@@ -251,7 +252,7 @@ def _satisfy(
             f"make it {found[i]:{digits}}; fix fewer, or give some of them as guess={{...}}"
             + _follows(structure, name, gradient[i])
         )
-    if change is not None and free:  # found(x, p) = wanted(p) holds on: x' is where the linearised equations put it
+    if change is not None and free:  # found(x, p) = wanted(p) is to stay satisfied: x' solves the linearised equations
         entering = [(program.n_slots + p, k) for p, k, _ in change.seeds]
         by_seeds = derivative_plan(program, entering, slots_of, change.states.shape[1])
         weights = np.array([weight for *_, weight in change.seeds])
@@ -262,12 +263,12 @@ def _satisfy(
 
 
 def _digits(one: float, other: float) -> str:
-    """A format in which two numbers differ."""
+    """A number format in which two values differ."""
     return next((style for style in (".6g", ".9g", ".12g") if f"{one:{style}}" != f"{other:{style}}"), ".17g")
 
 
 def _follows(structure: Structure, name: str, gradient: Floats) -> str:
-    """Which states a variable is computed from, as the end of a message."""
+    """The states that a variable is computed from, as the end of a message."""
     states = [node_name(structure.model, structure.states[i]) for i in np.flatnonzero(gradient).tolist()]
     return f"; {name} follows from {', '.join(states[:6])}{', ...' if len(states) > 6 else ''}" if states else ""
 
@@ -281,7 +282,7 @@ def _modes_of(
     guess: Floats,
     discretes: Floats | None = None,
 ) -> Callable[[Floats], Floats]:
-    """The modes of a program at a start, as a function of the states."""
+    """The modes of a program at the start, as a function of the states."""
     structure, model = scene.structure, scene.model
     relations = relations_of(structure, program) if model.n_modes else None
     if relations is None or not (len(relations.used) or relations.discretes):
@@ -305,7 +306,7 @@ def _independent(matrix: Floats) -> NDArray[np.int64]:
 
 
 def _basic_solution(matrix: Floats, rhs: Floats) -> Floats:
-    """A least-squares solution that moves few variables."""
+    """A least-squares solution with few nonzero entries."""
     chosen = _independent(matrix)
     result = np.zeros((matrix.shape[1], *rhs.shape[1:]))
     if len(chosen):

@@ -1,7 +1,7 @@
-"""State switching: a run goes on with other states where those in use become singular, as a pendulum's coordinates do.
+"""State switching: a run continues with other states where those in use become singular, as a pendulum's coordinates do.
 
-The states are one set of coordinates of the motion, a local map of its manifold. Where the constraints can no longer be solved for the
-other variables, the run goes on with states for which they can, as many times as it takes. Each part of the run is a segment.
+The states are local coordinates on the manifold of the motion. Where the constraints can no longer be solved for the other variables,
+the run continues with states for which they can, as often as needed. Each part of the run is a segment.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from gearlib.solvers.problem import Solution
 from gearlib.structure.incidence import Node
 
 Switched = dict[tuple[Node, ...], Scene]
-SHORTEST = 1e-9  # of the run: what a segment must last
+SHORTEST = 1e-9  # of the run: minimum length of a segment
 
 
 def integrate_through(run: Run, method: Integrates, switched: Switched) -> list[tuple[Run, Solution]]:
-    """Integrate to the end, with as many sets of states as the motion needs; each segment begins where the one before ended.
+    """Integrate to the end with as many sets of states as the motion needs; each segment begins where the previous one ended.
 
     Parameters
     ----------
     run : Run
     method : Integrates
     switched : dict
-        Scenes with other states that earlier runs needed; grows.
+        Scenes with other states that earlier runs needed; extended here.
 
     Raises
     ------
     ArgumentError, SolverError
-        As `integrate` does, or where no states last.
+        As `integrate` raises, or no set of states lasts.
     """
     parts = [(run, integrate(run, method))]
     span = float(run.times[-1] - run.times[0])
@@ -57,7 +57,7 @@ def integrate_through(run: Run, method: Integrates, switched: Switched) -> list[
 
 
 def _following(run: Run, left: Solution, switched: Switched) -> Run:
-    """The rest of a run, in other states where others will do."""
+    """The rest of a run, with another set of states if there is one."""
     scene, t, x = run.scene, np.array([left.t_last]), left.x_last
     if run.tangents is not None:
         raise SolverError(
@@ -77,7 +77,7 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
     ]
     program = build(structure, nodes, scene.states, dynamic=False)
     guess = scene.guess(program, run.start.guess)
-    for node, slot in program.slots.items():  # on the branch on which the run was
+    for node, slot in program.slots.items():  # on the solution branch of the run
         if node in scene.program.slots:
             guess[slot] = here[scene.program.slots[node]]
     inputs = values(run.signals, t, len(program.inputs))
@@ -88,7 +88,7 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
             known[k, v] = slots[slot, 0]
     later, modes = np.concatenate([t, run.times[run.times > left.t_last]]), held if scene.n_modes else None
     again = choose_again(structure, coefficients_of(structure.model, run.numbers.parameters, left.t_last, known))
-    if again is None:  # the same states, and smaller pivots
+    if again is None:  # the same states with smaller pivots
         start = replace(run.start, states=x, guess=known[0])
         return replace(run, start=start, times=later, modes=modes, slots=here)
     states = needed_states(again, scene.states)
@@ -102,7 +102,7 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
 
 
 def _tolerances(run: Run, other: Scene) -> Floats | None:
-    """Absolute tolerances: those of the states in both sets, else in proportion to the nominal value."""
+    """Absolute tolerances: kept for states in both sets, else in proportion to the nominal value."""
     if run.atol is None:
         return None
     given = dict(zip(run.scene.states, run.atol, strict=True))

@@ -1,11 +1,11 @@
-"""Steady states: the directions in which a motion may grow, and the search for states where all other rates vanish.
+"""Steady states: directions in which a motion may grow, and a solver for states where all other rates vanish.
 
-A motion is steady if every state grows at a constant rate and the equations do not notice it: ``x(t) = x + v t`` with ``f(x) = v``
-where ``f`` is the same along ``v``. The directions along which it is (turning of the whole train, phases of meshes that nothing
-varies with, slip of an open clutch) are the symmetries of the equations, `gearlib.program.invariance`. In the other directions all
-rates must vanish. They are searched by pseudo-transient continuation: linearly implicit Euler steps from the start values, which
-follow the motion of a run as long as the equations are nonlinear on the way and grow to Newton's steps at the end. So of several
-steady states it is the one that the train goes to.
+A motion is steady if every state grows at a constant rate without any effect on the equations: ``x(t) = x + v t`` with ``f(x) = v`` and
+``f`` invariant along ``v``. The admissible directions (rotation of the whole train, phases of meshes without a periodic law, slip of an
+open clutch) are the symmetries of the equations, `gearlib.program.invariance`. In all other directions the rates must vanish. These
+equations are solved by pseudo-transient continuation: linearly implicit Euler steps from the start values, which follow the transient
+while the equations are nonlinear and grow into Newton steps at the end. So of several steady states it finds the one that the train
+settles to.
 
 References
 ----------
@@ -42,36 +42,34 @@ from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
 
 Floats = NDArray[np.float64]
-CONTRACTS = 0.5  # a correction over the step before it: the step follows the implicit equation
-AIM = 0.1  # contraction that the length of the next step aims at
-LONGER, SHORTER = 100.0, 0.05  # most that a step's length changes by
-LONGEST = 1e10  # step times the largest rate of the linearised equations: what is slower by more counts as not moving
+CONTRACTS = 0.5  # ratio of a correction to the step before it: the step follows the implicit equation
+AIM = 0.1  # contraction targeted by step-size control
+LONGER, SHORTER = 100.0, 0.05  # bounds on the change of the step size
+LONGEST = 1e10  # step times the largest rate of the linearised equations: slower modes count as not moving
 MOST_STEPS = 400
-ACROSS = 1e-3  # step times the largest rate that was met: so short a step may cross a jump
+ACROSS = 1e-3  # step times the largest rate met so far: a step this short may cross a jump
 RUNS = (0.1, 1.0, 10.0, 100.0, 1000.0)  # s
-STIFF = 1e3  # step times the largest rate that is beyond the fast part of the motion
-NEAR, LOCAL = (
-    1e-4,
-    0.1,
-)  # change of the states in a step at which Newton's method is tried, and the most that it may change them by
-SETTLED = 1e-9  # last correction of a state over its size
-LATER = 1e3  # by how much the angle that turns fastest has grown, in nominal values, when the motion is looked at again
-ROUNDING = 1e3  # unit roundoffs, of the terms in an equation, that count as zero
-UNSTABLE = 1e-9  # growth of a motion over the largest rate that is more than rounding
+STIFF = 1e3  # step times the largest rate at which the fast transients have decayed
+# Relative change of the states in a step at which Newton's method is tried, and bound on the change that it may make.
+NEAR, LOCAL = 1e-4, 0.1
+SETTLED = 1e-9  # last correction of a state relative to its size
+LATER = 1e3  # growth of the fastest angle, in nominal values, after which the motion is checked again
+ROUNDING = 1e3  # unit roundoffs of the terms of an equation that count as zero
+UNSTABLE = 1e-9  # growth rate over the largest rate beyond which a motion is unstable
 LARGEST_EXAMINED = 400  # states
-NOTHING = 1e-15  # of the largest derivative of a rate: what is below is rounding
-LOCKED = 1e3  # times the rounding of a rate, where no state has an effect on it: what sticks must not creep
+NOTHING = 1e-15  # relative to the largest derivative of a rate: smaller ones are rounding
+LOCKED = 1e3  # times the rounding of a rate that no state affects: stuck elements must not creep
 SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The equations of a steady state at one moment: rates of the states in scaled directions that may not grow.
+    """Equations of a steady state at one instant: rates of the states in the scaled directions that may not grow.
 
     Attributes
     ----------
     grows : array, shape (states, symmetries)
-        Orthonormal directions, in nominal values of the states, in which these may grow.
+        Orthonormal directions, in nominal values of the states, in which the states may grow.
     """
 
     scene: Scene
@@ -87,7 +85,7 @@ class Search:
 
     @cached_property
     def stationary(self) -> Floats:
-        """Orthonormal directions in which nothing may change; single states where these are."""
+        """Orthonormal directions in which nothing may change; unit vectors where these are single states."""
         n, k = self.grows.shape
         if not k:
             return np.eye(n)
@@ -102,7 +100,7 @@ class Search:
 
     @cached_property
     def _plan(self) -> DerivativePlan:
-        """Derivatives of the rates with respect to the states, and to what is added to each slot that is computed."""
+        """Derivatives of the rates with respect to the states and to perturbations of each computed slot."""
         program = self.scene.program
         n = len(program.states)
         computed = range(n + len(program.inputs), program.n_slots)
@@ -115,25 +113,25 @@ class Search:
         Raises
         ------
         SolverError
-            They cannot be computed there.
+            The rates cannot be evaluated at x.
         """
         f, gradient, noise = self.equations(x)
         return np.where(np.abs(f) <= noise, 0.0, f), gradient
 
     def at(self, x: Floats) -> At:
-        """The program's values there."""
+        """The program linearised at x."""
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
         flags = scene.modes(self.numbers, now, column, inputs, start=self.begin.guess)
         guess = scene.guess(scene.program, self.begin.guess)
         return At(self.numbers.main, now, evaluate(self.numbers.main, now, column, inputs, flags, guess), flags)
 
     def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
-        """Scaled rates, their derivatives, and what rounding of every term in their equations adds to them."""
+        """Scaled rates, their derivatives, and a bound on the rounding error from all terms in their equations."""
         scene, at = self.scene, self.at(x)
         program, n, slots = scene.program, len(x), at.slots[:, 0]
         size = np.abs(slots)
         for step in program.steps:
-            if isinstance(step, Newton):  # solved to the accuracy of the largest
+            if isinstance(step, Newton):  # accurate relative to the largest unknown
                 size[step.unknowns] = size[step.unknowns].max()
         plan, first = self._plan, n + len(program.inputs)
         weights = np.concatenate([np.ones(n), size[first:]])
@@ -153,11 +151,11 @@ class Search:
         return f, gradient, np.where(stuck, LOCKED, 1.0) * noise
 
     def largest(self, gradient: Floats) -> float:
-        """The largest entry of the equations that must vanish, 1/s: no time constant is shorter than its inverse by much."""
+        """Largest entry of the Jacobian of the equations (1/s): a bound on the fastest time constant."""
         return float(np.abs(self.stationary.T @ gradient @ self.stationary).max(initial=0.0))
 
     def longest_stable(self, gradient: Floats) -> float:
-        """A longer implicit step would follow a growing exponential to the wrong side."""
+        """Largest stable step: a longer implicit one would follow a growing exponential to the wrong side."""
         stationary = self.stationary.T @ gradient @ self.stationary
         if stationary.shape[0] > LARGEST_EXAMINED:
             return np.inf
@@ -167,23 +165,23 @@ class Search:
 
 @dataclass(frozen=True)
 class End:
-    """Where a search ended: the states, and whether they are steady."""
+    """End of a search: the states, and whether they are steady."""
 
     x: Floats
     steady: bool
-    free: bool = False  # the equations leave something open there that would have to change
-    forbidden: bool = False  # nothing changes, but a variable is below its least value: a step went across an event
+    free: bool = False  # the equations are singular in a direction that would have to change
+    forbidden: bool = False  # steady, but a variable is below its minimum: a step crossed an event
 
 
 def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
-    """States at which nothing accelerates, and nothing changes but what no equation depends on, such as the angles of the train.
+    """A steady state: nothing accelerates, and nothing changes but what no equation depends on, such as the angles of the train.
 
-    What grows keeps its start value. Of several steady states it is the one that the motion from the start values goes to.
+    Growing states keep their start values. Of several steady states it is the one that the motion from the start values reaches.
 
     Raises
     ------
     StartError
-        There is none, or the search does not find it; says what goes on changing, and why.
+        There is none, or the search does not find it; the message says what keeps changing, and why.
     """
     if not scene.states:
         return start.states.copy()
@@ -200,24 +198,24 @@ def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t
 def steady_changes(
     scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float, x: Floats, seeds: Sequence[tuple[int, int, float]]
 ) -> Floats:
-    """How a steady state changes with parameters, by the implicit function theorem, shape (states, seeds).
+    """Derivatives of a steady state with respect to parameters, by the implicit function theorem, shape (states, seeds).
 
-    The rates that vanish go on vanishing: of the changes of the states that make them, it is the least one from that of the start
-    values (what grows, and what nothing depends on, keeps its start value).
+    The vanishing rates stay zero: of all changes of the states that achieve this it is the one nearest to the change of the start
+    values (states that grow, or that nothing depends on, keep their start values).
 
     Parameters
     ----------
     scene, numbers, start, inputs, t
-        As for `steady_state`; the start with the changes of its states.
+        As for `steady_state`; the start includes the derivatives of its states.
     x : array
         The steady state.
     seeds : sequence of (parameter, seed, weight)
-        How parameters change with seeds.
+        Derivatives of the parameters with respect to seeds.
 
     Raises
     ------
     StartError
-        The steady state ends there: a parameter changes what no change of the states can make up for.
+        The steady state ceases to exist: no change of the states compensates for that of a parameter.
     """
     assert start.changes is not None, "the start values were found with these seeds"
     if not scene.states:
@@ -240,10 +238,10 @@ def steady_changes(
 
 
 def growing(scene: Scene, numbers: Numbers) -> Floats:
-    """Directions in which the states may grow steadily, orthonormal in nominal values, shape (states, how many).
+    """Directions in which the states may grow steadily, orthonormal in nominal values, shape (states, directions).
 
-    A speed that nothing depends on is no such direction: the angle whose rate it is would grow ever faster. That angle counts
-    whether or not the scene integrates it.
+    A speed that nothing depends on is not such a direction: its angle would grow at an increasing rate. That angle counts whether or
+    not the scene integrates it.
     """
     structure, states = scene.structure, set(scene.states)
     rates: list[Node] = [(v, k + 1) for v, k in scene.states]
@@ -261,9 +259,9 @@ def growing(scene: Scene, numbers: Numbers) -> Floats:
 
 
 def _found(search: Search) -> End:
-    """Newton's method for a linear scene; pseudo-transient continuation, closed by it, for the others.
+    """Newton's method for a linear scene; for others pseudo-transient continuation, finished by Newton's method.
 
-    A steady state that the motion leaves again is found only where the motion comes to no other.
+    An unstable steady state is found only where the motion reaches no other.
     """
     x, program = search.begin.states.copy(), search.scene.program
     linear = program.is_linear and search.scene.relations is None
@@ -275,7 +273,7 @@ def _found(search: Search) -> End:
 
 
 def _continued(search: Search, x: Floats, stable: bool) -> End:
-    """Pseudo-transient continuation; steps that are ``stable`` follow a motion that runs away, and do not turn back."""
+    """Pseudo-transient continuation; ``stable`` steps follow a diverging motion and do not turn back."""
     f, gradient = search.rates(x)
     fastest = max(search.largest(gradient), float(np.abs(search.stationary.T @ f).max(initial=0.0)), 1e-300)
     step, stalled = 0.1 / fastest, 0
@@ -312,7 +310,7 @@ def _continued(search: Search, x: Floats, stable: bool) -> End:
 
 
 def _run_to_rest(search: Search, end: End) -> End:
-    """The search where steps across events do not lead to it (friction that comes to rest): a run of growing length."""
+    """Fallback where steps across events do not converge (friction that comes to rest): simulations of growing length."""
     scene, left = search.scene, np.inf
     for seconds in RUNS:
         begin = replace(search.begin, states=end.x)
@@ -335,7 +333,7 @@ def _run_to_rest(search: Search, end: End) -> End:
 
 
 def _implicit(search: Search, gradient: Floats, step: float) -> Callable[[Floats], Floats]:
-    """Linearly implicit Euler: the change in the stationary directions that scaled rates cause in a step."""
+    """Linearly implicit Euler: change of the stationary directions over a step, from scaled rates."""
     from scipy.linalg import lu_factor, lu_solve
 
     stationary = search.stationary
@@ -344,10 +342,10 @@ def _implicit(search: Search, gradient: Floats, step: float) -> Callable[[Floats
 
 
 def _closed(search: Search, x: Floats) -> End:
-    """Newton's method to rounding, and whether what it comes to is steady.
+    """Newton's method down to rounding, and whether its limit is steady.
 
-    It is where the rates vanish up to the rounding of their own terms, each for itself, or would after a change of the states
-    that is small beside these. Changes that no equation asks for are not made.
+    It is steady where each rate vanishes up to the rounding of its own terms, or would after a change of the states that is small
+    beside these. Components that no equation constrains are not changed.
     """
     last, free = np.inf, False
     for _ in range(30):
@@ -371,12 +369,12 @@ def _closed(search: Search, x: Floats) -> End:
 
 
 def _forbidden(search: Search, x: Floats) -> bool:
-    """Whether a step across the event that locks a freewheel has led to where it cannot be."""
+    """Whether a step across the locking event of a freewheel has reached an impossible state."""
     return bool(too_small(search.scene, search.numbers, search.t, x, search.inputs, search.begin))
 
 
 def _goes_on(search: Search, x: Floats) -> bool:
-    """Whether the motion is as steady later, when what may grow has grown."""
+    """Whether the motion is still steady after the growing states have grown."""
     turned = search.grows @ (search.grows.T @ search.rates(x)[0])
     if not turned.any():
         return True
@@ -387,7 +385,7 @@ def _goes_on(search: Search, x: Floats) -> bool:
 
 
 class _Equations:
-    """The rates that must vanish, linear in a change of the states: as many as are independent."""
+    """Linearised equations for the rates that must vanish, reduced to independent ones."""
 
     def __init__(self, search: Search, gradient: Floats) -> None:
         self._stationary = search.stationary
@@ -402,24 +400,24 @@ class _Equations:
         self._sizes = self._sizes[:rank]
 
     def change(self, f: Floats) -> Floats:
-        """The least change of the states that makes these rates vanish, or those of them that can."""
+        """Minimum-norm change of the states that makes these rates vanish, as far as possible."""
         row, sizes, column = (a.reshape(-1, *[1] * (f.ndim - 1)) for a in (self._row, self._sizes, self._column))
         solved = self._right @ ((self._left.T @ (self._stationary.T @ f / row)) / sizes)
         return -np.asarray(self._stationary @ (solved / column), float)
 
     def hold(self, f: Floats, noise: Floats) -> bool:
-        """Whether what no change of the states has an effect on vanishes."""
+        """Whether the rates that no change of the states affects vanish."""
         left, noise = self._stationary.T @ f / self._row, np.abs(self._stationary.T) @ noise / self._row
         return bool((np.abs(self._rest.T @ left) <= np.abs(self._rest.T) @ noise).all())
 
     def largest_change(self, noise: Floats) -> Floats:
-        """What rounding in the rates may change the states by."""
+        """Bound on the change of the states that rounding in the rates may cause."""
         solved = np.abs(self._right) @ ((np.abs(self._left.T) @ (np.abs(self._stationary.T) @ noise / self._row)) / self._sizes)
         return np.asarray(np.abs(self._stationary) @ (solved / self._column), float)
 
 
 def _reason(search: Search, end: End) -> str:
-    """What goes on changing, and why."""
+    """Description of what keeps changing, and why."""
     scene = search.scene
     try:
         f = search.rates(end.x)[0]
@@ -447,7 +445,7 @@ def _reason(search: Search, end: End) -> str:
 
 
 def _cyclic(search: Search, x: Floats) -> list[int]:
-    """Angles that the rates are periodic in and that grow in an otherwise steady motion."""
+    """Angles in which the rates are periodic and that grow in an otherwise steady motion."""
     scene, model = search.scene, search.scene.model
     found = []
     for i, (v, k) in enumerate(scene.states):

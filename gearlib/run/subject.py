@@ -13,7 +13,7 @@ from gearlib.run.translation import Compiled, Translation
 
 
 def is_compiled(model: Any) -> bool:
-    """Whether a model is a compiled one, and not yet linear."""
+    """Whether a model is compiled, and not already linear."""
     return isinstance(model, Compiled)
 
 
@@ -32,7 +32,7 @@ def check_result(result: Result) -> None:
 
 
 def described(value: Any) -> str:
-    """What was given in place of a system or a result, and the likely fix.
+    """Description of an object given in place of a system or a result, with the likely fix.
 
     >>> described(None)
     'None'

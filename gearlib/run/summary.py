@@ -1,4 +1,4 @@
-"""Text of `System.summary`: counts of each phase, states and the reasons for them."""
+"""Text of `System.summary`: counts of each phase, the states and the reasons for their choice."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def summary(
     name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], special: Sequence[str],
     inputs: Sequence[str], handed: ResidualForm | None = None,
 ) -> str:  # fmt: skip
-    """A few lines for each phase."""
+    """A few lines per phase."""
     structure, model, program = scene.structure, scene.model, scene.program
     counts, result = model.counts, structure.differentiation
     n_equations = sum(len(g) for g in model.groups)
@@ -59,7 +59,7 @@ def summary(
 
 
 def _unknowns(model: FlatModel, handed: ResidualForm) -> list[str]:
-    """What IDA is handed, all of it by name."""
+    """The unknowns that IDA is given, by name."""
     names = [node_name(model, node) for node in handed.unknowns]
     n, form = handed.n_states, "dae" if handed.implicit else "torn"
     index = 1 if len(names) > n else 0

@@ -1,7 +1,7 @@
 """Switching times of a scene's time-dependent relations: symbolic once per scene, numeric per parameter set.
 
-Most conditions compare time with something that parameters give: g = a + b t is zero at -a / b, with a and b as functions of the
-parameters. The others go through `switches` whenever their parameters or the interval change.
+Most conditions compare time with a function of the parameters: g = a + b t vanishes at -a / b, with a and b as functions of the
+parameters. The others are passed to `switches` whenever their parameters or the interval change.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from gearlib.program.program import Batch
 from gearlib.program.relations import Relations
 
 Floats = NDArray[np.float64]
-_T: Any = sympy.Symbol("t", real=True)  # what time is called in a kernel
+_T: Any = sympy.Symbol("t", real=True)  # name of time in kernels
 Switch = tuple[float, int]  # time (s), number of the relation
 
 
 @dataclass(frozen=True)
 class Timed:
-    """Relations of time of one kernel: their numbers, and where their parameters stand."""
+    """Time relations of one kernel: their numbers, and the indices of their parameters."""
 
     expression: Any
     symbols: tuple[Any, ...]
     numbers: NDArray[np.int64]
     parameters: NDArray[np.int64]  # (relations, parameters)
-    terms: tuple[Any, Any] | None  # a and b of a + b t, where it is that
+    terms: tuple[Any, Any] | None  # a and b of a + b t, if g has that form
 
     @cached_property
     def line(self) -> Callable[..., tuple[Any, Any]] | None:
@@ -43,7 +43,7 @@ class Timed:
 
     @property
     def wave(self) -> tuple[Any, Any] | None:
-        """Period and offset, where it switches periodically."""
+        """Period and offset, for periodic switching."""
         return tuple(self.expression.args[1:]) if isinstance(self.expression, SquareWave) else None
 
     def times(self, parameters: Floats, t0: float, t_end: float) -> list[Switch]:
@@ -58,7 +58,7 @@ class Timed:
         with np.errstate(all="ignore"):
             a, b = self.line(*numbers.T)
             roots = np.broadcast_to(-np.asarray(a, float) / b, len(numbers))
-        roots = np.where(np.isfinite(roots), roots, t0)  # g = a switches never
+        roots = np.where(np.isfinite(roots), roots, t0)  # g = a never switches
         return [
             (t, int(k)) for k, root in zip(self.numbers, roots, strict=True) for t in distinct(root[None], t0, t_end).tolist()
         ]
@@ -70,18 +70,18 @@ class Timed:
 
 @dataclass(frozen=True, eq=False)
 class TimeSwitches:
-    """The relations of time that a scene uses."""
+    """The time relations that a scene uses."""
 
     timed: tuple[Timed, ...]
     _last: dict[bytes, list[Switch]] = field(default_factory=dict)
 
     def __call__(self, parameters: Floats, t0: float, t_end: float) -> list[Switch]:
-        """When they switch between two times, and which; cached for the parameters and the interval that were last asked for.
+        """Switching times in an interval, with their relations; cached for the most recent parameters and interval.
 
         Raises
         ------
         ArgumentError
-            A condition depends on time alone, but when it switches is not known in closed form.
+            A condition depends on time alone, but its switching times have no closed form.
         """
         if not self.timed:
             return []
@@ -96,7 +96,7 @@ class TimeSwitches:
 
 
 def time_switches(relations: Relations | None) -> TimeSwitches:
-    """The conditions in time among relations, made ready."""
+    """Collect the time relations for evaluation."""
     if relations is None or not relations.on_time.any():
         return TimeSwitches(())
     numbers = relations.used[relations.on_time]
@@ -107,13 +107,13 @@ def time_switches(relations: Relations | None) -> TimeSwitches:
 def _timed(batch: Batch, rows: NDArray[np.int64]) -> Timed:
     kernel = batch.kernel
     symbols = tuple(sympy.Symbol(f"p{p}", real=True) for p in kernel.parameters)
-    # the variables that stand in these rows are always zero: with any other, a condition is not one of time alone
+    # the variables in these rows are identically zero, or the condition would depend on more than time
     expression = sympy.sympify(kernel.expression).xreplace({sympy.Symbol(f"x{c}", real=True): 0 for c in kernel.columns})
     return Timed(expression, symbols, batch.targets[rows], batch.parameters[rows], _line(expression))
 
 
 def _line(expression: Any) -> tuple[Any, Any] | None:
-    """a and b of a + b t, if an expression is that."""
+    """a and b of a + b t, if an expression has that form."""
     slope = sympy.diff(expression, _T)
     if slope.has(_T) or slope.has(sympy.Derivative) or expression.has(*_BRANCHES):
         return None

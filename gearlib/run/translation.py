@@ -1,4 +1,4 @@
-"""`Translation`: a compiled model; `translate` makes one of a component, and runs and analyses work on it."""
+"""`Translation`: a compiled model; `translate` makes one from a component, and runs and analyses work on it."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ States = tuple[Node, ...]
 
 
 def translate(component: Component, outputs: tuple[str, ...] | None) -> Translation:
-    """Flatten a component, reduce its index and choose its states, as fits the defaults of its parameters.
+    """Flatten a component, reduce its index and select its states, for the default values of its parameters.
 
     Parameters
     ----------
     component : Component
     outputs : tuple of str or None
-        Variables that are wanted; None for everything that can be asked for.
+        Requested variables; None makes everything available.
 
     Raises
     ------
     ModelError, NameLookupError
-        What is wrong with the model, and an output that it does not have.
+        A defect of the model, or an output that it does not have.
     """
     model = flatten(component)
     variants = Variants(component, outputs, factors(model), sums(model), model.parameters.names)
@@ -62,22 +62,22 @@ def translate(component: Component, outputs: tuple[str, ...] | None) -> Translat
 
 @dataclass(frozen=True, eq=False)
 class Variants:
-    """The translations of one component, which differ by the parameters whose values are put into the equations."""
+    """Translations of one component that differ in the parameter values substituted into the equations."""
 
     component: Component
     outputs: tuple[str, ...] | None
-    factors: Integers  # parameters that a variable is multiplied by
+    factors: Integers  # parameters that multiply a variable
     sums: Sums  # coefficients that may cancel
     names: tuple[str, ...]
-    known: dict[Special, Translation] = field(default_factory=dict)  # by the values that are put in
-    chosen: dict[Special, Translation] = field(default_factory=dict)  # by the values that make a coefficient zero
+    known: dict[Special, Translation] = field(default_factory=dict)  # keyed by the substituted values
+    chosen: dict[Special, Translation] = field(default_factory=dict)  # keyed by the values that make a coefficient zero
 
     def special(self, parameters: Floats) -> Special:
         """The parameters, with their values, that make a variable's coefficient zero."""
         return special_values(self.factors, self.sums, parameters)
 
     def translated(self, put_in: Special, parameters: Floats, model: FlatModel | None = None) -> Translation:
-        """The translation with the values of some parameters in its equations."""
+        """The translation with the values of some parameters substituted into its equations."""
         if put_in not in self.known:
             model = model or flatten(self.component, put_in)
             structure = analyse(model, coefficients_of(model, parameters, 0.0))
@@ -86,12 +86,12 @@ class Variants:
         return self.known[put_in]
 
     def fitting(self, parameters: Floats) -> Translation:
-        """The translation that can be solved with these parameters: the general one, or one with the special values put in.
+        """A translation that can be solved with these parameters: the general one, or one with the special values substituted.
 
         Raises
         ------
         ModelError
-            Neither can.
+            Neither can be solved.
         """
         special = self.special(parameters)
         if special not in self.chosen:
@@ -107,18 +107,18 @@ class Variants:
             if can_be_solved(general.scene, parameters):
                 return general
         except ModelError:
-            pass  # not solved with the zeros in it: tried without
+            pass  # not solvable with the zeros substituted: fall through to the general translation
         try:
             found = self.translated(special, parameters)
             found.scene.numbers(parameters)
         except ModelError as problem:
             if general is not None and any(value for _, value in special):
-                general.scene.numbers(parameters)  # names the coefficient that cancels, where it is divided by
+                general.scene.numbers(parameters)  # names the coefficient that is divided by although it cancels
             raise SingularError(f"with {some(self.named(special))}: {problem}") from None
         return found
 
     def named(self, special: Special) -> list[str]:
-        """Parameters as ``body.J = 0``."""
+        """Parameters as text, such as ``body.J = 0``."""
         return [f"{self.names[p]} = {value:g}" for p, value in sorted(special)]
 
 
@@ -129,21 +129,21 @@ class Translation:
     Attributes
     ----------
     structure : Structure
-        Its equations, and which of them determines what.
+        Index-reduced equations and their matching.
     scene : Scene
-        What a run integrates and computes for the outputs.
+        Integrated states, and the computation of the outputs.
     outputs : tuple of str or None
-        What was asked for; None for everything that can be.
+        Requested outputs; None for everything.
     component : Component
-        What was translated.
+        The component that was translated.
     variants : Variants
-        The other translations of the same component.
+        Other translations of the same component.
     put_in : frozenset of (int, float)
-        Parameters whose values are in the equations, since a coefficient is zero there.
+        Parameters whose values are substituted into the equations, since a coefficient vanishes there.
     scenes : dict
-        Scenes with other states, as runs and analyses needed them; grows.
+        Scenes with other states, made for runs and analyses; grows.
     switched : dict
-        Scenes to which runs were handed over whose own states became singular; grows.
+        Scenes to which runs switched when their own states became singular; grows.
     """
 
     structure: Structure
@@ -157,7 +157,7 @@ class Translation:
 
     @property
     def name(self) -> str:
-        """Class of the component."""
+        """Class name of the component."""
         return type(self.component).__name__
 
     @property
@@ -167,56 +167,56 @@ class Translation:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Paths of what is integrated."""
+        """Paths of the integrated states."""
         return self.scene.state_names
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Paths of the inputs that nothing is bound to."""
+        """Paths of the unbound inputs."""
         return tuple(self.model.name(int(v)) for v in self.model.inputs)
 
     @cached_property
     def controllers(self) -> tuple[Controller, ...]:
-        """The sampled controllers, which give some of these."""
+        """The sampled controllers, which set some of these."""
         return controllers_of(self.component, self.inputs)
 
     @property
     def open_inputs(self) -> tuple[str, ...]:
-        """Paths of the inputs that have to be given: those that no sampled controller gives."""
+        """Paths of the inputs that must be given: those that no sampled controller sets."""
         given = {k for controller in self.controllers for k in controller.gives}
         return tuple(name for k, name in enumerate(self.inputs) if k not in given)
 
     @property
     def special(self) -> list[str]:
-        """The parameters whose values are in the equations, as ``body.J = 0``."""
+        """The parameters whose values are substituted into the equations, such as ``body.J = 0``."""
         return self.variants.named(self.put_in)
 
     def unit(self, name: str) -> str:
-        """Unit of a variable or a derivative, where it is known."""
+        """Unit of a variable or derivative, if known."""
         base, order = self.model.column(name)
         declared = self.model.declaration(self.model.variable(base))
         return "" if declared is None else declared.unit + "/s" * order
 
     @cached_property
     def parameter_units(self) -> dict[str, str]:
-        """Paths and units of the parameters that components declare."""
+        """Units of the declared parameters, by path."""
         declared = [(i.path, name, p.unit) for i in self.model.instances for name, p in i.parameters.items()]
         return {f"{path}.{name}" if path else name: unit for path, name, unit in declared}
 
     def node(self, name: str, what: str = "variable") -> Node:
-        """The variable, or derivative, that a path stands for; ``what`` it is to be is part of the message where there is none."""
+        """The variable or derivative that a path stands for; ``what`` names its role in the error message."""
         return self.structure.named(name, what, (f"cannot be an {what}", "can"))[0]
 
     def nodes(self, outputs: Iterable[str]) -> list[Node]:
-        """What has to be computed for some outputs."""
+        """The nodes that must be computed for some outputs."""
         return output_nodes(self.structure, outputs)
 
     def with_states(self, states: States) -> Scene:
-        """The scene that integrates some states, with the outputs and discrete variables that were asked for."""
+        """The scene that integrates some states, with the requested outputs and discrete variables."""
         return self.scene_of(states, self.scene.wanted, self.scene.outputs)
 
     def scene_of(self, states: States, wanted: tuple[int, ...] = (), outputs: States = ()) -> Scene:
-        """The scene with some states, discrete variables and outputs; the translation's own where it has these states only."""
+        """The scene with some states, discrete variables and outputs; the translation's own if it has exactly these states."""
         own = self.scene
         if states == own.states and set(wanted) <= set(own.wanted) and set(outputs) <= set(own.outputs):
             return own
@@ -227,7 +227,7 @@ class Translation:
 
     @cached_property
     def needed_inputs(self) -> tuple[str, ...]:
-        """Unbound inputs that the outputs depend on; all of them where anything may be asked for."""
+        """Unbound inputs that the outputs depend on; all of them if everything is available."""
         if self.outputs is None:
             return self.open_inputs
         names = self.model.discretes.names
@@ -236,29 +236,29 @@ class Translation:
         return needed_inputs(self.structure, [*nodes, *decisive])
 
     def fitting(self, parameters: Floats) -> Translation:
-        """The translation of the same component that fits some numbers of the parameters.
+        """A translation of the same component that fits the parameter values.
 
-        What is zero may decide which equation determines what (a body without inertia has no speed of its own), so that where a
-        zero would be divided by the model is translated again, once for each set of zeros.
+        Zeros may change the matching (a body without inertia has no acceleration of its own), so where a zero would be divided by, the
+        model is translated again, once per set of zeros.
         """
         if not self.put_in and not self.variants.special(parameters):
             return self
         return self.variants.fitting(parameters)
 
     def fitted(self, given: Mapping[str, float] | None) -> tuple[Translation, Floats]:
-        """The translation that fits parameters given by path, and their numbers."""
+        """The translation that fits parameters given by path, with the complete parameter table."""
         found = self.fitting(numbers := self.parameter_values(given))
         return found, numbers if found is self else found.parameter_values(given)
 
     def parameter_values(self, given: Mapping[str, float] | None) -> Floats:
-        """Numbers of all parameters, with some given by path.
+        """Complete parameter table, with some values given by path.
 
         Raises
         ------
         ArgumentError, NameLookupError, BoundError
-            No number, no such parameter, or one out of its bounds.
+            Not a number, an unknown parameter, or a value out of bounds.
         ModelError
-            A redundant loop does not close with these numbers.
+            A redundant loop does not close with these values.
         """
         table = self.model.parameters
         given = by_name("parameters", given, "a mapping of paths to numbers", "load.J")
@@ -282,23 +282,23 @@ class Translation:
     def parameter_changes(
         self, names: Sequence[str], numbers: Floats, given: Iterable[str] | None = None
     ) -> list[tuple[int, int, float]]:
-        """How all parameters change with some of them, each a seed: (parameter, seed, weight), through what is bound to them.
+        """Derivatives of all parameters with respect to some, each a seed, through bindings: (parameter, seed, weight).
 
         Parameters
         ----------
         names : sequence of str
             Paths.
         numbers : array
-            All parameters, as `parameter_values` returns them.
+            Complete table, as `parameter_values` returns it.
         given : iterable of str, optional
-            Paths of those that were given, which follow from no other; by default those that do not have the value that is bound.
+            Paths of those given explicitly, which follow from no other; by default those that differ from their bound value.
 
         Raises
         ------
         ArgumentError, NameLookupError
-            No such parameter, or one whose value is part of the equations.
+            Unknown parameter, or one whose value is substituted into the equations.
         LoopError
-            A redundant loop closes with this value of the parameter only.
+            A redundant loop closes only with this value of the parameter.
         """
         table = self.model.parameters
         seeds = []
@@ -331,19 +331,19 @@ class Translation:
         return changes
 
     def _given(self, numbers: Floats) -> set[int]:
-        """Parameters that do not have the values that are bound to them, so that they must have been given."""
+        """Parameters that differ from their bound values, so that they must have been given."""
         table = self.model.parameters
         bound = {int(p) for d in table.dependents for p in d.targets}
         own = table.evaluate({p: float(numbers[p]) for p in range(len(numbers)) if p not in bound})
         return {p for p in bound if own[p] != numbers[p]}
 
     def input_signals(self, given: Mapping[str, Any] | None) -> list[Any]:
-        """A number, function of time or `Table` for every unbound input; 0 for those that are not given.
+        """A number, function of time or `Table` for every unbound input; 0 for those not given.
 
         Raises
         ------
         ArgumentError, NameLookupError
-            Something else, or no such input.
+            Something else, or an unknown input.
         """
         names, open_names = self.inputs, self.open_inputs
         given = by_name("inputs", given, "a mapping of paths to numbers, functions of time or tables", "torque.tau")
@@ -372,19 +372,19 @@ class Translation:
         t : float
             s.
         start : None, mapping or "steady"
-            Start values given by path; or the steady state.
+            Start values by path; or the steady state.
         signals : sequence
-            As `input_signals` gives them.
+            As `input_signals` returns them.
         discrete : bool
-            Whether start values of discrete variables may be given, too.
+            Whether start values of discrete variables are accepted as well.
         seeds, own_seeds : sequences of (parameter or variable, seed, weight), optional
-            How parameters change with seeds, and which start values are seeds, as for `start_values`: the start's ``changes`` are
-            found, too.
+            Derivatives of the parameters with respect to seeds, and start values that are seeds, as for `start_values`; gives
+            ``changes`` of the start.
 
         Raises
         ------
         ArgumentError, NameLookupError, StartError
-            No such start value, values that contradict each other, or no steady state.
+            Unknown start value, contradictory values, or no steady state.
         """
         overrides: dict[int, float] = {}
         discretes, known = None, self.model.discretes
@@ -419,7 +419,7 @@ class Translation:
 
 @lru_cache(maxsize=16)
 def _translated_again(recipe: bytes, put_in: Special) -> Translation:
-    """A translation in another process, or of a copy: made once for all results that come from there."""
+    """Unpickle a translation in another process, or a copy: translated once for all results from there."""
     component, outputs = pickle.loads(recipe)
     found = translate(component, outputs)
     if found.put_in == put_in:
@@ -431,16 +431,16 @@ def _translated_again(recipe: bytes, put_in: Special) -> Translation:
 
 
 def output_nodes(structure: Structure, outputs: Iterable[str]) -> list[Node]:
-    """What has to be computed for some outputs: all but those that are always zero, as the torque of a free flange is."""
+    """The nodes to compute for some outputs: all but those that are identically zero, such as the torque of a free flange."""
     model = structure.model
     named = [(n, structure.named(n, "output", ("cannot be an output", "can"))[0]) for n in outputs]
     return [node for n, node in named if model.sign[model.variable(model.column(n)[0])] != 0]
 
 
 def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tuple[str, ...] = ()) -> Scene:
-    """The states and discrete variables that some outputs need, or, with None, all but absolute angles that nothing depends on.
+    """The scene with the states and discrete variables that some outputs need or, with None, all but irrelevant absolute angles.
 
-    What sampled controllers read is needed in any case.
+    Whatever sampled controllers read is included.
     """
     model = structure.model
     if outputs is None:
@@ -459,6 +459,6 @@ def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tup
 
 
 class Compiled:
-    """What holds a translation for its user: a `System`."""
+    """Public object that holds a translation: a `System`."""
 
     translation: Translation

@@ -1,9 +1,9 @@
-"""Parameter values at which a coefficient that would be divided by is zero; equations without it are used instead.
+"""Parameter values at which a pivotal coefficient vanishes; there the equations are translated without it.
 
 A body without inertia has no acceleration of its own to compute: ``J der(w) = tau_a + tau_b`` with ``J = 0`` says that its torques
-cancel. A gear's support has the coefficient ``1 - ratio``, and no part in its equation where the ratio is 1. Which unknown an equation
-determines then is another question, so that the model is translated again with the coefficient absent. Other zeros (the damping of a
-spring that stands between bodies) change nothing, and cost nothing.
+cancel. A gear's support has the coefficient ``1 - ratio``, and drops out of its equation where the ratio is 1. The matching of
+equations to unknowns then changes, so the model is translated again without the coefficient. Other zeros (the damping of a spring
+between bodies) change nothing, and cost nothing.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from gearlib.run.scene import Scene
 
 Sums = tuple[
     tuple[Kernel, Integers], ...
-]  # coefficients as ``1 - ratio``, their parameters: a row for each argument, a column each
+]  # coefficients such as ``1 - ratio`` with their parameters: one row per argument, one column each
 
 
 def factors(model: FlatModel) -> Integers:
-    """Parameters that a variable of some equation is multiplied by."""
+    """Parameters that multiply a variable of some equation."""
     found: set[int] = set()
     for group in model.groups:
         for p, name in enumerate(group.template.parameters):
@@ -40,7 +40,7 @@ def sums(model: FlatModel) -> Sums:
 
 
 def special_values(multiplied: Integers, added: Sums, parameters: Floats) -> Special:
-    """The parameters, with their values, at which a coefficient is zero: one of the factors, or one of the sums."""
+    """The parameters, with their values, at which a coefficient vanishes: a factor or a sum."""
     values = parameters[multiplied]
     zero = set() if values.all() else set(multiplied[values == 0.0].tolist())
     found = {(p, 0.0) for p in zero}
@@ -55,7 +55,7 @@ def special_values(multiplied: Integers, added: Sums, parameters: Floats) -> Spe
 
 
 def can_be_solved(scene: Scene, parameters: Floats) -> bool:
-    """Whether no zero is divided by, as far as that can be told before a run."""
+    """Whether nothing is divided by zero, as far as can be told before a run."""
     try:
         numbers = scene.numbers(parameters)
     except SingularError:
@@ -65,7 +65,7 @@ def can_be_solved(scene: Scene, parameters: Floats) -> bool:
 
 
 def _vanishes(program: Program, parameters: Floats) -> bool:
-    """Whether a constant coefficient is zero in equations whose matrix varies during a run."""
+    """Whether a constant coefficient vanishes in equations whose matrix varies during a run."""
     for step in program.steps:
         for batch in step.jacobian if isinstance(step, Newton) else ():
             kernel = batch.kernel

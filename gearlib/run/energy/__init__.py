@@ -1,1 +1,1 @@
-"""Where the energy of a run came from and went: an audit of its equations and of its accuracy."""
+"""Energy balance of a run: an audit of its equations and its accuracy."""

@@ -1,8 +1,8 @@
 """Energy audit: quadrature of the powers over a run, repeated with refined nodes as samples until it converges.
 
-Between breakpoints (the samples and the events) all powers are smooth. Each panel between them has the 15 nodes of Kronrod's rule, which
-hold the 7 of Gauss's: the difference of both tells which panels are cut into four. Stored energies at the ends of a panel follow from its
-nodes by interpolation, from the left and from the right, so that jumps at events are seen.
+Between breakpoints (samples and events) all powers are smooth. Each panel between them has the 15 nodes of the Kronrod rule, which
+contain the 7 of the Gauss rule: the difference between the two decides which panels are split into four. Stored energies at the ends of
+a panel are extrapolated from its nodes, from the left and from the right, so that jumps at events show up.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 MOST_SAMPLES, MOST_PANELS, PASSES = 1000, 20_000, 8
-NARROW = 1e-10  # of the run: panels narrower than that, between events at one place, are left out
-EXPLAINED = 100.0  # times the relative tolerance: a residual up to that, over the throughput, needs no explanation
+NARROW = 1e-10  # of the run: narrower panels, between events at one place, are left out
+EXPLAINED = 100.0  # times the relative tolerance: a residual up to that, relative to the throughput, needs no explanation
 
 # Kronrod's 15 nodes and weights, and Gauss's weights at every other node (Piessens et al., QUADPACK, 1983, routine QK15).
 _HALF = np.array([
@@ -50,7 +50,7 @@ GAUSS = np.concatenate([_GAUSS, _GAUSS[-2::-1]])
 
 
 def _to_the_ends() -> Floats:
-    """Weights that give a polynomial's values at -1 and 1 from those at the nodes, shape (2, nodes)."""
+    """Weights that evaluate the interpolating polynomial at -1 and 1 from its values at the nodes, shape (2, nodes)."""
     found = np.empty((2, len(NODES)))
     for row, end in enumerate((-1.0, 1.0)):
         for i, node in enumerate(NODES):
@@ -63,7 +63,7 @@ ENDS = _to_the_ends()
 
 
 class Histories(Protocol):
-    """What is read of a run: its samples, and the histories of its variables."""
+    """The part of a run's interface that the audit reads: its samples and the histories of its variables."""
 
     time: Floats
 
@@ -74,19 +74,19 @@ def energy_balance(
     translation: Translation, asked: Request, samples: Floats, events: Sequence[float],
     run: Callable[[Translation, Request, Scene], Histories],
 ) -> EnergyBalance:  # fmt: skip
-    """The energies of a run; `Result.energy_balance` is what a user calls.
+    """Energy balance of a run; `Result.energy_balance` is the public interface.
 
     Parameters
     ----------
     translation : Translation
     asked : Request
-        The run that was asked for.
+        The run's request.
     samples : array
         Times of the result.
     events : sequence of float
         Times at which powers may jump.
     run : callable
-        Does the run again, with other samples and in a scene that has what the powers need.
+        Repeats the run with other samples, in a scene with the states that the powers need.
     """
     structure, model, own = translation.structure, translation.model, translation.scene
     parts = audited(translation.component)
@@ -95,7 +95,7 @@ def energy_balance(
     nodes: list[Node] = []
     for name in sorted(names):
         if name not in model.discretes.names:
-            with suppress(NameLookupError):  # then the component is named as one of which nothing is known
+            with suppress(NameLookupError):  # the component then counts as one of which nothing is known
                 node, sign = structure.named(name, "variable", ("is not computed", "is"))
                 nodes += [node] if sign else []
     targets = [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))]
@@ -115,7 +115,7 @@ def balance(
     parts: Sequence[Audited], samples: Floats, events: Sequence[float], rtol: float, run: Callable[[Floats], Histories],
     parameters: dict[str, float],
 ) -> EnergyBalance:  # fmt: skip
-    """The energies of parts of a run.
+    """Energy balance over some components of a run.
 
     Parameters
     ----------
@@ -125,9 +125,9 @@ def balance(
     events : sequence of float
         Times at which powers may jump.
     rtol : float
-        Of the run.
+        Relative tolerance of the run.
     run : callable
-        Does the run again, with these samples.
+        Repeats the run with these samples.
     parameters : dict
         Values by path.
     """
@@ -156,7 +156,7 @@ def balance(
 
 
 class _Powers:
-    """The integrals of all powers over each panel, and the stored energies at the panels' ends."""
+    """Integrals of all powers over each panel, and stored energies at the panels' ends."""
 
     def __init__(self, parts: Sequence[Audited], found: Histories, parameters: dict[str, float], half: Floats) -> None:
         self.parts, self.unknown = parts, [p.path for p in parts if p.unknown]
@@ -191,7 +191,7 @@ class _Powers:
                         kept[part.path] = integral(term)
                 if part.stored is not None:
                     self.ends[part.path] = ENDS @ values(part.stored).T
-            except NameLookupError:  # the equations do not give a speed: nothing can be said of its power
+            except NameLookupError:  # the equations do not determine a speed: the power is unknown
                 self.unknown.append(part.path)
 
     def summed(self, time: Floats, place: NDArray[np.int64], at_event: NDArray[np.bool_], rtol: float) -> EnergyBalance:
@@ -226,7 +226,7 @@ class _Powers:
             if part.stored is not None:
                 start, end = self.ends[path]
                 stored[path] = np.append(start, end[-1])[place]
-                gap = np.concatenate([[0.0], start[1:] - end[:-1], [0.0]])  # at the breakpoints
+                gap = np.concatenate([[0.0], start[1:] - end[:-1], [0.0]])  # jumps at the breakpoints
                 jump = np.cumsum(np.where(at_event, gap, 0.0))[place]
                 if np.abs(jump).max() > 1e-9 * np.abs(self.ends[path]).max():
                     jumps[path] = jump
@@ -247,7 +247,7 @@ class _Powers:
 
 
 def explained(found: EnergyBalance, tighter: Callable[[float], EnergyBalance]) -> bool:
-    """Whether a residual is what the tolerance of the run explains: it is small, or shrinks with the tolerance."""
+    """Whether the run's tolerance explains a residual: it is small, or shrinks with the tolerance."""
     allowed = EXPLAINED * found.rtol + 10 * found.quadrature / max(found.throughput, 1e-300)
     if found.unknown or found.relative_residual <= allowed:
         return True

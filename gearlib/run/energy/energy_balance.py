@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from gearlib.drawing.printed import fitted, shortened
 
 Floats = NDArray[np.float64]
-ROUNDING = 1e-12  # of the stored energies: smaller differences between them are not known
+ROUNDING = 1e-12  # of the stored energies: smaller differences between them are rounding
 ROWS = 12  # of each kind in the table
 
 
 @dataclass(frozen=True, eq=False)
 class EnergyBalance:
-    """Energies of a run over time, J, by path of the component. All but `stored` count from the start of the run.
+    """Energies of a run over time (J), by component path. All but `stored` count from the start of the run.
 
     ``stored - stored[0] = work + jumps - heat + returned - unaccounted + residual``, each summed over all components.
 
@@ -26,28 +26,28 @@ class EnergyBalance:
     time : array
         Samples of the run, all of them unless they are very many, s.
     work : mapping of str to array
-        Put in by sources and supports, and by what excites a part from outside, such as a transmission error.
+        Put in by sources and supports, and by prescribed excitations such as a transmission error.
     stored : mapping of str to array
-        In bodies, springs, meshes and heat capacities; a body's counts from rest, a heat capacity's from 0 K.
+        In bodies, springs, meshes and heat capacities; kinetic energy counts from rest, heat from 0 K.
     heat : mapping of str to array
-        Lost by each dissipative part.
+        Dissipated by each component.
     returned : array
-        Heat that went through heat ports into parts of the model.
+        Heat returned to the model through heat ports.
     jumps : mapping of str to array
-        Stored energy that appeared at events: impacts, new values of states, stiffness that jumps.
+        Stored energy that appears at events: impacts, re-initialised states, stiffness that jumps.
     unaccounted : mapping of str to array
-        What flowed into components that do not say what becomes of it.
+        Energy that flowed into components without an energy declaration.
     unknown : tuple of str
-        Components with connectors of which it is not known how much power they carry; with such, the residual means nothing.
+        Components with connectors whose power is not known; if there are any, the residual is meaningless.
     residuals : mapping of str to array
-        Of each component: what it stored, less what came in and was not lost. Not zero: its equations and its declared energies
-        contradict each other, or the run is not accurate.
+        Per component: energy stored less energy received and not dissipated. A nonzero residual means that the component's equations
+        and its declared energies contradict each other, or that the run is inaccurate.
     residual : array
-        Of the whole.
+        Of the whole model.
     throughput : float
-        Energy that was exchanged between components in the whole run, which the residual is to be compared with.
+        Energy exchanged between components during the run, the scale of the residual.
     quadrature : float
-        Estimated error of the integrals.
+        Estimated quadrature error.
     rtol : float
         Relative tolerance of the run.
     """
@@ -68,14 +68,14 @@ class EnergyBalance:
 
     @property
     def relative_residual(self) -> float:
-        """The largest residual of the whole and of any component, over the throughput."""
+        """The largest residual, of the whole or of any component, relative to the throughput."""
         worst = max((float(np.abs(r).max()) for r in (self.residual, *self.residuals.values())), default=0.0)
         known = worst - ROUNDING * sum(float(np.abs(e).max()) for e in self.stored.values())
         return known / self.throughput if known > 0 and self.throughput else 0.0
 
     @property
     def worst(self) -> str:
-        """The component whose residual is the largest."""
+        """The component with the largest residual."""
         return max(self.residuals, key=lambda path: float(np.abs(self.residuals[path]).max()), default="")
 
     def __str__(self) -> str:

@@ -1,1 +1,1 @@
-"""Forms of the equations that IDA is handed."""
+"""Forms of the equations for IDA: ODE, torn, index-reduced DAE."""

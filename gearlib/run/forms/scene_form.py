@@ -1,7 +1,7 @@
-"""Forms of a scene: what IDA is handed besides the states, from nothing (the ODE form) to every unknown (the DAE).
+"""Forms of a scene for IDA, by the algebraic unknowns left to it: from none (the ODE form) to all (the DAE).
 
-Each is a `SceneForm`, which has what a run asks a `Scene` for: a program, native code, relations, names, data. It is made when a run first
-asks for it, and kept in the scene.
+Each is a `SceneForm`, with the interface of a `Scene`: program, native code, relations, names, data. It is made when a run first asks
+for it, and cached in the scene.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class SceneForm:
 
     @cached_property
     def differential(self) -> NDArray[np.bool_]:
-        """Which unknowns are states."""
+        """Mask of the unknowns that are states."""
         return np.arange(len(self.equations.unknowns)) < self.equations.n_states
 
     @cached_property
@@ -84,7 +84,7 @@ class SceneForm:
 
     @cached_property
     def slot_names(self) -> list[str]:
-        """Names of the slots: unknowns, derivatives, inputs, and the residual of each equation by what it would be solved for."""
+        """Names of the slots: unknowns, derivatives, inputs, and the residual of each equation, named after its matched unknown."""
         model, program, equations = self.scene.model, self.program, self.equations
         names = [""] * program.n_slots
         for node, slot in program.slots.items():
@@ -105,7 +105,7 @@ class SceneForm:
                              len(model.discretes), state_plan(self.program))  # fmt: skip
 
     def numbers(self, parameters: Floats) -> Numbers:
-        """Its programs with the numbers of one set of parameters; kept for those that were last used."""
+        """Programs with the numbers of one set of parameters; the most recent sets are cached."""
         key = parameters.tobytes()
         if key not in self._prepared:
             structure, relations = self.scene.structure, self.relations
@@ -116,7 +116,7 @@ class SceneForm:
         return self._prepared[key]
 
     def data(self, parameters: Floats, inputs: Floats, flags: Floats, start: Floats) -> Floats:
-        """The data block of a run; Newton's iterations that are left start at values of variables."""
+        """The data block of a run; remaining Newton iterations start from values of variables."""
         return data_block(self.native_with_jacobian, self.numbers(parameters), inputs, flags, lambda p: guess_of(p, start))
 
     @cached_property
@@ -138,9 +138,9 @@ class SceneForm:
         return modes_at_start(scene.model, relations, prepared, at, states, inputs[:, None], guess=guess)[:, 0]
 
     def first(self, numbers: Numbers, t: float, start: Start, inputs: Floats, modes: Floats, slots: Floats | None) -> Floats:
-        """The unknowns that IDA looks for consistent values from.
+        """The unknowns from which IDA computes consistent initial values.
 
-        Where equations are nonlinear the algebraic ones are those of the scene's own program, which says on which branch the run is.
+        Where equations are nonlinear, the algebraic unknowns come from the scene's own program, which determines the solution branch.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class SceneForm:
         start : Start
         inputs, modes : array
         slots : array, optional
-            Of the scene's program, where a run goes on.
+            Of the scene's program, where a run continues.
         """
         program = self.scene.program
         guess = np.array([start.guess[v] if k == 0 else 0.0 for v, k in self.equations.algebraic])
@@ -168,7 +168,7 @@ class SceneForm:
         return np.concatenate([start.states, guess])
 
     def slots(self, x: Floats) -> Floats:
-        """Slots of the scene's program, as far as they are among the unknowns: the branch that a run is on."""
+        """Slots of the scene's program, as far as they are among the unknowns: the solution branch of the run."""
         program = self.scene.program
         result = np.zeros(program.n_slots)
         for node, value in zip(self.equations.unknowns, x, strict=True):

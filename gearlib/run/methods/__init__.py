@@ -1,1 +1,1 @@
-"""Methods of integration: one class in one file each; `table` lists them."""
+"""Integration methods, one class per file; `method_table` lists them."""

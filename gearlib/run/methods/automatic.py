@@ -1,4 +1,4 @@
-"""``"auto"``: the method that fits; where none is sure to, Runge-Kutta, and IDA where that gets on faster."""
+"""``"auto"``: choice of the integration method, with switching between Runge-Kutta and IDA on stiffness."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import Solution
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
-COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "restarts", "work")  # over the legs of a run
+COUNTED = ("steps", "attempts", "rejected", "rhs", "jac", "restarts", "work")  # summed over the legs of a run
 
 
 class Automatic:
-    """Exponentials where the scene is linear, else Runge-Kutta and IDA in turns."""
+    """Matrix exponentials where the scene is linear, else Runge-Kutta alternating with IDA."""
 
     name = "auto"
 
     def fits(self, run: Run) -> str | None:
-        """There is always a method."""
+        """None: some method always fits."""
         return None
 
     def solve(self, run: Run, why: str) -> Solution:
-        """Integrate a run; ``stats["why"]`` of the solution says how it was chosen."""
+        """Integrate a run; ``stats["why"]`` of the solution gives the reason for the choice."""
         found = exponential(run)
         if isinstance(found, str):
             form = found
@@ -45,22 +45,22 @@ class Automatic:
             except SolverError as problem:
                 form = str(problem)
         if run.start.steady and not run.driven and not any(isinstance(s, Table) for s in run.signals):
-            # Stability limits explicit steps even where nothing moves, and what rounding excites then grows to the tolerance.
+            # Stability limits explicit steps even where nothing moves, and lets rounding errors grow to the tolerance.
             return Implicit().solve(run, f"{form}; the run begins in a steady state, which nothing leaves with time")
         return Alternating().solve(run, form)
 
 
 class Alternating:
-    """Runge-Kutta, and IDA where that gets on faster."""
+    """Runge-Kutta, and IDA where it makes faster progress."""
 
     name = "rk and ida"
 
     def fits(self, run: Run) -> str | None:
-        """It always does."""
+        """None: it always fits."""
         return None
 
     def solve(self, run: Run, why: str) -> Solution:
-        """Integrate a run; ``stats["why"]`` of the solution says which method went from where to where."""
+        """Integrate a run; ``stats["why"]`` of the solution lists the legs."""
         return carried_out(run, lambda callbacks: _alternated(run, callbacks, why))
 
 
@@ -82,7 +82,7 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
 
 
 def handed_over(run: Run, callbacks: Callbacks, before: Driver, stepper: Stepper, jacobian: bool) -> Driver:
-    """A run that goes on with another stepper from where a driver has got to."""
+    """A driver that continues with another stepper where a driver has stopped."""
     slots, held = memory(run.scene, before.data)
     n, tangents = len(run.scene.states), run.tangents
     start = replace(run.start, states=before.x[:n].copy())
@@ -93,17 +93,17 @@ def handed_over(run: Run, callbacks: Callbacks, before: Driver, stepper: Stepper
 
 
 def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:
-    """The solution, which the last leg holds, with what all of them did."""
+    """The solution held by the last leg, with the statistics of all legs."""
     whole = finished(run, legs[-1].solution, "auto", f"{why}; {_told(legs)}" if len(legs) > 1 else why)
     for counted in COUNTED if len(legs) > 1 else ():
         counts = [leg.solution.stats.get(counted, 0) for leg in legs]
-        if counted in whole.stats:  # scikit-sundae cannot tell the steps
+        if counted in whole.stats:  # scikit-sundae does not report its steps
             whole.stats[counted] = None if None in counts else sum(counts)
     return whole
 
 
 def _told(legs: Sequence[Leg]) -> str:
-    """Which method went from where to where."""
+    """The legs in words: which method integrated from where to where."""
     first, second = legs[0].solution, legs[1]
     text = f"explicit Runge-Kutta met stiffness at t = {first.t_last:.6g} s"
     stayed = sum(leg.method == "implicit" and leg.stayed for leg in legs)

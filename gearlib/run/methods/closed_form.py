@@ -1,4 +1,4 @@
-"""``"exact"``: linear time-invariant scenes by matrix exponentials; nothing is stepped and nothing compiled."""
+"""``"exact"``: linear time-invariant scenes by matrix exponentials, without time steps or compilation."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 LARGEST_EXACT = 30_000  # states
-FEW_CORNERS = 50  # of tables, up to which nothing is to be gained by a choice
-SLOW_CORNER = 3e-4  # s, of a table that drives more states
-# Measured, s: a step of Runge-Kutta and its part for each slot of the program; and how many radians of the fastest motion it spans
+FEW_CORNERS = 50  # corners of tables up to which choosing a method does not pay
+SLOW_CORNER = 3e-4  # s per corner of a table, where there are too many states for `Intervals`
+# Measured: a Runge-Kutta step and its cost per slot of the program (s); radians of the fastest motion that it spans
 RK_STEP, RK_SLOT, REACH_OF_A_STEP = 1.5e-6, 3e-8, 3.0
 NO_CODE, NO_NUMBERS, NO_INDICES, NO_FLAGS = NoCode(), np.empty(0), np.empty(0, np.int64), np.empty(0, bool)
 
 
 class Exact(Method):
-    """``"exact"``: matrix exponentials of a linear time-invariant scene, with inputs that are known in closed form."""
+    """``"exact"``: matrix exponentials of a linear time-invariant scene, with inputs in closed form."""
 
     name, steps = "exact", False
 
     def fits(self, run: Run) -> str | None:
-        """Why a run cannot be integrated so, or None."""
+        """Why a run cannot be integrated this way, or None."""
         found = exponential(run)
         return self._lack(found) if isinstance(found, str) else None
 
@@ -55,7 +55,7 @@ class Exact(Method):
 
 
 def _linear(run: Run) -> LinearForm | str:
-    """The linear form of a run, or why it has none."""
+    """The linear form of a run, or the reason why it has none."""
     if run.still:
         return LinearForm(np.zeros((0, 0)), np.zeros((0, 0)), ())
     if len(run.scene.states) > LARGEST_EXACT:
@@ -76,7 +76,7 @@ def _problem(run: Run, linear: LinearForm) -> Problem:
 
 
 def exponential(run: Run) -> Exponential | str:
-    """The stepper of matrix exponentials for a run, or why there is none."""
+    """The matrix-exponential stepper for a run, or the reason why there is none."""
     linear = _linear(run)
     if isinstance(linear, str):
         return linear
@@ -89,7 +89,7 @@ def exponential(run: Run) -> Exponential | str:
 
 
 def carry_out(run: Run, stepper: Exponential, why: str) -> Solution:
-    """A run by matrix exponentials; relations, which depend on time only, are evaluated at the samples."""
+    """Integrate by matrix exponentials; relations, which depend on time only, are evaluated at the samples."""
     problem = stepper.problem
     if problem.x0.tobytes() != run.start.states.tobytes():
         problem = _problem(run, stepper.linear)
@@ -102,7 +102,7 @@ def carry_out(run: Run, stepper: Exponential, why: str) -> Solution:
 
 
 def too_many_corners(run: Run, stepper: Exponential) -> str | None:
-    """The reason to leave tables to Runge-Kutta, which takes a step from one corner to the next, if that is faster."""
+    """Reason to leave tables to Runge-Kutta, which steps from corner to corner, if that is faster."""
     corners = len(breakpoints(run.signals))
     if corners <= FEW_CORNERS:
         return None

@@ -7,8 +7,8 @@ from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.problem import Problem
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
-# Of tables: points from which on a pilot of so many steps of order 5 shows whether that suffices, and what its wanted step must then
-# be beside the steps that the points leave
+# Where tables have that many points, a pilot run of PILOT steps of order 5 decides: order 5 suffices if the step size that the tolerance
+# allows is at least CUT times the mean step that the points allow.
 MANY_CORNERS, PILOT, CUT = 1000, 100, 0.6
 
 
@@ -29,13 +29,13 @@ class Explicit5(Explicit):
 
 
 class Explicit8(Explicit):
-    """Dormand's and Prince's method of order 8."""
+    """The Dormand-Prince method of order 8."""
 
     name, order = "rk8", 8
 
 
 def order_of(problem: Problem) -> int:
-    """The order of Runge-Kutta: by tolerance, but 5 where tables cut the steps so short that a higher one is of no use."""
+    """Runge-Kutta order: by tolerance, but 5 where table points limit the step so that a higher order does not pay."""
     if problem.rtol >= 1e-6:
         return 5
     if len(problem.time_events) < MANY_CORNERS:

@@ -1,4 +1,4 @@
-"""``"ida"``: SUNDIALS' IDA, which takes the equations in any of their forms."""
+"""``"ida"``: SUNDIALS IDA, for the equations in any of their forms."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gearlib.solvers.problem import Problem, Solution
 
 
 class Implicit(Method):
-    """IDA."""
+    """SUNDIALS IDA."""
 
     name = "ida"
     jacobian = True

@@ -1,4 +1,4 @@
-"""`Method`: a way to integrate, one class in one file."""
+"""`Method`: the interface of an integration method, one class per file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gearlib.solvers.problem import Problem, Solution
 
 
 class Integrates(Protocol):
-    """Whatever integrates a run: a `Method`, or what needs no steps."""
+    """Anything that can integrate a run: a `Method`, or a solver without time steps."""
 
     name: str
 
@@ -33,16 +33,16 @@ class Integrates(Protocol):
 
 
 class Method(ABC):
-    """A way to take steps through a run. ``simulate(method=...)`` takes an instance, or the name under which it was registered.
+    """An integration method. ``simulate(method=...)`` takes an instance, or the name under which it was registered.
 
     Attributes
     ----------
     name : str
-        What it is called in ``result.stats["method"]``.
+        Its name in ``result.stats["method"]``.
     jacobian : bool
-        Whether its stepper wants df/dx.
+        Whether its stepper needs df/dx.
     steps : bool
-        Whether it takes steps, so that a run can be kept and go on with all that its stepper has found out.
+        Whether it takes time steps, so that a run can be paused and continued with the stepper's state (step size, Jacobian).
 
     Examples
     --------
@@ -74,12 +74,12 @@ class Method(ABC):
         return self.name
 
     def fits(self, run: Run) -> str | None:
-        """What the method lacks for a run, as the rest of a sentence ("needs ..."), or None where it can integrate it."""
+        """What a run lacks for this method, as the rest of a sentence ("needs ..."); None if the method can integrate it."""
         return None
 
     @abstractmethod
     def stepper(self, problem: Problem) -> Stepper:
-        """What takes the steps through a problem."""
+        """The stepper for a problem."""
 
     def solve(self, run: Run, why: str) -> Solution:
         """Integrate a run."""
@@ -96,12 +96,12 @@ class Method(ABC):
 
 
 def refusal(name: str, reason: str) -> ArgumentError:
-    """The error of a method that does not fit a run."""
+    """The error for a method that does not fit a run."""
     return ArgumentError(f"method={name!r} {reason}; use method='auto', 'rk' or 'ida'")
 
 
 def carried_out(run: Run, integrated: Callable[[Callbacks], Solution]) -> Solution:
-    """What a run comes to, with its Python functions listened to; errors say what a user may do about them."""
+    """The solution of a run; checks the Python callbacks, and adds advice to solver errors."""
     callbacks = Callbacks()
     try:
         with callbacks.listening() if any(map(is_function, run.signals)) else nullcontext():
@@ -117,7 +117,7 @@ def carried_out(run: Run, integrated: Callable[[Callbacks], Solution]) -> Soluti
 
 
 def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
-    """A solution in the scene's terms: its states only, finite, with its events by name."""
+    """A solution in the scene's terms: without auxiliary unknowns, checked to be finite, with named events."""
     if not np.isfinite(solution.x).all():
         bad = int(np.argmax(~np.isfinite(solution.x).all(axis=1)))
         raise SolverError(f"the solution is not finite at t = {solution.t[bad]:g} s")
@@ -133,7 +133,7 @@ def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
 
 
 def explained(problem: SolverError, scene: Scene) -> SolverError:
-    """The same error; where nonlinear equations are solved on the way, with a word on these."""
+    """The same error with advice for runs that solve nonlinear equations."""
     iterated = scene.program.iterated
     owners = dict.fromkeys(owner_of(scene.structure, int(e)) for s in iterated for e in s.equations)
     if not owners or "chatter" in str(problem):

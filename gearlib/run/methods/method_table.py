@@ -1,4 +1,4 @@
-"""The methods by name; `register_method` adds one."""
+"""Methods by name; `register_method` adds one."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from gearlib.run.methods.explicit import Explicit, Explicit5, Explicit8
 from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.method import Integrates, Method
 
-BY_TURNS = Alternating()  # as "auto" does where a scene is not linear
+BY_TURNS = Alternating()  # as "auto" does for nonlinear scenes
 METHODS: dict[str, Integrates] = {m.name: m for m in (Automatic(), Exact(), Implicit(), Explicit(), Explicit5(), Explicit8())}
 
 
 def register_method(method: Method) -> None:
-    """Let a method be asked for by its name: ``simulate(method=method.name)``, in this process.
+    """Register a method under its name, for ``simulate(method=method.name)`` in this process.
 
     Raises
     ------
     ArgumentError
-        Not a `Method`, or a name that one of gearlib's own has.
+        Not a `Method`, or a name of one of gearlib's own.
     """
     if not isinstance(method, Method) or not isinstance(getattr(method, "name", None), str):
         raise ArgumentError(f"register_method({shown(method)}): expected an instance of a subclass of gl.Method with a name")
@@ -30,12 +30,12 @@ def register_method(method: Method) -> None:
 
 
 def method_of(asked: str | Method) -> Integrates:
-    """The method that a name stands for, or the one that is given.
+    """The method that a name stands for, or the instance that was given.
 
     Raises
     ------
     ArgumentError
-        There is none; says which there are.
+        Unknown name; the message lists the known ones.
     """
     if isinstance(asked, Method):
         return asked

@@ -1,4 +1,4 @@
-"""The problem of a run, made of its scene's native code and numbers; what its solution means in the scene's names."""
+"""`Problem` of a run, from its scene's native code and numbers; its solution translated back to the scene's names."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from gearlib.solvers.problem import Effort, Native, Problem, Solution
 
 Floats = NDArray[np.float64]
 MOST_STEPS = 100_000_000
-MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints: near a point where these are singular the steps shrink for ever
-# Measured, ns: of a native function's call, of an addition in it, of a Python function and of a table among its inputs
+MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints, whose steps shrink without end near a singularity
+# Measured, ns: call of a native function, one addition in it, call of a Python function, look-up in a table
 CALL, ADDITION, CALLBACK, LOOK_UP = 15.0, 0.3, 1500.0, 30.0
 
 
 def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
-    """What an integrator sees of a run; ``jacobian``: whether it needs df/dx."""
+    """The problem that an integrator is given; ``jacobian``: whether it needs df/dx."""
     if (handed := run.handed) is not None:
         return _handed_problem(run, callbacks, handed)
     scene, tangents = run.scene, run.tangents if run.scene.states else None
@@ -43,7 +43,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
     data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
     if code is not None and tangents is not None:
-        if run.slots is None:  # it begins
+        if run.slots is None:  # the run begins here
             tangents.noted.clear()
         code.fill(data, tangents.directions, run.numbers.main, tangents.discretes(code.modes))
         atol = None if run.atol is None else np.append(run.atol, tangents.spread(run.atol))
@@ -53,7 +53,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         if problem.update is None:
             return problem
         return replace(problem, update=EventTangents(run, tangents, code, problem, callbacks).native)
-    nothing = np.ones(0 if scene.states else 1)  # the integrators need a state: without any, one that stands still
+    nothing = np.ones(0 if scene.states else 1)  # integrators need a state: where there is none, a constant is added
     return _wired(
         run, callbacks, scene, native, data, np.append(run.start.states, nothing), np.append(scene.nominal, nothing),
         np.ones(max(len(scene.states), 1), bool), run.atol if scene.states else None,
@@ -76,13 +76,13 @@ def _wired(
     run: Run, callbacks: Callbacks, scene: Scene | SceneForm, native: NativeScene, data: Floats, x0: Floats, nominal: Floats,
     differential: NDArray[np.bool_], atol: Floats | None,
 ) -> Problem:  # fmt: skip
-    """The problem of native functions, with the run's inputs at them."""
+    """The problem over native functions, with the run's inputs connected to them."""
     program = scene.program
     functions: dict[str, Any] = {name: getattr(native, name) for name in ("rhs", "jac", "roots", "update")}
     index = native.index
     tables = [(k, s) for k, s in enumerate(run.signals) if isinstance(s, Table)]
     if program.guards and any((np.diff(table.t) == 0.0).any() for _, table in tables):
-        # a divisor may jump over zero with its input: no numerator is large beside infinity
+        # a divisor may jump over zero with its input: no numerator counts as large beside infinity
         data[native.rhs.layout.guards :][: EACH * program.n_guards].reshape(-1, EACH)[:, 1] = np.inf
     if tables:
         from gearlib.solvers.inputs.table_lookup import with_tables
@@ -117,7 +117,7 @@ def _wired(
 
 
 def _effort(scene: Scene | SceneForm, native: NativeScene, functions: int, tables: int) -> Effort:
-    """What a call of each native function costs."""
+    """Estimated cost of a call of each native function."""
     call = CALL + CALLBACK * functions + LOOK_UP * tables
     rhs = ADDITION * operations(scene.program, native.rhs.layout)
     entries = 0.0 if native.pattern is None else native.pattern.size
@@ -128,7 +128,7 @@ def _effort(scene: Scene | SceneForm, native: NativeScene, functions: int, table
 
 
 def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
-    """What cannot be evaluated where a run ended."""
+    """Description of what cannot be evaluated where a run ended."""
     from gearlib.run.refusals.blame import culprit
 
     modes = data[shared.relations :][: shared.n_relations].copy()
@@ -138,7 +138,7 @@ def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str
 
 
 def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str:
-    """Relations and discrete variables that an event iteration which failed would change once more."""
+    """Relations and discrete variables that keep changing in an event iteration without convergence."""
     scene, n = run.scene, run.scene.model.n_relations
     if scene.relations is None or run.numbers.relations is None:
         return ""
@@ -151,7 +151,7 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
 
 
 def time_events(run: Run) -> Floats:
-    """Known times to step to exactly, after the start; at the end only where something may happen there."""
+    """Known event times to step to exactly, after the start; the end is included only if something may happen there."""
     found, t0, t1 = breakpoints(run.signals), float(run.times[0]), float(run.times[-1])
     last = t1 if (run.handed or run.scene).relations is not None else math.nextafter(t1, t0)
     found = found[(found > t0) & (found <= last)]
@@ -160,7 +160,7 @@ def time_events(run: Run) -> Floats:
 
 
 def memory(scene: Scene, data: Floats) -> tuple[Floats, Floats]:
-    """Slots and modes where a run ended: its branch of nonlinear equations, and friction's mode, are not forgotten."""
+    """Slots and modes where a run ended: its branch of nonlinear equations and the modes of friction are carried on."""
     program = scene.program
     shared = Shared(len(scene.model.parameters.names), scene.n_modes, len(program.inputs))
     slots = data[lay_out(program, shared, shared.size).slots :][: program.n_slots]
@@ -168,7 +168,7 @@ def memory(scene: Scene, data: Floats) -> tuple[Floats, Floats]:
 
 
 def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
-    """Time, and component with equation, of each event."""
+    """Time of each event, and component with equation."""
     integrated = run.handed or run.scene
     if integrated.relations is None or not len(solution.event_times):
         return []
@@ -180,7 +180,7 @@ def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:
 
 
 def _names_oftime_events(run: Run) -> dict[float, str]:
-    """Component and equation of what switches at a time, all of them where there are several."""
+    """Component and equation of the switches at a time, all of them if there are several."""
     found: dict[float, list[str]] = {}
     for t, number in _switches(run):
         found.setdefault(t, []).append((run.handed or run.scene).relation_names[number])
@@ -188,7 +188,7 @@ def _names_oftime_events(run: Run) -> dict[float, str]:
 
 
 def _switches(run: Run) -> list[tuple[float, int]]:
-    """When the conditions in time switch after the start, and which; what does so within rounding of the end does so there."""
+    """Times at which conditions on time switch after the start, with their relations; snapped to the end within rounding."""
     from gearlib.equations.switch_times import rounding
 
     t0, t1 = float(run.times[0]), float(run.times[-1])

@@ -1,4 +1,4 @@
-"""`Run`: one integration, as the methods see it."""
+"""`Run`: one integration, as passed to the methods."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from gearlib.run.tangents.tangents import Tangents
 from gearlib.solvers.inputs.table import Table
 
 Floats = NDArray[np.float64]
-LATE = 100.0  # times its length after zero a run has a clock that is coarse beside its steps
-LEAST_STEPS = 100  # that a run is thought to take before it is known how many
+LATE = 100.0  # start time over run length at which the clock's resolution counts as coarse
+LEAST_STEPS = 100  # assumed number of steps before it is known
 
 
 @dataclass(frozen=True)
@@ -32,24 +32,24 @@ class Run:
     times: Floats
     rtol: float
     atol: Floats | None
-    modes: Floats | None = None  # relations and discrete variables to begin with, where a run goes on
+    modes: Floats | None = None  # relations and discrete variables to continue from
     max_step: float | None = None  # s
-    slots: Floats | None = None  # of the scene's program, where a run goes on: its branch of nonlinear equations
-    form: str = "ode"  # what IDA is handed
-    backend: str = "native"  # how it is driven
-    tangents: Tangents | None = None  # that are integrated with the states
+    slots: Floats | None = None  # of the scene's program where a run continues: its branch of nonlinear equations
+    form: str = "ode"  # form of the equations for IDA
+    backend: str = "native"  # backend of IDA
+    tangents: Tangents | None = None  # integrated along with the states
 
     @property
     def handed(self) -> SceneForm | None:
-        """The scene with the algebraic unknowns that are left to IDA, if any are."""
+        """The form of the scene with the algebraic unknowns left to IDA, if any."""
         return None if self.form == "ode" else scene_form(self.scene, self.form)
 
     @cached_property
     def longest_step(self) -> float:
-        """What no event and no pulse that lasts longer is stepped over by.
+        """Largest step that cannot skip an event, or a pulse that lasts longer than it.
 
-        Where there are events that are searched for, a hundredth of the run by default; where time drives the scene, two sample
-        intervals as well: a pulse between two steps would not be noticed.
+        With event functions, a hundredth of the run by default; where time drives the scene, at most two sample intervals as well,
+        since a pulse between two steps would go unnoticed.
         """
         if self.max_step is not None:
             return self.max_step
@@ -60,12 +60,12 @@ class Run:
 
     @property
     def driven(self) -> bool:
-        """Whether time drives the scene, other than by tables."""
+        """Whether time drives the scene, other than through tables."""
         programs = [self.scene.program, *([self.scene.relations.program] if self.scene.relations is not None else [])]
         return any(p.on_time for p in programs) or any(map(is_function, self.signals))
 
     def coarse_clock(self, steps: int) -> str:
-        """What is to be said of a run that begins late, where time drives it and is known no better than the tolerance; or nothing."""
+        """Warning for a run that starts so late that rounding of time exceeds the tolerance of its driving terms; empty if none."""
         late, span = float(np.abs(self.times[[0, -1]]).max()), float(self.times[-1] - self.times[0])
         resolution = math.ulp(late)
         if span == 0.0 or late < LATE * span or not self.driven or resolution <= self.rtol * span / max(steps, LEAST_STEPS):
@@ -78,7 +78,7 @@ class Run:
 
     @property
     def still(self) -> bool:
-        """Whether nothing has a memory: no state, no discrete variable."""
+        """Whether there is neither a state nor a discrete variable."""
         return not self.scene.states and (self.scene.relations is None or not self.scene.relations.discretes)
 
 

@@ -1,1 +1,1 @@
-"""What a run cannot be: input jumps that are differentiated, values below their least, and which equation is to blame."""
+"""Refusals of runs: differentiated input jumps, variables below their minimum, and diagnosis of the equation to blame."""

@@ -11,19 +11,19 @@ from gearlib.program.program import Batch
 from gearlib.run.scene import Numbers, Scene, node_name
 
 Floats = NDArray[np.float64]
-AHEAD = (0.0, *np.logspace(-16, -3, 14).tolist())  # of the run: where the tangent to the solution is looked at
+AHEAD = (0.0, *np.logspace(-16, -3, 14).tolist())  # fractions of the run at which the tangent to the solution is evaluated
 
 
 def culprit(scene: Scene, numbers: Numbers, t: float, span: float, x: Floats, inputs: Floats, modes: Floats) -> str:
-    """What cannot be evaluated at the end of a run that failed, as a part of its message; else which state goes fastest.
+    """What cannot be evaluated at the end of a failed run, as part of its message; otherwise the state that changes fastest.
 
     Parameters
     ----------
     scene, numbers : Scene, Numbers
     t, span : float
-        Where the run ended, and how long (s) it should have been.
+        Time at which the run ended, and its intended length (s).
     x, inputs, modes : arrays
-        States, inputs and modes there.
+        States, inputs and modes at that time.
     """
     program, n = scene.program, len(scene.states)
     if not n or not np.isfinite(x).all():
@@ -34,7 +34,7 @@ def culprit(scene: Scene, numbers: Numbers, t: float, span: float, x: Floats, in
         with np.errstate(all="ignore"):
             try:
                 slots = evaluate(numbers.main, now, (x + share * span * rate)[:, None], inputs[:, None], modes[:, None], None)
-            except SolverError as unsolved:  # where no guess matters, the compiled code has met the same
+            except SolverError as unsolved:  # if no guess matters, the compiled code met the same
                 return "" if program.iterated else f"; {unsolved}"
         if not np.isfinite(slots).all():
             return _first(scene, numbers, now, slots, modes)
@@ -60,7 +60,7 @@ def _solved(scene: Scene, slot: int) -> str:
 
 
 def _first(scene: Scene, numbers: Numbers, t: Floats, slots: Floats, modes: Floats) -> str:
-    """The first value that is not finite, the equation that it comes from, and what goes into that."""
+    """The first non-finite value, the equation that it comes from, and the operands."""
     for step in scene.program.steps:
         if not isinstance(step, Batch):
             continue
@@ -77,7 +77,7 @@ def _first(scene: Scene, numbers: Numbers, t: Floats, slots: Floats, modes: Floa
 
 
 def _numbers(scene: Scene, batch: Batch, row: int, t: Floats, slots: Floats, numbers: Numbers) -> str:
-    """The numbers that go into an equation there, by name."""
+    """The operands of an equation, by name."""
     known = {slot: node_name(scene.model, node) for node, slot in scene.program.slots.items()}
     found = {known.get(slot, "a value"): slots[slot, 0] for slot in batch.arguments[row].tolist()}
     found |= {scene.model.parameters.names[p]: numbers.parameters[p] for p in batch.parameters[row].tolist()}

@@ -1,4 +1,4 @@
-"""Refusal of runs that cannot be differentiated."""
+"""Refusal of sensitivities for runs that cannot be differentiated."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from gearlib.run.translation import Translation
 
 
 def refuse_tangents(translation: Translation, form: str, start: Any) -> None:
-    """Check what a run with sensitivities is asked.
+    """Check that a run with sensitivities can be differentiated.
 
     Raises
     ------
     ArgumentError
-        Sampled controllers, a form of the equations that leaves unknowns to IDA, or a start that does not say how it changes.
+        Sampled controllers, a form of the equations that leaves unknowns to IDA, or a start whose dependence on parameters is unknown.
     """
     if form != "ode":
         raise ArgumentError(

@@ -21,21 +21,21 @@ from gearlib.reduce.reduction import Structure
 
 Floats = NDArray[np.float64]
 Function = Callable[..., Any]  # of time and the parameters
-MOST = 50  # switches that are looked at
-APART = 1e-9  # of a time, by which both sides of a switch are told
-SMALL = 1e-9  # of the sizes on both sides: a difference below this is rounding
+MOST = 50  # switches that are examined
+APART = 1e-9  # relative distance from a switch at which its sides are evaluated
+SMALL = 1e-9  # relative to the values on both sides: a smaller difference is rounding
 KINDS = ("a jump", "a kink")
 
 
 def refuse_jumps(structure: Structure, program: Program, parameters: Floats, t0: float, t1: float) -> None:
     """Raise an error where a program differentiates an equation at a time at which it jumps.
 
-    Looked at are equations whose relations compare nothing but time, and jumps that depend on nothing else.
+    Only equations whose relations compare nothing but time are examined, and only jumps that depend on nothing else.
 
     Raises
     ------
     ModelError
-        Names the variable, the time, and by how much it jumps.
+        Names the variable, the time and the size of the jump.
     """
     uses, seen = program.memo.get(refuse_jumps, (None, b""))
     if uses is None:
@@ -49,7 +49,7 @@ def refuse_jumps(structure: Structure, program: Program, parameters: Floats, t0:
 
 
 def _uses(structure: Structure, program: Program) -> list[tuple[int, Template]]:
-    """The equations of a program that are differentiated and hold relations, and how they stand in it."""
+    """Differentiated equations of a program that contain relations, with the templates in use."""
     batches: list[Batch] = []
     for step in program.steps:
         batches += (step,) if isinstance(step, Batch) else step.residuals if isinstance(step, Newton) else ()
@@ -57,7 +57,7 @@ def _uses(structure: Structure, program: Program) -> list[tuple[int, Template]]:
 
 
 def _check(structure: Structure, e: int, used: Template, parameters: Floats, t0: float, t1: float) -> None:
-    """Of one equation: what stands under its derivatives, level by level."""
+    """Check one equation: the expressions under its derivatives, order by order."""
     g, i = structure.rows[e]
     group = structure.model.groups[g]
     template, numbers = group.template, list(parameters[group.parameters[i]])
@@ -93,7 +93,7 @@ def _flag(relation: Relation, symbols: tuple[Any, ...], numbers: list[float], t:
 
 @memoised
 def _pieces(template: Template, symbols: tuple[Any, ...], *sides: tuple[tuple[int, int], ...]) -> list[Function] | None:
-    """An equation on both sides of a switch, as functions of time and the parameters; None where variables tell how they differ."""
+    """An equation on both sides of a switch, as functions of time and the parameters; None where the difference depends on variables."""
     found = [
         template.residual.xreplace({sympy.Symbol(f"relation_{j}", real=True): sympy.Integer(x) for j, x in s}) for s in sides
     ]
@@ -103,7 +103,7 @@ def _pieces(template: Template, symbols: tuple[Any, ...], *sides: tuple[tuple[in
 
 
 def _jump(pieces: list[Function], numbers: list[float], t: float, ends: tuple[float, float]) -> bool:
-    """Whether two functions of time differ at one by more than rounding of the values that they take up to the ends of their pieces."""
+    """Whether two functions of time differ at an instant by more than the rounding of their values on adjacent pieces."""
     values, sizes = [], [0.0]
     for function, end in zip(pieces, ends, strict=True):
         with np.errstate(all="ignore"):

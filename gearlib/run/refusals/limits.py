@@ -1,7 +1,7 @@
 """Refusal of runs in which a variable falls below its declared minimum.
 
-The equations of a one-sided element (a freewheel) rely on the value that its variable cannot have. Started there, they would stay
-there; nothing in them is wrong, so that nothing else would notice.
+The equations of a one-sided element (a freewheel) rely on a variable never passing its limit. Started beyond it they would stay there:
+no equation is violated, so that nothing else would notice.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
 
 Floats = NDArray[np.float64]
-MISSED = 10.0  # tolerances that a variable may be below its least value, of the largest number that it is computed from
-ACCURATE = 1e-9  # tolerance of a state that no integration has led to
+MISSED = 10.0  # tolerances by which a variable may fall short of its minimum, relative to the largest operand that it is computed from
+ACCURATE = 1e-9  # tolerance of a state at the start, where no integration error exists
 
 
 def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
@@ -31,9 +31,9 @@ def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
     Raises
     ------
     StartError
-        A variable is below its least value at the first sample.
+        A variable is below its minimum at the first sample.
     SolverError
-        Later.
+        A variable falls below it later.
     """
     for number, part in enumerate(parts):
         for v, least, node in _bounded(part.scene):
@@ -49,12 +49,12 @@ def refuse_too_small(parts: Sequence[Segment], rtol: float) -> None:
 
 
 def refuse_start(scene: Scene, parameters: Floats, t: float, inputs: Floats, begin: Start) -> None:
-    """Check a start, whether or not a run has a sample there.
+    """Check start values, whether or not the run has a sample there.
 
     Raises
     ------
     StartError
-        A variable starts below its least value.
+        A variable starts below its minimum.
     """
     found = _too_small(scene, scene.prepared(parameters), t, begin.states, inputs, begin) if scene.model.bounded else None
     if found is not None:
@@ -64,7 +64,7 @@ def refuse_start(scene: Scene, parameters: Floats, t: float, inputs: Floats, beg
 
 
 def too_small(scene: Scene, numbers: Numbers, t: float, x: Floats, inputs: Floats, begin: Start) -> str:
-    """Which variable is below its least value in a state; nothing where none is."""
+    """Description of the variable that is below its minimum in a state; empty if there is none."""
     found = _too_small(scene, numbers, t, x, inputs, begin)
     return "" if found is None else _text(scene.model, *found)
 
@@ -72,7 +72,7 @@ def too_small(scene: Scene, numbers: Numbers, t: float, x: Floats, inputs: Float
 def _too_small(
     scene: Scene, numbers: Numbers, t: float, x: Floats, inputs: Floats, begin: Start
 ) -> tuple[int, float, float] | None:
-    """The variable that is below its least value in a state, its value and that least one."""
+    """The variable that is below its minimum in a state, its value and the minimum."""
     bounded = list(_bounded(scene))
     if not bounded:
         return None
@@ -95,7 +95,7 @@ def _too_small(
 
 
 def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:
-    """Variables with a least value that the scene determines."""
+    """Variables with a declared minimum that the scene determines."""
     model = scene.model
     for v, least in model.bounded:
         node = (int(model.representative[v]), 0)
@@ -105,7 +105,7 @@ def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:
 
 
 def _size(scene: Scene, node: Node, states: Floats, values: Floats) -> float:
-    """The largest of the numbers that a variable is computed from, its own and its typical size."""
+    """The largest operand from which a variable is computed, including its own value and nominal value."""
     needed = [
         scene.place_of[s]
         for s in reach(scene.structure.dependence, [node], dynamic=False, events=False)[1]

@@ -1,4 +1,4 @@
-"""Sampled controllers of a compiled model: their instants, what they read, the inputs that they give."""
+"""Sampled controllers of a compiled model: their sample instants, the signals they read and the inputs they set."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """A sampled controller of a compiled model: what it reads, and the numbers of the inputs that it gives."""
+    """A sampled controller of a compiled model: the signals it reads, and the indices of the inputs it sets."""
 
     path: str
     part: Sampled
@@ -28,7 +28,7 @@ class Controller:
     gives: tuple[int, ...]
 
     def instants(self, t0: float, t1: float) -> list[float]:
-        """Its instants from one time to another, both counted."""
+        """Its sample instants in a closed interval."""
         period, offset, same = self.part.period, self.part.offset, rounding(t0, t1)
         first, last = max(math.floor((t0 - offset) / period) - 1, 0), math.ceil((t1 - offset) / period) + 2
         if last - first > MOST_INSTANTS:
@@ -38,7 +38,7 @@ class Controller:
         return found
 
     def __call__(self, t: float, values: Floats) -> list[float]:
-        """What its function returns, as numbers."""
+        """Return value of its function, as numbers."""
         called = f"the function of {self.path}, called at t = {t:.9g} s,"
         try:
             found = self.part.function(t, values)
@@ -52,7 +52,7 @@ class Controller:
 
 
 def controllers_of(component: Component, inputs: Sequence[str]) -> tuple[Controller, ...]:
-    """The sampled controllers in a component, and their places among the inputs that nothing is bound to."""
+    """The sampled controllers in a component, with the indices of their inputs among the unbound inputs."""
     found = []
     for path, part in parts_below(component):
         if isinstance(part, Sampled):
@@ -63,13 +63,13 @@ def controllers_of(component: Component, inputs: Sequence[str]) -> tuple[Control
 
 
 def read_by_controllers(component: Component) -> tuple[str, ...]:
-    """Paths of what the sampled controllers in a component read."""
+    """Paths of the signals that the sampled controllers in a component read."""
     parts = ((path, part.counts[0]) for path, part in parts_below(component) if isinstance(part, Sampled))
     return tuple(f"{path}.inputs[{k}].y" for path, count in parts for k in range(count))
 
 
 def refuse_controllers(component: Component, what: str) -> None:
-    """Raise `ArgumentError` where a component has sampled controllers, which ``what`` knows no equations of."""
+    """Raise `ArgumentError` if a component has sampled controllers, whose equations ``what`` does not know."""
     named = ", ".join(path for path, part in parts_below(component) if isinstance(part, Sampled))
     if named:
         raise ArgumentError(

@@ -1,8 +1,7 @@
-"""Runs with sampled controllers: the run is cut at their instants, and Python functions give the signals that are held up to the next.
+"""Runs with sampled controllers: the run is split at the sample instants, where Python functions set signals held up to the next.
 
-Every piece goes on from the state, the discrete state and the branch of nonlinear equations in which the one before ended, with the
-same tolerances. What the functions returned is kept, so that a run that is done again, for other variables or samples, calls no
-function again.
+Every piece continues from the state, the discrete state and the solution branch in which the one before ended, with the same
+tolerances. The functions' return values are recorded, so that a run repeated for other variables or samples calls no function again.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "w
 
 @dataclass(frozen=True)
 class Pieces:
-    """What sampled controllers gave in a run: the times at which pieces of it begin, and all inputs from there on."""
+    """Recorded outputs of sampled controllers: the times at which pieces of a run begin, and all inputs from there on."""
 
     times: tuple[float, ...]
     signals: tuple[tuple[Any, ...], ...]
@@ -42,24 +41,24 @@ def integrate_sampled(
     first: Run, method: Integrates, switched: Switched, controllers: Sequence[Controller], known: Pieces | None = None,
     begun: bool = False,
 ) -> tuple[Run, Solution, Pieces]:  # fmt: skip
-    """Integrate a run with sampled controllers, as one run whose inputs that controllers give are tables.
+    """Integrate a run with sampled controllers, as one run in which the inputs they set are tables.
 
     Parameters
     ----------
     first : Run
     method : Integrates
     switched : dict
-        As `integrate_through` takes it.
+        As for `integrate_through`.
     controllers : sequence of Controller
     known : Pieces, optional
-        What the controllers gave in this run before: they are not asked again.
+        Recorded controller outputs of this run: the functions are not called again.
     begun : bool
-        Whether the run goes on from one in which an instant at its start was counted.
+        Whether the run continues one that has already handled an instant at its start.
 
     Raises
     ------
     ArgumentError
-        A function failed, or returned something else than numbers; a method that cannot be cut.
+        A function failed or returned something other than numbers, or the method cannot be interrupted.
     SolverError
         The integration failed.
     """
@@ -93,7 +92,7 @@ def integrate_sampled(
 
 
 def _acting(controllers: Sequence[Controller], t0: float, t1: float) -> dict[float, tuple[Controller, ...]]:
-    """Which controllers act at which time; instants that differ by rounding only are one."""
+    """Which controllers act at which time; instants that differ by rounding are merged."""
     found: dict[float, tuple[Controller, ...]] = {}
     last, same = -math.inf, rounding(t0, t1)
     for t, k in sorted((t, k) for k, controller in enumerate(controllers) for t in controller.instants(t0, t1)):
@@ -103,7 +102,7 @@ def _acting(controllers: Sequence[Controller], t0: float, t1: float) -> dict[flo
 
 
 def _at(signals: Sequence[Any], controllers: Sequence[Controller], t: float) -> tuple[Any, ...]:
-    """Inputs with what controllers gave in an earlier run, a table, held from a time on."""
+    """Inputs from a time on: recorded controller outputs of an earlier run, held constant."""
     given = {k for controller in controllers for k in controller.gives}
     return tuple(float(s(t)) if k in given and isinstance(s, Table) else s for k, s in enumerate(signals))
 
@@ -132,11 +131,11 @@ def _segment(run: Run, t: float) -> Segment:
 
 
 def _following(run: Run, solution: Solution, t: float) -> Run:
-    """What goes on where a piece of a run has ended."""
+    """The continuation of a run after a piece."""
     modes = solution.modes[-1].copy() if run.scene.n_modes else None
     here = replace(run, start=replace(run.start, states=solution.x[-1].copy(), steady=False), modes=modes, slots=None)
     program = run.scene.program
-    if program.iterated:  # on the branch on which the run is
+    if program.iterated:  # on the solution branch of the run
         segment, guess = _segment(here, t), run.start.guess.copy()
         for v in program.undifferentiated[0].tolist():
             guess[v] = segment.history((v, 0))[0]
@@ -147,7 +146,7 @@ def _following(run: Run, solution: Solution, t: float) -> Run:
 def _joined(
     first: Run, done: Sequence[tuple[Run, Solution]], pieces: Pieces, controllers: Sequence[Controller]
 ) -> tuple[Run, Solution]:
-    """The pieces as one run with its own samples; a sample at an instant is what follows it."""
+    """The pieces joined into one run with its own samples; a sample at an instant holds the right-hand limit."""
     chosen = np.searchsorted(np.concatenate([run.times for run, _ in done]), first.times, side="right") - 1
     states = np.concatenate([s.x for _, s in done])[chosen]
     modes = np.concatenate([s.modes for _, s in done])[chosen]

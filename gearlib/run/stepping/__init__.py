@@ -1,1 +1,1 @@
-"""Runs that are advanced from outside."""
+"""Interactive runs, advanced from outside."""

@@ -1,4 +1,4 @@
-"""`LiveRun`: a run's driver, kept from one advance to the next with all that its method has found out."""
+"""`LiveRun`: a driver that persists between advances, with the step sizes, orders and Jacobians of its method."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.rungekutta.rungekutta import RungeKutta
 
 Floats = NDArray[np.float64]
-AHEAD = 200.0  # advances for which time events are looked up at once
-LONG = 10.0  # trials' work of stiff steps that Runge-Kutta takes before IDA does, and of IDA before the two are compared
+AHEAD = 200.0  # advances ahead for which time events are computed at once
+LONG = 10.0  # work of stiff Runge-Kutta steps, in trials, before IDA takes over, and of IDA before the two are compared again
 
 
 def can_live(run: Run, method: Integrates) -> bool:
-    """Whether a run's driver can be kept: tables and scenes without states are begun anew at each advance."""
+    """Whether a run's driver can persist: tables and scenes without states restart at each advance."""
     stepped = method is BY_TURNS or (isinstance(method, Method) and method.steps)
     return stepped and bool(run.scene.states) and not any(isinstance(s, Table) for s in run.signals)
 
 
 class LiveRun:
-    """A driver on its way from one advance to the next.
+    """A driver that persists from one advance to the next.
 
-    Where the method is chosen by the run itself, Runge-Kutta takes the steps until stability has limited them for long, then IDA, as long
-    as it gets further for the same work.
+    If the method is automatic, Runge-Kutta integrates until stability has limited its steps for long, then IDA, as long as that makes
+    faster progress for the same work.
 
     Parameters
     ----------
     run : Run
-        From where the run is to the first time to advance to.
+        From the current time to the first time to advance to.
     method : Integrates
-        One that `can_live`.
+        A method that passes `can_live`.
 
     Attributes
     ----------
@@ -60,14 +60,14 @@ class LiveRun:
 
     def __init__(self, run: Run, method: Integrates) -> None:
         self.run, self.signals = run, run.signals
-        self._turns, self._wait, self._rival_pace = method is BY_TURNS, 1.0, 0.0  # s of the motion for a ns of work
+        self._turns, self._wait, self._rival_pace = method is BY_TURNS, 1.0, 0.0  # s of motion per ns of work
         self._method = method if isinstance(method, Method) else Explicit()
         self._known, self._known_until = np.empty(0), -np.inf
         self.callbacks, self._seen = Callbacks(), 0
         self._begin()
 
     def _begin(self, before: Driver | None = None) -> None:
-        """Begin with the run's method, at the start or where another one has got to."""
+        """Start the run's method, initially or where another one has stopped."""
         run, jacobian = self.run, self._method.jacobian
         if before is None:
             problem = problem_of(run, self.callbacks, jacobian)
@@ -83,22 +83,22 @@ class LiveRun:
             stepper.watch(self._wait * LONG * self._trial)
 
     def _change(self, method: Method) -> None:
-        """Go on with another method."""
+        """Hand over to another method."""
         self._method = method
         self._begin(self.driver)
 
     @property
     def states(self) -> Floats:
-        """Where the run is."""
+        """Current states."""
         return self.driver.x[: len(self.run.scene.states)].copy()
 
     @property
     def modes(self) -> Floats | None:
-        """Relations and discrete variables there."""
+        """Current relations and discrete variables."""
         return self.driver.data[self._modes].copy() if self.run.scene.n_modes else None
 
     def takes(self, signals: tuple[Any, ...]) -> bool:
-        """Set inputs from here on; whether that could be done."""
+        """Set inputs from now on; returns whether that was possible without a restart."""
         changed = [k for k, (a, b) in enumerate(zip(self.signals, signals, strict=True)) if a is not b]
         if not all(isinstance(s[k], Real) for s in (self.signals, signals) for k in changed):
             return False
@@ -115,7 +115,7 @@ class LiveRun:
         return True
 
     def to(self, run: Run) -> bool:
-        """Go on to the end of a run that begins here; False where its states do not determine the motion all the way.
+        """Advance to the end of a run that begins here; False if its states become singular on the way.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class LiveRun:
         return status == "done"
 
     def _arrive(self) -> str:
-        """Take the steps; where stability limits them, IDA's."""
+        """Take the steps, handing over to IDA where stability limits them."""
         while (status := self.driver.advance()) in ("more", "stiff"):
             stepper = self.driver.stepper
             if status == "stiff" and isinstance(stepper, RungeKutta) and self.driver.t < self.driver.t_end:
@@ -152,7 +152,7 @@ class LiveRun:
         return status
 
     def _time_events(self, t0: float, t: float) -> Floats:
-        """Known times to step to exactly; they are looked up many advances ahead."""
+        """Known event times to step to exactly, computed many advances ahead."""
         if not self.run.scene.time_switches.timed:
             return self._known
         same = 2.0 * rounding(t0, t)
@@ -162,7 +162,7 @@ class LiveRun:
         return np.minimum(self._known[(self._known > t0 + same) & (self._known <= t + same)], t)
 
     def _log(self) -> None:
-        """Take the events that are new."""
+        """Append the new events."""
         seen, self._seen = self._seen, self.driver.record.events
         if self._seen > seen:
             self.events += named_events(self.run, self.driver.solution())[seen:]
@@ -172,5 +172,5 @@ class LiveRun:
             self.close()
 
     def close(self) -> None:
-        """Free what the method holds."""
+        """Release the resources of the method."""
         self.driver.close()

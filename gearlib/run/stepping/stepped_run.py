@@ -1,4 +1,4 @@
-"""A run that is advanced from outside, step by step: watched, controlled by what it gave so far, stopped and begun again."""
+"""Runs advanced from outside, step by step: watched, controlled in closed loop, stopped and restored."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """All that a run goes on from: `SteppedRun.state` gives it, `SteppedRun.restore` takes it.
+    """Complete state of a run: returned by `SteppedRun.state`, accepted by `SteppedRun.restore`.
 
     Attributes
     ----------
     t : float
         s.
     states : array
-        What is integrated, in the order of ``scene.state_names``.
+        Integrated states, in the order of ``scene.state_names``.
     """
 
     t: float
     states: Floats
     modes: Floats | None  # relations and discrete variables, with their values before the last event
-    guess: Floats  # where iterations start
+    guess: Floats  # initial guess of the iterations
     scene: Scene
     numbers: Numbers
     atol: Floats | None
@@ -52,7 +52,7 @@ class Moment:
 
 
 class Inputs(MutableMapping[str, Any]):
-    """The unbound inputs of a run that is advanced from outside, by path: numbers, functions of time, or tables."""
+    """Unbound inputs of a stepped run, by path: numbers, functions of time, or tables."""
 
     def __init__(self, translation: Translation, given: Mapping[str, Any] | None) -> None:
         self._translation = translation
@@ -61,7 +61,7 @@ class Inputs(MutableMapping[str, Any]):
     def _number(self, name: str) -> int:
         names = self._translation.inputs
         if name not in self._translation.open_inputs:
-            self._translation.input_signals({name: 0.0})  # raises what there is to be said
+            self._translation.input_signals({name: 0.0})  # raises for an invalid name or value
         return names.index(name)
 
     def __getitem__(self, name: str) -> Any:
@@ -83,17 +83,17 @@ class Inputs(MutableMapping[str, Any]):
 
 
 class SteppedRun:
-    """A run at a time; `System.stepper` begins one.
+    """A run at its current time, begun by `System.stepper`.
 
-    ``run.advance(t)`` integrates up to a time, ``run["load.w"]`` is a variable's value there, ``run.inputs["torque.tau"] = 3.0``
-    sets an input from there on. Between two calls the run keeps all of its state: integrated states, discrete variables, the
-    modes of clutches and friction, and what its method has found out: step sizes, orders, Jacobians. A number that is set as an input
-    keeps it too; functions that are set, and tables, make the method begin anew.
+    ``run.advance(t)`` integrates up to a time, ``run["load.w"]`` is the current value of a variable, ``run.inputs["torque.tau"] = 3.0``
+    sets an input from now on. Between calls the run keeps its complete state: integrated states, discrete variables, the modes of
+    clutches and friction, and its method's step sizes, orders and Jacobians. Setting an input to a number keeps these as well; setting
+    a function or a table restarts the method.
 
     Attributes
     ----------
     t : float
-        Where it is, s.
+        Current time, s.
     inputs : mapping
         The unbound inputs, by path.
     events : list of (float, str)
@@ -110,7 +110,7 @@ class SteppedRun:
         scene = translation.scene if translation.outputs is not None else translation.with_states(structure.states)
         self.inputs = Inputs(translation, inputs)
         earlier = earlier_run(translation, start)
-        self._begun = earlier is not None  # a run that goes on has counted an instant at its start
+        self._begun = earlier is not None  # the earlier run has handled an instant at its end
         if earlier:
             begin = earlier[0].moment(scene, earlier[1])
             if inputs is None:
@@ -130,12 +130,12 @@ class SteppedRun:
         return self._now.t
 
     def advance(self, t: float) -> None:
-        """Integrate up to a time, s, with the inputs as they are now.
+        """Integrate up to a time (s) with the current inputs.
 
         Raises
         ------
         ArgumentError
-            A time that is not later than the present one.
+            The time is not later than the current one.
         SolverError
             The integration failed; the run stays where it was.
         """
@@ -146,14 +146,14 @@ class SteppedRun:
             self._go_to(np.array([self.t, t]))
 
     def _run(self, times: Floats) -> Run:
-        """What is asked of the method for a step."""
+        """The integration that a step asks of the method."""
         now = self._now
         longest = self._max_step if self._max_step is not None or len(times) < 2 else float(times[-1] - times[0])
         start = Start(now.states, now.guess, ())
         return Run(now.scene, now.numbers, start, self.inputs.signals, times, self._rtol, now.atol, now.modes, longest)
 
     def _lives_on(self, t: float) -> bool:
-        """Go on with what the method has found out so far; whether that could be done."""
+        """Continue with the method's state; returns whether that was possible."""
         now, live, signals = self._now, self._live, self.inputs.signals
         self._live = None  # unless it arrives
         run = self._run(np.array([now.t, t]))
@@ -179,7 +179,7 @@ class SteppedRun:
         return True
 
     def _checked(self, here: Moment) -> Moment:
-        """A moment that keeps to the least values of its variables, with guesses on its branch of nonlinear equations."""
+        """A state checked against the minima of its variables, with guesses on its solution branch."""
         if here.scene.model.bounded:
             refuse_too_small([_part(here, here.signals)], self._rtol)
         program = here.scene.program
@@ -210,7 +210,7 @@ class SteppedRun:
         self._now = replace(here, n_events=len(self.events))
 
     def __getitem__(self, name: str) -> float:
-        """The value of a variable, a derivative or a discrete variable, now."""
+        """Current value of a variable, a derivative or a discrete variable."""
         if not isinstance(name, str):
             raise ArgumentError(f"run[{shown(name)}]: expected one name, such as run['load.w']")
         now, part = self._now, _part(self._now, self.inputs.signals)
@@ -224,12 +224,12 @@ class SteppedRun:
         return float(sign * part.history(node)[0])
 
     def state(self) -> Moment:
-        """All that the run goes on from, to come back to it with `restore`. The next step begins anew, as it will after `restore`."""
+        """The complete state, for `restore`. The next step restarts the method, as it will after `restore`."""
         self._let_go()
         return replace(self._now, signals=self.inputs.signals)
 
     def restore(self, state: Moment) -> None:
-        """Go back to a state that the run, or another one of the same system, was in: the same steps give the same numbers again.
+        """Return to a state of this run, or of another run of the same system: the same steps reproduce the same numbers.
 
         Raises
         ------
@@ -243,7 +243,7 @@ class SteppedRun:
         del self.events[state.n_events :]
 
     def _let_go(self) -> None:
-        """Forget what the method has found out."""
+        """Discard the method's state."""
         if self._live is not None:
             self._live.close()
             self._live = None
@@ -253,6 +253,6 @@ class SteppedRun:
 
 
 def _part(now: Moment, signals: tuple[Any, ...]) -> Segment:
-    """The moment as a run of one sample, from which other variables are computed."""
+    """The current state as a run of one sample, from which other variables are computed."""
     modes = np.zeros((1, 0)) if now.modes is None else now.modes[None, :]
     return Segment(now.scene, np.array([now.t]), now.states[None, :], modes, now.numbers.parameters, signals, now.guess, now.t)

@@ -1,1 +1,1 @@
-"""Tangents of a run: how its states, and what is computed from them, change with parameters and start values."""
+"""Tangents of a run: sensitivities of its states, and of variables computed from them, to parameters and start values."""

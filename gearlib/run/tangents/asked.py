@@ -1,4 +1,4 @@
-"""The directions that names stand for: parameters with all that is bound to them, and start values."""
+"""Directions of differentiation by name: parameters with everything bound to them, and start values."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ Floats = NDArray[np.float64]
 def directions(
     translation: Translation, names: Any, parameters: Floats, given: Collection[str], start: Any
 ) -> TangentDirections | None:
-    """The directions that some names stand for; None where there are none.
+    """Directions of differentiation for some names; None where there are none.
 
     Parameters
     ----------
     translation : Translation
     names : sequence of str
-        As a user gave them.
+        Names given by the user.
     parameters : array
-        The complete table.
+        The complete parameter table.
     given : collection of str
-        Parameters that were given for this run, which do not follow from others.
+        Parameters given for this run, which do not follow from others.
     start : object
-        As `System.simulate` takes it.
+        As for `System.simulate`.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        Not a list of names, no such parameter or start value, or one that there is no derivative with respect to.
+        Not a list of names, an unknown parameter or start value, or one without a derivative.
     """
     chosen = name_list("sensitivities", names, "shaft.c")
     if not chosen:
@@ -79,7 +79,7 @@ def directions(
 
 
 def _parameter(translation: Translation, name: str) -> int:
-    """The entry of the table that a name stands for."""
+    """The parameter-table entry that a name stands for."""
     model, table = translation.model, translation.model.parameters
     found = table.index.get(name)
     if found is not None and "#" not in name:
@@ -102,7 +102,7 @@ def _parameter(translation: Translation, name: str) -> int:
 
 
 def _start(model: FlatModel, name: str) -> int:
-    """The representative of the variable that a start value was given for; -1 of a discrete one."""
+    """The representative of the variable that a start value was given for; -1 for a discrete one."""
     v = model.find(name)
     return -1 if v is None else int(model.representative[v])
 

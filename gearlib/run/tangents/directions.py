@@ -1,4 +1,4 @@
-"""`TangentDirections`: what a run is differentiated with respect to."""
+"""`TangentDirections`: the directions in which a run is differentiated."""
 
 from __future__ import annotations
 
@@ -14,20 +14,18 @@ Entry = tuple[int, int]  # entry of the parameter table, column
 
 @dataclass(frozen=True, eq=False)
 class TangentDirections:
-    """A column for each name.
+    """One column per name.
 
     Attributes
     ----------
     names : tuple of str
         Paths of parameters, and of start values as ``"start(load.w)"``.
     entries : tuple of (parameter, column)
-        Entries of the parameter table that a column changes, with
-    weights : array
-        how much each changes with one unit of the column's.
+        Entries of the parameter table that a column changes.
     starts : tuple of (variable, column, sign)
         Start values that are a column themselves: of representative variables.
     sizes : array
-        Typical size of each, in its unit.
+        Typical size of each direction, in its unit.
     """
 
     names: tuple[str, ...]
@@ -41,10 +39,10 @@ class TangentDirections:
 
     @property
     def seeds(self) -> list[tuple[int, int, float]]:
-        """How the parameter table changes: (parameter, column, weight)."""
+        """Derivatives of the parameter table: (parameter, column, weight)."""
         return [(p, k, weight) for (p, k), weight in zip(self.entries, self.weights.tolist(), strict=True)]
 
     @cached_property
     def place(self) -> dict[str, int]:
-        """The column of each name."""
+        """Column of each name."""
         return {name: k for k, name in enumerate(self.names)}

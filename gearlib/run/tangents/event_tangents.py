@@ -1,9 +1,9 @@
-"""How tangents jump at an event.
+"""Jumps of tangents at events.
 
-An event function g(t, x, p) that crosses zero at t_e says when: dt_e/dp = -(dg/dx S + dg/dp) / (dg/dx f + dg/dt). What is differentiated
-there is the state at the event, T = S + f dt_e/dp. Where the event gives states new values, x = R(t, x, p), T becomes dR/dx T + dR/dt
-dt_e/dp + dR/dp, and discrete variables that take values of the motion get tangents of their own. After it, S = T - f dt_e/dp with the new
-right-hand side f: together S+ = S- + (f- - f+) dt_e/dp where no state is given a value.
+An event function g(t, x, p) with a zero at t_e determines dt_e/dp = -(dg/dx S + dg/dp) / (dg/dx f + dg/dt). The total derivative of the
+state at the event is T = S + f dt_e/dp. Where the event re-initialises states, x = R(t, x, p), T becomes dR/dx T + dR/dt dt_e/dp +
+dR/dp, and discrete variables set from continuous ones get tangents of their own. After the event S = T - f dt_e/dp with the new
+right-hand side f: together S+ = S- + (f- - f+) dt_e/dp where no state is re-initialised.
 
 References
 ----------
@@ -38,26 +38,26 @@ from gearlib.solvers.problem import Problem
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-INSTANT = 1e-6  # of the time, s at least, over which an input's slope is taken
-MOST_PASSES = 100  # in which discrete variables that follow from each other get their tangents
+INSTANT = 1e-6  # relative to time (at least 1 s): the interval over which an input's slope is taken
+MOST_PASSES = 100  # for the tangents of discrete variables that follow from each other
 
 
 @dataclass(frozen=True, eq=False)
 class EventPlan:
-    """The program of a scene's relations, with what events compute as slots of their own, and how these change in directions.
+    """Program of a scene's relations with event functions and new values as slots, and their derivatives in directions.
 
     Attributes
     ----------
     program : Program
     functions, discretes, reinits : arrays, shape (number, 2)
-        Relation, entry of the discrete state, state; and the slot that holds what it is compared, or set, with.
+        Relation, entry of the discrete state, or state; and the slot that it is compared with or set from.
     plan : DerivativePlan
-        Derivatives of these slots in the directions, and in one more, along which no parameter changes. Seeds enter at states,
-        parameters, time, inputs, and discrete variables that are carried.
+        Derivatives of these slots in the directions, and in one more along which no parameter changes. Seeds enter at states,
+        parameters, time, inputs, and carried discrete variables.
     setting, set_modes : arrays of int
-        Rows of ``discretes`` that give carried entries new values, and which these are.
+        Rows of ``discretes`` that set carried entries, and these entries.
     after_modes, before_modes : arrays of int
-        Carried entries, and the same before an event.
+        Carried entries, and the same entries before an event.
     """
 
     program: Program
@@ -72,7 +72,7 @@ class EventPlan:
 
 
 def event_plan(scene: Scene, directions: TangentDirections, modes: Sequence[int]) -> EventPlan:
-    """What events of a scene compute, and how it changes; kept in the scene for the next run."""
+    """The event plan of a scene, cached in the scene."""
     key = "events", len(directions), directions.entries
     found: EventPlan | None = scene.tangent_codes.get(key)
     if found is None:
@@ -116,7 +116,7 @@ def _pairs(pairs: Iterable[tuple[int, int]]) -> Integers:
 
 
 class EventTangents:
-    """The event iteration of a run, with what it does to the tangents."""
+    """The event iteration of a run, including the jumps of its tangents."""
 
     def __init__(self, run: Run, tangents: Tangents, code: TangentCode, problem: Problem, callbacks: Callbacks) -> None:
         scene, relations = run.scene, run.scene.relations
@@ -149,13 +149,13 @@ class EventTangents:
 
     @property
     def native(self) -> Wrapped:
-        """The iteration as a native function."""
+        """The iteration as a native callback."""
         return Wrapped(ctypes.cast(self._callback, ctypes.c_void_p).value or 0)
 
     def _called(self, t: float, x: Any, fired: Any, data: Any, index: Any) -> int:
         try:
             return self._iterated(t, x, fired, data, index)
-        except BaseException as problem:  # it must not cross the native frames
+        except BaseException as problem:  # an exception must not propagate through native frames
             self.callbacks.problem = problem
             return -1
 
@@ -197,7 +197,7 @@ class EventTangents:
         return np.array(out[: self.n])
 
     def _inputs(self, t: float) -> tuple[Floats, Floats]:
-        """Inputs, and their slopes before ``t``."""
+        """Inputs, and their slopes just before ``t``."""
         count = len(self.events.program.inputs)
         apart = INSTANT * max(abs(t), 1e-3)
         found = values(self.run.signals, np.array([t, t - apart, t - 2.0 * apart]), count)
@@ -206,7 +206,8 @@ class EventTangents:
     def _varied(
         self, t: float, numbers: Floats, states: Floats, modes: Floats, moved: Floats, delay: Floats, discretes: Floats
     ) -> Floats:
-        """How what events compute changes, shape (wanted slots, directions + 1), where states, time and discrete variables do.
+        """Directional derivatives of event functions and new values, shape (wanted slots, directions + 1), given those of
+        states and time.
 
         The last column belongs to ``moved`` and ``delay`` alone: no parameter changes along it.
         """
@@ -221,7 +222,7 @@ class EventTangents:
         return found
 
     def _guess(self, numbers: Floats) -> Floats:
-        """Where iterations start: on the branch that the run is on."""
+        """Initial guess of the iterations, on the solution branch of the run."""
         found = np.zeros(self.events.program.n_slots)
         here, there = self.shared_slots
         found[: len(self.first_guess)] = self.first_guess
@@ -252,7 +253,7 @@ class EventTangents:
         return delay
 
     def _stepped(self, t: float, numbers: Floats, moved: Floats, delay: Floats, starting: bool) -> Floats:
-        """Tangents of the states after the steps that the event iteration noted; those of discrete variables are set."""
+        """Tangents of the states after the steps recorded by the event iteration; those of discrete variables are set."""
         at, n_modes = self.code.native.noted_steps, self.shared.n_relations
         count = int(numbers[at])
         if count > MOST_STEPS:

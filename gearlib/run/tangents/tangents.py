@@ -1,7 +1,7 @@
-"""The tangents of a run: their start, the native code that carries them on with the states, and what they come to.
+"""Tangents of a run: their start values, the native code that propagates them with the states, and their histories.
 
-With states x' = f(t, x, p), the tangent S = dx/dp of a parameter obeys S' = df/dx S + df/dp, S(t_start) = dx_start/dp. The right-hand side
-of states and tangents together is one native function; to the integrators the tangents are states like others, under error control.
+With states x' = f(t, x, p), the tangent S = dx/dp of a parameter obeys S' = df/dx S + df/dp, S(t_start) = dx_start/dp. The right-hand
+side of states and tangents together is one native function; to the integrators the tangents are further states, under error control.
 
 References
 ----------
@@ -28,12 +28,12 @@ from gearlib.run.tangents.directions import Entry, TangentDirections
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-LATEST = 2.2e-14  # of the time: a sample that is no further before an event holds the limit after it
+LATEST = 2.2e-14  # relative to time: a sample no further than this before an event holds the right-hand limit
 
 
 @dataclass(frozen=True, eq=False)
 class Tangents:
-    """TangentDirections, and the tangents of a scene's states at the start.
+    """Directions of differentiation, with the tangents of a scene's states at the start.
 
     Attributes
     ----------
@@ -43,16 +43,16 @@ class Tangents:
 
     directions: TangentDirections
     start: Floats
-    noted: list[tuple[float, Floats]] = field(default_factory=list)  # when discrete variables got tangents, and all of these
+    noted: list[tuple[float, Floats]] = field(default_factory=list)  # tangents of discrete variables, with their times
 
     def note(self, t: float, discretes: Floats) -> None:
-        """Tangents of discrete variables from a time on; what a part of the run that is done again said of later times is forgotten."""
+        """Record tangents of discrete variables from a time on; records of later times, from a segment that is repeated, are dropped."""
         while self.noted and self.noted[-1][0] >= t:
             self.noted.pop()
         self.noted.append((t, discretes))
 
     def discretes(self, modes: Sequence[int], times: Floats | None = None) -> Floats:
-        """Tangents of the discrete variables that are `carried`: the last ones, or at some times; shape ([times,] number, directions)."""
+        """Tangents of the `carried` discrete variables: the last ones, or at some times; shape ([times,] number, directions)."""
         zero = np.zeros((len(modes), len(self.directions)))
         found = np.array([zero, *(values for _, values in self.noted)])
         if times is None:
@@ -61,7 +61,7 @@ class Tangents:
         return np.asarray(found[np.searchsorted(since, times + LATEST * np.abs(times), side="right")], float)
 
     def spread(self, values: Floats) -> Floats:
-        """Something of each state for each tangent: divided by the size of the direction."""
+        """A per-state quantity repeated for each tangent, divided by the size of the direction."""
         return np.asarray((values[:, None] / self.directions.sizes).ravel(), float)
 
 
@@ -74,9 +74,7 @@ class TangentHistory:
     directions : TangentDirections
     states : array, shape (samples, states, directions)
     modes : tuple of int
-        Entries of the discrete state that are `carried`, and
-    discretes : array, shape (samples, number, directions)
-        their tangents.
+        Entries of the discrete state that are `carried`, and their tangents.
     """
 
     directions: TangentDirections
@@ -94,7 +92,7 @@ class TangentHistory:
             Slots.
         t : array, shape (samples,)
         slots, modes : arrays, shape (number, samples)
-            Values of everything there.
+            Values at the samples.
         """
         directions = self.directions
         plan = tangent_plan(prepared.program, (len(directions), directions.entries), wanted, self.modes)
@@ -105,14 +103,14 @@ class TangentHistory:
 
 @dataclass(frozen=True, eq=False)
 class TangentCode:
-    """Native functions of a scene whose right-hand side goes on with tangents.
+    """Native functions of a scene with a right-hand side extended by tangents.
 
     Attributes
     ----------
     plan : DerivativePlan
     native : NativeScene
     modes : tuple of int
-        As `carried` gives them.
+        Entries that `carried` returns.
     """
 
     plan: DerivativePlan
@@ -120,13 +118,13 @@ class TangentCode:
     modes: tuple[int, ...]
 
     def weigh(self, data: Floats, directions: TangentDirections, discretes: Floats) -> None:
-        """Put into a data block how much of each direction enters at parameters and at the discrete variables that are `carried`."""
+        """Write the weights of each direction, at parameters and `carried` discrete variables, into a data block."""
         weights = np.append(directions.weights, discretes)
         first = len(self.plan.order) - len(weights)
         data[self.native.tangent_numbers :][: len(weights)] = weights[self.plan.order[first:] - first]
 
     def fill(self, data: Floats, directions: TangentDirections, prepared: Prepared, discretes: Floats) -> None:
-        """Put the numbers of the tangents into a data block."""
+        """Write the numbers of the tangents into a data block."""
         self.weigh(data, directions, discretes)
         numbers = [np.empty(0)]
         for step, equations in inverted_blocks(self.plan):
@@ -139,7 +137,7 @@ class TangentCode:
 
 
 def tangent_code(scene: Scene, directions: TangentDirections, jacobian: bool = False) -> TangentCode:
-    """The native functions of a scene with tangents; kept in the scene for the next run."""
+    """The native functions of a scene with tangents, cached in the scene."""
     changed = len(directions), directions.entries
     key = *changed, jacobian
     found: TangentCode | None = scene.tangent_codes.get(key)
@@ -151,7 +149,7 @@ def tangent_code(scene: Scene, directions: TangentDirections, jacobian: bool = F
 
 
 def carried(scene: Scene) -> tuple[int, ...]:
-    """Entries of the discrete state that change with a parameter, once they were set at an event: values, not modes of friction."""
+    """Entries of the discrete state that depend on parameters once set at an event: continuous values, not modes of friction."""
     if scene.relations is None:
         return ()
     n, d = scene.model.n_relations, len(scene.model.discretes)
@@ -182,9 +180,9 @@ def _moves(batch: Batch, parameter: int) -> bool:
 def tangent_plan(
     program: Program, key: tuple[int, tuple[Entry, ...]], wanted: Integers, modes: Sequence[int] = ()
 ) -> DerivativePlan:
-    """Derivatives of some slots in directions, which change states, entries of the parameter table and of the discrete state.
+    """Derivatives of some slots in directions, which enter at states, the parameter table and the discrete state.
 
-    ``key`` says how many directions there are, and which entries of the parameter table they change.
+    ``key`` holds the number of directions and the entries of the parameter table that they change.
     """
     count, changed = key
     entering = [(i, k) for i in range(len(program.states)) for k in range(count)]
