@@ -1,1 +1,1 @@
-"""Symbolic analysis, once per class: templates, kernels, class records. No package above this one uses sympy."""
+"""Symbolic analysis, once per class: templates, kernels, class records. Downstream packages do not use sympy."""

@@ -1,6 +1,6 @@
 """Bindings of parameters and inputs: numbers, or expressions in the enclosing component's symbols.
 
-The numbers written in an input's expression become parameters, so that 10 sin(31.4 t) and 20 sin(6.28 t) are one equation.
+Numeric literals in an input's expression become parameters, so that 10 sin(31.4 t) and 20 sin(6.28 t) share one template.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class BoundInput:
 
 
 def number(value: Any, path: str, unit: str, description: str) -> float:
-    """The value as a finite float, or an error that names the parameter."""
+    """The value as a finite float; the error names the parameter."""
     expected = f"expected a number in {unit} ({description})" if description else f"expected a number in {unit}"
     if isinstance(value, (bool, np.bool_, np.timedelta64, np.complexfloating)) or not isinstance(
         value, (int, float, np.number, Fraction, sympy.Expr)
@@ -49,13 +49,13 @@ def number(value: Any, path: str, unit: str, description: str) -> float:
 
 
 def is_expression(value: Any) -> bool:
-    """Whether a given value has symbols in it."""
+    """Whether a given value contains symbols."""
     return isinstance(value, sympy.Basic) and (value.is_Symbol or bool(value.free_symbols))
 
 
 @lru_cache(maxsize=10_000)
 def parameter_function(expression: Any, arguments: tuple[str, ...], by: str | None = None) -> Callable[..., Any]:
-    """A function of arrays for an expression of parameters, or for its derivative with respect to one of them."""
+    """A vectorised function for an expression of parameters, or for its derivative with respect to one of them."""
     if by is not None:
         expression = sympy.diff(piecewise(expression), real_symbol(by))
     symbols = [real_symbol(a) for a in arguments]
@@ -64,7 +64,7 @@ def parameter_function(expression: Any, arguments: tuple[str, ...], by: str | No
 
 
 def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
-    """The expression over a0, a1, ... and the names that these stand for."""
+    """The expression over a0, a1, ..., and the names that these replace."""
     if expression.is_Symbol:
         return real_symbol("a0"), (expression.name,)
     names = tuple(sorted(s.name for s in expression.free_symbols))
@@ -73,11 +73,11 @@ def canonical(expression: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 _templates: dict[Any, Template] = {}
-MOST_NUMBERS = 40  # in an expression, that become parameters: those of a table do not, its equation is its own
+MOST_NUMBERS = 40  # literals in an expression that become parameters; a table has more, and gets a template of its own
 
 
 def discrete_name(number: int, before: bool = False) -> str:
-    """What a discrete variable of the whole model is called in a binding."""
+    """Name in a binding for a discrete variable, by its number in the whole model."""
     return f"pre(discrete[{number}])" if before else f"discrete[{number}]"
 
 
@@ -91,7 +91,7 @@ def bind_input(
     path: str = "an input",
     discrete: Callable[[str], int] = lambda name: -1,
 ) -> BoundInput:
-    """The equation that binds an input to an expression (or a number); ``discrete`` gives the number of a discrete variable, or -1."""
+    """The equation that binds an input to an expression or number; ``discrete`` returns a discrete variable's number, or -1."""
     check_depth(expression, path)
     value = checked(value_of(expression, path), path)
     numbers = {s: discrete(s.name.removeprefix("pre(").removesuffix(")")) for s in value.free_symbols}
@@ -106,7 +106,7 @@ def bind_input(
         if tabulated:
             return e
         if e.is_Number or e.is_NumberSymbol:
-            if abs(float(e)) in (0.0, 1.0):  # part of the structure, not a number to vary
+            if abs(float(e)) in (0.0, 1.0):  # structural, not a value to vary
                 return sympy.Integer(int(e))
             key = f"p{len(values)}"
             values[key] = float(e)

@@ -28,28 +28,28 @@ class ClassRecord:
     variable_index: dict[str, int]
     parameter_index: dict[str, int]
     templates: tuple[Template, ...]
-    local: bool  # the equations hold the component's own variables and parameters only
+    local: bool  # the equations contain only the component's own variables and parameters
     updates: tuple[Update, ...]
     discretes: dict[str, Discrete]
     choices: frozenset[str]  # structural choices that the equations and the connectors depend on
-    own_names: frozenset[str]  # own parameters and variables that the equations hold
+    own_names: frozenset[str]  # own parameters and variables in the equations
 
 
-Met = dict[Any, ClassRecord]  # by class and what an instance of it was made with: what one compilation has met so far
+Met = dict[Any, ClassRecord]  # by class and arguments of an instance: the records of the current compilation
 _records: WeakKeyDictionary[type[Component], dict[Any, ClassRecord]] = WeakKeyDictionary()
 
 
 def class_record(component: Component, met: Met | None = None) -> ClassRecord:
     """Class record of a component, memoised by its equations.
 
-    What ``equations`` reads may have changed since then: a constant of a module, an attribute of the class or of an object. So the
-    equations are written again, once in a compilation for each class and structural choice, and the cache is asked for these.
+    What ``equations`` reads may have changed since the last compilation: a constant of a module, an attribute of the class or of an
+    object. So ``equations`` is called again once per compilation, class and structural choice, and its result is the cache key.
     """
     kind = type(component)
     key: Any = (kind, tuple(structural_of(component).items()), tuple(map(type, structural_of(component).values())))
     try:
         hash(key)
-    except Exception:  # whatever an object of the user's makes of hash()
+    except Exception:  # a user's object may have a failing hash()
         raise DeclarationError(
             f"{kind.__name__}: values of structural choices must be hashable, got {shown(structural_of(component))}"
         ) from None
@@ -70,7 +70,7 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
 
 
 def _written(action: Eq | When | Reinit, name: str) -> tuple[Any, ...]:
-    """Comparable form of an equation: its sides as sympy expressions."""
+    """Hashable form of an equation: its sides as sympy expressions."""
     if isinstance(action, When):
         return (action.condition, *(_written(a, name) for a in action.actions))
     if isinstance(action, Reinit):
@@ -122,9 +122,9 @@ def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassReco
 
 
 def _refuse_void(templates: Sequence[Template]) -> None:
-    """Refuse equations of a class that hold no variable, and those that say what others of it say.
+    """Refuse equations of a class that contain no variable, or that repeat others of the class.
 
-    Further on, both might pass for redundant rigid connections, of which a torque is not determined and is set to zero.
+    In later phases both could pass for redundant rigid connections, whose undetermined torque is set to zero.
     """
     known: dict[Any, Template] = {}
     equalities = [t for t in templates if t.alias is not None]
@@ -157,11 +157,11 @@ def _both(one: Template, other: Template) -> str:
     return f"{one.label} and {other.label}" if one.label != other.label else f"two equations {one.label}"
 
 
-_fitting: WeakKeyDictionary[type[Component], set[Any]] = WeakKeyDictionary()  # values that were found to fit
+_fitting: WeakKeyDictionary[type[Component], set[Any]] = WeakKeyDictionary()  # values found to fit
 
 
 def check_values(component: Component) -> None:
-    """Refuse values given to parts whose units do not fit; those of an assembly that was met before are not measured again."""
+    """Refuse values given to parts whose units do not fit; values of assemblies already checked are skipped."""
     pairs = tuple(values_given(component))
     parts = tuple((n, type(p), tuple(structural_of(p).items())) for n, p in parts_of(component).items())
     key = (parts, pairs)
@@ -172,15 +172,15 @@ def check_values(component: Component) -> None:
 
 
 def refuse_misfits(errors: Sequence[str]) -> None:
-    """Raise what `unit_errors` has found."""
+    """Raise the errors found by `unit_errors`."""
     if errors:
         raise DeclarationError(f"units do not fit (gl.check_units lists all misfits of a component): {'; '.join(errors)}")
 
 
 def _plain_attributes(component: Component) -> tuple[Any, ...] | None:
-    """What an instance holds besides its parts: its equations may depend on it, as on a structural choice.
+    """Attributes of an instance besides its parts: its equations may depend on them, as on a structural choice.
 
-    None where that cannot be compared (arrays): such an instance writes its own equations.
+    None where they cannot be compared (arrays): the equations of such an instance are analysed separately.
     """
     own = component.__dict__
     if len(own) == len(PRIVATE):
@@ -189,13 +189,13 @@ def _plain_attributes(component: Component) -> tuple[Any, ...] | None:
     plain = tuple((n, type(v), v) for n, v in own.items() if n not in PRIVATE and n not in families)
     try:
         hash(plain)
-    except Exception:  # whatever an object of the user's makes of hash()
+    except Exception:  # a user's object may have a failing hash()
         return None
     return plain
 
 
 def _kind_of(name: str, component: Component, declared: Declared) -> str | None:
-    """What a name is as seen from a component, its own or one of its parts': "variable", "parameter" or None."""
+    """Kind of a name as seen from a component, its own or a part's: "variable", "parameter" or None."""
     if name in declared.variables:
         return "variable"
     if name in declared.parameters:

@@ -1,6 +1,7 @@
 """Equations of discrete variables: evaluated at events, apart from the continuous ones.
 
-``When`` is written with what is left: a hidden variable holds its condition, and the actions are due where that has just become 1.
+``When`` is lowered to such equations: a hidden discrete variable holds the condition, and the actions apply where that has just become
+1.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from gearlib.language.expressions import (
 
 @dataclass(frozen=True)
 class Update:
-    """At an event ``target`` takes the value of the template; a state (``reinit``) or a discrete variable."""
+    """Assignment at events: ``target``, a discrete variable or a state (``reinit``), takes the value of the template."""
 
     target: str
     template: Template
@@ -46,22 +47,22 @@ def split_equations(
     name: str, equations: Sequence[Eq | When], discretes: Mapping[str, Discrete], is_parameter: Callable[[str], bool],
     variables: Mapping[str, Any],
 ) -> tuple[list[Eq], tuple[Update, ...], dict[str, Discrete]]:  # fmt: skip
-    """The continuous equations of a class, its discrete ones, and its discrete variables with the hidden ones.
+    """The continuous equations of a class, its discrete ones, and its discrete variables including the hidden ones.
 
     Raises
     ------
     DeclarationError
-        An action that is none, a discrete variable with two equations or none.
+        An invalid action, or a discrete variable with no equation or more than one.
     """
     continuous: list[Eq] = []
     values: list[tuple[str, Any, bool]] = []
     known = dict(discretes)
     reinits: dict[str, list[tuple[Any, Any]]] = {}
-    samples: dict[Any, Any] = {}  # condition -> that of its instants, in discrete variables
+    samples: dict[Any, Any] = {}  # condition -> the condition of its sample instants, in discrete variables
     states: dict[str, Any] = {}
 
     def sampled(expression: Any) -> Any:
-        """An expression with its `gl.sample` as comparisons of hidden discrete variables."""
+        """An expression with `gl.sample` replaced by comparisons of hidden discrete variables."""
         for found in sorted(expression.atoms(Sample), key=str):
             if found not in samples:
                 samples[found] = _instants(name, found, f"sample_{len(samples)}", is_parameter, known, values)
@@ -73,7 +74,7 @@ def split_equations(
             target = getattr(given.state, "name", str(given.state))
             if target not in variables:
                 raise DeclarationError(f"{name}: reinit({given.state}): no variable of the class; {nearest(target, variables)}")
-            # of one state, all in one: each would write the state, and undo with its old value what another has set
+            # all ``reinit`` of one state in one update: separate ones would overwrite each other with the old value
             reinits.setdefault(target, []).append((value_of(given.value), due))
             states[target] = given.state
         elif isinstance(given, Eq) and getattr(given.left, "name", "") in known:
@@ -134,10 +135,10 @@ def split_equations(
 def _instants(
     name: str, found: Any, hidden: str, is_parameter: Callable[[str], bool], known: dict[str, Discrete], values: list[Any]
 ) -> Any:
-    """The condition that a `gl.sample` holds, and the hidden discrete variables that it needs.
+    """The condition that stands for a `gl.sample`, and the hidden discrete variables that it needs.
 
-    One has the side of a function of time that alternates at the instants; the other is its value before the event, where a run is
-    started its value just before then.
+    One holds the side of a square wave that switches at the instants; the other its value before the event, which at the start of a run
+    is the value just before the start time.
     """
     period, offset = found.args
     if wrong := sorted(s.name for s in found.free_symbols if not is_parameter(s.name)):

@@ -1,7 +1,7 @@
 """Kernels: source of one scalar expression derived from a template (solution, residual, partial derivative), shared by all instances.
 
-A kernel's text holds ``x0, x1, ...`` for the columns of its template, ``p0, ...`` for its parameters, ``r0, ...`` for its relations
-and ``t`` for time. It is printed twice: for arrays (numpy) and for scalars (native code).
+A kernel's source contains ``x0, x1, ...`` for the columns of its template, ``p0, ...`` for its parameters, ``r0, ...`` for its
+relations and ``t`` for time. It is printed in two forms: for arrays (NumPy) and for scalars (native code).
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from sympy.printing.pycode import PythonCodePrinter
 from gearlib.equations.template import Relation, Template, column_symbol, memoised
 from gearlib.language.expressions import time
 
-CALL, DIVISION = 20, 4  # additions that a function such as the sine, and a division or a square root, take as long as
+CALL, DIVISION = 20, 4  # cost, in additions, of an elementary function such as the sine, and of a division or square root
 
 
-# Conditions of arrays whose shapes differ (of time alone, of parameters alone) are joined by two and two
+# Conditions on arrays of different shapes (of time alone, of parameters alone) are combined pairwise
 _NAMES = vars(np) | {
     "logical_and": SimpleNamespace(reduce=partial(reduce, np.logical_and)),
     "logical_or": SimpleNamespace(reduce=partial(reduce, np.logical_or)),
@@ -32,7 +32,7 @@ _NAMES = vars(np) | {
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """One scalar expression of a template.
+    """A scalar expression of a template.
 
     ``columns``, ``parameters`` and ``relations`` are the positions in the template's lists that the text uses; discrete variables
     count as relations, after these.
@@ -43,7 +43,7 @@ class Kernel:
     columns: tuple[int, ...]
     parameters: tuple[int, ...]
     relations: tuple[int, ...]
-    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # what `memoised` functions found
+    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # cache of `memoised` functions
 
     @cached_property
     def scalar(self) -> str:
@@ -52,7 +52,7 @@ class Kernel:
 
     @cached_property
     def function(self) -> Callable[..., Any]:
-        """A function of arrays: ``f(t, *columns, *parameters, *relations)`` in the order of the attributes."""
+        """Vectorised function ``f(t, *columns, *parameters, *relations)``, in the order of the attributes."""
         names = ["t", *(f"x{i}" for i in self.columns), *(f"p{i}" for i in self.parameters), *(f"r{i}" for i in self.relations)]
         printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
         source = f"lambda {', '.join(names)}: {printer.doprint(self.expression)}"
@@ -61,10 +61,10 @@ class Kernel:
 
     @cached_property
     def divisors(self) -> tuple[Kernel, ...]:
-        """What the kernel divides by that may pass through zero while the model moves: 1/x gives x, tan(x) its cos(x).
+        """Divisors of the kernel that may pass through zero as the model moves: 1/x gives x, tan(x) its cos(x).
 
-        It changes its sign there, also where the kernel does not (1/x**2 gives x abs(x), 1/abs(x) gives x). Of a branch that is not
-        taken, the divisor is 0.
+        Each changes sign there, even where the kernel does not (1/x**2 gives x abs(x), 1/abs(x) gives x). The divisor of a branch that
+        is not taken is 0.
         """
         moving = {sympy.Symbol(f"x{c}", real=True) for c in self.columns} | {sympy.Symbol("t", real=True)}
         found = dict.fromkeys(d for d in _divisors(self.expression) if d.free_symbols & moving and not _has_one_sign(d))
@@ -76,12 +76,12 @@ class Kernel:
 
     @cached_property
     def operations(self) -> int:
-        """Roughly how many additions it costs to evaluate; a call of a function counts for `CALL` of them."""
+        """Approximate cost of an evaluation in additions; a function call counts as `CALL`."""
         return _operations(self.expression)
 
     @cached_property
     def is_copy(self) -> bool:
-        """Whether it is one of the columns as it is."""
+        """Whether it is one of the columns, unchanged."""
         return len(self.columns) == 1 and bool(self.expression == sympy.Symbol(f"x{self.columns[0]}", real=True))
 
     @cached_property
@@ -90,12 +90,12 @@ class Kernel:
 
     @cached_property
     def number(self) -> float | None:
-        """Its value where it is a plain number."""
+        """Its value, if it is a plain number."""
         return float(self.expression) if self.expression.is_number else None
 
 
 def scalar_source(expression: Any) -> str:
-    """Python source of an expression for scalars, which is also source of the small language.
+    """Python source of an expression for scalars, which is also valid in the small language.
 
     >>> scalar_source(sympy.sin(sympy.Symbol("x")) / 2)
     '(1/2)*sin(x)'
@@ -105,7 +105,7 @@ def scalar_source(expression: Any) -> str:
 
 
 def _operations(expression: Any) -> int:
-    """Roughly how many additions an expression costs.
+    """Approximate cost of an expression, in additions.
 
     >>> x = sympy.Symbol("x")
     >>> _operations(2 * x + 1), _operations(x**2 - sympy.cos(x))
@@ -153,7 +153,7 @@ def _kernel(template: Template, expression: Any) -> Kernel:
 
 @memoised
 def differentiated(template: Template, times: int) -> Template:
-    """The template of an equation's derivative of some order."""
+    """The template of an equation's derivative of a given order."""
     for _ in range(times):
         template = template.derivative
     return template
@@ -161,7 +161,7 @@ def differentiated(template: Template, times: int) -> Template:
 
 @memoised
 def solve_kernel(template: Template, column: int) -> Kernel | None:
-    """The equation solved for one of its columns; None where it is not linear in it."""
+    """The equation solved for one of its columns; None if it is not linear in that column."""
     partial = template.partials[column]
     if column in partial.depends_on or partial.on_modes:
         return None
@@ -185,12 +185,12 @@ def residual_kernel(template: Template, without: frozenset[int] = frozenset()) -
 
 @memoised
 def partial_kernel(template: Template, column: int) -> Kernel:
-    """The derivative of the residual with respect to a column."""
+    """The partial derivative of the residual with respect to a column."""
     return _kernel(template, template.partials[column].expression)
 
 
 def difference_kernel(label: str) -> Kernel:
-    """One column minus another one: the equation of two names for one thing."""
+    """One column minus another: the equation between two aliases."""
     one, other = column_symbol(("one", 0)), column_symbol(("other", 0))
     template = Template(label, one - other, (("one", 0), ("other", 0)), ())
     return _kernel(template, template.residual)
@@ -198,14 +198,14 @@ def difference_kernel(label: str) -> Kernel:
 
 @memoised
 def relation_kernel(template: Template, relation: int) -> Kernel:
-    """What a relation compares with zero."""
+    """The expression that a relation compares with zero."""
     r: Relation = template.relations[relation]
     return _kernel(template, r.g)
 
 
 @memoised
 def derivative_of(kernel: Kernel, name: str) -> Kernel:
-    """Derivative of a kernel with respect to one of its columns, such as x0, or of its parameters, such as p0."""
+    """Partial derivative of a kernel with respect to one of its columns, such as x0, or parameters, such as p0."""
     return _part(kernel, sympy.diff(kernel.expression, sympy.Symbol(name, real=True)))
 
 
@@ -232,7 +232,7 @@ def _divisors(expression: Any) -> list[Any]:
 
 
 def _with_sign(expression: Any) -> Any:
-    """The x of abs(x), also where that is written in branches."""
+    """The x of abs(x), even if that is written as Piecewise."""
     if isinstance(expression, sympy.Abs):
         return expression.args[0]
     if isinstance(expression, sympy.Piecewise) and len(expression.args) == 2:
@@ -246,7 +246,7 @@ def _has_one_sign(expression: Any) -> bool:
 
 
 def _part(kernel: Kernel, expression: Any) -> Kernel:
-    """Another expression over the same symbols as a kernel's, or some of them."""
+    """A kernel for another expression over the symbols of a given kernel, or some of them."""
     used = {s.name for s in expression.free_symbols}
     return Kernel(
         kernel.template, expression,

@@ -15,7 +15,7 @@ from gearlib.arguments import shown
 from gearlib.errors import ModelicaError
 from gearlib.language.expressions import JustBefore, Sample, SquareWave, no_event, real_symbol
 
-SUM, PRODUCT, POWER, ATOM = 1, 2, 3, 4  # how strongly a text holds together
+SUM, PRODUCT, POWER, ATOM = 1, 2, 3, 4  # operator precedence
 _SAME = (
     sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2, sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp,
     sympy.log,
@@ -30,7 +30,7 @@ Naming = Callable[[str], str]
 
 
 def modelica_name(name: str) -> str:
-    """A path as Modelica has it: indices are counted from 1.
+    """A path in Modelica syntax, with indices counted from 1.
 
     >>> modelica_name("planets[0].w")
     'planets[1].w'
@@ -45,12 +45,12 @@ def modelica_text(expression: Any, naming: Naming = modelica_name) -> str:
     ----------
     expression : expression, condition or number
     naming : callable
-        What a symbol is called.
+        Returns the name of a symbol.
 
     Raises
     ------
     ModelicaError
-        A function that Modelica does not have.
+        A function without a Modelica equivalent.
 
     Examples
     --------
@@ -65,13 +65,13 @@ def modelica_text(expression: Any, naming: Naming = modelica_name) -> str:
 
 
 class _Printer:
-    """Writes expressions with the names that a function gives to symbols."""
+    """Prints expressions, with names of symbols given by a function."""
 
     def __init__(self, naming: Naming) -> None:
         self.naming = naming
 
     def text(self, e: Any, least: int = SUM) -> str:
-        """The text, in parentheses where it holds together less strongly than its surroundings need."""
+        """The text, parenthesised where its precedence is lower than its context requires."""
         found, strength = self.with_strength(e)
         return f"({found})" if strength < least else found
 
@@ -160,7 +160,7 @@ class _Printer:
             return f"(1/{_RECIPROCAL[type(e)]}({self.text(e.args[0])}))"
         if isinstance(e, _NO_EVENT):
             return f"noEvent({self.text(e.args[0])})"
-        if isinstance(e, sympy.Abs):  # Modelica's abs makes no event, ours does
+        if isinstance(e, sympy.Abs):  # Modelica's abs raises no event, gearlib's does
             x = e.args[0]
             return f"(if {self.text(x)} >= 0 then {self.text(x)} else {self.text(-x)})"
         if isinstance(e, sympy.sign):

@@ -1,8 +1,7 @@
-"""Quasipolynomials: sums of t**k exp(lambda t), lambda complex, as linear time-invariant systems generate.
+"""Quasipolynomials: sums of t**k exp(lambda t) with complex lambda, the solutions of linear time-invariant systems.
 
-A signal is stored as ``{lambda: [c_0, c_1, ...]}``, its value at local time s = t - origin being the sum of
-c_k s**k exp(lambda s). Sines and cosines are pairs of conjugate rates. Local time keeps the coefficients well scaled however
-late an interval begins.
+A signal is stored as ``{lambda: [c_0, c_1, ...]}``; its value at local time s = t - origin is the sum of c_k s**k exp(lambda s). Sines
+and cosines are pairs of conjugate rates. Local time keeps the coefficients well scaled however late an interval begins.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ TIME: Any = time
 
 Signal = dict[complex, list[complex]]
 
-MAX_DEGREE = 40  # of a polynomial factor: beyond it s**k/k! spans more magnitudes than a double holds for any interval
+MAX_DEGREE = 40  # of a polynomial factor: beyond it s**k/k! spans more orders of magnitude than a double, on any interval
 MAX_RATES = 200  # of one signal: sin(t)**n has n + 1 of them
-SAME_RATE = 8.0 * 2.0**-52  # rates that differ by rounding only are one rate
+SAME_RATE = 8.0 * 2.0**-52  # rates that differ only by rounding are merged
 
 
 class OutsideClassError(Exception):
@@ -47,7 +46,7 @@ def add(first: Signal, second: Signal) -> Signal:
 
 
 def known_rate(rate: complex, rates: Signal) -> complex:
-    """The one of ``rates`` that equals ``rate`` up to rounding, or ``rate`` itself."""
+    """The member of ``rates`` that equals ``rate`` up to rounding, or ``rate`` itself."""
     if rate in rates:
         return rate
     for other in rates:
@@ -91,7 +90,7 @@ def value(signal: Signal, s: float) -> float:
 
 
 def _checked(signal: Signal) -> Signal:
-    """``signal`` without its zeros; refused where it is too long or not finite."""
+    """``signal`` without zero terms; refused if it is too long or not finite."""
     tidy: Signal = {}
     for rate, c in signal.items():
         while c and c[-1] == 0:
@@ -115,14 +114,14 @@ def parse(expression: Any, origin: float, probe: float | None = None) -> Signal:
     expression : sympy.Expr
         In the symbol ``time`` alone.
     origin : float
-        Time (s) at which the local time is zero.
+        Time (s) at which local time is zero.
     probe : float, optional
-        Local time (s) at which Piecewise, Abs, sign, Heaviside, Max and Min choose their branch. Without it they are refused.
+        Local time (s) at which Piecewise, Abs, sign, Heaviside, Max and Min select their branch. Without it they are refused.
 
     Raises
     ------
     OutsideClassError
-        With the reason in words.
+        The message gives the reason.
 
     Examples
     --------
@@ -193,7 +192,7 @@ def _power(expression: Any, origin: float, probe: float | None) -> Signal:
 
 
 def _affine(argument: Any, expression: Any, origin: float, probe: float | None) -> tuple[float, float]:
-    """Value at the origin and slope of an argument that must be a + b * time."""
+    """Value at the origin and slope of an argument, which must be a + b * time."""
     signal = parse(argument, origin, probe)
     coefficients = signal.get(0j, [0.0])
     if any(rate != 0 for rate in signal) or len(coefficients) > 2:
@@ -237,7 +236,7 @@ BRANCHING = frozenset({sympy.Piecewise, sympy.Abs, sympy.sign, sympy.Heaviside, 
 
 
 def _branch(expression: Any, origin: float, probe: float) -> Any:
-    """The smooth expression that a branching one equals around the probe."""
+    """The smooth expression that a branching one equals near the probe."""
     if expression.func is sympy.Piecewise:
         ladder = _ladder(expression)
         if ladder is not None:
@@ -260,7 +259,7 @@ def _branch(expression: Any, origin: float, probe: float) -> Any:
 
 @lru_cache(maxsize=64)
 def _ladder(expression: Any) -> Any:
-    """The increasing a, b, ... of a Piecewise with the conditions time < a, time < b, ..., True (as tables have), else None."""
+    """The increasing a, b, ... of a Piecewise with conditions time < a, time < b, ..., True (as tables have); None if it is another."""
     *rungs, last = [condition for _, condition in expression.args]
     rising = all(isinstance(r, sympy.Lt | sympy.Le) and r.lhs == TIME and r.rhs.is_number for r in rungs)
     if last != sympy.true or not rising:
@@ -270,7 +269,7 @@ def _ladder(expression: Any) -> Any:
 
 
 def holds(condition: Any, origin: float, probe: float) -> bool:
-    """Whether a condition on time is true at local time ``probe``.
+    """Whether a condition on time holds at local time ``probe``.
 
     >>> holds((TIME > 1) & (TIME < 2), origin=1.0, probe=0.5)
     True
@@ -280,7 +279,7 @@ def holds(condition: Any, origin: float, probe: float) -> bool:
     if condition.is_Relational:
         difference = add(parse(condition.lhs, origin, probe), multiply({0j: [-1.0]}, parse(condition.rhs, origin, probe)))
         if isinstance(condition, sympy.Eq | sympy.Ne):
-            return (not difference) is isinstance(condition, sympy.Eq)  # equal at single instants only, unless always
+            return (not difference) is isinstance(condition, sympy.Eq)  # equal at isolated instants only, or always
         side = value(difference, probe)
         if isinstance(condition, sympy.Gt | sympy.Ge):
             return side > 0 or (side == 0 and isinstance(condition, sympy.Ge))

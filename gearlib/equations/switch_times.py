@@ -21,28 +21,28 @@ MOST_INSTANTS = 10_000_000  # of one sample
 
 
 def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
-    """The times inside (t0, t_end) at which relations of time in an expression switch, sorted.
+    """The sorted times inside (t0, t_end) at which relations on time in an expression switch.
 
-    Examined are the relations in Piecewise and in Boolean expressions, and the arguments of Abs, sign, Heaviside, Max and Min.
-    Relations between polynomials of time, between a sinusoid and a constant, and between an exponential and a constant are
-    solved. Relations that hold another symbol (a state) are passed over: they are no function of time.
+    Relations in Piecewise and Boolean expressions, and the arguments of Abs, sign, Heaviside, Max and Min are examined. Relations
+    between polynomials of time, between a sinusoid and a constant, and between an exponential and a constant are solved. Relations that
+    contain another symbol (a state) are skipped: they are not functions of time.
 
     Parameters
     ----------
     expression : sympy.Basic
-        Expression or condition with numbers in place of the parameters.
+        Expression or condition with the parameters replaced by numbers.
     t0, t_end : float
         Interval (s), both ends excluded.
 
     Returns
     -------
     ndarray
-        Times (s); times that differ by rounding only are one.
+        Times (s); those that differ only by rounding are merged.
 
     Raises
     ------
     ArgumentError
-        A relation depends on time alone, but none of the rules above finds where it switches.
+        A relation depends on time alone, but its switching times have no closed form.
 
     Examples
     --------
@@ -58,7 +58,7 @@ def times_of_breakpoints(expression: Any, t0: float, t_end: float) -> Floats:
 
 
 def switch_times(expression: Any, t0: float, t_end: float) -> Floats:
-    """As `times_of_breakpoints`, raising OutsideClassError."""
+    """As `times_of_breakpoints`, but raises OutsideClassError."""
     found: list[float] = []
     for difference in _differences(expression):
         found.extend(_roots(difference, t0, t_end))
@@ -66,19 +66,19 @@ def switch_times(expression: Any, t0: float, t_end: float) -> Floats:
 
 
 def distinct(times: Floats, t0: float, t_end: float) -> Floats:
-    """``times`` sorted, inside (t0, t_end), each once up to rounding."""
+    """``times`` inside (t0, t_end), sorted and without duplicates up to rounding."""
     same = rounding(t0, t_end)
     times = np.sort(times[(times > t0 + same) & (times < t_end - same)])
     return times[np.diff(times, prepend=-math.inf) > same]
 
 
 def rounding(*times: float) -> float:
-    """The difference (s) below which two times of the size of ``times`` are one."""
+    """Difference (s) below which two times of the size of ``times`` count as equal."""
     return 8.0 * 2.0**-53 * max(abs(t) for t in times)
 
 
 def _differences(expression: Any) -> list[Any]:
-    """Expressions of time alone whose zeros are the switches."""
+    """Expressions of time alone whose zeros are the switching times."""
     pairs: list[tuple[Any, Any]] = []
     for node in sympy.preorder_traversal(expression):
         if getattr(node, "is_Relational", False):
@@ -91,7 +91,7 @@ def _differences(expression: Any) -> list[Any]:
 
 
 def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
-    """Zeros of the difference of two expressions of time. Absolute time: the zero of time - a is then a to the last bit."""
+    """Zeros of the difference of two expressions of absolute time, in which the zero of time - a is a to the last bit."""
     if isinstance(pair[0], SquareWave) and pair[1] == 0:
         return _instants(float(pair[0].args[1]), float(pair[0].args[2]), t0, t_end)
     signal = add(parse(pair[0], 0.0), multiply({0j: [-1.0]}, parse(pair[1], 0.0)))
@@ -109,7 +109,7 @@ def _roots(pair: tuple[Any, Any], t0: float, t_end: float) -> list[float]:
 
 
 def _instants(period: float, offset: float, t0: float, t_end: float) -> list[float]:
-    """offset + k * period, as it is rounded: no instant has the error of the ones before it."""
+    """offset + k * period, each rounded separately, so that errors do not accumulate."""
     if not period > 0.0:
         raise OutsideClassError(f"a period is {period:g} s, which is not positive")
     first, last = max(math.floor((t0 - offset) / period) - 1, 0), math.ceil((t_end - offset) / period) + 1
@@ -126,10 +126,11 @@ def _polynomial_roots(c: list[float]) -> list[float]:
     if len(c) == 2:
         return [-c[0] / c[1]]
     roots = np.roots(c[::-1])
-    real = roots.real[np.abs(roots.imag) <= 1e-7 * np.abs(roots)]  # a double root splits into a pair by sqrt(rounding)
+    # A double root splits into a conjugate pair by sqrt(rounding)
+    real = roots.real[np.abs(roots.imag) <= 1e-7 * np.abs(roots)]
     polynomial = np.polynomial.Polynomial(c)
     slopes = polynomial.deriv()
-    for _ in range(3):  # eigenvalues of the companion matrix: small roots beside large ones have few digits
+    for _ in range(3):  # eigenvalues of the companion matrix: small roots beside large ones are inaccurate
         slope = slopes(real)
         steps = np.divide(polynomial(real), slope, out=np.zeros_like(real), where=slope != 0)
         real = real - np.where(np.abs(steps) <= 1e-3 * np.abs(real), steps, 0.0)

@@ -1,7 +1,7 @@
 """`Template`: symbolic residual of one equation of a class, analysed once for all instances.
 
-A template knows which variables (and which of their derivatives) it holds, its partial derivatives and whether they are constant,
-and its own derivative with respect to time. What is asked of it is computed at the first call and kept.
+A template knows its variables (with their derivative orders), its partial derivatives and whether they are constant, and its own time
+derivative. Derived quantities are computed on demand and cached.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gearlib.language.expressions import Eq, JustBefore, Sample, SquareWave, as_
 
 LARGEST = sys.float_info.max
 Found = TypeVar("Found", bound=Callable[..., Any])
-Column = tuple[str, int]  # a variable and the order of its derivative
+Column = tuple[str, int]  # a variable and its derivative order
 _DER = re.compile(r"der\((.*)\)$")
 KNOWN = (
     sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.atan2, sympy.sinh, sympy.cosh, sympy.tanh,
@@ -33,16 +33,16 @@ KNOWN = (
 
 @dataclass(frozen=True)
 class Relation:
-    """A comparison in an equation. It holds its value between events; ``g`` > 0 (or >= 0) means that it is true."""
+    """A comparison in an equation. It keeps its value between events; ``g`` > 0 (or >= 0) means that it is true."""
 
     g: Any
     strict: bool
-    negated: bool  # the comparison reads "less": true when g < 0 (or <= 0) with g as written
+    negated: bool  # the comparison was written with "less": true when g < 0 (or <= 0) with g as written
 
 
 @dataclass(frozen=True)
 class Partial:
-    """Derivative of a template with respect to one of its columns."""
+    """Partial derivative of a template with respect to one of its columns."""
 
     expression: Any
     depends_on: frozenset[int]  # columns that it depends on
@@ -56,19 +56,19 @@ class Partial:
 
     @cached_property
     def number(self) -> float | None:
-        """Its value, where that is a plain number."""
+        """Its value, if it is a plain number."""
         return float(self.expression) if self.expression.is_number else None
 
 
 def memoised(function: Found) -> Found:
-    """Memoise a function in its first argument, a template, a kernel or a program, so that what is derived from a class goes with it."""
+    """Memoise a function in its first argument (a template, kernel or program), so that derived data live as long as that."""
     name = f"{function.__module__}.{function.__qualname__}"
 
     @wraps(function)
     def found(subject: Any, *arguments: Any) -> Any:
         key = (name, *arguments)
         if key not in subject.memo:
-            return subject.memo.setdefault(key, function(subject, *arguments))  # of another thread, if it was first
+            return subject.memo.setdefault(key, function(subject, *arguments))  # another thread's result, if that was first
         return subject.memo[key]
 
     return cast("Found", found)
@@ -85,13 +85,13 @@ class Template:
     residual : sympy expression
         Zero when the equation holds.
     columns : tuple of (str, int)
-        The variables it holds, each with the order of its derivative.
+        Variables, each with its derivative order.
     parameters : tuple of str
-        The parameters it holds.
+        Names of the parameters.
     relations : tuple of Relation
-        Comparisons that were replaced by the symbols ``relation_0``, ``relation_1``, ... (1: true, 0: false).
+        Comparisons, replaced by the symbols ``relation_0``, ``relation_1``, ... (1: true, 0: false).
     discretes : tuple of str
-        Discrete variables that it holds: ``mode``, ``pre(mode)``, ``initial()``.
+        Discrete variables: ``mode``, ``pre(mode)``, ``initial()``.
     """
 
     label: str
@@ -100,11 +100,11 @@ class Template:
     parameters: tuple[str, ...]
     relations: tuple[Relation, ...] = ()
     discretes: tuple[str, ...] = ()
-    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # what `memoised` functions found
+    memo: dict[Any, Any] = field(init=False, default_factory=dict)  # cache of `memoised` functions
 
     @cached_property
     def locals(self) -> tuple[str, ...]:
-        """The variables it holds (in its relations, too), whatever the order of derivative."""
+        """Its variables, including those in relations, regardless of derivative order."""
         return tuple(dict.fromkeys(name for name, _ in (*self.columns, *self.relation_columns)))
 
     @cached_property
@@ -116,7 +116,7 @@ class Template:
 
     @cached_property
     def local_columns(self) -> tuple[tuple[int, int], ...]:
-        """The columns as (position in ``locals``, order)."""
+        """The columns as (position in ``locals``, derivative order)."""
         position = {name: i for i, name in enumerate(self.locals)}
         return tuple((position[name], order) for name, order in self.columns)
 
@@ -131,7 +131,7 @@ class Template:
 
     @cached_property
     def partials(self) -> tuple[Partial, ...]:
-        """Derivatives with respect to the columns."""
+        """Partial derivatives with respect to the columns."""
         position = {s: i for i, s in enumerate(self.symbols)}
         result = []
         for symbol in self.symbols:
@@ -143,7 +143,7 @@ class Template:
 
     @cached_property
     def factors(self) -> frozenset[str]:
-        """The parameters without which (where they are zero) the equation does not hold one of its variables."""
+        """Parameters that multiply a variable as a factor, so that at zero the equation loses that variable."""
         symbols = {name: sympy.Symbol(name, real=True) for name in self.parameters}
         expressions = [p.expression for p in self.partials if p.number is None]
         return frozenset(
@@ -152,12 +152,12 @@ class Template:
 
     @cached_property
     def cancelling(self) -> tuple[int, ...]:
-        """The columns whose coefficients depend on parameters only and are sums, which may cancel, as ``1 - ratio``."""
+        """Columns whose coefficients are sums of parameters that may cancel, such as ``1 - ratio``."""
         return tuple(c for c, p in enumerate(self.partials) if p.number is None and p.constant and p.expression.has(sympy.Add))
 
     @cached_property
     def linear(self) -> bool:
-        """Linear in all its variables, with coefficients that are constant during a run."""
+        """Whether it is linear in all its variables, with coefficients that are constant during a run."""
         return not self.relations_on_variables and all(p.constant for p in self.partials)
 
     @cached_property
@@ -171,7 +171,7 @@ class Template:
 
     @cached_property
     def alias(self) -> tuple[int, int, int] | None:
-        """(i, j, s) where the equation says local i = s * local j; (i, -1, 0) where it says local i = 0."""
+        """(i, j, s) if the equation says local i = s * local j; (i, -1, 0) if it says local i = 0."""
         if (
             self.parameters
             or self.discretes
@@ -199,13 +199,13 @@ class Template:
 
 
 def column_symbol(column: Column) -> Any:
-    """The symbol of a variable's derivative of some order."""
+    """The symbol of a variable's derivative of a given order."""
     name, order = column
     return real_symbol("der(" * order + name + ")" * order)
 
 
 def parse_column(name: str) -> Column:
-    """The variable and the order of derivative that a symbol's name stands for.
+    """The variable and derivative order that a symbol's name stands for.
 
     >>> parse_column("der(der(load.phi))")
     ('load.phi', 2)
@@ -225,7 +225,7 @@ def make_template(
     relations: tuple[Relation, ...] = (),
     discretes: Collection[str] = (),
 ) -> Template:
-    """A template of a residual whose relations were replaced already."""
+    """A template for a residual whose relations have been replaced."""
     named = sorted(s.name for s in residual.free_symbols if s != time)
     apart = {*parameters, *discretes}
     columns = tuple(parse_column(n) for n in named if n not in apart and not n.startswith("relation_"))
@@ -251,9 +251,9 @@ def template_of(
     equation : Eq
         On the symbols of the class.
     label : str
-        For messages.
+        For error messages.
     is_parameter, is_discrete : callable
-        Whether a symbol of that name is a parameter, a discrete variable.
+        Whether a symbol of that name is a parameter, or a discrete variable.
     """
     return template_of_value(equation.residual, label, is_parameter, is_discrete)
 
@@ -261,7 +261,7 @@ def template_of(
 def template_of_value(
     residual: Any, label: str, is_parameter: Callable[[str], bool], is_discrete: Callable[[str], bool]
 ) -> Template:
-    """As `template_of`, of an expression."""
+    """As `template_of`, for an expression."""
     residual = checked(residual, f"{label}: the residual")
     gone = {s: 0 for s in residual.free_symbols if is_parameter(parse_column(s.name)[0]) and parse_column(s.name)[1]}
     residual, relations = lift_relations(residual.xreplace(gone), is_discrete)
@@ -271,7 +271,7 @@ def template_of_value(
 
 
 def checked(expression: Any, label: str) -> Any:
-    """The expression over real symbols, or an error where it cannot be evaluated, differentiated and printed."""
+    """The expression over real symbols; raises an error if it cannot be evaluated, differentiated and printed."""
     bad = (sympy.nan, sympy.zoo, sympy.oo, sympy.S.NegativeInfinity, sympy.I)
     if not isinstance(expression, sympy.Expr) or expression.has(*bad):
         raise DeclarationError(f"{label} is {expression}; expected a real expression of variables and parameters")
@@ -299,9 +299,9 @@ def checked(expression: Any, label: str) -> Any:
 
 
 def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) -> tuple[Any, tuple[Relation, ...]]:
-    """Replace the comparisons in ``expression`` by symbols that hold their value between events.
+    """Replace the comparisons in ``expression`` by symbols that keep their value between events.
 
-    A comparison between discrete variables changes at events only, and stays as it is.
+    A comparison of discrete variables changes at events only, and is left as it is.
     """
     protected = {a: sympy.Dummy("no_event", real=True) for a in expression.atoms(sympy.Function) if _no_event(a)}
     expression = piecewise(expression.xreplace(protected))

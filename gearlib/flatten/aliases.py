@@ -12,7 +12,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Aliases:
-    """``variable = sign * representative`` for each variable, and the number of redundant equalities."""
+    """Result of alias elimination: ``variable = sign * representative``, and the number of redundant equalities."""
 
     representative: Integers
     sign: Integers
@@ -20,16 +20,16 @@ class Aliases:
 
 
 def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integers) -> Aliases:
-    """Classes of variables under ``left = sign * right`` (``right = -1``: ``left = 0``).
+    """Partition the variables into classes under ``left = sign * right`` (``right = -1``: ``left = 0``).
 
     Parameters
     ----------
     n : int
         Number of variables.
     left, right, sign : arrays of int
-        One equality each.
+        One equality per entry.
     rank : array of int, shape (n,)
-        The variable with the lowest rank of a class represents it (the lower number on a tie).
+        The variable of lowest rank represents its class (the lower number on a tie).
 
     Examples
     --------
@@ -37,7 +37,7 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
     >>> a.representative.tolist(), a.sign.tolist()
     ([2, 2, 2, 3], [-1, -1, 1, 1])
     """
-    zero = n  # one more node, which stands for zero
+    zero = n  # an extra node that stands for zero
     parent = list(range(n + 1))
     parity = [1] * (n + 1)
     size = [1] * (n + 1)
@@ -46,7 +46,7 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
 
     def find(x: int) -> tuple[int, int]:
         root = parent[x]
-        if parent[root] == root:  # a root itself has the sign 1
+        if parent[root] == root:  # a root has the sign 1
             return root, parity[x]
         path = []
         while parent[x] != x:
@@ -77,7 +77,7 @@ def unite(n: int, left: Integers, right: Integers, sign: Integers, rank: Integer
         size[ra] += size[rb]
 
     roots, signs = np.array([find(x) for x in range(n + 1)], np.int64).T
-    first = np.lexsort((np.arange(n), rank))  # the last of those written wins: the first of each class
+    first = np.lexsort((np.arange(n), rank))  # the last write wins: the first of each class
     lead = np.arange(n + 1)
     lead[roots[first[::-1]]] = first[::-1]
     representative = lead[roots[:n]]

@@ -1,6 +1,6 @@
 """Attributes of variables: flow or potential, state preference, nominal value.
 
-The class of a component says so, and an instance may say otherwise; variables that are equal share it.
+They are declared by the component's class and may be overridden per instance; aliases share them.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Attributes:
 
     potential: NDArray[np.bool_]
     flow: NDArray[np.bool_]
-    rank: NDArray[np.int64]  # as a representative of what equals it
-    preference: NDArray[np.int64]  # as a state
+    rank: NDArray[np.int64]  # rank as the representative of its aliases
+    preference: NDArray[np.int64]  # preference as a state
     nominal: NDArray[np.float64]
 
 
@@ -40,7 +40,7 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
     Raises
     ------
     BindingError
-        A name that is no variable of the component, or a value that is none.
+        An unknown variable, or an invalid value.
     """
     where = instance.path or instance.kind
     for what, given in (("nominal", nominals_of(component)), ("state", preferences_of(component))):
@@ -62,7 +62,7 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
 
 
 def attributes_of(tree: Tree, n_variables: int) -> Attributes:
-    """Attributes as the classes declare them."""
+    """Attributes as declared by the classes."""
     own = Attributes(
         np.zeros(n_variables, bool), np.zeros(n_variables, bool), np.ones(n_variables, np.int64),
         np.full(n_variables, PREFERENCE["default"]), np.ones(n_variables),
@@ -86,7 +86,7 @@ def attributes_of(tree: Tree, n_variables: int) -> Attributes:
 
 
 def merge(own: Attributes, rep: NDArray[np.int64], choices: Sequence[tuple[int, str, Any]]) -> Attributes:
-    """Attributes of each representative from its aliases; overrides of instances win, then the smallest nominal value."""
+    """Attributes of each representative, merged from its aliases; instance overrides take precedence, then the smallest nominal value."""
     n = len(rep)
     potential, flow = np.zeros(n, bool), np.zeros(n, bool)
     potential[rep[own.potential]] = True

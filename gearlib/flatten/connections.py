@@ -1,4 +1,4 @@
-"""Connection sets: equal potentials, flows that sum to zero."""
+"""Connection sets: potentials are equal, flows sum to zero."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gearlib.equations.template import Template, make_template
 from gearlib.flatten.aliases import Aliases
 from gearlib.flatten.specialise import Raw
 
-MOST_ADDENDS = 8  # longer sums are split, so that no template grows with the model
+MOST_ADDENDS = 8  # longer sums are split, so that template sizes do not grow with the model
 
 
 SignedSum = tuple[tuple[int, int], ...]
@@ -22,12 +22,12 @@ SignedSum = tuple[tuple[int, int], ...]
 
 @lru_cache
 def sum_template(n: int) -> Template:
-    """The sum of n flows; signs are applied where the variables are."""
+    """The sum of n flows; signs are applied to the variables."""
     return make_template(f"sum of {n} flows", sympy.Add(*(sympy.Symbol(f"flow_{i}", real=True) for i in range(n))), ())
 
 
 def connection_sets(links: Iterable[Sequence[int]]) -> list[list[int]]:
-    """Sets of connected nodes, each sorted, in the order of their lowest node.
+    """Sets of connected nodes, each sorted, ordered by their lowest node.
 
     >>> connection_sets([(4, 2), (1, 7), (2, 9)])
     [[1, 7], [2, 4, 9]]
@@ -39,7 +39,7 @@ def connection_sets(links: Iterable[Sequence[int]]) -> list[list[int]]:
 
 
 def split_sum(members: SignedSum, new_variable: int) -> tuple[list[SignedSum], int]:
-    """A long sum as several short ones over new variables; returns them and the next free variable."""
+    """Split a long sum into several short ones over new variables; returns them and the next free variable."""
     sums: list[SignedSum] = []
     while len(members) > MOST_ADDENDS:
         head = MOST_ADDENDS - 1
@@ -50,10 +50,10 @@ def split_sum(members: SignedSum, new_variable: int) -> tuple[list[SignedSum], i
 
 
 def series_of_parallels(groups: Sequence[Raw], aliases: Aliases) -> tuple[list[tuple[int, int, int]], list[Raw]]:
-    """What flows into parts that lie side by side flows out of them: flows that are equal, in place of the second sum of both.
+    """Simplify parallel parts in series: where two sums share all but one flow, replace the second sum by an equality.
 
-    Of ``x + a + b = 0`` and ``y - a - b = 0`` the second is ``x = -y``. Each of the two sums alone would give one of a and b, which
-    nothing else may be left to do: a spring in series with two dampers side by side, and no inertia between.
+    Of ``x + a + b = 0`` and ``y - a - b = 0`` the second becomes ``x = -y``. Otherwise each of the two sums could be matched to a or b,
+    which may leave neither available: a spring in series with two parallel dampers, and no inertia between.
     """
     known: dict[frozenset[tuple[int, int]], tuple[int, int]] = {}
     equal: list[tuple[int, int, int]] = []

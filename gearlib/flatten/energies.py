@@ -24,14 +24,14 @@ ENERGY, POWER = dimension("J"), dimension("W")
 
 @dataclass(frozen=True)
 class Term:
-    """An expression of one component, and the function of numbers or arrays that it is.
+    """An expression of one component, and its numeric function.
 
     Attributes
     ----------
     names : tuple of str
-        Paths, or "der(path)", of the variables, discrete variables and parameters; time, if it occurs, is ``"time"``.
+        Paths, or ``"der(path)"``, of its variables, discrete variables and parameters; ``"time"`` for time.
     symbols : tuple of sympy.Symbol
-        What stands for them in the expression.
+        Their symbols in the expression.
     expression : sympy.Expr
     """
 
@@ -41,7 +41,7 @@ class Term:
 
     @cached_property
     def function(self) -> Callable[..., Any]:
-        """A function of the values in the order of ``names``; printed when it is first called for."""
+        """A function of the values in the order of ``names``; generated on first use."""
         arguments = [sympy.Symbol(f"x{i}", real=True) for i in range(len(self.symbols))]
         printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
         text = printer.doprint(self.expression.xreplace(dict(zip(self.symbols, arguments, strict=True))))
@@ -56,17 +56,17 @@ class Audited:
     Attributes
     ----------
     path, kind : str
-        Of the component and its class.
+        Path and class of the component.
     through : Term
-        Power that flows in through all connectors that carry work, W.
+        Power that flows in through all mechanical connectors, W.
     heat_in : Term or None
-        Heat that flows in through its thermal connectors, where it has others, too, W.
+        Heat that flows in through its heat ports if it has other connectors, too, W.
     stored, heat, supplied : Term or None
         As declared; None where nothing is.
     declares, source : bool
-        Whether it says what it stores and loses; whether what comes out of its connectors is work put in.
+        Whether it declares what it stores and loses; whether power out of its connectors counts as work put in.
     unknown : bool
-        Whether it has a connector of which it is not known how much power it carries.
+        Whether it has a connector whose power is not known.
     """
 
     path: str
@@ -86,10 +86,10 @@ class Audited:
 
 
 def audited(root: Component) -> list[Audited]:
-    """All components that exchange, store or lose energy."""
+    """All components that exchange, store or dissipate energy."""
     found = []
     for component, path in _components(root):
-        connectors = {} if parts_of(component) else declared_by(component).connectors  # a composite only passes power on
+        connectors = {} if parts_of(component) else declared_by(component).connectors  # a composite merely passes power on
         energies = energies_of(component)
         if not connectors and energies is None:
             continue
@@ -130,10 +130,10 @@ def _components(root: Component) -> Iterator[tuple[Component, str]]:
 
 
 def _powers(name: str, connector: Connector) -> list[tuple[Any, bool]] | None:
-    """The powers into a component through a connector, each with whether it is heat; None where that is not known.
+    """The powers into a component through a connector, each with whether it is heat; None if unknown.
 
-    Potentials and flows belong together in the order of their declaration. A flow in W is a power, a product of both in W, too; where
-    the product is in J, the potential is a displacement.
+    Potentials and flows are paired in the order of their declaration. A flow in W is a power, and so is a product of both in W; if the
+    product is in J, the potential is a displacement.
     """
     potentials = [(n, v.unit) for n, v in connector.variables.items() if isinstance(v, Potential)]
     flows = [(n, v.unit) for n, v in connector.variables.items() if isinstance(v, Flow)]

@@ -1,4 +1,4 @@
-"""`flatten`: a component becomes a `FlatModel`."""
+"""`flatten`: turns a component into a `FlatModel`."""
 
 from __future__ import annotations
 
@@ -36,24 +36,24 @@ from gearlib.language.declarations import Flow, Potential
 
 
 def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
-    """Flatten a component and all its parts.
+    """Flatten a component with all its parts.
 
     Parameters
     ----------
     component : Component
-        The outermost one.
+        The root.
     put_in : frozenset of (int, float)
-        Parameters whose values the equations are written with, since a coefficient is zero there.
+        Parameters whose values are substituted into the equations, since a coefficient vanishes there.
 
     Returns
     -------
     FlatModel
-        Equations in groups that share a template, over representative variables.
+        Equations grouped by template, over representative variables.
 
     Raises
     ------
     ModelError
-        Any slip in the model: a missing value, a part of another model, a bound that is not kept.
+        Any defect of the model: a missing value, a part of another model, a violated bound.
     """
     if not isinstance(component, Component):
         hint = f"; make an instance: {component.__name__}()" if isinstance(component, type) else ""
@@ -72,7 +72,7 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
     equalities += zeros
     own = attributes_of(tree, n_variables)
     own.flow[tree.n_variables :] = True  # sums of flows
-    own.rank[tree.inputs] = -1  # what is given represents all that equals it
+    own.rank[tree.inputs] = -1  # an input represents all its aliases
     n_equations = len(equalities) + sum(map(len, raw))
     raw, equalities, aliases = _without_aliases(raw, equalities, n_variables, own.rank)
     rep = aliases.representative
@@ -95,9 +95,9 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
 def _without_aliases(
     raw: list[Raw], equalities: list[tuple[int, int, int]], n_variables: int, rank: Integers
 ) -> tuple[list[Raw], list[tuple[int, int, int]], Aliases]:
-    """Equations in which each variable stands once, all equalities among them, and the aliases.
+    """Equations in which each variable occurs once, all equalities found among them, and the aliases.
 
-    Where two variables of an equation are one, another equality may be left of it, which makes one of more variables.
+    Where two variables of an equation become one, the rest of it may be another equality, which merges more variables.
     """
     while True:
         left, right, sign = np.array(equalities, np.int64).reshape(-1, 3).T
@@ -117,12 +117,13 @@ def _without_aliases(
             continue
         if not changed:
             return raw, equalities, aliases
-        equalities += [(0, 0, 1) for piece in changed if piece.template.residual == 0 for _ in range(len(piece))]  # as x = x
+        # Such as x = x
+        equalities += [(0, 0, 1) for piece in changed if piece.template.residual == 0 for _ in range(len(piece))]
         raw = [*kept, *_separated((piece for piece in changed if piece.template.residual != 0), equalities)]
 
 
 def _separated(pieces: Iterable[Raw], equalities: list[tuple[int, int, int]]) -> list[Raw]:
-    """The equations that are no aliases; those that are go to the equalities."""
+    """The equations that are not aliases; those that are, are appended to the equalities."""
     raw: list[Raw] = []
     for piece in pieces:
         if piece.template.alias is None:
@@ -173,7 +174,7 @@ def _variable_name(tree: Tree, variable: int) -> str:
 
 
 def check_bounds(table: ParameterTable, values: Floats) -> None:
-    """Raise `BoundError` where a parameter is out of its bounds or not finite."""
+    """Raise `BoundError` if a parameter is out of its bounds or not finite."""
     bad = np.flatnonzero(~(np.isfinite(values) & (values >= table.lower) & (values <= table.upper)))
     if len(bad):
         k = int(bad[0])
@@ -201,7 +202,7 @@ def _parameter_table(tree: Tree) -> ParameterTable:
 
 
 def _parameter_levels(tree: Tree) -> dict[int, int]:
-    """Of each dependent parameter, after how many others it can be computed."""
+    """Evaluation level of each dependent parameter."""
     made = {t: arguments for pairs in tree.dependents.values() for arguments, t in zip(*pairs, strict=True)}
     level: dict[int, int] = {}
     for start in made:
@@ -252,7 +253,7 @@ def _equations(tree: Tree, put_in: Special) -> tuple[list[Raw], list[tuple[int, 
 
 
 def _connections(tree: Tree) -> tuple[list[SignedSum], list[tuple[int, int, int]], int, int]:
-    """Sums of flows, equalities (potentials; flows of unconnected ports), number of sets, number of variables."""
+    """Sums of flows, equalities (of potentials; of flows of unconnected ports with zero), number of sets, number of variables."""
     sets = connection_sets(tree.links)
     connected = {node for s in sets for node in s}
     sums: list[SignedSum] = []
@@ -312,7 +313,7 @@ def _discrete_indices(template: Template, tree: Tree, instance: int) -> list[int
             continue
         before = name.startswith("pre(")
         local = name[4:-1] if before else name
-        if is_discrete_name(name):  # a binding names it by its number
+        if is_discrete_name(name):  # bindings refer to it by number
             places.append(int(local[len("discrete[") : -1]) + n * before)
             continue
         own = tree.first_discrete[instance] + list(tree.records[instance].discretes).index(local)

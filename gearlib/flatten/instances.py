@@ -24,11 +24,11 @@ from gearlib.language.declarations import NO_VALUE, Input
 from gearlib.language.expressions import check_depth, time
 from gearlib.language.tabulated import Tabulated
 
-DEEPEST = 200  # levels of components within components
+DEEPEST = 200  # nesting depth of components
 
 
 def walk(root: Component) -> Tree:
-    """Instantiate a component and its parts, depth first, in order of creation."""
+    """Instantiate a component and its parts, depth-first, in order of creation."""
     tree = Tree()
     stack: list[tuple[Component, str]] = [(root, "")]
     composites: list[tuple[Component, int]] = []
@@ -164,7 +164,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
         _set_parameter(tree, instance.first_parameter + offset, value, scope, declared.unit, declared.description)
         if (
             read is not None and name not in record.own_names and not interior.parts_of(component)
-        ):  # what only its default asks for has no effect
+        ):  # what only its default reads has no effect
             interior.choices_read_of(component).intersection_update(read)
     for name, variable in instance.variables.items():
         if isinstance(variable, Input):
@@ -210,7 +210,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                     f"'{of}' and follows from the equations; start={{'{of}': ...}} gives the start value of '{of}', and "
                     "simulate(start='steady') begins where the derivatives vanish"
                 )
-            inner, kind = _resolve(tree, component, name)  # of a part, whose own start value it replaces
+            inner, kind = _resolve(tree, component, name)  # a part's variable, whose own start value is overridden
             if kind != "variable":
                 part, head = descend(component, name)[0], name.rpartition(".")[0]
                 inside = [] if part in (None, component) else [f"{head}.{n}" for n in _variables_of(tree, part)]
@@ -236,7 +236,7 @@ def _unit(tree: Tree, variable: int) -> str:
 
 
 def own_variable(instance: Instance, record: ClassRecord, name: str) -> int:
-    """The number of a variable by its local name."""
+    """The number of a variable, by its local name."""
     return instance.first_variable + record.variable_index[name]
 
 
@@ -259,7 +259,7 @@ def _new_parameter(tree: Tree, name: str) -> int:
 
 
 def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, unit: str, description: str) -> None:
-    if type(value) is float and value - value == 0.0:  # finite: the common case, quickly
+    if type(value) is float and value - value == 0.0:  # finite: fast path for the common case
         tree.parameter_values[slot] = value
         return
     path = tree.parameter_names[slot]
@@ -283,7 +283,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
 
 
 def _evaluated(value: Any, scope: Component, path: str) -> Any:
-    """A value, or what its function makes of the component."""
+    """A value, or the result of its function of the component."""
     if not callable(value) or isinstance(value, Tabulated):
         return value
     try:
@@ -333,12 +333,12 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
 
 
 def value_is_number(value: Any) -> bool:
-    """Whether an input is bound to a plain number, which then is a parameter of the input's name."""
+    """Whether an input is bound to a plain number, which then is a parameter with the input's name."""
     return not is_expression(value)
 
 
 def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
-    """Number and kind of what ``name`` stands for, as seen from ``scope``."""
+    """Number and kind of a name, as seen from ``scope``."""
     part, local = descend(scope, name)
     if part is not None and id(part) in tree.numbers:
         number_ = tree.numbers[id(part)]
@@ -351,7 +351,7 @@ def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:
 
 
 def _discrete(tree: Tree, scope: Component, name: str) -> int:
-    """The number of a discrete variable as seen from ``scope``, -1 where the name is none."""
+    """The number of a discrete variable as seen from ``scope``; -1 if the name is not one."""
     part, local = descend(scope, name)
     if part is None or id(part) not in tree.numbers:
         return -1

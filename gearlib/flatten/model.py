@@ -22,11 +22,11 @@ from gearlib.language.declarations import Connector, Parameter, Variable
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
-MOST_AFFECTED = 64  # sets of given parameters whose dependents are remembered
+MOST_AFFECTED = 64  # cached sets of dependents, by the sets of given parameters
 
 
 def alphabetical(name: str) -> tuple[tuple[int, int, str], ...]:
-    """For sorting names so that ``body[10]`` comes after ``body[9]``.
+    """Sort key for names by which ``body[10]`` follows ``body[9]``.
 
     >>> sorted(["body[10].w", "body[9].w", "axle"], key=alphabetical)
     ['axle', 'body[9].w', 'body[10].w']
@@ -46,23 +46,23 @@ class Instance:
     parameters: dict[str, Parameter]
     first_variable: int
     first_parameter: int
-    derivatives: Mapping[str, str] = field(default_factory=dict)  # other names of derivatives, such as {"a": "der(w)"}
+    derivatives: Mapping[str, str] = field(default_factory=dict)  # aliases of derivatives, such as {"a": "der(w)"}
     connectors: Mapping[str, Connector] = field(default_factory=dict)
-    templates: tuple[Template, ...] = ()  # its own equations, before anything was done to them
+    templates: tuple[Template, ...] = ()  # its own equations, as analysed
 
 
 @dataclass(frozen=True)
 class EquationGroup:
-    """All equations that share a template: row i is one of them.
+    """All equations that share a template, one per row.
 
-    ``variables[i, j]`` is the variable that stands for local j, times ``signs[i, j]`` (+1, -1, or 0 where it is always zero).
+    ``variables[i, j]`` is the variable that local j stands for, times ``signs[i, j]`` (+1, -1, or 0 if it is identically zero).
     """
 
     template: Template
     variables: Integers
     signs: Integers
     parameters: Integers
-    owners: Integers  # which instance wrote it
+    owners: Integers  # number of the instance that each row comes from
     discretes: Integers  # indices of the discrete names in the discrete state, see `Discretes`
 
     def __len__(self) -> int:
@@ -71,7 +71,7 @@ class EquationGroup:
 
 @dataclass(frozen=True)
 class Dependent:
-    """Parameters that are the same function of other parameters."""
+    """Parameters that are computed by the same function of other parameters."""
 
     expression: Any  # over a0, a1, ...
     arguments: Integers  # (instances, arguments)
@@ -83,7 +83,7 @@ class Dependent:
 
     @cached_property
     def function(self) -> Callable[..., Any]:
-        """The function of arrays, one for each argument."""
+        """The vectorised function of its arguments."""
         return parameter_function(self.expression, self._names)
 
     @property
@@ -92,17 +92,17 @@ class Dependent:
         return scalar_source(self.expression)
 
     def derivative(self, argument: int) -> Callable[..., Any]:
-        """Its derivative with respect to one argument."""
+        """Its partial derivative with respect to one argument."""
         return parameter_function(self.expression, self._names, self._names[argument])
 
 
 @dataclass(frozen=True)
 class ParameterTable:
-    """All parameters: given numbers, and those that follow from them."""
+    """All parameters: independent values, and those computed from them."""
 
     names: tuple[str, ...]
     values: Floats  # defaults; NaN where dependent
-    dependents: tuple[Dependent, ...]  # in an order in which arguments come first
+    dependents: tuple[Dependent, ...]  # sorted so that arguments come first
     lower: Floats
     upper: Floats
     _affected: dict[tuple[int, ...], tuple[Dependent, ...]] = field(default_factory=dict)
@@ -113,11 +113,11 @@ class ParameterTable:
 
     @cached_property
     def defaults(self) -> Floats:
-        """The complete vector where nothing is overridden. Not to be written to."""
+        """The complete vector of default values. Read-only."""
         return self._computed(self.values, self.dependents, [])
 
     def evaluate(self, given: Mapping[int, float]) -> Floats:
-        """The complete vector with some numbers given; what depends on them is computed anew, unless it is given itself."""
+        """The complete vector for given values; dependents are recomputed unless they are given themselves."""
         if not given:
             return self.defaults.copy()
         values = self.defaults.copy()
@@ -132,7 +132,7 @@ class ParameterTable:
         return self._computed(values, affected, list(changed))
 
     def derivatives(self, values: Floats, seeds: Sequence[int], given: Collection[int] = ()) -> list[tuple[int, int, float]]:
-        """How parameters change with some of them: (parameter, which of the seeds, derivative), the seeds themselves among them.
+        """Derivatives of parameters with respect to some of them, themselves included: (parameter, index of the seed, derivative).
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class ParameterTable:
         seeds : sequence of int
             Parameters to differentiate with respect to.
         given : collection of int
-            Those that were given to `evaluate`, so that they do not follow from others.
+            Those given to `evaluate`, which are independent of others.
         """
         fixed = {*seeds, *given}
         rows: dict[int, dict[int, float]] = {p: {k: 1.0} for k, p in enumerate(seeds)}
@@ -182,7 +182,7 @@ class ParameterTable:
 
 @dataclass(frozen=True)
 class StartValues:
-    """Which variables have a start value, where it stands among the parameters, and whether it is fixed."""
+    """Variables with a start value, the position of that among the parameters, and whether it is fixed."""
 
     variables: Integers
     slots: Integers
@@ -202,8 +202,7 @@ class UpdateGroup:
 class Discretes:
     """Variables that change at events only.
 
-    Their values, the values before the event, and one that is 1 while the run is being started follow each other: d is variable d,
-    n + d is pre(d), 2 n is initial().
+    Layout of the discrete values: d is variable d, n + d is pre(d), 2 n is initial(), which is 1 while the run is being started.
     """
 
     names: tuple[str, ...]
@@ -233,20 +232,20 @@ class FlatModel:
     groups: tuple[EquationGroup, ...]
     parameters: ParameterTable
     starts: StartValues
-    inputs: Integers  # variables given from outside
+    inputs: Integers  # unbound inputs
     representative: Integers  # of each variable
-    sign: Integers  # variable = sign * representative; 0: always zero
+    sign: Integers  # variable = sign * representative; 0: identically zero
     preference: Integers  # of each representative as a state: 0 never, 1 avoid, 2 default, 3 prefer
     potential: NDArray[np.bool_]  # absolute coordinates
     flow: NDArray[np.bool_]
     nominal: Floats
-    auxiliary: int  # first of the variables that flattening added
-    redundant: int  # equations found to say nothing new
+    auxiliary: int  # first of the auxiliary variables added by flattening
+    redundant: int  # redundant equalities found
     counts: Counts
     discretes: Discretes
-    loose_ports: tuple[tuple[int, str], ...] = ()  # instance and connector: connected to nothing outside, and
-    inner_ports: tuple[tuple[int, str], ...] = ()  # to parts inside; for messages
-    closed: tuple[int, ...] = ()  # flows set to zero because nothing determines them
+    loose_ports: tuple[tuple[int, str], ...] = ()  # instance and connector, for messages: connected to nothing outside,
+    inner_ports: tuple[tuple[int, str], ...] = ()  # or to parts inside
+    closed: tuple[int, ...] = ()  # flows set to zero since nothing determines them
 
     @property
     def n_variables(self) -> int:
@@ -262,9 +261,9 @@ class FlatModel:
 
     @cached_property
     def ranks(self) -> list[int]:
-        """Place of each representative among the paths, the deepest first, then by the alphabet: not by order of declaration.
+        """Rank of each representative by path, the deepest first, then alphabetically, independent of the order of declaration.
 
-        Of variables that are equal the highest place counts, since which of them is the representative depends on that order.
+        Among aliases the highest rank counts, since which of them is the representative depends on the order of declaration.
         """
         paths = [instance.path for instance in self.instances]
         by_path = sorted(range(len(paths)), key=lambda k: (-paths[k].count("."), alphabetical(paths[k])))
@@ -281,7 +280,7 @@ class FlatModel:
         return result
 
     def name(self, variable: int) -> str:
-        """The path of a variable."""
+        """Path of a variable."""
         if variable >= self.auxiliary:
             return f"flow_sum[{variable - self.auxiliary}]"
         instance = self.instances[bisect_right(self._firsts, variable) - 1]
@@ -295,7 +294,7 @@ class FlatModel:
         return list(instance.variables.values())[variable - instance.first_variable]
 
     def variable(self, name: str, what: str = "variable") -> int:
-        """The number of the variable with that path."""
+        """Number of the variable with a path."""
         if not isinstance(name, str):
             raise NameLookupError(f"{shown(name)} is no name; names are text, such as 'load.w'")
         found = self.find(name)
@@ -310,7 +309,7 @@ class FlatModel:
         return found
 
     def same_names(self, other: FlatModel) -> bool:
-        """Whether another model has the same variables, discrete variables and relations: numbers stand for the same there."""
+        """Whether another model has the same variables, discrete variables and relations, so that their numbers are interchangeable."""
         return (
             self.n_relations == other.n_relations
             and self.discretes.names == other.discretes.names
@@ -318,7 +317,7 @@ class FlatModel:
         )
 
     def column(self, name: str) -> Column:
-        """The variable's path and the order of derivative that a name stands for: "der(load.w)", or "load.a"."""
+        """The variable's path and derivative order that a name stands for: "der(load.w)", or "load.a"."""
         base, order = parse_column(name)
         path, _, local = base.rpartition(".")
         instance = self._by_path.get(path)
@@ -328,7 +327,7 @@ class FlatModel:
         return base, order
 
     def find(self, name: str) -> int | None:
-        """The number of the variable with that path, or None."""
+        """Number of the variable with a path, or None."""
         parts = name.split(".")
         for cut in range(len(parts) - 1, -1, -1):
             instance = self._by_path.get(".".join(parts[:cut]))
@@ -344,13 +343,13 @@ class FlatModel:
         return (prefix + local for local in instance.variables)
 
     def names(self) -> Iterator[str]:
-        """All variables' paths, in order."""
+        """Paths of all variables, in order."""
         for instance in self.instances:
             yield from self._names_of(instance)
 
     @cached_property
     def bounded(self) -> tuple[tuple[int, float], ...]:
-        """Variables that have a least value, and that value."""
+        """Variables with a declared minimum, and the minimum."""
         known: dict[int, list[tuple[int, float]]] = {}
         found = []
         for instance in self.instances:
@@ -362,20 +361,20 @@ class FlatModel:
 
     @cached_property
     def guessed(self) -> tuple[Integers, Integers, Integers]:
-        """Representatives that have a start or guess value, its sign, and where it stands among the parameters."""
-        order = np.argsort(self.starts.fixed, kind="stable")  # fixed ones last, so that they win
+        """Representatives with a start or guess value, its sign, and its position among the parameters."""
+        order = np.argsort(self.starts.fixed, kind="stable")  # fixed ones last, so that they take precedence
         variables = self.starts.variables[order]
         return self.representative[variables], self.sign[variables], self.starts.slots[order]
 
     @cached_property
     def fixed(self) -> tuple[Integers, Integers, Integers]:
-        """The same of the start values that hold."""
+        """The same, for fixed start values."""
         variables = self.starts.variables[self.starts.fixed]
         return self.representative[variables], self.sign[variables], self.starts.slots[self.starts.fixed]
 
     @cached_property
     def first_relations(self) -> Integers:
-        """Number of the first relation of each group; the last entry counts them all. Those of updates come last."""
+        """First relation number of each group, followed by the total; relations of updates come last."""
         groups = [*self.groups, *(u.equations for u in self.discretes.updates)]
         return np.cumsum([0, *(len(g.template.relations) * len(g) for g in groups)])
 
@@ -385,11 +384,11 @@ class FlatModel:
 
     @property
     def n_modes(self) -> int:
-        """Relations, then discrete values (see `Discretes`)."""
+        """Number of relations and discrete values (see `Discretes`)."""
         return self.n_relations + (2 * len(self.discretes) + 1 if len(self.discretes) else 0)
 
     def owner(self, group: int, row: int) -> str:
-        """Path of the component that wrote an equation."""
+        """Path of the component that an equation comes from."""
         i = int(self.groups[group].owners[row])
         return (self.instances[i].path or self.instances[i].kind) if i >= 0 else "connection"
 

@@ -1,4 +1,4 @@
-"""Signals that composites join: which input, or output of a composite, takes the value of which signal."""
+"""Signal connections in composites: which input, or output of a composite, is bound to which signal."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from gearlib.language.declarations import Declared, Input, declared_by
 
 
 def joined_signals(component: Component, path: str) -> Iterator[tuple[Component, str, Any]]:
-    """What the signals joined by a composite bind: a component, the name of its input or output, and the signal it takes.
+    """The bindings made by a composite's signal connections: component, name of its input or output, and the signal bound to it.
 
-    Connections that share a signal are one. The source is a variable of a part, or an input of the composite's own; without one, the
-    first input that was named hands its value on.
+    Connections that share a signal are merged. The source is a variable of a part, or an input of the composite itself; without one,
+    the first input named serves as the source.
 
     Raises
     ------
     ConnectionError
-        A signal that is none, or several sources.
+        Not a signal, or several sources.
     """
     graph = nx.Graph()
     for signals in signals_of(component):
@@ -52,7 +52,7 @@ def joined_signals(component: Component, path: str) -> Iterator[tuple[Component,
 
 
 def _drives(component: Component, owner: str, name: str) -> bool:
-    """Whether a signal has a value of its own, as seen from inside of a composite."""
+    """Whether a signal is a source, as seen from inside a composite."""
     part, local = descend(component, name)
     known = Declared({}, {}, {}, {}, {}) if part is None else declared_by(part)
     inside = part is component

@@ -1,9 +1,9 @@
 """Specialisation of templates: variables merged by aliases, identically zero, or parameters at values that make a coefficient zero.
 
-A spring whose two flanges lie on one rigid set has ``phi_rel = phi - phi``, which is zero whatever ``phi`` is; neither matching nor
-code may see a ``phi`` in it. A body with ``J = 0`` states that its torques cancel, and says nothing of its acceleration; a gear
-with ``ratio = 1`` says nothing of its support. So the symbols or values are put in, the equation is simplified, and what is left is
-a template of its own: one for each such pattern of a class.
+A spring whose two flanges lie on one rigid set has ``phi_rel = phi - phi``, which is identically zero; neither matching nor code
+generation may see a ``phi`` in it. A body with ``J = 0`` states that its torques cancel, and nothing about its acceleration; a gear
+with ``ratio = 1`` states nothing about its support. So symbols or values are substituted, the equation is simplified, and the result is
+a template of its own: one per pattern of a class.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from gearlib.equations.template import Relation, Template, column_symbol, make_t
 from gearlib.errors import SingularError
 from gearlib.flatten.aliases import Aliases, Integers
 
-# of each local: the first one that is the same variable (-1: always zero), and its sign relative to that
+# per local: the first local that is the same variable (-1: identically zero), and the relative sign
 Pattern = tuple[tuple[int, int], ...]
-Special = frozenset[tuple[int, float]]  # parameters, with values at which a coefficient is zero
+Special = frozenset[tuple[int, float]]  # parameters, with values at which a coefficient vanishes
 
 
-LARGEST = 1000  # denominator of a coefficient that is kept as a fraction
+LARGEST = 1000  # largest denominator of a coefficient that is kept as a fraction
 
 
 @dataclass(frozen=True)
 class Raw:
-    """Equations of one template, over variables before aliases are removed."""
+    """Equations of one template, over variables before alias elimination."""
 
     template: Template
     variables: Integers
@@ -40,7 +40,7 @@ class Raw:
         return len(self.variables)
 
     def take(self, rows: Integers, template: Template) -> Raw:
-        """Some of the rows, with another template over a part of the same locals and parameters."""
+        """Some of the rows, with another template over part of the same locals and parameters."""
         columns = [self.template.locals.index(name) for name in template.locals]
         parameters = [self.template.parameters.index(name) for name in template.parameters]
         return Raw(
@@ -51,12 +51,12 @@ class Raw:
 
 @memoised
 def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[str, float]] = frozenset()) -> Template:
-    """The template over the first local of each variable, with the values of some parameters.
+    """The template with aliases merged into the first local of each variable, and with the values of some parameters substituted.
 
     Raises
     ------
     SingularError
-        It divides by what is then zero.
+        A divisor becomes zero.
     """
     table = {sympy.Symbol(name, real=True): sympy.Rational(value) for name, value in values}  # exact: what cancels is 0
     where = {name: j for j, name in enumerate(template.locals)}
@@ -70,7 +70,7 @@ def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[st
     for i, relation in enumerate(template.relations):
         g = sympy.sympify(relation.g).xreplace(table)
         symbol = sympy.Symbol(f"relation_{i}", real=True)
-        if g.is_number:  # decided once and for all
+        if g.is_number:  # a constant condition
             holds = bool(g < 0 if relation.negated else g > 0) or (not relation.strict and g == 0)
             known[symbol] = sympy.Integer(holds)
         else:
@@ -86,12 +86,12 @@ def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[st
 
 
 def with_values(raw: Raw, values: Mapping[int, float], names: Sequence[str]) -> list[Raw]:
-    """The equations with the values of some parameters.
+    """The equations with the values of some parameters substituted.
 
     Raises
     ------
     SingularError
-        One of them is zero, and divided by.
+        One of them is zero and divided by.
     """
     here = np.isin(raw.parameters, list(values))
     if not here.any():
@@ -114,12 +114,13 @@ def with_values(raw: Raw, values: Mapping[int, float], names: Sequence[str]) -> 
 
 
 def by_pattern(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Pattern]]:
-    """The rows in which a local stands for the variable of another one, or for zero, by how; the others do not occur."""
+    """Rows in which a local is an alias of another one, or zero, grouped by pattern; other rows are omitted."""
     if raw.variables.shape[1] == 0:
         return []
     representative, sign = aliases.representative[raw.variables], raw.signs * aliases.sign[raw.variables]
     zero = sign == 0
-    apart = np.where(zero, -1 - np.arange(representative.shape[1]), representative)  # zeros are not the same variable
+    # Identically zero locals are not aliases of each other
+    apart = np.where(zero, -1 - np.arange(representative.shape[1]), representative)
     apart.sort(axis=1)
     zero[:, 1:] |= apart[:, 1:] == apart[:, :-1]
     if not zero.any():
@@ -138,9 +139,9 @@ def by_pattern(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Pattern]]:
 
 
 def merged(template: Template, pattern: Pattern) -> Template:
-    """The template where locals are one variable. Those that are always zero stay, unless an alias is left without them.
+    """The template with aliased locals merged. Identically zero ones are kept unless the equation reduces to an alias without them.
 
-    An unconnected flange makes a torque zero in many equations, which are the same but for that.
+    An unconnected flange makes a torque zero in many equations that are otherwise the same.
     """
     without = specialised(template, pattern) if template.linear else None
     if without is not None and (without.alias is not None or not without.columns):
@@ -150,7 +151,7 @@ def merged(template: Template, pattern: Pattern) -> Template:
 
 
 def simplified(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Template]]:
-    """The templates that fit the rows' variables, each with its rows."""
+    """The templates that fit the rows' alias patterns, each with its rows."""
     patterns = by_pattern(raw, aliases)
     if not patterns:
         return [(np.arange(len(raw)), raw.template)]

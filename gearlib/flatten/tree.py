@@ -18,20 +18,20 @@ class Tree:
 
     instances: list[Instance] = field(default_factory=list)
     rows: dict[Template, list[tuple[int, list[int], list[int]]]] = field(default_factory=lambda: defaultdict(list))
-    local_rows: dict[Template, list[int]] = field(default_factory=lambda: defaultdict(list))  # instances
+    local_rows: dict[Template, list[int]] = field(default_factory=lambda: defaultdict(list))  # instance numbers
     parameter_names: list[str] = field(default_factory=list)
     parameter_values: list[float] = field(default_factory=list)
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
     dependents: dict[tuple[int, Any], tuple[list[tuple[int, ...]], list[int]]] = field(default_factory=dict)
     starts: list[tuple[int, int, bool]] = field(default_factory=list)
-    started: set[int] = field(default_factory=set)  # variables whose start value an enclosing component gives
+    started: set[int] = field(default_factory=set)  # variables whose start value an enclosing component sets
     choices: list[tuple[int, str, Any]] = field(default_factory=list)  # see gearlib.flatten.attributes
     inputs: list[int] = field(default_factory=list)
     links: list[list[int]] = field(default_factory=list)
     ports: list[tuple[int, str]] = field(default_factory=list)  # (instance, connector)
-    loose_ports: list[tuple[int, str]] = field(default_factory=list)  # connected to nothing outside, and
-    inner_ports: list[tuple[int, str]] = field(default_factory=list)  # to parts inside
+    loose_ports: list[tuple[int, str]] = field(default_factory=list)  # connected to nothing outside,
+    inner_ports: list[tuple[int, str]] = field(default_factory=list)  # or to parts inside
     port_numbers: dict[tuple[int, str], int] = field(default_factory=dict)
     numbers: dict[int, int] = field(default_factory=dict)  # id(component) -> instance
     signals: dict[tuple[int, str], tuple[Component, Any]] = field(default_factory=dict)  # (instance, input) -> scope, signal
@@ -39,7 +39,7 @@ class Tree:
     n_variables: int = 0
     discrete_names: list[str] = field(default_factory=list)
     discrete_starts: list[float] = field(default_factory=list)
-    first_discrete: dict[int, int] = field(default_factory=dict)  # of each instance that has any
+    first_discrete: dict[int, int] = field(default_factory=dict)  # of each instance with discrete variables
     bound: dict[tuple[Template, tuple[int, ...]], int] = field(default_factory=dict)  # rows that are bindings -> input
     updates: dict[tuple[Template, bool], list[tuple[int, list[int], list[int], int]]] = field(
         default_factory=lambda: defaultdict(list)

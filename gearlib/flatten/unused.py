@@ -1,9 +1,9 @@
-"""Unused values: parameters, inputs and structural choices without effect under the chosen structure are refused.
+"""Refusal of unused values: parameters, inputs and structural choices that have no effect under the chosen structure.
 
-A parameter counts as used where an equation of a component, a start value, or another parameter that is used holds it; an input where
-an equation other than its own binding does; a structural choice where ``assemble`` or ``equations`` asked for it, or the default of a
-parameter that is used. What a composite passes on to its parts is not refused there: then the composite's own parameter is unused,
-and is refused if it was given.
+A parameter counts as used if an equation of a component, a start value or another used parameter contains it; an input if an equation
+other than its own binding does; a structural choice if ``assemble`` or ``equations`` read it, or the default of a used parameter did.
+Values that a composite passes to its parts are not refused there: then the composite's own parameter is unused, and is refused if it
+was given.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from gearlib.language.component import Component, inside, reads_of
 from gearlib.language.declarations import NO_VALUE, Input, Offered, Parameter, Structural
 from gearlib.language.interior import bindings_of, choices_given_to, choices_read_of, declarations_of, parts_of, structural_of
 
-MOST_TRIALS = 40  # other choices that are tried for the sake of the message
+MOST_TRIALS = 40  # alternative choices tried for the error message
 
 
 def refuse_unused(tree: Tree, root: Component) -> None:
-    """Raise `BindingError` for the first value that was given where it has no meaning."""
+    """Raise `BindingError` for the first given value without effect."""
     used: Used | None = None
     for component in _components(root):
         number = tree.numbers[id(component)]
@@ -83,7 +83,7 @@ class Used:
         self.parameters[parameters] = True
 
     def _follow(self, bound: dict[int, tuple[list[int], list[int]]]) -> None:
-        """What is used needs what it is made of."""
+        """Mark what used parameters and inputs are computed from."""
         made: dict[int, tuple[int, ...]] = {}
         for rows, targets in self._tree.dependents.values():
             made.update(zip(targets, rows, strict=True))
@@ -107,7 +107,7 @@ class Used:
 
 
 def _read_by_defaults(component: Component, number: int, used: Used) -> set[str]:
-    """The structural choices that the defaults of a component's parameters and inputs ask for, where these are used."""
+    """The structural choices read by the defaults of a component's used parameters and inputs."""
     with inside(component), reads_of(component) as found:
         for name, declared in declarations_of(component).items():
             if isinstance(declared, (Parameter, Input)) and callable(declared.default) and name not in bindings_of(component):
@@ -127,12 +127,12 @@ def _components(root: Component) -> Iterator[Component]:
 def _same(value: Any, default: Any) -> bool:
     try:
         return bool(value == default)
-    except ValueError:  # arrays, of which one is not the default
+    except ValueError:  # arrays, which are never a default
         return False
 
 
 def _from_parent(value: Any) -> bool:
-    """Whether a value is an expression of what the enclosing component has, time apart."""
+    """Whether a value is an expression of the enclosing component's symbols other than time."""
     return isinstance(value, sympy.Basic) and any(symbol.name != "time" for symbol in value.free_symbols)
 
 
@@ -151,7 +151,7 @@ def _refusal(component: Component, path: str, name: str, value: Any) -> BindingE
 
 
 def _alternatives(component: Component) -> dict[str, tuple[Any, ...]]:
-    """The other values of each structural choice that has few."""
+    """The other values of each structural choice with few values."""
     found: dict[str, tuple[Any, ...]] = {}
     for name, declared in declarations_of(component).items():
         if isinstance(declared, Structural):
@@ -162,7 +162,7 @@ def _alternatives(component: Component) -> dict[str, tuple[Any, ...]]:
 
 
 def _where_it_counts(component: Component, name: str) -> list[str]:
-    """Other choices with which a value would be used; one choice changed, or two."""
+    """Other choices under which a value would be used; one choice changed, or two."""
     single = [((n, v),) for n, values in _alternatives(component).items() for v in values]
     double = [(*a, *b) for a, b in combinations(single, 2) if a[0][0] != b[0][0]]
     for trials in (single, double):
@@ -172,7 +172,7 @@ def _where_it_counts(component: Component, name: str) -> list[str]:
 
 
 def _counts(component: Component, name: str, other: dict[str, Any]) -> bool:
-    """Whether a value would be used with other choices, and some number for every parameter."""
+    """Whether a value would be used under other choices, with arbitrary numbers for all parameters."""
     declarations = declarations_of(component)
     values: dict[str, Any] = {n: 1.0 for n, d in declarations.items() if isinstance(d, Parameter) and d.default is NO_VALUE}
     values |= {n: 1.0 for n, d in declarations.items() if isinstance(d, Input)}
@@ -186,5 +186,5 @@ def _counts(component: Component, name: str, other: dict[str, Any]) -> bool:
             read = name in choices_read_of(trial) or name in tree.records[0].choices
             return read or name in _read_by_defaults(trial, 0, Used(tree))
         return Used(tree).has(0, name)
-    except Exception:  # a component with a constructor of its own, or one that needs other values: no advice then
+    except Exception:  # a component with its own constructor, or one that needs other values: no advice then
         return False

@@ -1,4 +1,4 @@
-"""`Component`: a class declares its variables and writes its equations, or puts other components together, or both.
+"""`Component`: base class of models, with declared variables and equations, with parts and connections, or both.
 
 Inside ``equations`` and ``assemble`` an attribute is a symbol named by its path from there: ``self.w`` is ``w`` and
 ``self.load.w`` is ``load.w``, so that one set of equations stands for every instance of the class.
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
 RESERVED = frozenset({"time", "start", "guess", "nominal", "state", "equations", "assemble"})
-NOTHING: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())  # attributes and parts that assemble() has made
+NOTHING: tuple[frozenset[str], frozenset[str]] = (frozenset(), frozenset())  # attributes and parts made by assemble()
 PRIVATE = frozenset({
     "_parent", "_name", "_parts", "_connections", "_made", "_start", "_guess", "_nominal", "_state", "_structural", "_bindings",
     "_given", "_read",
@@ -48,13 +48,13 @@ PRIVATE = frozenset({
 
 @dataclass(frozen=True, repr=False)
 class Port:
-    """A connector of one component: what `connect` joins."""
+    """A connector of one component, as passed to `connect`."""
 
     component: Component
     connector: Connector
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("component", "connector"):  # not there yet: a port is being unpickled
+        if name in ("component", "connector"):  # the port is being unpickled
             raise AttributeError(name)
         if name.startswith("_") or name not in self.connector.variables:
             raise AttributeNameError(
@@ -70,7 +70,7 @@ class Port:
 
 @dataclass(frozen=True)
 class Connection:
-    """Two or more ports whose potentials are equal and whose flows sum to zero; or signals that are equal."""
+    """Ports with equal potentials and flows that sum to zero; or signals that are equal."""
 
     ports: tuple[Port, ...]
     signals: tuple[Any, ...] = ()
@@ -83,20 +83,20 @@ class Connection:
 
 
 def connect(*ports: Port) -> Connection:
-    """Join connectors: their potentials become equal, their flows sum to zero. Or join signals: inputs take the value of the other.
+    """Connect ports (potentials become equal, flows sum to zero) or signals (inputs take the value of the source).
 
     Parameters
     ----------
     *ports : Port, or variables and inputs
-        Two or more connectors of one kind, such as ``self.motor.flange_b``; or a signal, such as ``self.controller.y`` or
-        ``self.sensor.w``, and inputs of parts that it drives, such as ``self.torque.tau``. Among signals, a variable of the
-        enclosing component is its output, and its own inputs are sources.
+        Two or more connectors of one kind, such as ``self.motor.flange_b``; or a source signal, such as ``self.controller.y`` or
+        ``self.sensor.w``, and the inputs of parts that it drives, such as ``self.torque.tau``. Seen from inside, variables of the
+        enclosing component are outputs to be driven, and its inputs are sources.
 
     Raises
     ------
     ConnectionError
-        Fewer than two, something that is no connector, different kinds, a connector twice; signals of which none or more than one
-        can be the source.
+        Fewer than two arguments, something that is not a connector, different kinds, a repeated connector; or signals with no possible
+        source or several.
 
     Examples
     --------
@@ -152,10 +152,10 @@ def _port_path(port: Port) -> str:
 
 @dataclass(frozen=True)
 class PartGiven:
-    """What was given to an instance when it was made."""
+    """Arguments given to an instance."""
 
     values: Mapping[str, Any]  # of parameters and inputs
-    choices: Mapping[str, Any]  # structural ones
+    choices: Mapping[str, Any]  # structural choices
     start: Mapping[str, Any]
     guess: Mapping[str, Any]
     nominal: Mapping[str, float]
@@ -163,30 +163,30 @@ class PartGiven:
 
 
 class Component:
-    """Base class of everything a model is made of.
+    """Base class of all models.
 
-    A leaf writes ``equations`` and returns a list of `Eq`; a composite writes ``assemble``, assigns its parts to attributes and
-    returns a list of `connect` calls; a component may do both. Values of parameters, structural choices and inputs are given by
-    keyword when an instance is made.
+    A leaf implements ``equations`` and returns a list of `Eq`; a composite implements ``assemble``, assigns its parts to attributes and
+    returns a list of `connect` calls; a component may do both. Values of parameters, structural choices and inputs are passed as
+    keywords when an instance is made.
 
-    A class has the declarations and the equations of its bases: ``equations`` returns what the class adds to them, and is asked of
-    every class along the method resolution order once, bases first. ``super().equations()`` is not called, and an equation of a
-    base cannot be replaced. What a base needs from the classes derived from it is a variable that these equate, or a method that they
-    define. ``assemble`` and ``energies`` are ordinary methods: the one of the class itself counts.
+    A class inherits the declarations and equations of its bases: ``equations`` returns what the class adds to them, and is called once
+    for every class along the method resolution order, bases first. ``super().equations()`` is not called, and an equation of a base
+    cannot be replaced. If a base needs something from derived classes, it declares a variable that these equate, or a method that they
+    define. ``assemble`` and ``energies`` are ordinary methods with ordinary overriding.
 
     Parameters
     ----------
     start : mapping of str to float, optional
-        Start values that are fixed, such as ``{"phi": 0, "w": 100}``.
+        Fixed start values, such as ``{"phi": 0, "w": 100}``.
     guess : mapping of str to float, optional
         Start values that only help the solver.
     nominal : mapping of str to float, optional
-        Typical sizes of variables, where they are not those of the class.
+        Typical magnitudes of variables, where these differ from the class's.
     state : mapping of str to {"never", "avoid", "default", "prefer"}, optional
-        How much variables are wanted as states, where that differs from the class.
+        State preferences of variables, where these differ from the class's.
     **bindings
-        Values by name: numbers, or expressions of the enclosing component's parameters; inputs also take expressions of ``time``
-        and of variables.
+        Values by name: numbers, or expressions of the enclosing component's parameters; inputs also accept expressions of ``time`` and
+        of variables.
 
     Raises
     ------
@@ -217,21 +217,21 @@ class Component:
     ['flange_b.tau', 'flange_a.tau', 'tau']
     """
 
-    icon: ClassVar[str] = ""  # drawing that stands for the class in diagrams (gearlib.drawing.icons); empty: a labelled box
-    radii: ClassVar[tuple[str, ...]] = ()  # of a class whose icon shows gears: parameters with their radii, or with one ratio
+    icon: ClassVar[str] = ""  # icon of the class in diagrams (gearlib.drawing.icons); empty: a labelled box
+    radii: ClassVar[tuple[str, ...]] = ()  # for an icon with gears: the parameters with their radii, or one with the ratio
 
-    _parent: Component | None  # these are of an instance
+    _parent: Component | None  # the following are instance attributes
     _name: str
     _parts: dict[str, Any]
     _made: tuple[frozenset[str], frozenset[str]]
-    _read: set[str]  # the structural choices that equations and assemble asked for
+    _read: set[str]  # structural choices read by equations and assemble
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
     _bounded: ClassVar[tuple[Structural, ...]] = ()
-    # signals of the enclosing component, and those of its own that an instance joins to them
+    # signals of the enclosing component, and the instance's own signals that are joined to them
     _joined: tuple[tuple[Any, str], ...] = ()
-    _changes: tuple[Callable[[Any], None], ...] = ()  # what is done to an instance once its parts are made (`changed`)
-    _members: ClassVar[list[list[Any]]] = []  # of the class and its bases, when `check_declarations` has found them right
+    _changes: tuple[Callable[[Any], None], ...] = ()  # callbacks applied to an instance once its parts are made (`changed`)
+    _members: ClassVar[list[list[Any]]] = []  # members of the class and its bases, as validated by `check_declarations`
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -299,7 +299,7 @@ class Component:
         self.__dict__.update(_given=given, _read=set(), _structural=structural, _bindings=bindings)
 
     def equations(self) -> Sequence[Eq | When]:
-        """What the class adds to the equations of its bases, on symbols that stand for any instance."""
+        """The equations that the class adds to those of its bases, on symbols that stand for any instance."""
         return []
 
     def assemble(self) -> Sequence[Connection]:
@@ -307,23 +307,23 @@ class Component:
         return []
 
     def energies(self) -> Energy | None:
-        """What the component stores, loses and is given; None: it does not say.
+        """Energy stored, dissipated and supplied, as expressions; None if not declared.
 
-        `Result.energy_balance` uses it, and nothing else does.
+        Only `Result.energy_balance` uses it.
         """
         return None
 
     def diagram(self, depth: int = 1, *, fold: bool = True, width: float = 1400.0) -> Diagram:
-        """Block diagram: the parts as icons, joined by their connections; an SVG picture that notebooks show.
+        """Block diagram with the parts as icons, joined by their connections: an SVG picture that notebooks display.
 
         Parameters
         ----------
         depth : int
-            How many levels of parts within parts are shown.
+            Number of levels of nested parts to show.
         fold : bool
-            Whether a family of like parts is drawn once, with its number.
+            Whether to draw a family of identical parts once, with its count.
         width : float
-            Width (pixels) from which a row of parts goes on below.
+            Width (pixels) at which a row of parts wraps.
 
         Examples
         --------
@@ -337,7 +337,7 @@ class Component:
         return drawn(self, depth, fold, width)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the diagram, or why there is none."""
+        """Notebook representation: the diagram, or the reason why there is none."""
         from gearlib.language.outline import html_of
 
         return html_of(self)
@@ -345,12 +345,12 @@ class Component:
     def scheme(self) -> Scheme:
         """Stick diagram: shafts as lines, gears as bars at their radii, planetary sets, clutches, brakes and the hatched housing.
 
-        Of planetary sets the upper half is shown, their planets in blue. What turns only is shown, at all depths; bodies are parts of
-        their shafts. `PowerFlow.scheme` shows speeds, torques and powers with it.
+        Planetary sets are shown by their upper half, with planets in blue. Only rotating parts are shown, at all depths; bodies belong
+        to their shafts. `PowerFlow.scheme` adds speeds, torques and powers.
 
         Raises
         ------
-        ModelError
+        Nothing rotates, or gears have axes carried by a shaft without forming a planetary set.
             Nothing in it turns, or gears whose axes are carried by a shaft without being a planetary set.
 
         Examples
@@ -375,7 +375,7 @@ class Component:
         expected = type(declared.default)
         if expected is int and isinstance(value, (sympy.Integer, np.integer)):
             value = int(value)
-        if expected is tuple and isinstance(value, (list, np.ndarray)):  # a table, kept as what can be a key
+        if expected is tuple and isinstance(value, (list, np.ndarray)):  # a table, stored in hashable form
             value = as_tuple(value)
         if declared.default is not None and (not isinstance(value, expected) or isinstance(value, bool) != (expected is bool)):
             raise BindingError(f"{where} is {shown(value)} ({type(value).__name__}); expected {expected.__name__}")
@@ -428,7 +428,7 @@ class Component:
         self._parts[name] = part
 
     def __getattr__(self, name: str) -> Any:
-        # Reached only for unknown names: a part of a composite that was not assembled yet, or a slip.
+        # Reached only for unknown names: a part of a composite that has not been assembled, or a mistake.
         if not name.startswith("_"):
             if self._connections is None and type(self).assemble is not Component.assemble:
                 self._assembled()
@@ -442,7 +442,7 @@ class Component:
         raise AttributeError(name)
 
     def _assembled(self) -> Sequence[Connection]:
-        """The connections of a composite; assembles it at the first call."""
+        """The connections of a composite, which is assembled on first use."""
         if self._connections is None:
             self._check_bounds()
             attributes, parts = set(self.__dict__), set(self._parts)
@@ -480,20 +480,20 @@ class Component:
         object.__setattr__(self, "_made", made if any(made) else NOTHING)
 
     def _forget(self) -> None:
-        """Drop what `assemble` has made, so that it is made again: what it reads may have changed."""
+        """Discard what `assemble` has made, so that it runs again: what it reads may have changed."""
         if self._connections is not None:
             attributes, parts = self._made
             for name in attributes:
                 self.__dict__.pop(name, None)
             for name in parts:
-                object.__setattr__(self._parts.pop(name), "_parent", None)  # it may be assigned again: it need not be a new one
+                object.__setattr__(self._parts.pop(name), "_parent", None)  # assemble may assign the same part again
             object.__setattr__(self, "_connections", None)
             object.__setattr__(self, "_made", NOTHING)
         for part in self._parts.values():
             part._forget()
 
     def __getstate__(self) -> dict[str, Any]:
-        """For pickling: without the parts that `assemble` made; they are made again when they are needed."""
+        """Pickle without the parts that `assemble` made; they are made again when needed."""
         if self._connections is None:
             return self.__dict__
         attributes, parts = self._made
@@ -515,12 +515,12 @@ class Component:
         return self._symbol(name)
 
     def _radii(self) -> tuple[float, ...]:
-        """Values of the parameters that the class names as its ``radii``; NaN where one has no value yet."""
+        """Values of the parameters listed in the class's ``radii``; NaN for missing values."""
         found = [self._number(name) for name in self.radii]
         return tuple(np.nan if value is None else value for value in found)
 
     def _number(self, name: str) -> float | None:
-        """The number that a parameter has by what was given, by its default, or by what encloses the component."""
+        """Value of a parameter as given, by its default, or by the enclosing component."""
         declared: Any = self._bindable[name]
         if isinstance(declared, Structural):
             return float(self._structural[name])
@@ -541,7 +541,7 @@ class Component:
             numbers[symbol] = found
         try:
             return float(value.subs(numbers) if numbers else value)
-        except TypeError:  # no number: nothing was given
+        except TypeError:  # not a number: no value was given
             return None
 
     def _choice(self, name: str) -> Any:
@@ -563,7 +563,7 @@ class Component:
 
 
 def reconnect(component: Component, connections: Sequence[Connection]) -> None:
-    """Put other connections in the place of those of an assembled composite."""
+    """Replace the connections of an assembled composite."""
     object.__setattr__(component, "_connections", list(connections))
 
 
@@ -575,13 +575,13 @@ def put_in(component: Component, name: str, part: Component) -> None:
 
 
 def name_of(component: Component) -> str:
-    """The name of a part in what encloses it."""
+    """Name of a part in its enclosing component."""
     name: str = component._name
     return name
 
 
 def enclosing(component: Component) -> Iterator[Component]:
-    """What a part belongs to, from its composite outwards."""
+    """The enclosing components of a part, from the innermost outwards."""
     node = component._parent
     while node is not None:
         yield node
@@ -589,7 +589,7 @@ def enclosing(component: Component) -> Iterator[Component]:
 
 
 def changed(component: Component, change: Callable[[Component], None]) -> Component:
-    """A copy to which something is done whenever its parts have been made: ``change`` may add parts and reconnect them."""
+    """A copy with a callback applied whenever its parts have been made: ``change`` may add parts and reconnect them."""
     copy = deepcopy(component)
     copy._forget()
     object.__setattr__(copy, "_changes", (*copy._changes, change))
@@ -598,12 +598,12 @@ def changed(component: Component, change: Callable[[Component], None]) -> Compon
 
 
 def given_to(component: Component) -> PartGiven:
-    """What was given to an instance when it was made."""
+    """Arguments given to an instance."""
     return component._as_given()
 
 
 def evaluated_in(component: Component, value: Any) -> Any:
-    """A value that a declaration gives, on symbols of its component where it is a function of that."""
+    """The value in a declaration; if it is a function of the component, its result."""
     if not callable(value) or isinstance(value, type) or value is NO_VALUE:
         return value
     with inside(component):
@@ -611,7 +611,7 @@ def evaluated_in(component: Component, value: Any) -> Any:
 
 
 def signals_of(component: Component) -> list[tuple[Any, ...]]:
-    """The signals that a composite joins: symbols as seen from inside of it."""
+    """The signal connections of a composite: symbols as seen from inside it."""
     found = [connection.signals for connection in component._assembled() if connection.signals]
     for name, part in parts_of(component).items():
         found += [(signal, real_symbol(f"{name}.{own}")) for signal, own in part._joined]
@@ -619,7 +619,7 @@ def signals_of(component: Component) -> list[tuple[Any, ...]]:
 
 
 def parts_below(component: Component) -> Iterator[tuple[str, Component]]:
-    """All parts of an assembled component, and the parts of these, with their paths."""
+    """All parts of an assembled component, recursively, with their paths."""
     for name, part in parts_of(component).items():
         yield name, part
         yield from ((f"{name}.{path}", inner) for path, inner in parts_below(part))
@@ -636,7 +636,7 @@ def inside(component: Component) -> Iterator[None]:
 
 @contextmanager
 def reads_of(component: Component) -> Iterator[set[str]]:
-    """The structural choices that are asked for in here; they do not count as read by ``equations`` and ``assemble``."""
+    """Collect the structural choices read inside the block; they do not count as read by ``equations`` and ``assemble``."""
     before, reads = component._read, set[str]()
     object.__setattr__(component, "_read", reads)
     try:
@@ -647,7 +647,7 @@ def reads_of(component: Component) -> Iterator[set[str]]:
 
 @contextmanager
 def _explained(where: str) -> Iterator[None]:
-    """Say where, and in the modeller's terms what Python's ``if`` and number functions cannot do with a symbol."""
+    """Add the location to errors, and explain in modelling terms what Python's ``if`` and number functions cannot do with a symbol."""
     try:
         yield
     except DeclarationError as problem:
@@ -668,14 +668,14 @@ def _explained(where: str) -> Iterator[None]:
 
 
 def check_declarations(kind: type[Component]) -> None:
-    """Declarations are read when the class is made; what took the place of one since then would go unnoticed.
+    """Refuse attributes that have replaced declarations since the class was made, which would otherwise be ignored silently.
 
     Raises
     ------
     DeclarationError
         Names the attribute.
     """
-    bases = kind.__mro__[:-1]  # but object
+    bases = kind.__mro__[:-1]  # except object
     if kind._members and all(map(_has_members, bases, kind._members)):
         return
     now: dict[str, Any] = {}
@@ -699,7 +699,7 @@ def _has_members(base: type, members: list[Any]) -> bool:
 
 
 def _is_same(value: Any, choice: Any) -> bool:
-    """Whether a value is a choice; comparing an object of the user's may fail."""
+    """Whether a value equals a choice; comparing a user's object may fail."""
     try:
         return bool(np.all(value == choice))
     except Exception:
@@ -707,7 +707,7 @@ def _is_same(value: Any, choice: Any) -> bool:
 
 
 def _is_readable(given: Any) -> bool:
-    """Whether something is a mapping; one of the user's may fail."""
+    """Whether a value is a mapping; testing a user's object may fail."""
     try:
         return isinstance(given, Mapping) and dict(given) is not None
     except Exception:
@@ -715,12 +715,12 @@ def _is_readable(given: Any) -> bool:
 
 
 def equations_of(component: Component) -> list[Eq | When]:
-    """The equations of a component's class and of its bases, on symbols named from the component's scope.
+    """Equations of a component's class and its bases, on symbols named from the component's scope.
 
-    Each class that writes ``equations`` is asked once, the bases first, in the order in which declarations are inherited.
+    Each class that defines ``equations`` is called once, bases first, in the order in which declarations are inherited.
     """
     equations: list[Eq | When] = []
-    stated: dict[Eq, str] = {}  # by which class
+    stated: dict[Eq, str] = {}  # and the class that states each
     owners = [o for o in reversed(type(component).__mro__) if "equations" in vars(o) and o is not Component]
     for owner in owners:
         own = _equations_by(owner, vars(owner)["equations"].__get__(component, type(component)), component)
@@ -738,16 +738,16 @@ def equations_of(component: Component) -> list[Eq | When]:
 
 
 def _is_hashable(equation: Eq | When) -> TypeGuard[Eq]:
-    """Whether it is an equation between what can be compared."""
+    """Whether it is an equation between hashable expressions."""
     try:
         hash(equation)
-    except Exception:  # whatever an object of the user's makes of hash()
+    except Exception:  # a user's object may have a failing hash()
         return False
     return isinstance(equation, Eq)
 
 
 def _equations_by(owner: type, write: Callable[[], Any], component: Component) -> list[Eq | When]:
-    """What one class adds to the equations of a component."""
+    """The equations that one class adds to a component."""
     with inside(component), _explained(f"{owner.__name__}.equations()"):
         returned = write()
         equations = list(returned) if isinstance(returned, Iterable) else [returned]
@@ -758,7 +758,7 @@ def _equations_by(owner: type, write: Callable[[], Any], component: Component) -
 
 
 def energies_of(component: Component) -> Energy | None:
-    """What `component` says of its energy, on symbols named from its own scope."""
+    """Energy declaration of `component`, on symbols named from its own scope."""
     with inside(component), _explained(f"{type(component).__name__}.energies()"):
         returned = component.energies()
     if returned is not None and not isinstance(returned, Energy):

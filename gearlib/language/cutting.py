@@ -1,7 +1,7 @@
-"""`cut`: a connection is opened, and what flowed through it becomes inputs and outputs of the model.
+"""`cut`: opens connections of a model, whose potentials and flows become inputs and outputs.
 
-A connection makes potentials equal and lets flows balance. Where it is opened, two ends are left: the part's own, and the rest of what was
-connected there. Each end is given one of its two quantities from outside, an input of the model, and answers with the other.
+A connection equates potentials and balances flows. Opening it leaves two ends: the part's own connector, and the rest of what was
+connected there. At each end one of the two quantities is prescribed, as an input of the model, and the other is its response.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Given = Literal["flow", "rate", "potential", "free", "held"]
 
 @dataclass(frozen=True)
 class Cut:
-    """A connector that is cut, and what is given to it and to the rest; None: what fits."""
+    """A connector to be cut, with the quantities prescribed to it and to the rest; None: chosen automatically."""
 
     part: str
     connector: str
@@ -50,38 +50,39 @@ def cut(
     component: Component, *places: str, given: Given | Mapping[str, Given] | None = None,
     rest: Given | Mapping[str, Given] | None = None,
 ) -> Component:  # fmt: skip
-    """Open connections of a model; what flowed through them becomes inputs and outputs.
+    """Open connections of a model; their potentials and flows become inputs and outputs.
 
-    Where ``"train.x_unit.sun"`` is cut, the component ``train`` has two parts more: ``train.x_unit_sun`` at the connector that was named,
-    and ``train.x_unit_sun_rest`` at all that was connected to it. Both have a ``flow`` (into what they are connected to: a torque, N.m), a
-    ``potential`` (an angle) and its ``rate`` (a speed). Nothing is taken away: a model that is compiled for outputs on one side leaves the
-    other side out.
+    Where ``"train.x_unit.sun"`` is cut, the component ``train`` has two additional parts: ``train.x_unit_sun`` at the named connector,
+    and ``train.x_unit_sun_rest`` at everything that was connected to it. Both have a ``flow`` (into what they are connected to: a
+    torque, N.m), a ``potential`` (an angle) and its ``rate`` (a speed). Nothing is removed: a model compiled for outputs on one side
+    leaves out the other side.
 
     Parameters
     ----------
     component : Component
-        It is not changed.
+        Left unchanged.
     *places : str
-        Paths of connectors; the path of a part stands for all of its connectors that are connected.
+        Paths of connectors; the path of a part stands for all its connected connectors.
     given, rest : {"flow", "rate", "potential", "free", "held"} or mapping of path to one of these, optional
-        What a named connector is given, and the rest. The first three are unbound inputs of the model, 0 unless given; ``"free"`` is no
-        flow, ``"held"`` a rate of 0. By default the connector is given its flow, and the rest is free; where nothing answers to a flow,
-        since all that is joined there gives one (a torque source), it is the rate, and held. A body takes flows, a spring between two cuts
-        takes rates: with the other one the input would have to be differentiated, and is refused.
+        Quantity prescribed at the named connector, and at the rest. The first three are unbound inputs of the model, 0 unless given;
+        ``"free"`` means zero flow, ``"held"`` a rate of 0. By default the flow is prescribed to the connector, and the rest is free;
+        where nothing responds to a flow, since everything connected there prescribes one (a torque source), the rate is, and the rest
+        is held. A body takes flows, a spring between two cuts takes rates: otherwise the input would have to be differentiated, which
+        is refused.
 
     Returns
     -------
     Component
-        To be compiled.
+        A model to be compiled.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        No such part or connector; a connector that is connected to nothing, or has more than one potential and flow.
+        Unknown part or connector; a connector that is not connected, or has more than one potential and flow.
 
     Examples
     --------
-    A load alone:
+    The load on its own:
 
     >>> import gearlib as gl, gearparts as gp
     >>> class Drive(gl.Component):
@@ -115,7 +116,7 @@ def cut(
 
 
 def open_connections(whole: Component, cuts: tuple[Cut, ...]) -> None:
-    """Carry out cuts in an assembled component: ends are put in at the places."""
+    """Perform cuts in an assembled component, by inserting end parts."""
     opened = [(place, getattr(part_at(whole, place.part), place.connector)) for place in cuts]
     ports = [port for _, port in opened]
     joined = [_joined_to(port) for port in ports]
@@ -137,13 +138,13 @@ def open_connections(whole: Component, cuts: tuple[Cut, ...]) -> None:
 
 
 def _joined_to(port: Port) -> list[Port]:
-    """What a connector is connected to outside of its part."""
+    """Ports connected to a port outside its part."""
     links = (c.ports for composite in enclosing(port.component) for c in connections_of(composite) if port in c.ports)
     return list(dict.fromkeys(other for link in links for other in link if other != port))
 
 
 def _without(connections: Iterable[Connection], port: Port) -> list[Connection]:
-    """The connections with a port taken out of them."""
+    """The connections with a port removed from them."""
     kept = []
     for connection in connections:
         left = [other for other in connection.ports if other != port]
@@ -155,7 +156,7 @@ def _without(connections: Iterable[Connection], port: Port) -> list[Connection]:
 
 
 def _answers_to_flows(whole: Component, side: list[Port]) -> bool:
-    """Whether anything that is joined there has an equation for the potential; a torque source has none."""
+    """Whether anything connected there has an equation for the potential; a torque source has none."""
     links = [c.ports for part in (whole, *(p for _, p in parts_below(whole))) for c in connections_of(part)]
     seen, stack = list(side), list(side)
     while stack:
@@ -176,7 +177,7 @@ def _names(component: Component) -> set[str]:
 
 
 def part_at(component: Component, path: str) -> Component:
-    """The part of an assembled component that a path names."""
+    """The part of an assembled component with a path."""
     node = component
     for k, name in enumerate(path.split(".") if path else []):
         connections_of(node)
@@ -214,7 +215,7 @@ def _connectors_at(whole: Component, place: Any) -> list[tuple[str, str]]:
 
 
 def _choice(what: str, choice: Any, path: str, place: str) -> str | None:
-    """What is given at a place: one choice for all places, or that of the connector or of its part."""
+    """The quantity prescribed at a place: the choice for all places, or for the connector or its part."""
     value = choice.get(path, choice.get(place)) if isinstance(choice, Mapping) else choice
     if value is None or (isinstance(value, str) and value in get_args(Given)):
         return value
@@ -222,7 +223,7 @@ def _choice(what: str, choice: Any, path: str, place: str) -> str | None:
 
 
 def end_of(connector: type[Connector], given: str) -> type[Component]:
-    """The class that is put at an end of a cut: one quantity is an input, the connected part answers with the other."""
+    """The class of an end of a cut: one quantity is an input, the other is the response of the connected part."""
     if given not in connector.ends:
         connector.ends[given] = _new_end(connector, given)
     found: type[Component] = connector.ends[given]
@@ -255,7 +256,7 @@ def _new_end(connector: type[Connector], given: str) -> type[Component]:
         "equations": equations,
         "energies": energies,
     }
-    bound = 0.0 if given in ("free", "held") else None  # what does not change can be differentiated
+    bound = 0.0 if given in ("free", "held") else None  # a constant can be differentiated
     if given in ("rate", "held"):
         declared["rate"] = Input(f"{unit}/s", "rate of the potential, from outside", default=bound)
     elif given in ("flow", "free"):

@@ -1,6 +1,7 @@
-"""What a component class declares: parameters, variables, inputs, structural choices, and connectors made of them.
+"""Declarations of a component class: parameters, variables, inputs, structural choices, and connectors composed of them.
 
-A declaration is a descriptor: on the class it is itself, inside ``equations`` and ``assemble`` it is the symbol that stands for it.
+A declaration is a descriptor: accessed on the class it returns itself, inside ``equations`` and ``assemble`` the symbol that it stands
+for.
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ NO_VALUE: Any = type("NoValue", (), {"__repr__": lambda self: "no value"})()
 
 
 class Offered(float):
-    """A number that is taken where it has a meaning, and left where it has none: `offered`."""
+    """A number that may be ignored where it has no meaning: see `offered`."""
 
 
 def offered(values: Mapping[str, float]) -> dict[str, float]:
-    """Numbers by name that need not all be used, such as the data of a gear of which a simple mesh needs a part.
+    """Optional values by name, which need not all be used: such as gear data of which a simple mesh needs only a part.
 
-    A value that is given where it has no meaning is refused, as a slip; these are not.
+    Ordinarily a value without any effect is refused as a mistake.
 
     Parameters
     ----------
     values : mapping of str to float
-        As a component takes them by keyword.
+        Passed to a component as keywords.
 
     Examples
     --------
@@ -47,7 +48,7 @@ def offered(values: Mapping[str, float]) -> dict[str, float]:
 
 
 class Owner(Protocol):
-    """A component, as its declarations and its diagram see it."""
+    """Interface of a component that its declarations and its diagram use."""
 
     @property
     def icon(self) -> Any: ...
@@ -113,7 +114,7 @@ def _check_number(declared: Declaration, what: str, infinite: bool = False) -> N
 
 
 def _check_default(declared: Parameter | Input) -> None:
-    """A value that a parameter or an input has by itself: a number, an expression, a function of the component."""
+    """Check a default value of a parameter or input: a number, an expression, or a function of the component."""
     value = declared.default
     if value is NO_VALUE or value is None or (callable(value) and not isinstance(value, type)) or isinstance(value, sympy.Expr):
         return
@@ -122,18 +123,18 @@ def _check_default(declared: Parameter | Input) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Parameter(Declaration):
-    """A number that is constant during a run and may change between runs without any new translation.
+    """A number that is constant during a run and may change between runs without retranslation.
 
     Parameters
     ----------
     unit : str
         SI unit, such as ``"kg.m2"``.
     description : str
-        A few words.
+        A few words, shown in reports.
     default : float or expression, optional
-        Without one, a value must be given.
+        Required at instantiation if there is none.
     min, max : float, optional
-        Inclusive bounds, checked when the model is built and at every run.
+        Inclusive bounds, checked at compilation and before every run.
     """
 
     unit: str = "1"
@@ -164,19 +165,19 @@ class Variable(Declaration):
     unit, description : str
         SI unit and a few words.
     state : {"never", "avoid", "default", "prefer"}
-        How much it is wanted as a state. Potentials of connectors (absolute angles) are avoided by themselves.
+        Preference as a state. Potentials of connectors (absolute angles) are avoided by default.
     nominal : float
-        Typical size; the absolute tolerance of a state is ``rtol * nominal``.
+        Typical magnitude; the absolute tolerance of a state is ``rtol * nominal``.
     guess : float
-        Start value unless something fixes another.
+        Start value unless another one is fixed.
     start : float, optional
-        Start value that is fixed.
+        Fixed start value.
     words : mapping of float to str, optional
-        What its values mean, ``{0: "open: mesh {}", 1: "in contact: mesh {}"}`` with a place for the component's path: linear
-        analyses say so of their operating point. 0 stands for what transmits no force.
+        Meanings of its values, ``{0: "open: mesh {}", 1: "in contact: mesh {}"}`` with a placeholder for the component's path: linear
+        analyses use them to describe their operating point. 0 stands for a state without force transmission.
     min : float, optional
-        Least value that is possible, where the equations rely on it: the relative speed of a freewheel. A start below it is
-        refused, and so is a run that a ``reinit`` takes there.
+        Minimum on which the equations rely, such as the relative speed of a freewheel. A start below it is refused, and so is a run in
+        which a ``reinit`` leads there.
     """
 
     unit: str = "1"
@@ -207,9 +208,9 @@ class Variable(Declaration):
 
 @dataclass(frozen=True, eq=False)
 class Input(Variable):
-    """A variable that is given: bound when the part is made, or else an input of the whole system.
+    """A variable set from outside: bound when the part is made, or otherwise an input of the whole system.
 
-    ``default`` binds it where nothing else does: a number, an expression, or a function of the component that returns one.
+    ``default`` binds it unless something else does: a number, an expression, or a function of the component that returns one.
 
     Examples
     --------
@@ -225,14 +226,14 @@ class Input(Variable):
 
 @dataclass(frozen=True, eq=False)
 class Derivative(Declaration):
-    """A name for the time derivative of a variable, such as ``a`` for ``der(w)``; it adds no unknown and no equation.
+    """An alias of a variable's time derivative, such as ``a`` for ``der(w)``; it adds no unknown and no equation.
 
-    Where no equation of the model holds that derivative, it is computed when it is asked for.
+    If no equation of the model contains the derivative, it is computed on demand.
 
     Parameters
     ----------
     of : str
-        The variable.
+        Name of the variable.
     unit, description : str
         SI unit and a few words.
     """
@@ -252,7 +253,7 @@ class Derivative(Declaration):
 class Discrete(Declaration):
     """A variable that changes at events only: the mode of a clutch, a counter.
 
-    Its equation ``gl.Eq(self.mode, ...)`` is evaluated at events; ``gl.pre(self.mode)`` is its value before.
+    Its equation ``gl.Eq(self.mode, ...)`` is evaluated at events; ``gl.pre(self.mode)`` is its value before the event.
     """
 
     description: str = ""
@@ -265,18 +266,18 @@ class Discrete(Declaration):
 
 @dataclass(frozen=True, eq=False)
 class Structural(Declaration):
-    """A choice that changes the equations: a number of planets, backlash or not. Its value is a plain Python object.
+    """A choice that changes the equations: the number of planets, backlash or not. Its value is a plain Python object.
 
     Parameters
     ----------
     default : object
-        The value where none is given. Others must have its type, unless it is None.
+        Default value. Other values must be of its type, unless it is None.
     description : str
         A few words.
     choices : tuple, optional
-        The valid values, where they are few.
+        The valid values, if there are few.
     min, max : float, optional
-        Inclusive bounds of a number, checked when the model is built.
+        Inclusive bounds of a number, checked at compilation.
 
     Examples
     --------
@@ -302,12 +303,12 @@ class Structural(Declaration):
 
     @property
     def is_bounded(self) -> bool:
-        """Whether its value is a number with a bound."""
+        """Whether its value is a number with bounds."""
         return self.min > -float("inf") or self.max < float("inf")
 
     @property
     def bounds(self) -> str:
-        """The numbers that are valid, in words."""
+        """The valid numbers, in words."""
         if self.max == float("inf"):
             return f"{shown(self.min)} or more"
         return f"{shown(self.max)} or less" if self.min == -float("inf") else f"{shown(self.min)} to {shown(self.max)}"
@@ -320,30 +321,30 @@ class Structural(Declaration):
 
 @dataclass(frozen=True, eq=False)
 class Potential(Variable):
-    """The variable of a connector that is equal at all connected ones (an angle, a displacement, a temperature)."""
+    """The connector variable that is equal at all connected ports (an angle, a displacement, a temperature)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Flow(Variable):
-    """The variable of a connector that sums to zero over all connected ones, positive into the component."""
+    """The connector variable that sums to zero over all connected ports, positive into the component."""
 
 
 @dataclass(frozen=True, eq=False)
 class Connector(Declaration):
-    """Base of connector classes; a subclass declares one `Potential` and one `Flow` (or more pairs).
+    """Base of connector classes; a subclass declares one or more pairs of `Potential` and `Flow`.
 
     Parameters
     ----------
     description : str
         A few words.
     when : str, optional
-        Name of a `Structural` of the component; the connector exists only where that is true.
+        Name of a `Structural` of the component; the connector exists only if that is true.
     """
 
     description: str = ""
     when: str | None = field(default=None, kw_only=True)
     variables: ClassVar[dict[str, Variable]] = {}
-    ends: ClassVar[dict[str, Any]] = {}  # component classes that stand at an end where a connection is cut
+    ends: ClassVar[dict[str, Any]] = {}  # component classes for the ends of a cut connection
 
     def __post_init__(self) -> None:
         _check_text(self, "description")
@@ -364,7 +365,7 @@ class Connector(Declaration):
 
 
 def as_tuple(value: Any) -> Any:
-    """Nested tuples of what are lists or arrays."""
+    """Convert lists and arrays to nested tuples."""
     if isinstance(value, np.ndarray):
         return as_tuple(value.tolist())
     return tuple(as_tuple(v) for v in value) if isinstance(value, (list, tuple)) else value
@@ -372,17 +373,17 @@ def as_tuple(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Declared:
-    """The variables and parameters that an instance has, given its structural choices, in the order of declaration."""
+    """The variables and parameters of an instance, given its structural choices, in declaration order."""
 
     variables: dict[str, Variable]  # connectors' variables as "flange_a.phi"
     parameters: dict[str, Parameter]
     connectors: dict[str, Connector]
     discretes: dict[str, Discrete]
-    derivatives: dict[str, str]  # names of derivatives, such as {"a": "der(w)"}
+    derivatives: dict[str, str]  # aliases of derivatives, such as {"a": "der(w)"}
 
 
 def declared_by(component: Owner) -> Declared:
-    """What `component` declares with its structural choices."""
+    """Declarations of `component` under its structural choices."""
     variables: dict[str, Variable] = {}
     parameters: dict[str, Parameter] = {}
     connectors: dict[str, Connector] = {}

@@ -1,10 +1,9 @@
-"""Dimensions: whether the equations of a component, and the values that it gives to its parts, fit the units that it declares.
+"""Dimensional analysis of a component's equations, and of the values that it gives to its parts.
 
-Written numbers, and functions of time that are made of numbers, fit every dimension when they stand by themselves; so does what is
-multiplied by a number with a decimal point, since tables put the numbers of their rows into equations. Whole numbers, fractions and pi
-as factors have no dimension in equations; in a value given to a part they may carry a unit, as the 4 of ``tau=-4 * self.load.w``,
-and a value that is a pure number is in the declared unit.
-The derivative of a variable in "1" fits every dimension: such a model is written in time without a unit.
+Numeric literals, and functions of time made of literals, match every dimension when they stand alone; so does anything multiplied by a
+number with a decimal point, since tables put the numbers of their rows into equations. Whole numbers, fractions and pi as factors are
+dimensionless in equations; in a value given to a part they may carry a unit, like the 4 of ``tau=-4 * self.load.w``, and a value that
+is a pure number is in the declared unit.
 """
 
 from __future__ import annotations
@@ -26,7 +25,8 @@ from gearlib.language.expressions import Eq, Reinit, When, check_depth, time, va
 from gearlib.language.interior import bindable_of, bindings_of, connections_of, declarations_of, guesses_of, parts_of, starts_of
 from gearlib.language.units import NONE, SECOND, Dimension, dimension, name_of
 
-Pair = tuple[Any, Any, str]  # what should be of one dimension, or an expression and a dimension; and where they stand
+# Expressions that should have equal dimensions (or an expression and a dimension), and their location
+Pair = tuple[Any, Any, str]
 UnitOf = Callable[[str], Dimension | None]
 _DER = re.compile(r"der\((.*)\)$")
 _OF_NUMBERS = (
@@ -37,31 +37,31 @@ _OF_NUMBERS = (
 
 @dataclass(frozen=True)
 class _Units:
-    """What is known of symbols, and whether written numbers as factors may carry a unit."""
+    """Dimensions of symbols, and whether literal factors may carry a unit."""
 
-    of: UnitOf  # dimension by name, None where it may have any
+    of: UnitOf  # dimension by name, None where it may be any
     loose: bool
 
 
 class _Mismatch(Exception):
-    """Two dimensions that should be one."""
+    """Two dimensions that should be equal."""
 
 
 def check_units(component: Component) -> list[str]:
-    """Where the equations of a component and of its parts, and the values given to parts, do not fit the declared units.
+    """Dimension errors in the equations of a component and its parts, and in the values given to parts.
 
-    What `compile` refuses, without compiling: no parameter needs a value. An angle has no dimension, zero and written numbers fit every
-    dimension.
+    Finds the same errors as `compile`, without compiling: no parameter needs a value. Angles are dimensionless; zero and numeric
+    literals match every dimension.
 
     Parameters
     ----------
     component : Component
-        An instance; its structural choices decide which equations it has.
+        Its structural choices determine which equations it has.
 
     Returns
     -------
     list of str
-        One message for each misfit; empty where all fits.
+        One message per error; empty if there are none.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def check_units(component: Component) -> list[str]:
 
 
 def unit_errors(component: Component, pairs: Iterable[Pair]) -> list[str]:
-    """One message for each pair whose dimensions differ."""
+    """One message for each pair of different dimensions."""
     kind, errors = type(component).__name__, dict[str, None]()
     unit_of = _lookup(component)
     known: dict[Any, Dimension | None] = {}
@@ -107,7 +107,7 @@ def unit_errors(component: Component, pairs: Iterable[Pair]) -> list[str]:
             b = right if isinstance(right, tuple) else measured(value_of(right), False)
             if (
                 a is not None and b is not None and a != b and not (where and a == NONE)
-            ):  # a value that is a number is in the unit
+            ):  # a plain number is in the declared unit
                 if where:
                     errors[f"{kind}: {where} is in {name_of(b)}, its value {left} in {name_of(a)}"] = None
                 else:
@@ -118,7 +118,7 @@ def unit_errors(component: Component, pairs: Iterable[Pair]) -> list[str]:
 
 
 def values_compared(component: Component, equations: Iterable[Eq | When]) -> Iterator[Pair]:
-    """Both sides of all equations, of actions too, conditions, and names of derivatives."""
+    """Both sides of all equations, including actions; conditions; and derivative aliases."""
     for equation in equations:
         if isinstance(equation, Eq):
             yield equation.left, equation.right, ""
@@ -134,7 +134,7 @@ def values_compared(component: Component, equations: Iterable[Eq | When]) -> Ite
 
 
 def values_given(component: Component) -> Iterator[Pair]:
-    """Values by default, and those given to parts: expressions, since a number is in the declared unit; signals that are joined."""
+    """Default values and values given to parts, if they are expressions (plain numbers are in the declared unit), and joined signals."""
     for signals in signals_of(component):
         yield from ((signals[0], other, "") for other in signals[1:])
     with inside(component):
@@ -152,7 +152,7 @@ def values_given(component: Component) -> Iterator[Pair]:
 
 
 def _may_be_symbolic(value: Any) -> bool:
-    """Whether a value can be an expression, or a function that gives one."""
+    """Whether a value may be an expression, or a function that returns one."""
     return isinstance(value, sympy.Basic) or callable(value)
 
 
@@ -160,16 +160,16 @@ def _given(component: Component, where: str, unit: str, value: Any) -> Iterator[
     wanted = dimension(unit)
     if callable(value) and not isinstance(value, sympy.Basic):
         try:
-            with reads_of(component):  # a look at its unit gives a structural choice no effect
+            with reads_of(component):  # dimension checks do not count as reading a structural choice
                 value = value(component)
-        except Exception:  # a user's function: what is wrong with it is said where its value is needed
+        except Exception:  # a user's function: its errors are reported where its value is needed
             return
     if isinstance(value, sympy.Basic) and wanted is not None:
         yield value, wanted, where
 
 
 def _lookup(component: Component) -> UnitOf:
-    """A function that gives the dimension of a symbol by its name, None where it may have any."""
+    """A function that returns the dimension of a symbol by name, None where it may be any."""
 
     def declared_unit(name: str) -> str:
         owner = component
@@ -201,7 +201,7 @@ def _times(a: Dimension, b: Dimension, power: Any = 1) -> Dimension:
 
 
 def _one(terms: Iterable[Any], units: _Units, whole: Any) -> Dimension | None:
-    """The dimension that terms have in common."""
+    """The common dimension of some terms."""
     common: Dimension | None = None
     first: Any = None
     for term in terms:
@@ -215,7 +215,7 @@ def _one(terms: Iterable[Any], units: _Units, whole: Any) -> Dimension | None:
 
 
 def _measure(e: Any, units: _Units) -> Dimension | None:
-    """The dimension of an expression; None where it may have any."""
+    """Dimension of an expression; None where it may be any."""
     if isinstance(e, sympy.Symbol):
         return None if e == time else units.of(e.name)
     if not e.free_symbols - {time}:
@@ -246,7 +246,7 @@ def _measure(e: Any, units: _Units) -> Dimension | None:
 
 
 def _factor(e: Any, units: _Units) -> Dimension | None:
-    """The dimension of a factor: a whole number has none there, and time is in s."""
+    """Dimension of a factor: whole numbers are dimensionless here, and time is in s."""
     if e == time:
         return SECOND
     if e.free_symbols - {time}:

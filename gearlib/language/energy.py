@@ -1,4 +1,4 @@
-"""`Energy`: what a component says of its energy, after its equations."""
+"""`Energy`: the energy declaration of a component, besides its equations."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from gearlib.language.expressions import value_of
 
 @dataclass(frozen=True)
 class Energy:
-    """What a component stores, loses and is given; returned by ``energies``.
+    """Energy stored, dissipated and supplied; returned by ``energies``.
 
-    The power that flows in through its connectors is then ``der(stored) + heat - supplied``, which `Result.energy_balance` checks.
-    It takes no part in a run.
+    The power that flows in through the connectors must equal ``der(stored) + heat - supplied``, which `Result.energy_balance` checks.
+    Simulation does not use it.
 
     Parameters
     ----------
     stored : expression
-        Energy in it, J.
+        Stored energy, J.
     heat : expression
-        Power that it loses, W, whether into a heat port or not.
+        Dissipated power, W, whether into a heat port or not.
     supplied : expression
-        Power that it is given other than through its connectors, W, such as that of a transmission error.
+        Power supplied other than through the connectors, W, such as that of a transmission error.
     source : bool
-        Whether it is a source or a support: what flows out of its connectors is work put in from outside.
+        Whether it is a source or a support: power out of its connectors counts as work put in from outside.
 
     Examples
     --------

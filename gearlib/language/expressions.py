@@ -1,7 +1,7 @@
-"""The expressions that equations are written in: sympy's, with a few additions for models.
+"""Expressions in equations: sympy's, with additions for modelling.
 
-``der(x)`` is the time derivative, ``time`` the independent variable. Everything is real. sympy executes text that it is handed, so
-that nothing is handed to it but numbers and expressions: `as_number`, `as_condition` and `value_of` are the only ways in.
+``der(x)`` is the time derivative, ``time`` the independent variable. Everything is real. sympy evaluates strings as code, so only
+numbers and expressions are passed on to it: `as_number`, `as_condition` and `value_of` are the only entry points.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ __all__ = [
 
 @lru_cache(maxsize=100_000)
 def real_symbol(name: str) -> Any:
-    """The symbol of a name; equations are written again by every compilation."""
+    """The symbol for a name; cached, since every compilation writes the equations again."""
     return sympy.Symbol(name, real=True)
 
 
 time: Any = real_symbol("time")
 pi: Any = sympy.pi
 
-DEEPEST = 130  # levels; at 200 sympy's derivative exceeds Python's usual limit of 1000 frames
+DEEPEST = 130  # nesting levels; at 200 sympy's derivative exceeds Python's default limit of 1000 frames
 TOO_DEEP = "an expression is nested too deeply; give its parts to variables with equations of their own"
 _NO_EVENT: Callable[[Any], Any] = UndefinedFunction("no_event", real=True)
 _EXPECTED = "a number or an expression of variables, such as self.w or self.flange_a.phi"
@@ -50,12 +50,12 @@ def as_number(value: Any, said: str) -> Any:
     ----------
     value : number or sympy expression
     said : str
-        What the value is called in messages.
+        Name of the value in error messages.
 
     Raises
     ------
     DeclarationError
-        Anything else: text, a condition, a container, a number that is not finite.
+        Anything else: a string, a condition, a container, a number that is not finite.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def as_number(value: Any, said: str) -> Any:
 
 
 def _is_ordinary(number: Any) -> bool:
-    """Whether one of sympy's numbers is real and finite, and not too large for a float."""
+    """Whether a sympy number is real, finite and representable as a float."""
     try:
         return math.isfinite(float(number))
     except (TypeError, ValueError, OverflowError):
@@ -93,12 +93,12 @@ def _is_ordinary(number: Any) -> bool:
 
 
 def as_condition(value: Any, said: str) -> Any:
-    """A comparison, or several joined by And, Or and Not, in sympy's form; a Boolean, too.
+    """A comparison, or several combined by And, Or and Not, in sympy's form; or a Boolean.
 
     Raises
     ------
     DeclarationError
-        Anything else: a number, a variable (which is not compared), text.
+        Anything else: a number, a variable (which is not a comparison), a string.
 
     Examples
     --------
@@ -122,12 +122,12 @@ def as_condition(value: Any, said: str) -> Any:
 
 @lru_cache(maxsize=10_000)
 def _built(kind: Any, arguments: tuple[Any, ...]) -> Any:
-    """A condition or a piecewise value, which sympy simplifies at length; equations are written again by every compilation."""
+    """A condition or a Piecewise; cached, since sympy simplifies it at length and every compilation writes the equations again."""
     return kind(*arguments)
 
 
 def value_of(expression: Any, said: str = "a value") -> Any:
-    """An expression as a number: 1 for a condition that holds, 0 for one that does not."""
+    """An expression as a number: 1 for a true condition, 0 for a false one."""
     if isinstance(expression, (bool, np.bool_)):
         return sympy.Integer(int(expression))
     if isinstance(expression, Boolean) and not isinstance(expression, sympy.Symbol):
@@ -136,7 +136,7 @@ def value_of(expression: Any, said: str = "a value") -> Any:
 
 
 def check_depth(expression: Any, said: str) -> None:
-    """Refuse an expression that is nested more deeply than it can be differentiated and printed, which sympy does by recursion."""
+    """Refuse an expression nested too deeply for sympy, which differentiates and prints recursively."""
     if not isinstance(expression, sympy.Basic) or not expression.args:
         return
     level = {expression}
@@ -148,7 +148,7 @@ def check_depth(expression: Any, said: str) -> None:
 
 
 def _function(kind: Any, count: int = 1) -> Callable[..., Any]:
-    """A function of sympy's that takes numbers and expressions only."""
+    """A sympy function that accepts numbers and expressions only."""
     name = kind.__name__
 
     def call(*arguments: Any) -> Any:
@@ -176,27 +176,27 @@ def _numbers(name: str, values: tuple[Any, ...]) -> list[Any]:
 
 
 def Max(*values: Any) -> Any:
-    """The largest of some numbers or expressions."""
+    """Maximum of numbers or expressions."""
     return _built(sympy.Max, tuple(_numbers("Max", values)))
 
 
 def Min(*values: Any) -> Any:
-    """The smallest of some numbers or expressions."""
+    """Minimum of numbers or expressions."""
     return _built(sympy.Min, tuple(_numbers("Min", values)))
 
 
 def And(*conditions: Any) -> Any:
-    """The condition that all of some conditions hold."""
+    """Conjunction: all conditions hold."""
     return _built(sympy.And, tuple(as_condition(c, "an argument of And()") for c in conditions))
 
 
 def Or(*conditions: Any) -> Any:
-    """The condition that one or more of some conditions hold."""
+    """Disjunction: at least one condition holds."""
     return _built(sympy.Or, tuple(as_condition(c, "an argument of Or()") for c in conditions))
 
 
 def Not(condition: Any) -> Any:
-    """The condition that a condition does not hold."""
+    """Negation of a condition."""
     return _built(sympy.Not, (as_condition(condition, "the argument of Not()"),))
 
 
@@ -206,12 +206,12 @@ def Piecewise(*branches: tuple[Any, Any]) -> Any:
     Parameters
     ----------
     *branches : (value, condition)
-        The last condition is True.
+        The last condition must be True.
 
     Raises
     ------
     DeclarationError
-        A branch that is no such pair, or one that Python knows to be False: ``==`` compares symbols, not what they stand for.
+        A branch that is not such a pair, or a condition that Python evaluated to False: ``==`` compares symbols, not their values.
 
     Examples
     --------
@@ -238,7 +238,7 @@ _COMPARED_AT_ONCE = "== compares at once, gl.equals(variable, value) at every mo
 
 @dataclass(frozen=True)
 class Eq:
-    """The equation ``left == right``; neither side is an input or an output of it.
+    """The equation ``left == right``; it has no causality.
 
     Examples
     --------
@@ -258,7 +258,7 @@ class Eq:
 
 @dataclass(frozen=True)
 class Reinit:
-    """What `reinit` returns: a state and its new value."""
+    """Return value of `reinit`: a state and its new value."""
 
     state: Any
     value: Any
@@ -266,7 +266,7 @@ class Reinit:
 
 @dataclass(frozen=True, init=False)
 class When:
-    """Actions at the moment at which a condition becomes true.
+    """Actions at the instant at which a condition becomes true.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ class When:
 
     Examples
     --------
-    A ball that bounces, in the equations of a component::
+    A bouncing ball, in the equations of a component::
 
         gl.When(self.h < 0, gl.reinit(self.v, -0.8 * self.v), gl.Eq(self.bounces, gl.pre(self.bounces) + 1))
     """
@@ -301,32 +301,32 @@ class When:
 
 
 def reinit(state: Any, value: Any) -> Reinit:
-    """Give a state a new value; only in `When`."""
+    """Re-initialise a state; only in `When`."""
     if not isinstance(state, sympy.Symbol):
         raise DeclarationError(f"reinit() is given {shown(state)}; expected a state, such as self.w")
     return Reinit(state, value_of(value, f"the new value of {state} in reinit()"))
 
 
 def pre(variable: Any) -> Any:
-    """The value of a discrete variable before the event that is being handled."""
+    """Value of a discrete variable before the current event."""
     if not isinstance(variable, sympy.Symbol):
         raise DeclarationError(f"pre({shown(variable)}): expected a discrete variable, such as self.mode")
     return real_symbol(f"pre({variable.name})")
 
 
 def holds(variable: Any) -> Any:
-    """The condition that a discrete variable is not zero."""
+    """Condition that a discrete variable is nonzero."""
     return sympy.Ne(as_number(variable, "the argument of holds()"), 0)
 
 
 def equals(variable: Any, value: float) -> Any:
-    """The condition that a discrete variable has a value."""
+    """Condition that a discrete variable has a given value."""
     wanted = int(value) if isinstance(value, (bool, np.bool_)) else value
     return sympy.Eq(as_number(variable, "the variable of equals()"), as_number(wanted, "the value of equals()"))
 
 
 def initial() -> Any:
-    """The condition that the run is just being started."""
+    """Condition that is true only while the run is being started."""
     return sympy.Ne(real_symbol("initial()"), 0)
 
 
@@ -348,8 +348,8 @@ def der(expression: Any) -> Any:
 
 
 def total_derivative(expression: Any, constants: frozenset[str]) -> Any:
-    """Derivative of ``expression`` along time, with the symbols named in ``constants`` held fixed."""
-    if expression.is_Symbol and expression.name != time.name:  # by far the commonest
+    """Total time derivative of ``expression``, with the symbols named in ``constants`` held constant."""
+    if expression.is_Symbol and expression.name != time.name:  # by far the most common case
         return sympy.S.Zero if expression.name in constants else real_symbol(f"der({expression.name})")
     total = sympy.diff(expression, time)
     for symbol in sorted(expression.free_symbols, key=str):
@@ -359,7 +359,7 @@ def total_derivative(expression: Any, constants: frozenset[str]) -> Any:
 
 
 class SquareWave(sympy.Function):  # type: ignore[misc]
-    """Of time, a period and an offset: positive from ``offset`` on for a period, negative for the next, and so on; negative before."""
+    """Square wave of (time, period, offset): negative before ``offset``, then positive for a period, negative for the next, and so on."""
 
     is_real = True
 
@@ -376,7 +376,7 @@ class SquareWave(sympy.Function):  # type: ignore[misc]
 
 
 class JustBefore(sympy.Function):  # type: ignore[misc]
-    """A time so little earlier that what happens at it is still to come; events take conditions of time half as much later."""
+    """A time slightly earlier, before events at the given time; conditions on time are evaluated at events half as much later."""
 
     is_real = True
 
@@ -390,21 +390,21 @@ class JustBefore(sympy.Function):  # type: ignore[misc]
 
 
 def alternates(period: Any, offset: Any = 0) -> Any:
-    """The condition that holds from ``offset`` on for a period, not for the next, and so on; it switches at ``offset + k * period``."""
+    """Condition that holds from ``offset`` on in every other period; it switches at ``offset + k * period``."""
     return SquareWave(time, as_number(period, "the period"), as_number(offset, "the offset")) > 0
 
 
 class Sample(sympy.Function):  # type: ignore[misc]
-    """Of a period and an offset: what `sample` writes, until equations of discrete variables are told from the others."""
+    """Placeholder written by `sample` (period, offset), until equations of discrete variables are separated from the others."""
 
     is_real = True
 
 
 def sample(period: Any, offset: Any = 0) -> Any:
-    """The condition that becomes true at the instants ``offset``, ``offset + period``, ``offset + 2 * period``, ...
+    """Condition that becomes true at the instants ``offset``, ``offset + period``, ``offset + 2 * period``, ...
 
-    It holds at these instants only, for `When` and in equations of discrete variables. An instant at which the run is started counts,
-    if it is one.
+    It holds at these instants only, and is meant for `When` and for equations of discrete variables. If the run starts at such an
+    instant, it counts.
 
     Parameters
     ----------
@@ -431,5 +431,5 @@ def sample(period: Any, offset: Any = 0) -> Any:
 
 
 def no_event(expression: Any) -> Any:
-    """The same value, with the relations in it evaluated at every moment and no event made of them."""
+    """The same value, with its relations evaluated continuously and without raising events."""
     return _NO_EVENT(value_of(expression, "the argument of no_event()"))

@@ -1,4 +1,4 @@
-"""What the engine reads of a component. The attributes begin with an underscore, so that they take no name from a model."""
+"""Accessors for the engine's view of a component; the attributes begin with an underscore so that models may use any name."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from gearlib.errors import ModelError
 Values = Callable[[Any], dict[str, Any]]
 
 declarations_of: Values = attrgetter("_declarations")  # of a component or its class
-bindable_of: Values = attrgetter("_bindable")  # those that take a value by keyword
-parent_of: Callable[[Any], Any] = attrgetter("_parent")  # None of the outermost
+bindable_of: Values = attrgetter("_bindable")  # declarations that accept a value by keyword
+parent_of: Callable[[Any], Any] = attrgetter("_parent")  # None for the root
 name_of: Callable[[Any], str] = attrgetter("_name")  # in its parent
-parts_of: Values = attrgetter("_parts")  # once it is assembled
-connections_of: Callable[[Any], Sequence[Any]] = methodcaller("_assembled")  # which assembles a composite at the first call
-forget: Callable[[Any], None] = methodcaller("_forget")  # what ``assemble`` has made, so that it is made again
-bindings_of: Values = attrgetter("_bindings")  # what parameters and inputs were given
-starts_of: Values = attrgetter("_start")  # what ``start=`` gave, and so on
+parts_of: Values = attrgetter("_parts")  # after assembly
+connections_of: Callable[[Any], Sequence[Any]] = methodcaller("_assembled")  # assembles a composite on first use
+forget: Callable[[Any], None] = methodcaller("_forget")  # discards what ``assemble`` has made, so that it runs again
+bindings_of: Values = attrgetter("_bindings")  # values given to parameters and inputs
+starts_of: Values = attrgetter("_start")  # from ``start=``, and so on
 guesses_of: Values = attrgetter("_guess")
 nominals_of: Values = attrgetter("_nominal")
 preferences_of: Values = attrgetter("_state")
 structural_of: Values = attrgetter("_structural")  # values of all structural choices
-choices_given_to: Values = attrgetter("_given")  # of those that were given
-choices_read_of: Callable[[Any], set[str]] = attrgetter("_read")  # names of those that ``equations`` and ``assemble`` read
-radii_of: Callable[[Any], tuple[float, ...]] = methodcaller("_radii")  # m, of its gears; nan where a value is missing
+choices_given_to: Values = attrgetter("_given")  # those given explicitly
+choices_read_of: Callable[[Any], set[str]] = attrgetter("_read")  # names of those that ``equations`` and ``assemble`` have read
+radii_of: Callable[[Any], tuple[float, ...]] = methodcaller("_radii")  # m, of its gears; nan for missing values
 
 
 def path_of(component: Any, scope: Any = None) -> str:
-    """The path of a component from one that encloses it, or from the outermost.
+    """Path of a component relative to an enclosing one, or to the root.
 
     Raises
     ------
     ModelError
-        It is no part of ``scope``.
+        It is not a part of ``scope``.
     """
     names: list[str] = []
     node = component

@@ -1,4 +1,4 @@
-"""The outline of a component, from which its block diagram is drawn: parts, ports, connections, and signals between inputs."""
+"""Outline of a component for its block diagram: parts, ports, connections, and signals between inputs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gearlib.language import interior
 from gearlib.language.declarations import Connector, Discrete, Input, Owner, Potential, Variable, declared_by
 
 DOMAINS = {"rad": "rotation", "m": "translation", "K": "heat"}  # by the unit of a connector's potential
-DEEPEST = 200  # levels of components within components
+DEEPEST = 200  # nesting depth of components
 
 
 def drawn(component: Owner, depth: int, fold: bool, width: float) -> Diagram:
@@ -28,7 +28,7 @@ def drawn(component: Owner, depth: int, fold: bool, width: float) -> Diagram:
     Raises
     ------
     ArgumentError
-        A depth or a width that is none.
+        An invalid depth or width.
     """
     deep, wide = whole("depth", depth, 1), real("width", width)
     if wide < 200:
@@ -42,12 +42,12 @@ def scheme_of(component: Owner) -> Scheme:
 
 
 def train_in(component: Owner) -> Train:
-    """Everything in a component that turns, at all depths, as a stick diagram shows it."""
+    """All rotating parts of a component, at all depths, for the stick diagram."""
     return train_of(outline(component, DEEPEST))
 
 
 def html_of(component: Owner) -> str:
-    """What a notebook shows of a component: its diagram, or why it has none."""
+    """Notebook representation of a component: its diagram, or the reason why there is none."""
     about = paragraph((type(component).__doc__ or type(component).__name__).strip().partition("\n")[0].replace("`", ""))
     try:
         return about + picture(drawn(component, 1, True, 1400.0).svg)
@@ -56,19 +56,19 @@ def html_of(component: Owner) -> str:
 
 
 def outline(component: Owner, depth: int) -> Outline:
-    """What a diagram of a component shows, with the parts of its parts down to a depth; everything is assembled anew.
+    """Diagram contents of a component, with nested parts down to a depth; everything is reassembled.
 
     Raises
     ------
     ModelError
-        Components within components without end.
+        Infinitely nested components.
     """
     interior.forget(component)
     return _outline(component, interior.name_of(component) or type(component).__name__, depth, 0, ())
 
 
 def _outline(component: Owner, name: str, depth: int, level: int, more: tuple[Terminal, ...]) -> Outline:
-    """The outline of a component, with ports besides its own: signals, and ports of its parts that are joined from outside."""
+    """Outline of a component, including signal ports and ports of its parts that are connected from outside."""
     if level > DEEPEST:
         raise ModelError(
             f"{component!r}: components within components, {DEEPEST} levels deep; a part of its own class without end?"
@@ -106,13 +106,13 @@ def _outline(component: Owner, name: str, depth: int, level: int, more: tuple[Te
 
 
 def domain(connector: Connector) -> str:
-    """What a connector joins, told from the unit of its potential."""
+    """Physical domain of a connector, by the unit of its potential."""
     units = [v.unit for v in connector.variables.values() if isinstance(v, Potential)]
     return DOMAINS.get(units[0], "other") if len(units) == 1 else "other"
 
 
 def _pin(scope: Owner, port: Any) -> Pin:
-    """A connected port as a pin; that of a part's part belongs to the part, with its path from there."""
+    """A connected port as a pin; a port of a nested part belongs to the part, with its path from there."""
     if port.component is scope:
         return Pin(OWN, port.connector.name)
     part, _, inner = interior.path_of(port.component, scope).partition(".")
@@ -120,7 +120,7 @@ def _pin(scope: Owner, port: Any) -> Pin:
 
 
 def joined(nets: list[Net]) -> list[Net]:
-    """Nets that share a pin are one, as connections are.
+    """Merge nets that share a pin.
 
     >>> a, b, c = (Pin("x", name) for name in "abc")
     >>> [len(net.pins) for net in joined([Net((a, b)), Net((b, c))])]
@@ -136,7 +136,7 @@ def joined(nets: list[Net]) -> list[Net]:
 
 
 def _signals(component: Owner) -> list[Net]:
-    """Inputs of parts that are bound to a variable of another part, or to an input of the component's own."""
+    """Inputs of parts that are bound to a variable of another part, or to an input of the component itself."""
     targets: dict[Pin, list[Pin]] = {}
     for name, part in interior.parts_of(component).items():
         for own, declared in interior.declarations_of(part).items():
@@ -163,7 +163,7 @@ def _sources(component: Owner, value: object) -> Iterator[Pin]:
 
 
 def _note(component: Owner) -> str:
-    """What the mouse shows: the class, and the values that the part was given."""
+    """Tooltip: the class, and the values given to the part."""
     values = [
         f"{name} = {value}"
         for name, value in {**interior.choices_given_to(component), **interior.bindings_of(component)}.items()

@@ -1,4 +1,4 @@
-"""`packed`: components and functions as bytes that another process can read."""
+"""`packed`: pickles components and functions for other processes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def packed(value: Any) -> bytes:
-    """A value as bytes for `pickle.loads`, also of classes and functions of a notebook where cloudpickle is installed.
+    """A value as bytes for `pickle.loads`; classes and functions defined in a notebook need cloudpickle.
 
     >>> pickle.loads(packed({"a": 1}))
     {'a': 1}

@@ -1,4 +1,4 @@
-"""`Sampled`: a Python function as a sampled controller, called at exact instants during a run."""
+"""`Sampled`: a Python function as a sampled-data controller, called at exact instants during a run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Taken(Component):
 
 
 class Held(Component):
-    """A signal that a sampled controller gives, held between its instants: ``y = u``."""
+    """A signal set by a sampled controller, held between its instants: ``y = u``."""
 
     u = Input("any", "what the function returned at the last instant")
     y = Variable("any", "the signal")
@@ -42,12 +42,12 @@ class Held(Component):
 
 
 class Sampled(Component):
-    """A Python function that reads signals at the instants ``offset + k * period`` and gives signals that are held in between.
+    """A Python function that samples signals at ``offset + k * period`` and sets signals held in between (zero-order hold).
 
-    The run stops at each instant exactly, calls ``function(t, values)`` with the time (s) and the values of the signals, an array, and
-    goes on with what it returns: a number for each output. Before the first instant the outputs are 0. The function may have a memory
-    of its own; it is called once for each instant of a run, in order. Controllers that share an instant are called in the order in
-    which they were made, and all read the signals from before it.
+    The run stops exactly at each instant, calls ``function(t, values)`` with the time (s) and an array of the sampled signals, and
+    continues with the return value: one number per output. Before the first instant the outputs are 0. The function may be stateful; it
+    is called once per instant of a run, in order. Controllers that share an instant are called in the order in which they were made,
+    and all sample the signals before it.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ class Sampled(Component):
     period, offset : float
         s.
     inputs : sequence of signals
-        Variables of parts, such as ``self.load.w``, as seen from the component that makes it.
+        Variables of parts, such as ``self.load.w``, in the scope of the component that makes the controller.
     outputs : sequence of signals
-        Inputs of parts that it drives, such as ``self.torque.tau``. Otherwise its outputs are signals ``outputs[0].y``, ... for `connect`.
+        Inputs of parts to drive, such as ``self.torque.tau``. If omitted, the outputs are signals ``outputs[0].y``, ... for `connect`.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Tables as expressions: piecewise polynomials of one variable, and bilinear maps of two.
 
-They are differentiated like every expression, so that Jacobians and linear models have the slopes of the pieces. Corners make no events
-unless these are asked for; jumps always do.
+They are differentiated like any expression, so that Jacobians and linear models have the exact slopes of the pieces. Corners raise no
+events unless requested; jumps always do.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from gearlib.errors import ArgumentError
 from gearlib.language.expressions import no_event
 
 Floats = NDArray[np.float64]
-MOST_PIECES = 200  # of an expression; each is code of its own
+MOST_PIECES = 200  # per expression; each generates code of its own
 
 
 class Tabulated(ABC):
-    """Points that stand for a function; an input may be bound to one as a function of time."""
+    """Interpolated data points; an input may be bound to them as a function of time."""
 
     @abstractmethod
     def expression(self, x: Any, events: bool) -> Any:
-        """The function of an expression."""
+        """The interpolant as a function of an expression."""
 
 
 def is_symbolic(value: Any) -> bool:
@@ -34,7 +34,7 @@ def is_symbolic(value: Any) -> bool:
 
 
 def _refuse_branches(said: str, *arguments: Any) -> None:
-    """A table's argument is written into each of its pieces: one with branches would multiply these."""
+    """Refuse a table whose argument contains branches: substituted into every piece, these would multiply."""
     for x in arguments:
         if isinstance(x, sympy.Basic) and x.has(sympy.Piecewise, sympy.Max, sympy.Min, sympy.Abs, sympy.sign):
             raise ArgumentError(
@@ -44,18 +44,18 @@ def _refuse_branches(said: str, *arguments: Any) -> None:
 
 
 def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats, events: bool) -> Any:
-    """The function that has ``coefficients`` of the powers of ``x`` minus each knot, from there to the next; constant outside.
+    """Piecewise polynomial with ``coefficients`` in powers of ``x`` minus each knot, up to the next; constant outside.
 
     Parameters
     ----------
     said : str
-        What it is called in messages.
+        Name in error messages.
     x : expression
     knots : array, shape (n,)
-        Not decreasing; two equal ones make a jump.
+        Nondecreasing; two equal knots make a jump.
     coefficients : array, shape (4, n)
     events : bool
-        Whether corners make events, too.
+        Whether corners raise events as well.
 
     Examples
     --------
@@ -82,11 +82,11 @@ def piecewise_polynomial(said: str, x: Any, knots: Floats, coefficients: Floats,
 
 
 def _between(x: Any, knots: Floats, coefficients: Floats, first: int, end: int, outermost: bool) -> Any:
-    """The pieces of some knots; before the first of all, its value."""
+    """The pieces between some knots; before the first knot of all, its value."""
     branches = [(sympy.Float(coefficients[0, 0]), x < sympy.Float(knots[0]))] if outermost else []
     for k in range(first, end):
         if k + 1 < len(knots) and knots[k + 1] == knots[k]:
-            continue  # no width: the next one takes over
+            continue  # zero width: the next piece takes over
         s, law = x - sympy.Float(knots[k]), sympy.Integer(0)
         for c in coefficients[::-1, k].tolist():
             law = (law * s + sympy.Float(c)) if c or law != 0 else law
@@ -95,7 +95,7 @@ def _between(x: Any, knots: Floats, coefficients: Floats, first: int, end: int, 
 
 
 def bilinear(said: str, x: Any, y: Any, xs: Floats, ys: Floats, z: Floats, events: bool) -> Any:
-    """The bilinear function through the corners of a grid; outside, the value at the nearest place of its edge.
+    """Bilinear interpolation on a rectangular grid; outside, the value at the nearest point of the edge.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def bilinear(said: str, x: Any, y: Any, xs: Floats, ys: Floats, z: Floats, event
         Increasing, shapes (n,) and (m,).
     z : array, shape (n, m)
     events : bool
-        Whether the lines of the grid make events.
+        Whether the grid lines raise events.
     """
     _refuse_branches(said, x, y)
     cells = (len(xs) + 1) * (len(ys) + 1)
@@ -119,7 +119,7 @@ def bilinear(said: str, x: Any, y: Any, xs: Floats, ys: Floats, z: Floats, event
 
 
 def _line(x: Any, knots: Floats, values: list[Any]) -> Any:
-    """Straight lines between values at knots, which may be expressions; constant outside."""
+    """Linear interpolation between values at knots, which may be expressions; constant outside."""
     branches = [(values[0], x < sympy.Float(knots[0]))]
     for k in range(len(knots) - 1):
         share = (x - sympy.Float(knots[k])) / sympy.Float(knots[k + 1] - knots[k])

@@ -1,7 +1,7 @@
-"""Units: SI units as they are written in declarations, and what to write instead of others.
+"""SI units in declarations, and the SI replacements of other units.
 
-An angle has no dimension: 1 rad = 1. Values are SI values, too: nothing is converted, and a unit that is not SI is refused with the
-one to declare.
+Angles are dimensionless: 1 rad = 1. All values are in SI as well: nothing is converted, and a unit outside SI is refused with the one
+to declare instead.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ UNITS = {
     "J": (1, 2, -2, 0, 0), "W": (1, 2, -3, 0, 0), "C": (0, 0, 1, 0, 1), "V": (1, 2, -3, 0, -1), "Ohm": (1, 2, -3, 0, -2),
     "F": (-1, -2, 4, 0, 2), "H": (1, 2, -2, 0, -2), "Wb": (1, 2, -2, 0, -1), "T": (1, 0, -2, 0, -1),
 }  # fmt: skip
-INSTEAD = {  # what is written for other units, and one of them in that unit
+INSTEAD = {  # SI unit to write instead, and the value of one of the other unit in it
     "rpm": ("rad/s", "0.104719755 rad/s"), "1/min": ("rad/s", "0.104719755 rad/s"), "U/min": ("rad/s", "0.104719755 rad/s"),
     "rev": ("rad", "6.283185307 rad"), "deg": ("rad", "0.01745329252 rad"), "°": ("rad", "0.01745329252 rad"),
     "degC": ("K", "1 K, counted from 273.15 K"), "°C": ("K", "1 K, counted from 273.15 K"), "%": ("1", "0.01"),
@@ -43,17 +43,17 @@ _FACTOR = re.compile(r"([A-Za-z]+|1)(-?\d+)?$")
 
 @lru_cache(maxsize=1000)
 def dimension(unit: str) -> Dimension | None:
-    """The dimension of a unit, as exponents of kg, m, s, K and A; None of ``"any"``, which fits every dimension.
+    """Dimension of a unit as exponents of kg, m, s, K and A; None for ``"any"``, which matches every dimension.
 
     Parameters
     ----------
     unit : str
-        Such as ``"N.m.s/rad"`` or ``"W/(m2.K)"``: factors with exponents, joined by points; all that follows the stroke is divided by.
+        For example ``"N.m.s/rad"`` or ``"W/(m2.K)"``: factors with exponents, joined by dots; everything after the slash is divided by.
 
     Raises
     ------
     DeclarationError
-        A unit that is not known, or not SI.
+        Unknown unit, or not SI.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from gearlib.reduce.rows import Coefficients
 
 
 def start_guess(model: FlatModel, parameters: Floats) -> Floats:
-    """A value of every representative variable: its start or guess value where it has one, else zero."""
+    """Start value of every representative variable: its start or guess value if it has one, else zero."""
     values = np.zeros(model.n_variables)
     representatives, signs, slots = model.guessed
     values[representatives] = signs * parameters[slots]
@@ -18,9 +18,9 @@ def start_guess(model: FlatModel, parameters: Floats) -> Floats:
 
 
 def coefficients_of(model: FlatModel, parameters: Floats, t: float, known: Floats | None = None) -> Coefficients:
-    """Partial derivatives of all equations at the start values, or at known ones.
+    """Partial derivatives of all equations at the start values, or at known values.
 
-    ``known[k]`` holds the k-th derivatives of all variables; higher ones count as zero, as all do at the start.
+    ``known[k]`` holds the k-th derivatives of all variables; missing ones count as zero.
     """
     values = start_guess(model, parameters)[None, :] if known is None else known
 

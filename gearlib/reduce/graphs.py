@@ -1,7 +1,7 @@
-"""The equations as networkx graphs: as they were written, and after index reduction, with names and roles as attributes.
+"""The equations as networkx graphs, flat and index-reduced, with names and roles as attributes.
 
-Nodes are ``("equation", e, k)`` and ``("variable", v, k)``: the k-th derivative of equation e or of variable v of the flat model. What can
-be asked of them is what networkx has: matchings, components, orders.
+Nodes are ``("equation", e, k)`` and ``("variable", v, k)``: the k-th derivative of equation e or of variable v of the flat model. All
+algorithms of networkx apply: matchings, components, orders.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ Vertex = tuple[str, int, int]
 
 
 def flat_graph(structure: Structure) -> nx.Graph:
-    """The bipartite graph of the flat equations and the variables that stand in them, aliases eliminated.
+    """The bipartite graph of the flat equations and their variables, after alias elimination.
 
     An equation has the attributes ``bipartite`` (0), ``path`` of its component and ``label``; a variable ``bipartite`` (1), ``path``,
-    ``given`` (an input that nothing is bound to) and ``order`` of its highest derivative; an edge the ``orders`` of derivative with which
-    the variable stands in the equation.
+    ``given`` (an unbound input) and ``order`` of its highest derivative; an edge the derivative ``orders`` with which the variable
+    occurs in the equation.
 
     Parameters
     ----------
@@ -46,18 +46,18 @@ def flat_graph(structure: Structure) -> nx.Graph:
 
 
 def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
-    """The index-reduced equations that some unknowns need, sorted into blocks.
+    """The graph of the index-reduced equations that some unknowns need, sorted into blocks.
 
-    An arc goes from each variable to the equations that it stands in, and from an equation to the variable that it determines. An
-    equation has the attributes ``bipartite`` (0), ``path``, ``label``, ``differentiated`` (how often) and ``block``; a variable
-    ``bipartite`` (1), ``path`` (``der(...)`` of a derivative), ``state``, ``given`` and ``block`` (None of a state or an input). Blocks are
-    numbered in the order in which they can be computed; the graph's attribute ``blocks`` has the variables of each.
+    An arc leads from each variable to the equations that contain it, and from an equation to the variable matched to it. An equation
+    has the attributes ``bipartite`` (0), ``path``, ``label``, ``differentiated`` (how often) and ``block``; a variable ``bipartite``
+    (1), ``path`` (``der(...)`` for a derivative), ``state``, ``given`` and ``block`` (None for states and inputs). Blocks are numbered
+    in evaluation order; the graph attribute ``blocks`` lists the variables of each.
 
     Parameters
     ----------
     structure : Structure
     targets : iterable of nodes
-        Such as the derivatives of the states that are integrated.
+        For example the derivatives of the integrated states.
     """
     model, dependence = structure.model, structure.dependence
     inside = sorted(reach(dependence, targets, dynamic=True)[0])
@@ -86,7 +86,7 @@ def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
 
 
 def _blocks(structure: Structure, unknowns: list[Node]) -> list[tuple[Node, ...]]:
-    """Strongly connected components of "depends on", in the topological order of their condensation."""
+    """Strongly connected components of the dependency graph, in topological order."""
     inside, dependence = set(unknowns), structure.dependence
     needs: nx.DiGraph = nx.DiGraph()
     needs.add_nodes_from(unknowns)

@@ -1,7 +1,7 @@
 """Diagnosis of unbalanced models: the class, connector or equation at fault, by name.
 
-Each class owes as many equations as it has variables of its own and flows in its connectors: what is outside gives the potentials, or
-says what they are equal to. A class that keeps to that can only be connected wrongly.
+Each class must have as many equations as variables of its own plus flows in its connectors: the potentials are set from outside, or
+equated to others. A class that satisfies this can only be connected wrongly.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from gearlib.language.declarations import Flow, Input, Potential
 from gearlib.reduce.rows import Rows, listed, some
 from gearlib.structure.dulmage_mendelsohn import Balance
 
-MOST_NAMED = 3  # causes of one kind
+MOST_NAMED = 3  # causes listed per kind
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class Account:
     kind : str
         The class.
     equations : tuple of str
-        As they are written; those between a composite's connectors and its parts are "connection of flange_a".
+        As written; those between a composite's connectors and its parts read "connection of flange_a".
     unknowns : tuple of str
-        Own variables but inputs, and flows of connectors.
+        Own variables except inputs, and flows of connectors.
     untouched : tuple of str
-        Unknowns that none of the equations holds.
+        Unknowns that occur in none of the equations.
     """
 
     kind: str
@@ -56,7 +56,7 @@ class Account:
 
 
 def account(instance: Instance, inner: Iterable[str]) -> Account:
-    """What a component's class has and owes; ``inner`` are the connectors that are connected to its parts."""
+    """Balance of a component's class; ``inner`` are the connectors that are connected to its parts."""
     unknowns = tuple(n for n, v in instance.variables.items() if not isinstance(v, (Potential, Input)))
     joined = [f"{c}.{n}" for c in inner for n, v in instance.connectors[c].variables.items() if isinstance(v, Flow)]
     written = tuple(t.label.removeprefix(f"{instance.kind}: ") for t in instance.templates)
@@ -68,7 +68,7 @@ def account(instance: Instance, inner: Iterable[str]) -> Account:
 
 
 def unbalanced_classes(model: FlatModel) -> list[tuple[list[str], Account]]:
-    """The classes that have more equations than they owe, or fewer, with the paths of their instances."""
+    """The classes with too many or too few equations, with the paths of their instances."""
     inner: dict[int, list[str]] = {}
     for number, connector in model.inner_ports:
         inner.setdefault(number, []).append(connector)
@@ -81,7 +81,7 @@ def unbalanced_classes(model: FlatModel) -> list[tuple[list[str], Account]]:
 
 
 def explained(model: FlatModel, rows: Rows, balance: Balance) -> str:
-    """The message of an unbalanced model: causes first, then the Dulmage-Mendelsohn parts."""
+    """The message for an unbalanced model: causes first, then the Dulmage-Mendelsohn parts."""
     classes = [
         f"{', '.join([*paths[:MOST_NAMED], *(['...'] if len(paths) > MOST_NAMED else [])]) or 'the model'} ({tally.kind}) has {tally}."
         for paths, tally in unbalanced_classes(model)
@@ -110,7 +110,7 @@ def explained(model: FlatModel, rows: Rows, balance: Balance) -> str:
 
 
 def _given_twice(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
-    """Inputs that are given, and that an equation of an enclosing component, or of their own, is to determine."""
+    """Bound inputs that an equation of an enclosing component, or their own, would have to determine."""
     excess = [e for e in balance.excess_equations if rows.place[e] and _owner(model, rows, e) is not None]
     bound = {v for e in excess if _label(model, rows, e) == "binding" for v, _ in rows.columns(e, 0)}
     text: dict[str, None] = {}
@@ -138,15 +138,15 @@ def _given_twice(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
 
 
 def _is_of_connector(model: FlatModel, variable: str) -> bool:
-    """Whether a variable is one of a connector; else it is one of a component itself."""
+    """Whether a variable belongs to a connector, rather than to the component itself."""
     owner, _, local = variable.rpartition(".")[0].rpartition(".")
     return any(instance.path == owner and local in instance.connectors for instance in model.instances)
 
 
 def _loose_ends(model: FlatModel, rows: Rows, balance: Balance, guess: bool) -> Iterator[str]:
-    """Connectors that are connected to nothing, where that is the reason; those of free ends are not.
+    """Unconnected connectors that cause the imbalance; harmless free ends are omitted.
 
-    With ``guess``, also those on which a law without inertia depends: their flow, which is zero, leaves the law an unknown short.
+    With ``guess``, also those on which a massless law depends: their zero flow leaves the law one unknown short.
     """
     loose: dict[int, list[str]] = {}
     for number, connector in model.loose_ports:
@@ -155,10 +155,10 @@ def _loose_ends(model: FlatModel, rows: Rows, balance: Balance, guess: bool) -> 
     open_ = set(balance.undetermined)
     text: dict[str, str] = {}  # by connector
     used = {v for e in range(len(rows.place)) for v, _ in rows.columns(e, 0)}
-    for v in balance.undetermined:  # potentials that no equation holds
+    for v in balance.undetermined:  # potentials that occur in no equation
         if len(text) < MOST_NAMED and model.potential[v] and v not in used:
             alike = [model.name(int(same)) for same in np.flatnonzero(model.representative == v)]
-            alike = [n for n in alike if _is_of_connector(model, n)]  # not a component's own variable of the same value
+            alike = [n for n in alike if _is_of_connector(model, n)]  # not an equal variable of the component itself
             if not alike:
                 continue
             name = min(alike, key=lambda n: n.count("."))
@@ -190,7 +190,7 @@ def _loose_ends(model: FlatModel, rows: Rows, balance: Balance, guess: bool) -> 
 
 
 def _massless(model: FlatModel, rows: Rows, e: int, loose: dict[int, list[str]]) -> bool:
-    """Whether an equation holds the flow of a connector that nothing is connected to, and no derivative."""
+    """Whether an equation contains the flow of an unconnected connector, and no derivative."""
     g, i = rows.place[e]
     group = model.groups[g]
     connectors = loose.get(int(group.owners[i]), ())

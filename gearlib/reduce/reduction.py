@@ -1,7 +1,7 @@
 """`analyse`: index reduction and state selection of a flat model.
 
-The steps, in order: loops (numbers), balance, Pantelides, states (numbers). A redundant equation is left out before anything is
-counted, and one torque that nothing determines any more is set to zero.
+The steps, in order: rigid loops (numerically), balance, Pantelides, state selection (numerically). Redundant equations are removed
+before the balance is checked, and one flow that is then undetermined is set to zero.
 """
 
 from __future__ import annotations
@@ -31,37 +31,37 @@ class Structure:
     differentiation: Differentiation
     choice: StateChoice
     dependence: Dependence
-    angles: frozenset[Node]  # states that are integrals nobody depends on
-    redundant: tuple[str, ...]  # owners of the equations that were left out
+    angles: frozenset[Node]  # states that are pure integrals: nothing depends on them
+    redundant: tuple[str, ...]  # origins of the equations that were removed
     closed: tuple[str, ...]  # flows set to zero
-    complete: FlatModel  # with the redundant equations
+    complete: FlatModel  # including the redundant equations
 
     @property
     def states(self) -> tuple[Node, ...]:
         return self.choice.states
 
     def computes(self, node: Node) -> bool:
-        """Whether a variable, or a derivative of one, is a state, given, or can be computed from these."""
+        """Whether a variable, or a derivative of one, is a state, an input, or computable from these."""
         dependence, solved = self.dependence, self.choice.solved_by
         given = node[1] == 0 and node[0] in dependence.given
         return given or node in dependence.is_state or node in solved or (isinstance(solved, Determined) and solved.knows(node))
 
     def named(self, name: str, what: str, refusal: tuple[str, str]) -> tuple[Node, int]:
-        """The node that a name stands for, and its sign (0: always zero).
+        """The node that a name stands for, and its sign (0: identically zero).
 
         Parameters
         ----------
         name : str
             A variable's path, or "der(path)".
         what : str
-            What it is to be, in messages.
+            Its role, for error messages.
         refusal : pair of str
-            What a variable cannot be that the equations do not give, and what the one without derivatives can.
+            What a variable cannot be used for if the equations do not determine it, and what if only its derivatives are missing.
 
         Raises
         ------
         NameLookupError
-            The model has no such variable, or its equations do not give it.
+            The model has no such variable, or its equations do not determine it.
         """
         base, order = self.model.column(name)
         variable = self.model.variable(base, what)
@@ -73,7 +73,7 @@ class Structure:
 
     @cached_property
     def switching(self) -> frozenset[int]:
-        """Equations that are differentiated and hold relations."""
+        """Equations that are differentiated and contain relations."""
         groups = self.model.groups
         return frozenset(
             e for e, count in enumerate(self.differentiation.counts) if count and groups[self.rows[e][0]].template.relations
@@ -81,12 +81,12 @@ class Structure:
 
 
 def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
-    """Reduce a flat model.
+    """Perform index reduction and state selection on a flat model.
 
     Raises
     ------
     LoopError, BalanceError, SingularError
-        With the names of the equations and variables at fault.
+        The message names the equations and variables at fault.
     """
     complete = model
     rows = Rows(model)
@@ -121,7 +121,7 @@ def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
 
 
 def choose_again(structure: Structure, numbers: Coefficients) -> Structure | None:
-    """State selection at other values (coefficients of ``structure.model``); None where no other states will do."""
+    """State selection at other values (coefficients of ``structure.model``); None if there are no other states."""
     model, result = structure.model, structure.differentiation
     rows = Rows(model)
     entries, varying = _entries(model, rows, result, numbers), _varying(model, rows, result)
@@ -137,36 +137,36 @@ def choose_again(structure: Structure, numbers: Coefficients) -> Structure | Non
 
 
 def _with_derivatives(model: FlatModel, rows: Rows, choice: StateChoice) -> StateChoice:
-    """The choice, with the derivatives that can be computed on demand."""
+    """The state choice, extended by derivatives that can be computed on demand."""
     given = frozenset(model.inputs.tolist())
     return replace(choice, solved_by=Determined(choice.solved_by, rows.columns, choice.states, given))
 
 
 def _varying(model: FlatModel, rows: Rows, result: Differentiation) -> frozenset[int]:
-    """Constraints whose coefficients change during a run."""
+    """Constraints with coefficients that change during a run."""
     return frozenset(e for e, (g, _) in enumerate(rows.place) if result.counts[e] and not model.groups[g].template.linear)
 
 
 def _dependence(model: FlatModel, rows: Rows, choice: StateChoice) -> tuple[Dependence, frozenset[Node]]:
-    """What depends on what, and the states that are integrals nobody depends on."""
+    """The dependency graph, and the states that are pure integrals."""
     given = frozenset(model.inputs.tolist())
     dependence = Dependence(choice, rows.columns, given, frozenset(choice.states), decisive_nodes(model, rows))
     plain_rates = integrals(model)
 
     def position(state: Node) -> bool:
-        """A potential, or a variable that a declared speed is the derivative of."""
+        """A potential, or a variable whose derivative is a declared speed."""
         return state[1] == 0 and (bool(model.potential[state[0]]) or state[0] in plain_rates)
 
     return dependence, sinks(dependence, choice.states, position)
 
 
 def confirm(structure: Structure, numbers: Coefficients) -> None:
-    """Check that what was redundant still is, with other numbers (of ``structure.complete``).
+    """Check that redundant equations remain redundant with other numbers (of ``structure.complete``).
 
     Raises
     ------
     LoopError
-        The equations that were left out do not follow from the others any more.
+        The removed equations no longer follow from the others.
     """
     if not structure.redundant:
         return
@@ -192,7 +192,7 @@ def _refuse_differentiated_inputs(model: FlatModel, rows: Rows, result: Differen
 
 
 def decisive_nodes(model: FlatModel, rows: Rows) -> dict[int, list[Node]]:
-    """Of each equation with relations or discrete variables: the variables that decide on these, through all updates."""
+    """Per equation with relations or discrete variables: the variables that determine these, through all updates."""
     n = len(model.discretes)
     known: dict[int, list[Node]] = {}
     result: dict[int, list[Node]] = {}
@@ -214,7 +214,7 @@ def decisive_nodes(model: FlatModel, rows: Rows) -> dict[int, list[Node]]:
 
 
 def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
-    """The variables that decide on a discrete variable (those of its own equation and, through it, of others)."""
+    """The variables that determine a discrete variable, through its own equation and transitively through others."""
     found: set[Node] = set()
     seen: set[int] = set()
     stack = [discrete]
@@ -237,7 +237,7 @@ def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
 
 
 def integrals(model: FlatModel) -> set[int]:
-    """Variables x of equations der(x) = w: positions, where w is a speed."""
+    """Variables x of equations der(x) = w: positions, if w is a speed."""
     found: set[int] = set()
     for group in model.groups:
         t = group.template
@@ -248,7 +248,7 @@ def integrals(model: FlatModel) -> set[int]:
 
 
 def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coefficients) -> list[Entry]:
-    """Partial derivatives of every equation that is differentiated."""
+    """Partial derivatives of every differentiated equation."""
     counts = np.array(result.counts)
     found: list[Entry] = []
     for g, group in enumerate(model.groups):
@@ -265,7 +265,7 @@ def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coe
 
 
 def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[float, ...]]:
-    """Sort key of state candidates, least wanted highest: declaration, order of derivative, no fixed start value."""
+    """Sort key of state candidates, least preferred highest: declaration, derivative order, no fixed start value."""
     wanted = set(model.representative[model.starts.variables[model.starts.fixed]].tolist())
     bad: dict[Node, tuple[float, ...]] = {}
     for v, order in result.orders.items():
@@ -279,17 +279,17 @@ def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[floa
 
 
 def _reinits(model: FlatModel) -> list[int]:
-    """Variables that an event gives new values; each component names one of its own once, however many ``When`` do so."""
+    """Variables re-initialised at events; each component lists its own once, regardless of the number of ``When``."""
     return [int(v) for update in model.discretes.updates if update.reinit for v in update.targets]
 
 
 def _reinitialised(model: FlatModel) -> list[int]:
-    """The variables that represent those."""
+    """The representatives of these variables."""
     return [int(model.representative[v]) for v in _reinits(model)]
 
 
 def _refuse_reinits_of_one_state(model: FlatModel) -> None:
-    """Nothing says which of two new values is right when both events act at once, in whatever order the parts are made."""
+    """Refuse models that re-initialise a state from several components: with simultaneous events the result would be ambiguous."""
     setting: dict[int, list[str]] = {}
     for v in _reinits(model):
         setting.setdefault(int(model.representative[v]), []).append(model.name(v))

@@ -1,7 +1,7 @@
-"""Redundant constraints are removed, and the flows that they leave undetermined are set to zero.
+"""Redundant constraints: detection and removal, and closing of the flows that they leave undetermined.
 
-A rigid loop of gears has an equation too many between its positions and, by the same token, a torque that runs round in it and that no
-equation determines. Both are found with numbers, since structure alone cannot tell a torque in the loop from one beside it.
+A rigid loop of gears has one redundant equation between its positions and, by duality, a torque that circulates in it and that no
+equation determines. Both are found numerically, since structure alone cannot distinguish a torque in the loop from one beside it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gearlib.structure.states import select_columns
 def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[int, tuple[int, ...]]:
     """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others.
 
-    With each, the equations of the loop that makes it follow.
+    Each comes with the equations of its loop.
     """
     candidates: list[int] = []
     coefficients: list[dict[int, float]] = []
@@ -76,9 +76,9 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[
 def _by_name(
     model: FlatModel, rows: Rows, candidates: Sequence[int], coefficients: list[dict[int, float]]
 ) -> tuple[list[int], list[dict[int, float]], list[int]]:
-    """The rows of loops in the order of their names, over the variables in that of theirs; and which these are.
+    """Rows of loops sorted by name, over variables sorted by name; and the original row numbers.
 
-    Which equation of a loop is left out must not depend on the order in which the parts were made.
+    Which equation of a loop is removed must not depend on the order in which the parts were made.
     """
     loops = core(coefficients)
     label = {r: _written_by(model, rows, candidates[r]) for r in loops}
@@ -108,7 +108,7 @@ def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel
 
 
 def shifted(numbers: Coefficients, rows: Rows, dropped: Iterable[int]) -> Coefficients:
-    """The numbers of that model."""
+    """The coefficients of that model."""
     gone: dict[int, list[int]] = {}
     for e in dropped:
         g, i = rows.place[e]
@@ -119,7 +119,7 @@ def shifted(numbers: Coefficients, rows: Rows, dropped: Iterable[int]) -> Coeffi
 
 
 def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozenset[int]:
-    """The flows of the components that wrote some equations."""
+    """The flows of the components that some equations come from."""
     owners = (model.instances[o] for g, i in places if (o := int(model.groups[g].owners[i])) >= 0)
     own = {int(v) for o in owners for v in model.representative[o.first_variable : o.first_variable + len(o.variables)]}
     return frozenset(v for v in own if model.flow[v])
@@ -128,13 +128,13 @@ def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozens
 def balanced(
     model: FlatModel, rows: Rows, numbers: Coefficients, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
 ) -> tuple[FlatModel, tuple[str, ...]]:
-    """Check the balance; close what redundant equations leave open by setting flows to zero, if possible ``wanted`` ones.
+    """Check the balance; close the flows that redundant equations leave undetermined by setting them to zero, preferably ``wanted`` ones.
 
-    ``loops`` are the components round each redundant equation.
+    ``loops`` are the components of each redundant equation's loop.
     """
     closed: list[int] = []
     given = set(model.inputs.tolist())
-    candidates: list[int] | None = None  # the closing of which leaves no flow undetermined, whatever the order of declaration
+    candidates: list[int] | None = None  # closing these leaves no flow undetermined, whatever the order of declaration
     while True:
         incidence = [list({v for v, _ in rows.columns(e, 0) if v not in given}) for e in range(len(rows.place))]
         unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
@@ -142,7 +142,7 @@ def balanced(
         if balance.balanced:
             return model, tuple(last_names(model, closed).values())
         if balance.surplus == 0 and candidates is None and model.redundant:
-            flows = [v for v in unknown if model.flow[v]]  # some of which are in no equation: what runs round in a body
+            flows = [v for v in unknown if model.flow[v]]  # some occur in no equation: flows that circulate within a body
             candidates = left_open(_flow_rows(model, rows, numbers), _last_first(model, flows, wanted))
         undetermined = set(balance.undetermined).difference(closed)
         free = [v for v in candidates or () if v in undetermined]
@@ -157,14 +157,14 @@ def balanced(
 
 
 def left_open(rows: Sequence[dict[int, float]], order: Sequence[int]) -> list[int]:
-    """Columns that leave only x = 0 of ``sum(row[v] * x[v]) = 0`` when they are set to zero: the first ones of an order that will do.
+    """The first columns of an order for which ``sum(row[v] * x[v]) = 0`` has only the solution x = 0 once they are set to zero.
 
-    The others are a basis of the columns that prefers the last ones of the order: of a matroid's bases, the complement of the one of
-    least weight is that of greatest weight of its dual.
+    The others are a basis of the columns that prefers the last ones of the order: by matroid duality, the complement of a
+    minimum-weight basis is a maximum-weight basis of the dual.
 
     Examples
     --------
-    Of the torques x1, x2 of two gears side by side, which share the known torque x0, the second one is wanted:
+    Two gears in parallel share the known torque x0 as x1 and x2; the second is to be zero:
 
     >>> left_open([{0: 1.0}, {0: 1.0, 1: 1.0, 2: 1.0}], [2, 1])
     [2]
@@ -172,7 +172,7 @@ def left_open(rows: Sequence[dict[int, float]], order: Sequence[int]) -> list[in
     [1]
     """
     weight = {(v, 0): (float(k),) for k, v in enumerate(order)}
-    first = (float(len(order)),)  # what cannot be set to zero
+    first = (float(len(order)),)  # cannot be set to zero
     nodes = {(r, 0): {(v, 0): c for v, c in row.items()} for r, row in enumerate(rows)}
     weight.update({v: first for row in nodes.values() for v in row if v not in weight})
     follow, _ = select_columns(nodes, weight, zero=TOLERANCE)
@@ -180,15 +180,15 @@ def left_open(rows: Sequence[dict[int, float]], order: Sequence[int]) -> list[in
 
 
 def _last_first(model: FlatModel, variables: Collection[int], wanted: Collection[int]) -> list[int]:
-    """Variables in the order in which they are set to zero: wanted ones first, the alphabet's last first."""
+    """Variables in the order in which they are set to zero: wanted ones first, then in reverse alphabetical order."""
     known = last_names(model, [v for v in variables if v < model.auxiliary])
     return sorted(sorted(known, key=lambda v: alphabetical(known[v]), reverse=True), key=lambda v: v not in wanted)
 
 
 def last_names(model: FlatModel, variables: Collection[int]) -> dict[int, str]:
-    """Of each representative the name that is the last in the alphabet of all that equal it.
+    """For each representative, the alphabetically last name among its aliases.
 
-    Which of them represents them depends on the order in which the parts were made, and nothing that is computed may.
+    Which alias is the representative depends on the order in which the parts were made; the result must not.
     """
     names: dict[int, list[str]] = {v: [] for v in variables}
     for same in np.flatnonzero(np.isin(model.representative, list(names))).tolist():
@@ -197,7 +197,7 @@ def last_names(model: FlatModel, variables: Collection[int]) -> dict[int, str]:
 
 
 def _definitions(model: FlatModel, rows: Rows) -> frozenset[int]:
-    """Equations that only say what some variable is, as a sensor's power: nothing else depends on it, and no flow obeys them."""
+    """Equations that only define a variable, such as a sensor's power: nothing else depends on it, and they constrain no flow."""
     plain = ~(model.flow | model.potential)
     plain[model.inputs] = False
     count: dict[int, int] = {}
@@ -210,7 +210,7 @@ def _definitions(model: FlatModel, rows: Rows) -> frozenset[int]:
 
 
 def _flow_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> list[dict[int, float]]:
-    """The flows' coefficients in each equation: what they must obey where nothing moves. What is given is no unknown."""
+    """Coefficients of the flows in each equation at rest. Inputs are not unknowns."""
     result: list[dict[int, float]] = []
     unknown = model.flow.copy()
     unknown[model.inputs] = False
@@ -221,7 +221,7 @@ def _flow_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> list[dict
         found: list[dict[int, float]] = [{} for _ in range(len(group) if columns else 0)]
         for c, j in columns:
             values = np.array(numbers.partial(g, c), float)
-            if not group.template.partials[c].constant:  # any value that is not special
+            if not group.template.partials[c].constant:  # any generic value
                 values = np.where(
                     np.isfinite(values) & (values != 0.0), values, np.pi + 0.1 * np.sin(np.arange(len(values)) + c)
                 )
@@ -250,7 +250,7 @@ def _zeroed(model: FlatModel, variables: Sequence[int]) -> FlatModel:
 
 
 def _split(loops: Sequence[Sequence[str]]) -> str:
-    """Paths side by side whose losses or friction depend on how they share the torque."""
+    """Advice on parallel paths whose losses or friction depend on how they share the torque."""
     named = some([some(list(owners), ", ") for owners in loops])
     return (
         f"the model is not balanced. A rigid loop goes through {named}: its paths share the torque in a way that no equation "

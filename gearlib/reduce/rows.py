@@ -1,4 +1,4 @@
-"""`Rows`: row-wise view of a flat model's equations: variables and orders of derivative, also of differentiated equations."""
+"""`Rows`: row-wise view of a flat model's equations: variables and derivative orders, including differentiated equations."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
-# (group, column of its template) -> that partial derivative of each row
+# (group, column of its template) -> that partial derivative in each row
 PartialValues = Callable[[int, int], Floats]
-# group -> the constant part of each row, NaN where it varies with time
+# group -> constant term of each row, NaN if it varies with time
 RestValues = Callable[[int], Floats]
 
 
@@ -27,7 +27,7 @@ class Coefficients:
 
 
 class Rows:
-    """The equations of a flat model one by one: their variables and orders, also differentiated."""
+    """Row-wise view of the equations of a flat model: variables and orders, including differentiated equations."""
 
     def __init__(self, model: FlatModel) -> None:
         self.model = model
@@ -52,7 +52,7 @@ class Rows:
 
 
 def _columns(group: EquationGroup) -> list[list[Node]]:
-    """What stands in each row of a group. (No variable stands twice, see `gearlib.flatten.specialise`.)"""
+    """Nodes in each row of a group. (No variable occurs twice, see `gearlib.flatten.specialise`.)"""
     template = group.template
     if not template.columns:
         return [[] for _ in range(len(group))]
@@ -64,7 +64,7 @@ def _columns(group: EquationGroup) -> list[list[Node]]:
 
 
 def some(items: list[str], separator: str = "; ") -> str:
-    """The first few of a list, and how many more there are."""
+    """The first few items of a list, and the number of the remaining ones."""
     return separator.join([*items[:8], *([f"and {len(items) - 8} more"] if len(items) > 8 else [])])
 
 

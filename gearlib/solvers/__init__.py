@@ -1,1 +1,1 @@
-"""Integrators: each solves a `Problem` of numbers and native functions."""
+"""Integrators for a `Problem` of numbers and native functions."""

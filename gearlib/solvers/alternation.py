@@ -1,12 +1,12 @@
-"""The choice between an explicit and an implicit method while a run goes on, by how far a unit of work takes each of them.
+"""Run-time choice between an explicit and an implicit method, by their progress per unit of work.
 
-The explicit method begins. Where stability limits its steps, its pace is known: seconds of the motion for each unit of work. If what
-is left would then cost much more than a trial, the implicit method goes on from there for a bounded amount of work. It stays as
-long as its pace is the better one; if it is not, the explicit method goes on from where the trial ended, and the next trial comes
-after twice as much work as this one. What the worse method costs is so a small share of the run, whichever it is.
+The explicit method begins. Where stability limits its steps, its pace is known: seconds of motion per unit of work. If the rest of the
+run would then cost much more than a trial, the implicit method takes over for a bounded amount of work. It stays as long as its pace is
+the better one; otherwise the explicit method continues from where the trial ended, and the next trial comes after twice as much work.
+So the worse method costs only a small share of the run, whichever it is.
 
-Work is counted (right-hand sides, Jacobians, factorisations, steps, each weighted by its operations), not measured: the same run
-makes the same choice on every machine, however busy it is, and whatever samples are asked for.
+Work is counted (right-hand sides, Jacobians, factorisations, steps, each weighted by its operations) rather than timed: a run makes the
+same choice on every machine, under any load, and for any samples.
 """
 
 from __future__ import annotations
@@ -19,16 +19,18 @@ from gearlib.errors import SolverError
 from gearlib.solvers.drive.driver import Driver
 from gearlib.solvers.problem import Solution
 
-WORTH_DECAY, WORTH_VIBRATION = 2.0, 4.0  # trials that must be left, where a decay limits the steps, and where a vibration does
-SETTLE, WINDOW = 60, 40  # steps of a trial before its pace is looked at, and over which that is taken
-SHARE = 0.1  # of all work so far that a trial may take, and of what is left, at most, between two trials
-EARLY = 0.03  # of what is left, by the explicit method's pace, that a trial may take: IDA must let a fast vibration die before it gets on
-APART = 10.0  # trials' work between two trials, at least
-LOST = 2.0  # trials' work that the implicit method may lose against the explicit one's pace before it hands back
+# Remaining work, in trials, that justifies one: where a decay limits the steps, and where a vibration does
+WORTH_DECAY, WORTH_VIBRATION = 2.0, 4.0
+SETTLE, WINDOW = 60, 40  # steps of a trial before its pace is measured, and over which it is measured
+SHARE = 0.1  # largest share of a trial in the work so far, and in the work that remains between two trials
+# Share of the remaining work, at the explicit pace, that a trial may take: IDA speeds up once fast vibrations have died out
+EARLY = 0.03
+APART = 10.0  # least work between two trials, in trials
+LOST = 2.0  # work, in trials, that the implicit method may lose against the explicit pace before it hands back
 
 
 class Watchful(Protocol):
-    """A stepper that knows when stability limits its steps: it then stops with the status "stiff", if it was told to watch."""
+    """A stepper that detects when stability limits its steps; told to watch, it then stops with the status "stiff"."""
 
     @property
     def pace(self) -> float: ...
@@ -41,10 +43,10 @@ class Watchful(Protocol):
 
 @dataclass(frozen=True)
 class Leg:
-    """A part of a run that one method went; ``stayed``: by choice, rather than on trial."""
+    """The part of a run that one method integrated; ``stayed``: by choice, rather than on trial."""
 
     method: str  # "explicit" or "implicit"
-    run: Driver  # as it ended
+    run: Driver  # at its end
     solution: Solution
     stayed: bool = True
 
@@ -55,22 +57,22 @@ def alternate(
     trial: float,
     t_end: float,
 ) -> list[Leg]:
-    """Integrate to the end, or to where a method leaves what its states describe.
+    """Integrate to the end, or to where a method reports that its states have become singular.
 
     Parameters
     ----------
     explicit, implicit : callable
-        Make a method's run, which goes on from where the last of some legs ended, from the start where there is none; the explicit one
-        with its stepper.
+        Make the run of a method, continuing from the last of the given legs, or from the start if there are none; the explicit one
+        comes with its stepper.
     trial : float
-        The work of the shortest trial, with all that it takes to begin one.
+        Work of the shortest trial, including start-up.
     t_end : float
         s.
 
     Raises
     ------
     SolverError
-        The method that was at work failed. If one on trial does, the explicit one goes on.
+        The active method failed. If a method on trial fails, the explicit one continues.
     """
     legs: list[Leg] = []
     (run, stepper), wait, before = explicit(legs), 0.0, 0.0
@@ -81,7 +83,7 @@ def alternate(
         pace = max(stepper.pace, 1e-300)
         left = (t_end - run.t) / pace
         if left < (WORTH_DECAY if stepper.damped else WORTH_VIBRATION) * trial:
-            stepper.watch(left / 2)  # what is left becomes less; it may also become harder
+            stepper.watch(left / 2)  # the remaining work decreases; it may also become harder
             continue
         here, spent = Leg("explicit", run, run.solution()), before + run.work
         other = implicit([*legs, here])
@@ -107,19 +109,19 @@ def alternate(
 
 
 def _longer(wait: float, trial: float, left: float) -> float:
-    """The work until the next trial, after one that has come to nothing."""
+    """Work until the next trial, after an unsuccessful one."""
     return max(min(2.0 * wait, SHARE * left), APART * trial)
 
 
 def _to_the_end(run: Driver) -> bool:
-    """Go on until stability limits the steps (False), or to the end."""
+    """Continue until stability limits the steps (False), or to the end."""
     while run.advance() == "more":
         pass
     return run.status != "stiff"
 
 
 def _tried(other: Driver, pace: float, most: float) -> bool:
-    """Whether the implicit method gets on faster than the explicit one did, after no more than some work."""
+    """Whether the implicit method makes faster progress than the explicit one did, within a bounded amount of work."""
     if other.advance(SETTLE) != "more":
         return True
     while other.work <= most:
@@ -132,7 +134,7 @@ def _tried(other: Driver, pace: float, most: float) -> bool:
 
 
 def _stays(other: Driver, pace: float, spent: float, trial: float) -> bool:
-    """Go on as long as not too much is lost against a pace in one stretch; whether that was to the end.
+    """Continue as long as not too much is lost against a pace in one stretch; returns whether the end was reached.
 
     After an event the implicit method is slow for a while, which is no reason to leave it.
     """

@@ -1,23 +1,23 @@
-"""An initial value problem as the integrators see it: numbers and native functions, nothing symbolic.
+"""Initial value problems as the integrators see them: numbers and native functions, nothing symbolic.
 
     M x' = f(t, x),    M = diag(differential),    x(t_start) = x0
 
-or, where it is ``implicit``, F(t, x, x') = 0, with x' of the differential unknowns, which come first. Native functions then find x' behind
-all of x, and ``rhs`` gives F.
+or, if ``implicit``, F(t, x, x') = 0, with x' of the differential unknowns, which come first. Native functions then find x' behind x,
+and ``rhs`` computes F.
 
-Every native function has a C signature over the state ``x``, a block of numbers ``data`` (parameters, factorised matrices, the
-values of relations, work space) and a block of integers ``index`` (which the generated loops run over)::
+Every native function has a C signature over the state ``x``, a block of numbers ``data`` (parameters, factorised matrices, values of
+relations, work space) and a block of integers ``index`` (index arrays of the generated loops)::
 
     int32 rhs   (double t, double *x, double *dx,     double *data, int64 *index)
     int32 jac   (double t, double *x, double *values, double *data, int64 *index)    df/dx, nonzeros in CSC order
     int32 roots (double t, double *x, double *g,      double *data, int64 *index)    event functions
     int32 update(double t, double *x, int32 *fired,   double *data, int64 *index)    event iteration
 
-A return value of 0 is success, a positive one asks for a smaller step, a negative one stops the run. ``update`` is called at the
-start, at each time event and at each located root, with ``fired[k]`` the direction (+1, -1) in which root k crossed zero (0: it
-did not); it may leave there 2 or -2, the side that each event function has to leave next (otherwise its sign counts). It returns 0
-when nothing changed, 1 when the right-hand side did, 2 when ``x`` did as well, and keeps the values of relations and discrete
-variables in ``data[modes]``.
+A return value of 0 means success, a positive one requests a smaller step, a negative one stops the run. ``update`` is called at the
+start, at each time event and at each located root, with ``fired[k]`` the direction (+1, -1) in which root k crossed zero (0: it did
+not); it may set ``fired[k]`` to 2 or -2, the side that the event function starts from (otherwise its sign counts). It returns 0 if
+nothing changed, 1 if the right-hand side did, 2 if ``x`` did as well, and stores the values of relations and discrete variables in
+``data[modes]``.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Integers = NDArray[np.int64]
 
 
 def late_start(t0: float, t1: float) -> float:
-    """Where the clock of an integrator begins: at the start of a run that begins late. Differences of times are then exact (Sterbenz)."""
+    """Origin of an integrator's clock: the start of a run that begins late. Differences of times are then exact (Sterbenz)."""
     return t0 if abs(t0) >= 2.0 * (t1 - t0) else 0.0
 
 
@@ -48,7 +48,7 @@ class Native(Protocol):
 
 @dataclass(frozen=True)
 class Effort:
-    """What one call of each native function costs, ns: estimated from counted operations, so that it is the same on every machine."""
+    """Cost of one call of each native function (ns), estimated from counted operations so that it is reproducible."""
 
     rhs: float
     jac: float
@@ -57,52 +57,55 @@ class Effort:
 
 
 class NoCode:
-    """Stands for a native function that was not compiled, since the method does not call it."""
+    """Placeholder for native functions that a method does not call, so that nothing is compiled."""
 
     address = 0
 
 
 @dataclass(frozen=True, eq=False)
 class LinearForm:
-    """x' = A x + B u(t); the inputs u are tables, or expressions of time with numbers in them."""
+    """x' = A x + B u(t); the inputs u are tables, or expressions of time with numeric coefficients."""
 
     A: Any  # (states, states), array or sparse
     B: Floats  # (states, inputs)
     inputs: tuple[Any, ...]
-    stepper: list[Any] = field(default_factory=list)  # the last one, for the next run with the same numbers
+    stepper: list[Any] = field(default_factory=list)  # the last one, reused by the next run with the same numbers
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What an integrator needs to know of a scene."""
+    """A scene as an integrator sees it."""
 
     rhs: Native
     x0: Floats
     data: Floats
     index: Integers
     differential: NDArray[np.bool_]  # False: an algebraic unknown, whose row of f is a residual
-    nominal: Floats  # typical size of each state; the absolute tolerance is rtol * nominal unless it is given
+    nominal: Floats  # typical size of each state; the absolute tolerance is rtol * nominal unless given
     jac: Native | None = None
     jac_indptr: Integers | None = None  # CSC pattern of df/dx
     jac_indices: Integers | None = None
     roots: Native | None = None
     n_roots: int = 0
     update: Native | None = None
-    modes: slice = field(default_factory=lambda: slice(0, 0))  # the part of data that events change; recorded with every sample
+    # Discrete state, the part of data that events change; recorded with every sample
+    modes: slice = field(default_factory=lambda: slice(0, 0))
     time_events: Floats = field(default_factory=lambda: np.empty(0))  # known times, stepped to exactly
     longest_step: float = float("inf")  # s
     state_names: tuple[str, ...] = ()  # for messages
     root_names: tuple[str, ...] = ()
-    unsettled: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what an event iteration keeps changing
-    implicit: bool = False  # rhs gives F(t, x, x'); the pattern of jac has columns of x' behind those of x
-    culprit: Callable[[float, Floats, Floats], str] | None = None  # (t, x, data): what cannot be evaluated from there on
+    # (t, x, data): description of what an event iteration keeps changing
+    unsettled: Callable[[float, Floats, Floats], str] | None = None
+    implicit: bool = False  # rhs computes F(t, x, x'); the pattern of jac has the columns of x' behind those of x
+    # (t, x, data): description of what cannot be evaluated beyond that point
+    culprit: Callable[[float, Floats, Floats], str] | None = None
     effort: Effort = field(default_factory=lambda: Effort(100.0, 300.0, 50.0, 100.0))
-    times: Floats = field(default_factory=lambda: np.zeros(1))  # of the samples, s, not decreasing: the first is the start
+    times: Floats = field(default_factory=lambda: np.zeros(1))  # sample times, s, nondecreasing: the first is the start
     rtol: float = 1e-6
-    atol: ArrayLike | None = None  # one number, or one for each state in its unit
-    max_steps: int = 100_000_000  # after which to give up
+    atol: ArrayLike | None = None  # a scalar, or one value per state in its unit
+    max_steps: int = 100_000_000  # limit on the number of steps
     linear: LinearForm | None = None  # the same equations for methods that call no native function: ``rhs`` is `NoCode` then
-    may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated further on
+    may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated any further
 
     @cached_property
     def absolute_tolerance(self) -> Floats:
@@ -113,7 +116,7 @@ class Problem:
         return self.state_names[k] if k < len(self.state_names) else f"state {k}"
 
     def equation_name(self, k: int) -> str:
-        """What row k of ``rhs`` gives: the derivative of a state, or the equation of an algebraic unknown."""
+        """Meaning of row k of ``rhs``: the derivative of a state, or the equation of an algebraic unknown."""
         name = self.state_name(k)
         return f"der({name})" if k >= len(self.differential) or self.differential[k] else f"the equation of {name}"
 
@@ -121,32 +124,30 @@ class Problem:
         return self.root_names[k] if k < len(self.root_names) else f"root {k}"
 
     def not_settled(self, t: float, x: Floats, data: Floats) -> str:
-        """Which names an event iteration that failed keeps changing, as part of a message."""
+        """The names that a failed event iteration keeps changing, as part of a message."""
         names = self.unsettled(t, x, data) if self.unsettled is not None else ""
         return f": the iteration does not settle, it keeps changing {names}" if names else ""
 
     def blamed(self, t: float, x: Floats | None, data: Floats) -> str:
-        """Which variable, component and expression cannot be evaluated from there on, as part of a message."""
+        """The variable, component and expression that cannot be evaluated any further, as part of a message."""
         return self.culprit(t, x, data) if self.culprit is not None and x is not None else ""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """States (and modes) at the times asked for. A sample on an event holds the right-hand limit."""
+    """States and discrete state at the requested times. A sample on an event holds the right-hand limit."""
 
     t: Floats  # (samples,)
     x: Floats  # (samples, states)
     modes: Floats  # (samples, modes)
-    status: str  # "done" | "stiff" (explicit run that met stiffness) | "left" (refused further on): stopped at t_last
+    status: str  # "done" | "stiff" (explicit run that met stiffness) | "left" (undefined any further): stopped at t_last
     t_last: float
     x_last: Floats
-    data: Floats  # the model's block of numbers there
+    data: Floats  # the model's block of numbers at t_last
     event_times: Floats  # (events,)
     event_roots: Integers  # (events,) index of the root that fired, -1 for a time event
     stats: dict[str, Any]  # method, steps, rhs, jac, events, rejected, ...
-    events: Sequence[tuple[float, str]] = ()  # time, and component with equation, where these are known
-    algebraic: Mapping[tuple[int, int], Floats] = field(
-        default_factory=dict
-    )  # histories of unknowns that IDA was handed, by node
-    tangents: Floats | None = None  # (samples, states, directions), where these were integrated with the states
+    events: Sequence[tuple[float, str]] = ()  # time, and component with equation, where known
+    algebraic: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # histories of the unknowns left to IDA, by node
+    tangents: Floats | None = None  # (samples, states, directions), if integrated with the states
     branch: Floats | None = None  # slots of the scene's program at the end, where ``data`` does not hold them

@@ -1,7 +1,7 @@
-"""Derivatives that occur in no equation, from the defining equations differentiated once more.
+"""Derivatives that occur in no equation, obtained by differentiating their defining equations.
 
 If the matched equations can be solved for some unknowns, their derivatives can be solved for the derivatives of these, with the same
-matching. So the derivative of any output can be asked for; nothing is differentiated unless one is.
+matching. So the derivative of any output is available, and equations are differentiated only on demand.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from gearlib.structure.incidence import Columns, Node
 
 
 class Determined(dict[Node, Node]):
-    """Which equation determines each unknown, and on demand each derivative of one.
+    """Matching of equations to unknowns, extended on demand to their derivatives.
 
-    Iteration and ``in`` go over the unknowns of the model, ``[]`` also gives the equation of a derivative.
+    Iteration and ``in`` cover the unknowns of the model; ``[]`` also returns the equation of a derivative.
 
     Parameters
     ----------
     solved_by : mapping
-        The equation of each unknown.
+        Equation matched to each unknown.
     columns : callable
-        What stands in an equation's derivatives.
+        Lists the nodes in an equation's derivatives.
     states, given : collections
-        States; and variables that come from outside, whose derivatives are not known.
+        States; and variables given from outside, whose derivatives are not known.
     """
 
     def __init__(
@@ -41,13 +41,13 @@ class Determined(dict[Node, Node]):
         return e, j + 1
 
     def knows(self, node: Node) -> bool:
-        """Whether something determines a node, or can be differentiated to do so."""
+        """Whether a node is determined, or can be by differentiation."""
         if node not in self._known:
             self._known[node] = node in self or self._can_be_computed(node)
         return self._known[node]
 
     def _can_be_computed(self, node: Node) -> bool:
-        """Whether all that a derivative depends on is determined, down to what the model holds."""
+        """Whether everything that a derivative depends on is determined, down to the nodes of the model."""
         if not any((node[0], k) in self for k in range(node[1])):
             return False
         stack, seen = [node], {node}

@@ -12,17 +12,17 @@ from typing import Any
 
 import networkx as nx
 
-MOST_IN_GRAPHS = 500  # rows; beyond, lists are used: they take a tenth to a twentieth of the time (docs/how_it_scales.md)
+MOST_IN_GRAPHS = 500  # rows; beyond that, lists take a tenth to a twentieth of the time (docs/how_it_scales.md)
 
 
 @dataclass(frozen=True)
 class Balance:
-    """A maximum matching, and the over- and under-determined parts."""
+    """A maximum matching, with the over- and under-determined parts."""
 
     matching: Mapping[int, int]  # equation -> variable
     excess_equations: tuple[int, ...]  # the over-determined part
-    excess_variables: tuple[int, ...]  # the variables that it determines more than once
-    missing_equations: tuple[int, ...]  # the equations of the under-determined part
+    excess_variables: tuple[int, ...]  # variables that it determines more than once
+    missing_equations: tuple[int, ...]  # equations of the under-determined part
     undetermined: tuple[int, ...]  # its variables
     surplus: int  # equations too many
     deficit: int  # variables too many
@@ -44,7 +44,7 @@ def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) 
 
     Examples
     --------
-    Two equations for x0, none for x1 alone:
+    Two equations for x0, none for x1:
 
     >>> b = dulmage_mendelsohn([[0], [0]], [0, 1])
     >>> b.excess_equations, b.excess_variables, b.undetermined
@@ -70,7 +70,7 @@ def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) 
 
 
 def maximum_matching(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
-    """Maximum matching, row -> column: on a graph up to `MOST_IN_GRAPHS` rows, else on lists.
+    """Maximum matching, row -> column: on a graph up to `MOST_IN_GRAPHS` rows, beyond that on lists.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def maximum_matching(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
 
 
 def bipartite_graph(rows: Sequence[Sequence[Any]]) -> tuple[nx.Graph, list[Any]]:
-    """The graph of rows 0, 1, ... and of the columns in them, as the numbers from ``len(rows)`` on; and the columns in this order."""
+    """The bipartite graph of rows 0, 1, ... and their columns, numbered from ``len(rows)``; and the list of columns."""
     columns = {c: k for k, c in enumerate(dict.fromkeys(c for row in rows for c in row), len(rows))}
     graph: nx.Graph = nx.Graph()
     graph.add_nodes_from(range(len(rows)), bipartite=0)
@@ -91,7 +91,7 @@ def bipartite_graph(rows: Sequence[Sequence[Any]]) -> tuple[nx.Graph, list[Any]]
 
 
 def matching_by_graph(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
-    """Maximum matching by the algorithm of Hopcroft and Karp, as networkx has it.
+    """Maximum matching by the Hopcroft-Karp algorithm of networkx.
 
     J. E. Hopcroft and R. M. Karp, "An n^(5/2) algorithm for maximum matchings in bipartite graphs", SIAM Journal on Computing 2 (1973)
     225-231, doi 10.1137/0202019.
@@ -102,7 +102,7 @@ def matching_by_graph(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
 
 
 def alternating_reach(graph: nx.Graph, partner: Mapping[Any, Any], start: Iterable[Any]) -> set[Any]:
-    """What alternating paths reach from unmatched nodes of one side: along any edge first, and back along matched edges only."""
+    """Nodes reached by alternating paths from unmatched nodes of one side: forwards along any edge, backwards along matched ones."""
     start = list(start)
     side = {graph.nodes[node]["bipartite"] for node in start}
     paths: nx.DiGraph = nx.DiGraph()
@@ -112,20 +112,18 @@ def alternating_reach(graph: nx.Graph, partner: Mapping[Any, Any], start: Iterab
         paths.add_edge(here, there)
         if partner.get(there) == here:
             paths.add_edge(there, here)
-    paths.add_edges_from(("start", node) for node in start)  # one source for all
+    paths.add_edges_from(("start", node) for node in start)  # a single source
     return set(nx.descendants(paths, "start")) if start else set()
 
 
 def matching_by_lists(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
     """Maximum matching without a graph, for the many rows of large trains.
 
-    Augmenting paths are searched from all free rows at once, each column being tried once a pass (A. Pothen and C.-J. Fan,
-    "Computing the block triangular form of a sparse matrix", ACM Transactions on Mathematical Software 16 (1990) 303-324,
-    doi 10.1145/98267.98287).
+    Augmenting paths are searched from all free rows at once, trying each column once per pass (A. Pothen and C.-J. Fan,
     """
     owner: dict[Any, int] = {}
     free = []
-    for r, row in enumerate(rows):  # whatever is free at once
+    for r, row in enumerate(rows):  # greedy initial matching
         for c in row:
             if c not in owner:
                 owner[c] = r
@@ -147,8 +145,8 @@ def matching_by_lists(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:
 
 
 def _augment(start: int, rows: Sequence[Sequence[Any]], owner: dict[Any, int], seen: set[Any]) -> bool:
-    """Augment the matching by a row along an alternating path, depth first."""
-    path: list[tuple[int, Any]] = []  # (row, the column it would move to)
+    """Augment the matching by a row along an alternating path, depth-first."""
+    path: list[tuple[int, Any]] = []  # (row, the column to be matched with it)
     stack = [(start, iter(rows[start]))]
     while stack:
         r, columns = stack[-1]

@@ -6,4 +6,4 @@ from collections.abc import Callable
 
 Node = tuple[int, int]  # a variable or equation, and how often it is differentiated
 Columns = Callable[[int, int], list[Node]]  # (equation, times differentiated) -> variables with their orders
-Entry = tuple[int, int, int, float]  # a partial derivative: of which equation, by which variable and order, its value
+Entry = tuple[int, int, int, float]  # a partial derivative: equation, variable, derivative order, value

@@ -1,4 +1,4 @@
-"""Pantelides' algorithm: how often each equation must be differentiated before the system can be solved for its highest derivatives.
+"""Pantelides' algorithm: how often each equation must be differentiated until the system can be solved for its highest derivatives.
 
 C. C. Pantelides, "The consistent initialization of differential-algebraic systems", SIAM Journal on Scientific and Statistical
 Computing 9 (1988) 213-231, doi 10.1137/0909014. The system must be structurally nonsingular (`balance` is checked first).
@@ -20,13 +20,13 @@ from gearlib.structure.incidence import Columns, Node
 class Differentiation:
     """The result of Pantelides' algorithm."""
 
-    counts: tuple[int, ...]  # of each equation: how often it is differentiated
-    orders: Mapping[int, int]  # of each variable: the order of its highest derivative
+    counts: tuple[int, ...]  # per equation, how often it is differentiated
+    orders: Mapping[int, int]  # per variable, the order of its highest derivative
     assignment: Mapping[int, int]  # equation -> the variable whose highest derivative it determines
 
     @property
     def index(self) -> int:
-        """Structural index of the system as written (0: an ODE; 1: algebraic unknowns; more: constraints on states)."""
+        """Structural index of the system as written (0: an ODE; 1: algebraic unknowns; higher: constraints on states)."""
         algebraic = any(order == 0 for order in self.orders.values())
         return max(self.counts, default=0) + int(algebraic)
 
@@ -34,7 +34,7 @@ class Differentiation:
 def pantelides(n_equations: int, columns: Columns) -> Differentiation:
     """Differentiation counts, highest orders, and an assignment of highest derivatives to equations.
 
-    Up to `MOST_IN_GRAPHS` equations the work is done on networkx graphs, beyond on lists.
+    Up to `MOST_IN_GRAPHS` equations it works on networkx graphs, beyond that on lists.
 
     Parameters
     ----------
@@ -58,11 +58,11 @@ def pantelides(n_equations: int, columns: Columns) -> Differentiation:
 
 
 def by_graph(n_equations: int, columns: Columns) -> Differentiation:
-    """Pantelides' algorithm by networkx's own: Hopcroft-Karp matchings, and the descendants of what stays unmatched.
+    """Pantelides' algorithm built on networkx: Hopcroft-Karp matchings, and the descendants of unmatched equations.
 
-    The equations are matched with the variables of highest order in a graph. What alternating paths reach from an unmatched equation is a
-    smallest set of equations with too few such variables, so all of it must be differentiated, and sets of several unmatched equations can
-    be differentiated at once; then they are matched anew. The counts are the least possible, and so those of `by_lists`.
+    The equations are matched with their variables of highest order. What alternating paths reach from an unmatched equation is a
+    minimally structurally singular subset, so all of it must be differentiated; the subsets of several unmatched equations can be
+    differentiated together, before matching again. The counts are minimal, and so equal to those of `by_lists`.
     """
     counts = [0] * n_equations
     current = [columns(e, 0) for e in range(n_equations)]
@@ -93,7 +93,7 @@ def _raise(orders: dict[int, int], row: Sequence[Node]) -> None:
 
 
 def by_lists(n_equations: int, columns: Columns) -> Differentiation:
-    """Pantelides' algorithm as he wrote it, one equation after the other, without a graph: for the many equations of large trains."""
+    """Pantelides' algorithm as published, one equation at a time and without a graph: for the many equations of large trains."""
     counts = [0] * n_equations
     current = [columns(e, 0) for e in range(n_equations)]
     orders: dict[int, int] = {}
@@ -118,7 +118,7 @@ def _augment(
     start: int, current: list[list[tuple[int, int]]], orders: Mapping[int, int], owner: dict[int, int]
 ) -> tuple[list[int] | None, list[int]]:
     """Augment the matching by equation ``start``; (None, []) on success, else the coloured equations and variables."""
-    for v, order in current[start]:  # nothing to move
+    for v, order in current[start]:  # free variable
         if order == orders[v] and v not in owner:
             owner[v] = start
             return None, []

@@ -1,8 +1,8 @@
 """Rigid loops: redundant or contradictory linear constraints with constant coefficients, by rank-revealing elimination.
 
-A structural rank counts equations; two equal gears side by side count twice. So the kinematic equations are examined with their
-numerical coefficients. Whatever hangs on the rest like a tree cannot be redundant and is peeled off first; what is left are the
-loops, and they are eliminated with a record of which equations were combined.
+A structural rank counts equations; two equal gears in parallel count twice. So the kinematic equations are examined with their
+numerical coefficients. Tree-like parts cannot be redundant and are removed first; what remains are loops, which are eliminated while
+recording which equations were combined.
 """
 
 from __future__ import annotations
@@ -14,37 +14,37 @@ from heapq import heapify, heappop, heappush
 
 from gearlib.structure.sparse_rows import eliminate, holders_of, sizes_of
 
-TOLERANCE = 1e-10  # of a row's largest coefficient: below it, a coefficient is rounding
+TOLERANCE = 1e-10  # relative to the row's largest coefficient: smaller coefficients are rounding
 
 
 @dataclass(frozen=True)
 class Combination:
-    """Rows that, combined with these multipliers, leave nothing (or a single variable)."""
+    """Rows whose combination with these multipliers leaves nothing (or a single variable)."""
 
     rows: tuple[int, ...]
     multipliers: tuple[float, ...]
-    variable: int = -1  # the one that is forced to stand still
-    constant: float = 0.0  # what is left on the right-hand side
-    last: int = -1  # the row that came out empty: without it the others are independent
+    variable: int = -1  # the variable forced to zero
+    constant: float = 0.0  # remaining right-hand side
+    last: int = -1  # the row that became empty: without it the others are independent
 
 
 def examine(
     rows: Sequence[Mapping[int, float]], constants: Sequence[float], may_stand: frozenset[int]
 ) -> tuple[list[Combination], list[Combination]]:
-    """Find redundant and contradictory rows of ``sum(row[v] * x[v]) = constant``. Of each redundant one the row ``last`` is not needed.
+    """Find redundant and contradictory rows of ``sum(row[v] * x[v]) = constant``; the row ``last`` of each redundancy can be removed.
 
     Parameters
     ----------
     rows : sequence of mappings
-        Coefficient of each variable.
+        Coefficients by variable.
     constants : sequence of float
-        Right-hand sides; NaN where it varies with time.
+        Right-hand sides; NaN where they vary with time.
     may_stand : frozenset of int
-        Variables that may be forced to a constant without that being an error.
+        Variables that may be forced to a constant without error.
 
     Examples
     --------
-    Two equal gears side by side, then two that disagree:
+    Two equal gears in parallel, then two that contradict each other:
 
     >>> examine([{0: 1, 1: -3}, {0: 1, 1: -3}], [0, 0], frozenset())[0][0].rows
     (0, 1)
@@ -65,7 +65,7 @@ def examine(
     while pending:
         length, r = heappop(heap)  # a row with the fewest entries
         row = work[r]
-        if r not in pending or length != len(row):  # changed since it was put there
+        if r not in pending or length != len(row):  # outdated queue entry
             continue
         pending.remove(r)
         if not row:
@@ -90,7 +90,7 @@ def examine(
 
 
 def core(rows: Sequence[Mapping[int, float]]) -> list[int]:
-    """The 2-core of the rows: those left after repeatedly removing rows with a variable of their own."""
+    """The 2-core of the rows: what remains after repeatedly removing rows with a variable of their own."""
     holders: dict[int, list[int]] = defaultdict(list)
     for r, row in enumerate(rows):
         for v, c in row.items():

@@ -14,21 +14,21 @@ import networkx as nx
 from gearlib.structure.incidence import Columns, Node
 from gearlib.structure.states import StateChoice
 
-Block = tuple[Node, ...]  # unknowns that are computed together
+Block = tuple[Node, ...]  # unknowns that are solved simultaneously
 
 
 @dataclass(frozen=True)
 class Dependence:
-    """Which unknowns and states each unknown is computed from."""
+    """Dependency graph: the unknowns and states that each unknown is computed from."""
 
     choice: StateChoice
     columns: Columns
-    given: Collection[int] = ()  # variables that come from outside
+    given: Collection[int] = ()  # variables given from outside
     is_state: frozenset[Node] = frozenset()
-    at_events: Mapping[int, Sequence[Node]] = field(default_factory=dict)  # of an equation: what decides on its modes
+    at_events: Mapping[int, Sequence[Node]] = field(default_factory=dict)  # per equation: the nodes that determine its modes
 
     def of(self, node: Node) -> list[Node]:
-        """What else stands in the equation that determines ``node``."""
+        """The other nodes in the equation that determines ``node``."""
         e, k = self.choice.solved_by[node]
         return [n for n in self.columns(e, k) if n != node and n[0] not in self.given]
 
@@ -36,7 +36,7 @@ class Dependence:
 def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool, events: bool = False) -> tuple[list[Node], set[Node]]:
     """Unknowns and states that the targets depend on.
 
-    With ``dynamic``, also what the states' derivatives depend on; with ``events``, also what decides on the modes of equations.
+    With ``dynamic``, also what the derivatives of the states depend on; with ``events``, also what determines the modes of equations.
     """
     unknowns: dict[Node, None] = {}
     states: set[Node] = set()
@@ -61,9 +61,9 @@ def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool, events
 
 
 def sort_blocks(dependence: Dependence, unknowns: Collection[Node]) -> tuple[Block, ...]:
-    """Strongly connected components in the order in which they can be computed.
+    """Strongly connected components in topological order.
 
-    The components of one level keep the order of their lowest unknown, so that the result does not depend on hashing.
+    Components of one level are ordered by their lowest unknown, so that the result does not depend on hashing.
     """
     inside = set(unknowns)
     graph: nx.DiGraph = nx.DiGraph()
@@ -71,11 +71,11 @@ def sort_blocks(dependence: Dependence, unknowns: Collection[Node]) -> tuple[Blo
     graph.add_nodes_from(ordered)
     for node in ordered:
         graph.add_edges_from((node, other) for other in dependence.of(node) if other in inside)
-    return tuple(tuple(sorted(c)) for c in nx.strongly_connected_components(graph))  # dependences come first
+    return tuple(tuple(sorted(c)) for c in nx.strongly_connected_components(graph))  # dependencies first
 
 
 def sinks(dependence: Dependence, states: Iterable[Node], position: Callable[[Node], bool]) -> frozenset[Node]:
-    """States that are the integral of something and that nothing depends on, themselves included: absolute angles, as a rule."""
+    """States that are pure integrals, on which nothing depends but themselves: usually absolute angles."""
     remaining = list(states)
     _, needed = reach(dependence, [(v, k + 1) for v, k in remaining], dynamic=False, events=True)
     return frozenset(s for s in remaining if s not in needed and position(s))

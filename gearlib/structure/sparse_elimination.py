@@ -1,8 +1,8 @@
 """Rank-revealing sparse elimination: independent rows and columns of a rectangular system, and its solution.
 
-Gaussian elimination with Markowitz' choice of pivots finds as many independent rows and columns as there are. What it cannot decide
-with pivots of good size is left to a QR decomposition with column exchanges of the small full matrix that remains. The square matrix of
-the chosen rows and columns is then factorised by SuperLU.
+Gaussian elimination with Markowitz pivoting finds a maximal set of independent rows and columns. What it cannot decide with pivots of
+sufficient size is left to a QR decomposition with column pivoting of the small dense remainder. The square matrix of the chosen rows
+and columns is then factorised by SuperLU.
 
 References
 ----------
@@ -25,13 +25,13 @@ from gearlib.structure.sparse_rows import eliminate, holders_of
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-RANK = 1e-11  # of a row whose entries were scaled to 1: what is left below this says nothing new
-SAFE = 1e-3  # smallest pivot of the elimination; what is below waits for the full matrix
-EXCHANGE = 0.1  # smallest pivot as a fraction of the largest entry of its row
-CANCELLED = 1e-14  # of the operands of a subtraction: what is left below this is rounding
-DENSE = 400  # entries that an elimination step may add at most; where no better pivot is left the full matrix is better
-FLOOR = 1e-4  # of the largest unknown: terms below are not asked to cancel to their own size
-LOOKS = 3  # random directions: an unknown that moves in none of them is determined
+RANK = 1e-11  # of a row scaled to 1: a smaller remainder is linearly dependent
+SAFE = 1e-3  # smallest pivot of the elimination; smaller ones are left to the dense remainder
+EXCHANGE = 0.1  # smallest pivot relative to the largest entry of its row
+CANCELLED = 1e-14  # relative to the operands of a subtraction: a smaller result is rounding
+DENSE = 400  # largest fill-in of one elimination step; beyond it the dense remainder is better
+FLOOR = 1e-4  # relative to the largest unknown: smaller terms need not cancel to their own precision
+LOOKS = 3  # random directions: an unknown that is zero in all of them is determined
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,9 @@ class Factors:
     ----------
     matrix : sparse matrix
     row, column : arrays
-        Factors that bring the largest entries of rows and columns near 1.
+        Scale factors that bring the largest entries of rows and columns close to 1.
     rows, columns : integer arrays
-        Independent rows, and columns that these determine; both have the length of the rank.
+        Independent rows, and columns that they determine; both of length rank.
     """
 
     matrix: Any
@@ -71,18 +71,18 @@ class Factors:
 
     @cached_property
     def open(self) -> Integers:
-        """Columns that may be chosen: the others follow from them."""
+        """Free columns, on which the others depend."""
         return np.setdiff1d(np.arange(self.matrix.shape[1]), self.columns)
 
     def solve(self, rhs: Floats) -> Floats:
-        """A solution of the independent rows, in which the open unknowns are 0."""
+        """A solution of the independent rows, with the free unknowns set to 0."""
         x = np.zeros(self.matrix.shape[1])
         if self.rank:
             x[self.columns] = self._square.solve((rhs * self.row)[self.rows]) * self.column[self.columns]
         return x
 
     def contradiction(self, residual: Floats, x: Floats) -> Floats:
-        """Size of each row's residual ``matrix @ x - rhs`` over that of its terms; 0 up to rounding where the row holds."""
+        """Each row's residual ``matrix @ x - rhs`` relative to its terms; 0 up to rounding where the row holds."""
         size = np.abs(x / self.column).max(initial=np.finfo(float).tiny)
         terms = self.row * (abs(self.matrix) @ np.abs(x)) + FLOOR * size
         with np.errstate(over="ignore"):
@@ -90,7 +90,7 @@ class Factors:
         return ratio
 
     def directions(self, how_many: int) -> Floats:
-        """Random motions that the equations leave free, in scaled unknowns, shape (unknowns, how_many)."""
+        """Random null-space directions in scaled unknowns, shape (unknowns, how_many)."""
         found = np.zeros((self.matrix.shape[1], how_many))
         found[self.open] = np.random.default_rng(len(self.open)).uniform(0.5, 1.5, (len(self.open), how_many))
         if self.rank and len(self.open):
@@ -99,12 +99,12 @@ class Factors:
 
     @cached_property
     def undetermined(self) -> Floats:
-        """How far each unknown (scaled) moves in random free motions: 0 up to rounding where the equations determine it."""
+        """Magnitude of each scaled unknown in random null-space directions: 0 up to rounding where the equations determine it."""
         size: Floats = np.abs(self.directions(LOOKS)).max(axis=1, initial=0.0)
         return size
 
     def combined(self, row: int) -> Floats:
-        """Weights of all rows that together cancel a dependent one (its own is 1)."""
+        """Weights of all rows that together cancel a dependent one (whose own weight is 1)."""
         weights = np.zeros(self.matrix.shape[0])
         if self.rank:
             right = self._scaled[[row]][:, self.columns].toarray().ravel()
@@ -133,7 +133,7 @@ def factorise(matrix: Any) -> Factors:
 
 
 def _scales(matrix: Any) -> tuple[Floats, Floats]:
-    """Factors that bring the largest entry of every row and column near 1."""
+    """Scale factors that bring the largest entry of every row and column close to 1."""
     entries = matrix.tocoo()
     size, i, j = np.abs(entries.data), entries.row, entries.col
     row, column = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
@@ -146,7 +146,7 @@ def _scales(matrix: Any) -> tuple[Floats, Floats]:
 
 
 def independent(scaled: Any) -> tuple[Integers, Integers]:
-    """Rows and columns of a largest square part that is not singular, of a matrix with entries up to about 1."""
+    """Rows and columns of a maximal nonsingular square submatrix, for a matrix with entries up to about 1."""
     lines = _lines(scaled)
     users = holders_of(lines)
     chosen: list[tuple[int, int]] = []
@@ -157,7 +157,7 @@ def independent(scaled: Any) -> tuple[Integers, Integers]:
         length, i = heapq.heappop(waiting)
         line = lines[i]
         if i in done or length != len(line):
-            continue  # changed since: it is in the queue once more
+            continue  # outdated: it is in the queue again
         pivot = _pivot(line, users)
         if pivot is None or (length - 1) * (len(users[pivot]) - 1) > DENSE:
             continue
@@ -180,7 +180,7 @@ def _lines(scaled: Any) -> dict[int, dict[int, float]]:
 
 
 def _pivot(line: dict[int, float], users: Mapping[int, set[int]]) -> int | None:
-    """The column to eliminate with a row: of those with large entries, the one that stands in fewest rows."""
+    """Pivot column of a row: among its large entries, the column with the fewest rows."""
     largest = max(map(abs, line.values()), default=0.0)
     if largest < SAFE:
         return None
@@ -189,7 +189,7 @@ def _pivot(line: dict[int, float], users: Mapping[int, set[int]]) -> int | None:
 
 
 def _core(rows: list[int], lines: Mapping[int, Mapping[int, float]]) -> list[tuple[int, int]]:
-    """Independent rows and columns of what the elimination left."""
+    """Independent rows and columns of the dense remainder."""
     from scipy.linalg import qr
 
     columns = sorted({j for i in rows for j in lines[i]})

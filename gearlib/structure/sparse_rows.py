@@ -1,7 +1,7 @@
-"""Elimination in sparse rows: the one step that all eliminations with numbers share.
+"""Sparse row elimination: the step shared by all numerical eliminations.
 
-What is eliminated, in which order, and what is made of it differ: `gearlib.structure.rigid_loops` keeps a record of combinations,
-`gearlib.structure.states` takes columns by preference, `gearlib.structure.sparse_elimination` looks for the rank of large matrices.
+They differ in what is eliminated, in which order, and in what is recorded: `gearlib.structure.rigid_loops` records combinations,
+`gearlib.structure.states` chooses columns by preference, `gearlib.structure.sparse_elimination` finds the rank of large matrices.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ C = TypeVar("C")
 
 
 def holders_of(rows: Mapping[R, Mapping[C, float]]) -> dict[C, set[R]]:
-    """Of each column the rows that hold it."""
+    """For each column the rows that contain it."""
     found: dict[C, set[R]] = defaultdict(set)
     for r, row in rows.items():
         for c in row:
@@ -24,7 +24,7 @@ def holders_of(rows: Mapping[R, Mapping[C, float]]) -> dict[C, set[R]]:
 
 
 def sizes_of(rows: Mapping[R, Mapping[C, float]]) -> dict[R, float]:
-    """Of each row its largest coefficient; 1 of an empty one."""
+    """Largest coefficient of each row; 1 for an empty one."""
     return {r: max(map(abs, row.values()), default=1.0) for r, row in rows.items()}
 
 
@@ -32,25 +32,25 @@ def eliminate(
     rows: Mapping[R, dict[C, float]], holders: Mapping[C, set[R]], pivot: R, column: C, among: Collection[R],
     sizes: Mapping[R, float] | None = None, rounding: float = 0.0,
 ) -> Iterator[tuple[R, float]]:  # fmt: skip
-    """Subtract multiples of a row from others so that a column vanishes from them; ``rows`` and ``holders`` are changed.
+    """Subtract multiples of a row from others so that a column vanishes from them; ``rows`` and ``holders`` are modified.
 
     Parameters
     ----------
     rows : mapping of mappings
-        Coefficient of each column.
+        Coefficients by column.
     holders : mapping of sets
-        Of each column the rows that hold it.
+        For each column the rows that contain it.
     pivot, column : a row, and one of its columns
     among : collection of rows
-        The others.
+        The other rows.
     sizes : mapping, optional
-        Of each row a size. What is left of a subtraction counts as zero below ``rounding`` of the sizes of the two rows, by default
-        of the two numbers.
+        A magnitude per row. The result of a subtraction counts as zero below ``rounding`` times the magnitudes of the two rows, by
+        default of the two numbers.
 
     Yields
     ------
     row, factor
-        Each row that was changed, and the multiple that was subtracted.
+        Each modified row, and the multiple that was subtracted.
 
     Examples
     --------

@@ -1,11 +1,11 @@
-"""State selection: dummy derivatives by column choice with numerical pivoting.
+"""State selection: dummy derivatives by greedy column choice with numerical pivoting.
 
-After Pantelides' algorithm every equation but its last derivative is a constraint on what could be a state: on all derivatives of
-variables but the highest. As many of them as there are constraints are solved for; the rest are states. Any choice that keeps the
-constraints solvable will do, so it is made by preference (absolute angles are given up first), and solvability is checked with
-numbers, since a structurally sound pivot can be zero in a gear loop. The derivatives that are solved for, and so are not integrals
-of anything, are the dummy derivatives of Mattsson and Soderlind; unlike theirs, the choice on one level of differentiation does not
-bind that on another, so that a deflection can be a state where the angles on both its sides are differentiated twice.
+After Pantelides' algorithm every equation except its highest derivative is a constraint on the state candidates, which are all but the
+highest derivatives of variables. The constraints are solved for as many candidates as there are constraints; the rest are states. Any
+choice that keeps the constraints solvable is valid, so it is made by preference (absolute angles are eliminated first), and solvability
+is checked numerically, since a structurally sound pivot can be zero in a gear loop. The derivatives that are solved for, and so are not
+integrals of anything, are the dummy derivatives of Mattsson and Soderlind; unlike theirs, the choices at different levels of
+differentiation are independent, so that a deflection can be a state while the angles on both sides are differentiated twice.
 
 S. E. Mattsson and G. Soderlind, "Index reduction in differential-algebraic equations using dummy derivatives", SIAM Journal on
 Scientific Computing 14 (1993) 677-692, doi 10.1137/0914043.
@@ -23,20 +23,20 @@ from gearlib.structure.incidence import Entry, Node
 from gearlib.structure.pantelides import Differentiation
 from gearlib.structure.sparse_rows import eliminate, holders_of, sizes_of
 
-ZERO = 1e-11  # of a row's largest coefficient
-FILLED = 8  # times as many entries as a column had: it has filled up
+ZERO = 1e-11  # relative to a row's largest coefficient
+FILLED = 8  # ratio of a column's entries to their original number that counts as fill-in
 
 
 @dataclass(frozen=True)
 class StateChoice:
-    """Which nodes are states, and which equation determines each other one.
+    """The states, and the equation matched to each other node.
 
     A node (v, k) is the k-th derivative of variable v; an equation (e, k) the k-th derivative of equation e.
     """
 
     states: tuple[Node, ...]
     solved_by: Mapping[Node, Node]
-    singular: tuple[int, ...]  # equations left without a pivot
+    singular: tuple[int, ...]  # equations without a pivot
 
 
 def choose_states(
@@ -51,15 +51,16 @@ def choose_states(
     Parameters
     ----------
     result : Differentiation
-        Of Pantelides' algorithm.
+        Result of Pantelides' algorithm.
     entries : iterable of (equation, variable, order, value)
         Partial derivatives of the differentiated equations (as written) with respect to each variable and order.
     badness : mapping
-        Of each candidate node (v, k), how little it is wanted as a state; larger is worse.
+        Sort key of each candidate node (v, k): larger means less wanted as a state.
     varying : frozenset of int
-        Equations whose coefficients change during a run.
+        Equations with coefficients that change during a run.
     ranks : sequence of int, optional
-        Of each variable: of equals the one with the lowest rank is no state. By default the variables' numbers.
+        Tie-break between equal candidates: the one whose variable has the lowest rank is not a state. By default the variables'
+        numbers.
     """
     counts, orders = result.counts, result.orders
     solved_by: dict[Node, Node] = {(v, orders[v]): (e, counts[e]) for e, v in result.assignment.items()}
@@ -85,14 +86,14 @@ def select_columns(
 ) -> tuple[set[Node], list[Node]]:
     """Independent columns, one per row, least wanted first; and the rows without one.
 
-    Columns are taken in the order of their badness; each is chosen unless it depends on the earlier ones, as the greedy algorithm
-    for a basis of greatest weight has it. Among equals a column with few entries goes first, which keeps the elimination sparse; but
-    in an equation with ``varying`` coefficients the one with the largest coefficient does, which is the farthest from vanishing. What
-    is left of a row below ``zero`` of its largest coefficient says nothing.
+    Columns are considered in order of badness; each is chosen unless it depends on earlier ones (the greedy algorithm for a
+    maximum-weight basis). Among equals, columns with few entries come first, which keeps the elimination sparse; but in an equation
+    with ``varying`` coefficients the one with the largest coefficient does, being farthest from zero. A row whose remainder is below
+    ``zero`` of its largest coefficient is dependent.
 
     Examples
     --------
-    A deflection is the difference of two angles; the first angle is given up:
+    A deflection is the difference of two angles; the first angle is eliminated:
 
     >>> select_columns({(0, 0): {(7, 0): -1.0, (8, 0): 1.0, (9, 0): 1.0}}, {(7, 0): (3,), (8, 0): (3,), (9, 0): (1,)})
     ({(7, 0)}, [])
@@ -103,7 +104,7 @@ def select_columns(
     entries = {v: len(rs) for v, rs in holders.items()}
 
     def key(v: Node) -> Any:
-        """The first one has the largest."""
+        """The first of these has the largest coefficient."""
         return badness.get(v, (0.0,)), -entries[v], largest[v], (-(v[0] if ranks is None else ranks[v[0]]), -v[1])
 
     waiting = sorted(holders, key=key)
@@ -113,7 +114,7 @@ def select_columns(
         column = waiting.pop()
         if column in chosen:
             continue
-        if len(holders[column]) > FILLED * entries[column]:  # a column that has filled up waits behind its equals
+        if len(holders[column]) > FILLED * entries[column]:  # a column with fill-in goes behind its equals
             entries[column] = len(holders[column])
             insort(waiting, column, key=key)
             continue

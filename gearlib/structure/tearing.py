@@ -1,7 +1,7 @@
-"""Tearing of algebraic loops: few iteration unknowns, from which the others follow in sequence.
+"""Tearing of algebraic loops: a small set of iteration unknowns, from which the others follow in sequence.
 
-A greedy choice in the manner of Cellier: whatever a single equation determines is taken; where nothing is, the unknown that stands in
-the most equations becomes a tearing variable (F. E. Cellier and E. Kofman, "Continuous System Simulation", Springer 2006, section
+A greedy choice in the manner of Cellier: an unknown that a single equation determines is eliminated; where there is none, the unknown
+in the most equations becomes a tearing variable (F. E. Cellier and E. Kofman, "Continuous System Simulation", Springer 2006, section
 7.4, doi 10.1007/0-387-30260-3).
 """
 
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tearing:
-    """Rows and columns in an order in which the leading part is lower triangular.
+    """Order of rows and columns with a lower triangular leading part.
 
-    The first ``lead`` rows each determine the column beside them; the columns after these are the tearing variables, the rows after
+    The first ``lead`` rows each determine the column of equal index; the columns after these are the tearing variables, the rows after
     these their residual equations.
     """
 
@@ -34,11 +34,11 @@ def tear(rows: Sequence[Mapping[int, bool]]) -> Tearing:
     Parameters
     ----------
     rows : sequence of mappings
-        The columns of each row, and whether the row may be solved for it.
+        Columns of each row, and whether the row can be solved for them.
 
     Examples
     --------
-    x0 = f(x1), x1 = g(x0): one of them is torn.
+    x0 = f(x1), x1 = g(x0): one of them is a tearing variable.
 
     >>> t = tear([{0: True, 1: True}, {0: True, 1: True}])
     >>> t.lead, t.tears

@@ -1,1 +1,1 @@
-"""One driver of all runs: samples, events, time events and the event log, whatever method takes the steps."""
+"""The driver of all runs: samples, events, time events and the event log, independent of the stepper."""

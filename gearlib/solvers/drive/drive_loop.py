@@ -1,4 +1,4 @@
-"""The loop of all runs: steps, samples, events. Written in the small language, and compiled once per machine.
+"""The main loop of all runs: steps, samples, events. Written in the small language, compiled once per machine.
 
 It calls the functions of a stepper by their addresses, with the address of the run's record::
 
@@ -9,8 +9,8 @@ It calls the functions of a stepper by their addresses, with the address of the 
     int32 restart(address, changed, why)    begin anew at ``x``. ``changed`` is what the event iteration did; ``why`` is ROOT, TIMED
                                             or START. How many event functions crossed zero by it (``fired`` says which), or a failure
 
-The loop keeps its state in the record and returns after a given number of steps, so that Python can look after interrupts, grow the
-event log and call again.
+The loop keeps its state in the record and returns after a given number of steps, so that Python can handle interrupts, grow the event
+log and call again.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from gearlib.compiler.translate import Prototype
 from gearlib.native.layout import MODEL
 from gearlib.solvers.drive.drive_record import DriveRecord
 
-STEPPED, FOUND, RETRY = 0, 1, 2  # what a step returns
-ROOT, TIMED, START = 0, 1, 2  # why a stepper begins anew
-DONE, MORE, LOG_FULL, STIFF = 0, 1, 2, 3  # what ``advance`` returns, beside failures:
+STEPPED, FOUND, RETRY = 0, 1, 2  # results of a step
+ROOT, TIMED, START = 0, 1, 2  # reasons for a restart
+DONE, MORE, LOG_FULL, STIFF = 0, 1, 2, 3  # results of ``advance``, besides failure codes:
 RHS_FAILED, UPDATE_FAILED, UNSETTLED, CHATTER, STEP_LIMIT = -101, -102, -103, -104, -105
 
 STEP = Prototype("int32", ("int", "float"))
@@ -30,14 +30,14 @@ INTERPOLATE = Prototype("int32", ("int", "float", "int"))
 ACCEPT = Prototype("int32", ("int",))
 RESTART = Prototype("int32", ("int", "int", "int"))
 
-BURST = 1000  # so many instants with events within ``window`` are a chattering model, not a rattling gear
+BURST = 1000  # number of instants with events within ``window`` that means a chattering model rather than a rattling gear
 ROUNDING = 8.9e-16
 PASSES = 100  # of event iteration and restart at one instant
 
 
 @native
 def store(s: DriveRecord, t: float, interpolated: bool) -> int:
-    """The next sample: states and discrete state."""
+    """Record the next sample: states and discrete state."""
     i = s.sample
     target = s.out + 8 * i * s.n
     if interpolated:
@@ -64,7 +64,7 @@ def log(s: DriveRecord, root: int) -> None:
 
 @native
 def settle(s: DriveRecord, why: int) -> int:
-    """Event iteration and restart, until nothing crosses zero by them; what changed, or a failure."""
+    """Alternate event iteration and restart until no event function crosses zero; returns what changed, or a failure."""
     changed = 0
     for _ in range(PASSES):
         did = 0
@@ -85,7 +85,7 @@ def settle(s: DriveRecord, why: int) -> int:
 
 @native
 def handle(s: DriveRecord, found: bool, timed: bool) -> int:
-    """Log what happened at ``t``, and begin anew there."""
+    """Log the events at ``t``, and restart there."""
     if s.t - s.burst_start > s.window:
         s.burst_start, s.burst = s.t, 0
     s.burst += 1
@@ -94,7 +94,7 @@ def handle(s: DriveRecord, found: bool, timed: bool) -> int:
     if timed:
         log(s, -1)
     logged = s.events
-    for k in range(s.n_roots):  # before the update, which may forget what fired
+    for k in range(s.n_roots):  # before the update, which may overwrite what fired
         if not found:
             fired[k] = 0
         elif fired[k] != 0:
@@ -116,7 +116,7 @@ def handle(s: DriveRecord, found: bool, timed: bool) -> int:
 
 @native
 def one_step(s: DriveRecord) -> int:
-    """A step, with its samples and what happens at its end."""
+    """One step, with its samples and the events at its end."""
     stop = floats_at(s.stops)[s.stop]
     s.steps += 1
     code = STEP(s.step, s.address, stop)
@@ -143,7 +143,7 @@ def one_step(s: DriveRecord) -> int:
 
 @native
 def advance(address: int) -> int32:
-    """Integrate for ``budget`` steps, or until something happens that Python must see to."""
+    """Integrate for ``budget`` steps, or until Python must intervene."""
     s = DriveRecord(address)
     times, end = floats_at(s.times), floats_at(s.stops)[s.n_stops - 1]
     if s.started == 0:

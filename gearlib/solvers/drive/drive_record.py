@@ -1,6 +1,6 @@
-"""State record of a run, shared by the driver's compiled loop and the stepper that it calls.
+"""State record of a run, shared by the driver's compiled loop and its stepper.
 
-A stepper that needs more fields declares a record that begins with these: one address serves both.
+A stepper that needs more fields declares a record that extends this one: one address serves both.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ __all__ = ["DriveRecord"]
 
 @record
 class DriveRecord(ctypes.Structure):
-    """State of a run; every field is zero at first."""
+    """State of a run; all fields are initially zero."""
 
     address: int  # of the record itself
     # addresses of the stepper's functions, see ``drive_loop``
@@ -28,22 +28,22 @@ class DriveRecord(ctypes.Structure):
     update: int
     data: int
     index: int
-    # addresses: states at ``t`` in the model's order, and the directions in which event functions crossed zero
+    # addresses: states at ``t`` in the model's order, and directions of the zero crossings of event functions
     x: int
     fired: int
-    # addresses of output times, of times to stop at, of the samples and of the event log
+    # addresses of output times, stop times, samples and event log
     times: int
     stops: int
     out: int
     modes: int
     log_t: int
     log_root: int
-    # whole numbers
+    # integers
     n: int  # states
     n_roots: int
     n_times: int
     n_stops: int
-    n_timed: int  # the first stops are time events, a last one may be an end
+    n_timed: int  # the first stops are time events; the last one may be the end of the run
     n_modes: int
     first_mode: int
     capacity: int  # of the event log
@@ -51,16 +51,16 @@ class DriveRecord(ctypes.Structure):
     started: int
     sample: int
     stop: int
-    steps: int  # steps tried
+    steps: int  # attempted steps
     events: int
-    from_zero: int  # whether what fired merely leaves zero: not worth an entry unless it changes something
-    pause: int  # what the stepper has the loop return after the step
+    from_zero: int  # whether the event function that fired merely leaves zero: logged only if that changes something
+    pause: int  # status that the stepper requests the loop to return after the step
     burst: int  # instants with events since ``burst_start``
-    # reals
-    origin: float  # s; all other times count from here, so that a late start takes no digits from them
+    # floating-point numbers
+    origin: float  # s; all other times count from here, so that a late start costs no digits
     t: float
-    reached: float  # the end of the step
-    slack: float  # s; samples no further before an event than that, or than
-    slack_share: float  # this part of the time, are on the event: they hold the right-hand limit
-    window: float  # s, in which so many instants with events are chattering
+    reached: float  # end of the step
+    slack: float  # s; samples at most that long before an event, or at most
+    slack_share: float  # this fraction of time before it, count as on the event: they hold the right-hand limit
+    window: float  # s; interval in which too many instants with events count as chattering
     burst_start: float

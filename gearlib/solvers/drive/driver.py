@@ -1,4 +1,4 @@
-"""`Driver`: carries out a run with any `Stepper`; `integrate` does so to the end."""
+"""`Driver`: integrates a problem with any `Stepper`; `integrate` runs it to the end."""
 
 from __future__ import annotations
 
@@ -21,91 +21,91 @@ from gearlib.solvers.problem import Floats, Problem, Solution, late_start
 
 __all__ = ["Driver", "Stepper", "address_of", "integrate"]
 
-STEPS_PER_CALL = 1000  # Python looks after interrupts in between
-PATIENCE = 12  # refused evaluations that are borne before a run is said to have left what its states describe
+STEPS_PER_CALL = 1000  # Python handles interrupts in between
+PATIENCE = 12  # failed evaluations, with ever smaller steps, before a run counts as having left the domain of its states
 _EVENTS_AT_FIRST = 256
-LASTING = ("times", "out", "modes", "log_t", "log_root")  # what one method hands over to the next
+LASTING = ("times", "out", "modes", "log_t", "log_root")  # handed over from one method to the next
 _NO_EVENTS = np.empty(0)
 _STATUS = {drive_loop.DONE: "done", drive_loop.MORE: "more", drive_loop.LOG_FULL: "more", drive_loop.STIFF: "stiff"}
 
 
 class Stepper(ABC):
-    """A method on its way through a problem: what it does between two samples or events, and what it says of it.
+    """An integration method working on one problem: its functions, statistics and error messages.
 
-    `attach` writes the addresses of its functions into the run's record; `drive_loop` says what these do.
+    `attach` writes the addresses of its functions into the run's record; `drive_loop` specifies them.
     """
 
     Record: type[DriveRecord] = DriveRecord
-    steps: bool = True  # False: it finds all samples at once, and has no part in the compiled loop
-    looks_every: int = STEPS_PER_CALL  # steps after which `spent` is asked
-    raised: BaseException | None = None  # what one of its functions raised, where these are Python's
+    steps: bool = True  # False: it computes all samples at once, outside the compiled loop
+    looks_every: int = STEPS_PER_CALL  # steps between two calls of `spent`
+    raised: BaseException | None = None  # exception raised by one of its functions, if these are Python's
 
     def memory(self, size: int, n_roots: int) -> dict[str, int]:
-        """Names of the record's fields that point to numbers of the stepper's own, and how many; ``size``: states in whole blocks."""
+        """Fields of the record that point to the stepper's own arrays, with their sizes; ``size``: number of states, padded to blocks."""
         return {}
 
     @abstractmethod
     def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
-        """Get ready to begin; the run's record is complete but for the stepper's part. ``memory`` gives what was asked for.
+        """Prepare to integrate; the record is complete except for the stepper's part. ``memory`` holds the requested arrays.
 
-        A reference to the driver is to be weak, lest the samples of runs that are over wait for the garbage collector.
+        A reference to the driver must be weak, or the samples of finished runs would wait for the garbage collector.
         """
 
     @property
     @abstractmethod
     def work(self) -> float:
-        """What was done so far, ns: estimated from counted operations."""
+        """Work so far (ns), estimated from counted operations."""
 
     @abstractmethod
     def stats(self) -> dict[str, Any]:
-        """What is counted."""
+        """Statistics of the run."""
 
     @abstractmethod
     def failure(self, code: int) -> GearlibError:
-        """The exception that tells why a run ended with a code of the stepper's own."""
+        """The exception for a failure code of the stepper's own."""
 
     def carry_on(self, driver: Driver) -> int:
-        """Take the run on by ``record.budget`` steps at most; what ``drive_loop.advance`` returns, which does so step by step."""
+        """Continue for at most ``record.budget`` steps; returns a result code of ``drive_loop.advance``, the default implementation."""
         return native_functions(drive_loop.__name__).loop("advance")(driver.record.address)
 
     def until(self, t: float, longest_step: float) -> None:  # noqa: B027  (most have nothing to do)
-        """A run that was done goes on to a later time, s, with no step longer than that."""
+        """Extend a finished run to a later time (s), with a maximum step size."""
 
     def recovers(self, code: int) -> bool:
-        """Whether the run may go on after a failure, since the stepper has found a way."""
+        """Whether the run can continue after a failure, since the stepper has found a remedy."""
         return False
 
     def leaves(self, code: int) -> bool:
-        """Whether a failure means that the right-hand side does not exist further on."""
+        """Whether a failure means that the right-hand side is undefined beyond this point."""
         return False
 
     def spent(self) -> bool:
-        """Whether the states hardly determine the motion any more, so that the run must go on with others."""
+        """Whether the states are close to singular, so that the run must continue with others."""
         return False
 
     def close(self) -> None:  # noqa: B027  (most have nothing to free)
-        """Free what Python does not."""
+        """Release resources that Python does not manage."""
 
 
 class Driver:
-    """A run on its way: a problem, and the stepper that takes it there.
+    """A run in progress: a problem and the stepper that integrates it.
 
     Parameters
     ----------
     problem
-        Its start is where the run begins, or is handed over.
+        The run begins, or is handed over, at its start values.
     stepper
     before
-        The driver of the same run that another stepper has brought this far. Samples and events are added to its own; it may itself
-        go on if nothing comes of the hand-over.
+        The driver of the same run with the previous stepper. Samples and events are appended to its own; it may itself continue if the
+        hand-over fails.
 
     Attributes
     ----------
     status : str
-        ``"more"``, ``"done"``; ``"left"`` where the right-hand side does not exist further on and the problem allows that; ``"stiff"``
-        where stability limits the steps of an explicit method that was told to look.
+        ``"more"``, ``"done"``; ``"left"`` where the right-hand side is undefined beyond this point and the problem allows that;
+        ``"stiff"`` where stability limits the steps of an explicit method that was told to watch.
     out : array, shape (samples, states)
-        States at the samples, as far as the run has got.
+        States at the samples reached so far.
     """
 
     record: DriveRecord
@@ -121,7 +121,7 @@ class Driver:
             self._lay_out_samples()
 
     def _lay_out_samples(self) -> None:
-        """Room for a stepper that finds all samples at once: of the record it has times and counts only."""
+        """Allocate the samples for a stepper that computes them all at once; its record holds times and counts only."""
         problem, n_times = self.problem, self.problem.times.size
         self.record = self.stepper.Record()
         self.record.t, self.record.n_times, self.record.capacity = float(problem.times[0]), n_times, 2
@@ -130,7 +130,7 @@ class Driver:
         self._lasting = {"log_t": _NO_EVENTS, "log_root": _NO_EVENTS}
 
     def _lay_out(self, before: Driver | None) -> None:
-        """The record and all arrays of the compiled loop."""
+        """Allocate the record and all arrays of the compiled loop."""
         problem, stepper, times = self.problem, self.stepper, self.problem.times
         self.events_before = 0 if before is None else before.record.events
         n, n_times, n_roots = problem.x0.size, times.size, problem.n_roots if problem.roots is not None else 0
@@ -139,7 +139,7 @@ class Driver:
         origin = late_start(first, last) if before is None else before.record.origin
         first_mode, last_mode, _ = problem.modes.indices(problem.data.size)
         n_modes, size = max(last_mode - first_mode, 0), BLOCK * max(1, -(-n // BLOCK))
-        # memory in one piece: a call of numpy takes as long as some steps of a small model
+        # one allocation: a call of numpy takes as long as several steps of a small model
         own = stepper.memory(size, n_roots)
         lengths = {
             "x": 2 * size if problem.implicit else size,
@@ -183,26 +183,26 @@ class Driver:
 
     @property
     def t(self) -> float:
-        """Where it is, s."""
+        """Current time, s."""
         return self.record.origin + self.record.t
 
     @property
     def work(self) -> float:
-        """What was done so far, ns: estimated from counted operations."""
+        """Work so far (ns), estimated from counted operations."""
         return self.stepper.work
 
     @property
     def event_times(self) -> Floats:
-        """s."""
+        """Times of the events, s."""
         return self.record.origin + self._lasting["log_t"][: self.record.events]
 
     @property
     def event_roots(self) -> NDArray[np.int64]:
-        """Which event function crossed zero, -1 for a time event."""
+        """Index of the event function that crossed zero, -1 for a time event."""
         return self._lasting["log_root"].view(np.int64)[: self.record.events].copy()
 
     def advance(self, steps: int = STEPS_PER_CALL) -> str:
-        """Go on by so many steps, or until something happens; returns the status."""
+        """Continue for a number of steps, or until something happens; returns the status."""
         record, left = self.record, self.problem.max_steps + self._steps_before - self.record.steps
         if left <= 0 and self.t < self.t_end:
             raise self._failure(drive_loop.STEP_LIMIT)
@@ -225,7 +225,7 @@ class Driver:
         return self.status
 
     def _failure(self, code: int) -> GearlibError:
-        """The exception that tells why the run ended with a negative code."""
+        """The exception for a negative result code."""
         problem, where = self.problem, f"at t = {self.t:.9g} s after {self.record.steps} steps"
         if code == drive_loop.CHATTER:
             last = self.event_roots[self.event_times >= self.t - self.record.window]
@@ -244,14 +244,14 @@ class Driver:
         return self.stepper.failure(code)
 
     def go_on(self, t: float, time_events: Floats, longest_step: float) -> None:
-        """Let a run that is done go on to a later time, s, as if it had not stopped; it has no more samples.
+        """Extend a finished run to a later time (s) as if it had not stopped; it takes no more samples.
 
         Parameters
         ----------
         t
-            s, later than where the run is.
+            s, later than the current time.
         time_events
-            Known times to step to exactly until then.
+            Known times in between to step to exactly.
         longest_step
             s.
         """
@@ -264,12 +264,12 @@ class Driver:
         self.stepper.until(t, longest_step)
 
     def begin_anew(self) -> None:
-        """Something that the model depends on was set from outside: the next step begins anew, after an event iteration."""
+        """Restart with an event iteration at the next step, since something that the model depends on was set from outside."""
         self.record.started = 0
         self.fired[:] = 0
 
     def _make_room(self) -> None:
-        """Let the event log grow."""
+        """Grow the event log."""
         record = self.record
         record.capacity = 2 * record.capacity + record.n_roots
         for name in ("log_t", "log_root"):
@@ -277,7 +277,7 @@ class Driver:
             setattr(record, name, address_of(self._lasting[name]))
 
     def solution(self) -> Solution:
-        """What has been found so far."""
+        """The solution found so far."""
         samples = self.record.sample
         return Solution(
             t=self.problem.times[:samples], x=self.out[:samples], modes=self._modes[:samples], status=self.status, t_last=self.t,
@@ -286,17 +286,17 @@ class Driver:
         )  # fmt: skip
 
     def close(self) -> None:
-        """Free what Python does not."""
+        """Release resources that Python does not manage."""
         self.stepper.close()
 
 
 def integrate(driver: Driver) -> Solution:
-    """Go on to the end, or to where the stepper stops.
+    """Continue to the end, or to where the stepper stops.
 
     Raises
     ------
     SolverError
-        The integration failed; says when, and in which state or event function.
+        The integration failed; the message says when, and in which state or event function.
     """
     try:
         while driver.advance() == "more":
@@ -307,13 +307,13 @@ def integrate(driver: Driver) -> Solution:
 
 
 def address_of(array: NDArray[Any]) -> int:
-    """Where an array's numbers are."""
+    """Address of an array's data."""
     buffer: Any = array
-    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))  # a third of the time of ``array.ctypes.data``
+    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))  # takes a third of the time of ``array.ctypes.data``
 
 
 def _stops(time_events: Floats, first: float, last: float) -> tuple[Floats, int]:
-    """Times to step to exactly: the time events within the span, and the end. How many of them are time events."""
+    """Times to step to exactly, the time events in the interval followed by its end, and the number of time events."""
     if time_events.size == 0:
         return np.array([last]), 0
     inside = np.unique(time_events[(time_events > first) & (time_events <= last)])
@@ -323,9 +323,9 @@ def _stops(time_events: Floats, first: float, last: float) -> tuple[Floats, int]
 
 
 def _check(problem: Problem) -> None:
-    """Raise `ArgumentError` for times or tolerances that make no sense, and `StartError` for a start that is no number."""
+    """Raise `ArgumentError` for invalid times or tolerances, and `StartError` for start values that are not finite."""
     times, tolerance = problem.times, problem.absolute_tolerance
-    # ufuncs' own reductions take a third of the time of an array's methods
+    # ufunc reductions take a third of the time of array methods
     sorted_ = times.ndim == 1 and times.size > 0 and bool(np.logical_and.reduce(times[1:] >= times[:-1]))
     if not sorted_ or not math.isfinite(times[0]) or not math.isfinite(times[-1]):
         raise ArgumentError("times must be finite and not decrease, and there must be one at least")

@@ -1,4 +1,4 @@
-"""`ExplicitStepper`: what a one-step method written in Python needs besides its formula: events, dense output, evaluations."""
+"""`ExplicitStepper`: base class of one-step methods in Python; adds events, dense output and statistics to the step formula."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gearlib.solvers.problem import Floats
 
 __all__ = ["ExplicitStepper"]
 
-HALVINGS = 60  # of the step in which an event function crosses zero: to rounding
+HALVINGS = 60  # bisections of a step to locate a zero of an event function: down to rounding
 
 
 class ExplicitStepper(PythonStepper):
-    """An explicit one-step method in Python. A subclass gives `advance`.
+    """Base class of explicit one-step methods in Python. A subclass implements `advance`.
 
-    Between the ends of a step the states follow the cubic with the values and slopes at both ends; events are located on it. An event
+    Dense output is the cubic Hermite interpolant of values and slopes at both ends of a step; events are located on it. An event
     function that crosses zero twice within a step goes unnoticed.
     """
 
@@ -34,10 +34,10 @@ class ExplicitStepper(PythonStepper):
 
     @abstractmethod
     def advance(self, t: float, x: Floats, stop: float) -> tuple[float, Floats]:
-        """Time and states after one step from ``(t, x)``, by no means beyond ``stop``."""
+        """Time and states after one step from ``(t, x)``, at most up to ``stop``."""
 
     def f(self, t: float, x: Floats) -> Floats:
-        """Derivatives of the states."""
+        """Right-hand side: derivatives of the states."""
         self._evaluations += 1
         out = np.empty(len(x))
         if self.rhs(t, np.ascontiguousarray(x), out) != 0 or not np.isfinite(out).all():
@@ -45,7 +45,7 @@ class ExplicitStepper(PythonStepper):
         return out
 
     def _crossed(self, t: float, x: Floats) -> Floats:
-        """Directions in which event functions have left their sides."""
+        """Directions in which event functions have crossed zero."""
         g = np.empty(len(self._sides))
         self.root_values(t, np.ascontiguousarray(x), g)
         directions: Floats = np.where(g * self._sides < 0.0, -self._sides, np.where(self._sides == 0.0, np.sign(g), 0.0))
@@ -56,7 +56,7 @@ class ExplicitStepper(PythonStepper):
         self._slope = self.f(self._t, self._x)
         g = np.empty(len(self._sides))
         self.root_values(self._t, self._x, g)
-        told = self.driver.fired  # the side of each event function, where the event iteration says it
+        told = self.driver.fired  # the side of each event function, where the event iteration determines it
         self._sides = np.where(np.abs(told) == 2, told // 2, np.sign(g))
 
     def step(self, stop: float) -> int:

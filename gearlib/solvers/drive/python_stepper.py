@@ -1,4 +1,4 @@
-"""`PythonStepper`: a stepper whose functions are methods of a Python class."""
+"""`PythonStepper`: a stepper implemented as a Python class."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ RAISED = -120  # a method has raised an exception
 
 
 class FailedError(Exception):
-    """A step cannot be taken; carries the code of the failure."""
+    """A failed step, with its failure code."""
 
 
 class PythonStepper(Stepper):
-    """A stepper in Python. Times of its methods count from the record's ``origin``, as all times in the record do.
+    """A stepper in Python. Times passed to its methods count from the record's ``origin``, like all times in the record.
 
-    An exception in one of them ends the run and comes out of it; `FailedError` ends it with a code.
+    An exception in a method ends the run and propagates to the caller; `FailedError` ends it with a failure code.
     """
 
     def attach(self, driver: Driver, memory: Callable[[str], Floats]) -> None:
@@ -47,7 +47,7 @@ class PythonStepper(Stepper):
             setattr(self.record, name, ctypes.cast(callback, _pointer).value or 0)
 
     def _guarded(self, kind: Any, method: Callable[..., int | None]) -> Any:
-        """A method as a C function: no exception crosses the compiled loop."""
+        """A method as a C callback: no exception may propagate through the compiled loop."""
 
         def call(_: int, *arguments: float) -> int:
             try:
@@ -67,7 +67,7 @@ class PythonStepper(Stepper):
 
     @abstractmethod
     def interpolate(self, t: float) -> Floats:
-        """The states at a time within the last step."""
+        """States at a time within the last step."""
 
     def _interpolate(self, t: float, out: int) -> None:
         np.ctypeslib.as_array(ctypes.cast(out, ctypes.POINTER(ctypes.c_double)), (self.driver.x.size,))[:] = self.interpolate(t)
@@ -78,15 +78,15 @@ class PythonStepper(Stepper):
 
     @abstractmethod
     def restart(self, changed: int, why: int) -> int | None:
-        """Begin anew at ``driver.x``."""
+        """Restart from ``driver.x``."""
 
     def rhs(self, t: float, x: Floats, out: Floats) -> int:
-        """The model's right-hand side, into an array; 0 where it could be evaluated."""
+        """Evaluate the model's right-hand side into an array; 0 on success."""
         record = self.record
         return int(self._rhs(record.origin + t, x.ctypes.data, out.ctypes.data, record.data, record.index))
 
     def root_values(self, t: float, x: Floats, out: Floats) -> int:
-        """The model's event functions, into an array; 0 where they could be evaluated."""
+        """Evaluate the model's event functions into an array; 0 on success."""
         record = self.record
         return (
             int(self._roots(record.origin + t, x.ctypes.data, out.ctypes.data, record.data, record.index)) if self._roots else 0

@@ -1,9 +1,9 @@
 """Action of the exponential of a large sparse matrix, exp(A h) z, by Chebyshev series (never forms exp(A h)).
 
-The field of values of A, in a scaling of the states that makes A as symmetric in size as it can be made, lies in an ellipse.
-The Faber polynomials of an ellipse are scaled Chebyshev polynomials, so that the series of exp is a three-term recurrence of
-products with A, and its truncation error is at most a few times the first coefficient left out. A motion that turns through w h
-radians takes little more than w h products, whatever the accuracy; a diffusive one takes their square root.
+The field of values of A, after a diagonal scaling of the states that makes A as close to symmetric in magnitude as possible, lies in an
+ellipse. The Faber polynomials of an ellipse are scaled Chebyshev polynomials, so that the series of exp is a three-term recurrence of
+products with A, and its truncation error is at most a few times the first omitted coefficient. A vibration through w h radians takes
+little more than w h products, whatever the accuracy; diffusion takes the square root of that.
 
 References
 ----------
@@ -25,14 +25,14 @@ from gearlib.solvers.exponential.chebyshev import TILE, Directions, Graph, Serie
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_COUPLING = 0.02  # of the largest row: the size of one-way couplings (inputs, integrated angles) after scaling
+_COUPLING = 0.02  # relative to the largest row: size of one-way couplings (inputs, integrated angles) after scaling
 _ANGLES = np.linspace(0.0, math.pi, 17)  # directions in which the field of values is bounded
-_MARGIN = 1.02  # for the directions in between
-_PROBE = 192  # terms over which an ellipse is tried
-_GROWTH = 10.0  # of the largest entry: polynomials that belong to the ellipse stay below
-_TURN = 130.0  # radians in one series
+_MARGIN = 1.02  # safety factor for the directions in between
+_PROBE = 192  # terms over which an ellipse is tested
+_GROWTH = 10.0  # relative to the largest entry: bound on the polynomials of an ellipse that encloses the field of values
+_TURN = 130.0  # radians per series
 _DIFFUSION = 1e4  # the same where real eigenvalues dominate
-_SEVERAL = 8  # output steps in one series, at most
+_SEVERAL = 8  # output steps per series, at most
 
 
 @dataclass(frozen=True)
@@ -49,29 +49,29 @@ class Ellipse:
 
     @property
     def radius(self) -> float:
-        """Of the circle that the ellipse is the image of."""
+        """Radius of the circle that the ellipse is the conformal image of."""
         return (self.real + self.imaginary) / self.focus
 
     @property
     def sign(self) -> float:
-        """Of the recurrence P_{k+1} = 2 X P_k + sign P_{k-1}: the foci are imaginary (+1) or real (-1)."""
+        """Sign of the recurrence P_{k+1} = 2 X P_k + sign P_{k-1}: the foci are imaginary (+1) or real (-1)."""
         return 1.0 if self.imaginary >= self.real else -1.0
 
     def with_foci(self) -> Ellipse:
-        """The ellipse, or a longer one if it is a circle, which has no foci to expand between."""
+        """The ellipse, or an elongated one if it is a circle, which has no foci to expand between."""
         if abs(self.real**2 - self.imaginary**2) >= 0.1 * max(self.real, self.imaginary) ** 2:
             return self
         return Ellipse(self.centre, self.real, math.hypot(max(self.real, self.imaginary), 0.5 * self.real))
 
     def rounded(self) -> Ellipse:
-        """A slightly larger one of round numbers: the matrices of nearly equal parameters have their series in common."""
+        """A slightly larger ellipse with rounded numbers, so that the matrices of nearly equal parameters share a series."""
         grain = 2.0 ** (math.frexp(max(self.real, self.imaginary))[1] - 10)
         up = [grain * math.ceil(axis / grain + 0.5) for axis in (self.real, self.imaginary)]
         return Ellipse(grain * round(self.centre / grain), *up)
 
     @lru_cache(maxsize=64)  # noqa: B019  (an ellipse is three numbers)
     def series(self, h: float, tolerance: float) -> Floats:
-        """Coefficients of exp(h z) for the polynomials that are scaled to 1 on the ellipse, to an absolute tolerance."""
+        """Coefficients of exp(h z) in the polynomials scaled to 1 on the ellipse, to an absolute tolerance."""
         points = 256
         while True:
             t = self.radius * np.exp(2j * math.pi / points * np.arange(points))
@@ -97,7 +97,7 @@ class Triplets:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """A scaled, bounded matrix and the series of its exponential's action.
+    """A scaled, bounded matrix and the series for the action of its exponential.
 
     Examples
     --------
@@ -115,11 +115,12 @@ class Action:
     diagonals: Floats  # the full diagonals of 2/r (A - centre)/focus
     rows: Integers
     columns: Integers
-    entries: Floats  # what is not on them
-    alone: int  # position from which on states depend on no others, before it only within the band or on these; 0: neither
+    entries: Floats  # entries off these diagonals
+    # Position from which on states depend on no others (before it, only within the band or on these); 0: there is none
+    alone: int
 
     def _steps(self, h: float, count: int) -> tuple[int, int]:
-        """Output steps in one series, and series in one output step; one of the two is 1."""
+        """Output steps per series, and series per output step; one of the two is 1."""
         e = self.ellipse
         limit = _DIFFUSION if e.real > 4.0 * e.imaginary else _TURN
         reach = min(limit / (e.real + e.imaginary), 2.0 / max(e.centre + e.real, 1e-300))
@@ -131,14 +132,14 @@ class Action:
         return max(rtol / (100.0 + float(count) * repeats), 1e-16)
 
     def seconds(self, h: float, count: int, rtol: float) -> float:
-        """Estimated time of `advance`."""
+        """Estimated run time of `advance`."""
         several, repeats = self._steps(h, count)
         terms = len(self.ellipse.series(h * several / repeats, self._tolerance(rtol, count, repeats)))
         product = 6e-8 + 1.4e-10 * len(self.scale) * (len(self.offsets) + 1.5) + 1.5e-9 * len(self.entries)
         return 1e-4 + product * terms * repeats * count / several
 
     def advance(self, z: Floats, h: float, count: int, rtol: float) -> Floats:
-        """The ``count`` states (count, n) that follow ``z`` in steps of ``h`` (s), to about ``rtol`` of the largest."""
+        """The ``count`` states (count, n) that follow ``z`` in steps of ``h`` (s), to about ``rtol`` relative to the largest."""
         several, repeats = self._steps(h, count)
         tolerance = self._tolerance(rtol, count, repeats)
         series = [self.ellipse.series((j + 1) * h / repeats, tolerance) for j in range(several)]
@@ -174,11 +175,11 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Actio
     A : Triplets
         Nonzeros (1/s) of a square matrix.
     order : ndarray
-        The state at each position of an order in which the matrix has a narrow band.
+        Permutation (position -> state) under which the matrix has a narrow band.
     span : float
-        Time (s) over which the exponential is wanted; sets the size of a matrix that has no rate of its own.
+        Time span (s) of the exponential; sets the scale of a matrix without rates of its own.
     inputs : int
-        States at the end of the order that depend on each other only.
+        Number of states at the end of the order that depend only on each other.
     """
     n = len(order)
     on = A.rows == A.columns
@@ -194,7 +195,7 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Actio
     place[order] = np.arange(n)
     parts = _split(place[rows], place[columns], entries, (diagonal - tight.centre)[order])
     alone = n - inputs if n > 2 * TILE and (parts[3] >= n - inputs).all() else 0
-    probe = np.where(np.cos(np.arange(n) ** 2 + 0.5) > 0, 1.0, -1.0)  # meets every mode
+    probe = np.where(np.cos(np.arange(n) ** 2 + 0.5) > 0, 1.0, -1.0)  # excites every mode
     while True:
         ellipse = tight if tight.imaginary < safe.imaginary else safe
         factor = 2.0 / (ellipse.radius * ellipse.focus)
@@ -205,7 +206,7 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Actio
 
 
 def _series(ellipse: Ellipse, offsets: Integers, rows: Integers, n: int) -> Series:
-    """The record of a series of a matrix of ``n`` rows."""
+    """The record of a series for a matrix of ``n`` rows."""
     margin = int(np.abs(offsets).max())
     return Series(n=n, n_offsets=len(offsets), n_entries=len(rows), margin=margin, beta=ellipse.sign / ellipse.radius**2)
 
@@ -217,7 +218,7 @@ def _room(vectors: int, record: Series) -> Floats:
 def _growth(
     ellipse: Ellipse, offsets: Integers, diagonals: Floats, rows: Integers, columns: Integers, entries: Floats, probe: Floats
 ) -> float:
-    """How large the polynomials of a matrix become: more than a few where the ellipse does not enclose its field of values."""
+    """Growth of the polynomials of a matrix: more than a few where the ellipse does not enclose its field of values."""
     record = _series(ellipse, offsets, rows, len(probe))
     record.length = _PROBE
     call(
@@ -228,7 +229,7 @@ def _growth(
 
 
 def band_order(A: Triplets, n: int) -> Integers:
-    """The state at each position of an order in which a matrix of ``n`` states has a narrow band."""
+    """Permutation (position -> state) under which a matrix of ``n`` states has a narrow band."""
     return _narrow(n, A.rows.tobytes(), A.columns.tobytes())
 
 
@@ -248,7 +249,7 @@ def _narrow(n: int, rows: bytes, columns: bytes) -> Integers:
 def _split(
     rows: Integers, columns: Integers, entries: Floats, diagonal: Floats
 ) -> tuple[Integers, Floats, Integers, Integers, Floats]:
-    """A matrix as its well-filled diagonals and, by row, column and entry, what is not on them."""
+    """A matrix as its well-filled diagonals, and the remaining entries by row, column and value."""
     n = len(diagonal)
     filled = np.bincount(columns - rows + n, minlength=2 * n)
     filled[n] = n
@@ -264,14 +265,14 @@ def _split(
 
 
 def _mirror(rows: Integers, columns: Integers, entries: Floats, n: int) -> Floats:
-    """For each entry (i, j) the entry (j, i), zero where there is none."""
+    """For each entry (i, j) the entry (j, i), zero if absent."""
     places, found = _mirrored(n, rows.tobytes(), columns.tobytes())
     return np.where(found, entries[places], 0.0)
 
 
 @lru_cache(maxsize=4)
 def _mirrored(n: int, rows: bytes, columns: bytes) -> tuple[Integers, NDArray[np.bool_]]:
-    """Where each entry's mirror image stands, and whether it is there."""
+    """Index of each entry's transpose, and whether it is present."""
     i, j = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
     key, mirror = i * n + j, j * n + i
     by_key = np.argsort(key)
@@ -281,9 +282,9 @@ def _mirrored(n: int, rows: bytes, columns: bytes) -> tuple[Integers, NDArray[np
 
 
 def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, n: int, span: float) -> Floats:
-    """Sizes of the states for which entries (i, j) and (j, i) are equally large and one-way couplings are small.
+    """State scales under which entries (i, j) and (j, i) have equal magnitude and one-way couplings are small.
 
-    Spring and inertia, say: deflections in units of 1/sqrt(c) and speeds in units of 1/sqrt(J) make the squared norm an energy.
+    For a spring and an inertia, deflections in units of 1/sqrt(c) and speeds in units of 1/sqrt(J) make the squared norm an energy.
     """
     both = mirrored != 0
     i, j = rows[both], columns[both]
@@ -304,7 +305,7 @@ def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Float
         to, of = to[across], of[across]
         size = (np.log(np.abs(entries[~both])) + logs[columns[~both]] - logs[rows[~both]])[across] - target
         level = np.zeros(groups)
-        for _ in range(30):  # longest chain of one-way couplings; a cycle among groups is left as it is then
+        for _ in range(30):  # longest chain of one-way couplings; cycles among groups are not resolved further
             higher = np.full(groups, -math.inf)
             np.maximum.at(higher, to, size + level[of])
             higher = np.where(np.isfinite(higher), higher, 0.0)
@@ -320,10 +321,10 @@ def _balance(rows: Integers, columns: Integers, entries: Floats, mirrored: Float
 
 def _enclose(diagonal: Floats, rows: Integers, columns: Integers, entries: Floats, mirrored: Floats, span: float
              ) -> tuple[Ellipse, Ellipse]:  # fmt: skip
-    """Two ellipses for the field of values: one that may cut its corners, and one around it.
+    """Two ellipses for the field of values: one that may cut its corners, and one that encloses it.
 
-    The bounds are Gershgorin's, of the Hermitian part of exp(-i angle) A. They do not see that the fastest vibrations are also
-    the most damped ones, so that an ellipse around them all is larger than most scenes need.
+    The bounds are Gershgorin's, for the Hermitian part of exp(-i angle) A. They ignore that the fastest vibrations are also the most
+    damped ones, so that a safe ellipse is larger than most scenes need.
     """
     single = mirrored == 0
     rows = np.concatenate([rows, columns[single]])

@@ -1,4 +1,4 @@
-"""Compiled kernels of the exponential's action, in the small language; arrays by address."""
+"""Compiled kernels for the action of the matrix exponential, in the small language; arrays are passed by address."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ TILE = 400  # rows
 
 @record
 class Series(ctypes.Structure):
-    """A matrix M as full diagonals and off-diagonal entries, and the work arrays of its series."""
+    """A matrix M as full diagonals and off-diagonal entries, with the work arrays of its series."""
 
     n: int
     offsets: int
     n_offsets: int
-    diagonals: int  # rows of n
+    diagonals: int  # one row of n each
     rows: int
     columns: int
     entries: int
     n_entries: int
-    alone: int  # the rows from here on need no others
-    margin: int  # zeros before and behind each vector, as far as diagonals reach
+    alone: int  # the rows from here on depend on no others
+    margin: int  # zero padding before and behind each vector, as far as diagonals reach
     v: int  # vectors
     beta: float
-    # of `march`
+    # for `march`
     coefficients: int  # rows of ``width``: row j sums the series to j + 1 steps ahead
     width: int
     terms: int
     several: int
-    repeats: int  # substeps in one step (1 where there are several rows)
+    repeats: int  # substeps per step (1 if there are several rows)
     z: int
     sums: int
     out: int
     count: int
-    # of `growth`
+    # for `growth`
     length: int
     largest: float
 
 
 @native
 def _vector(s: Series, i: int) -> int:
-    """Address of a vector's first element, behind its margin."""
+    """Address of a vector's first element, after its padding."""
     return s.v + 8 * (i * (s.n + 2 * s.margin) + s.margin)
 
 
@@ -91,7 +91,7 @@ def _recur(s: Series, beta: float, low: int, high: int, x: int, old: int, new: i
 
 @native
 def _gather(s: Series, k: int, used: int, low: int, high: int) -> None:
-    """Add the terms k .. k + 7 of the series, whose vectors are 2 .. 9, to those of the sums that have so many."""
+    """Accumulate the terms k .. k + 7 of the series, held in vectors 2 .. 9, into the sums that have that many terms."""
     n, terms, at = high - low, ints_at(s.terms), 8 * low
     a, b, c, d = (
         floats_at(_vector(s, 2) + at), floats_at(_vector(s, 3) + at), floats_at(_vector(s, 4) + at), floats_at(_vector(s, 5) + at),
@@ -111,11 +111,11 @@ def _gather(s: Series, k: int, used: int, low: int, high: int) -> None:
 
 @native
 def march(address: int) -> int32:
-    """Advance ``z``; each row of ``out`` gets the next state.
+    """Advance ``z``; each row of ``out`` receives the next state.
 
-    Eight terms are computed tile by tile, each term's tile as many rows behind the one before as the band is wide, so that the
-    matrix is read from the first level of the cache. All rows of ``coefficients`` sum the same vectors; behind their ``terms`` are
-    zeros, so that eight terms can be added at a time.
+    Eight terms are computed tile by tile, each term's tile lagging the one before by the bandwidth, so that the matrix is read from L1
+    cache. All rows of ``coefficients`` sum the same vectors; they are zero-padded behind their ``terms``, so that eight terms can be
+    added at a time.
     """
     s = Series(address)
     n, margin, alone, terms = s.n, s.margin, s.alone, ints_at(s.terms)
@@ -169,7 +169,7 @@ def march(address: int) -> int32:
 
 @native
 def growth(address: int) -> int32:
-    """Largest entry among the last two of every eight of the first ``length`` polynomials applied to ``z``; three vectors."""
+    """Largest entry of the last two of every eight of the first ``length`` polynomials applied to ``z``; uses three vectors."""
     s = Series(address)
     n, z, v0, v1 = s.n, floats_at(s.z), floats_at(_vector(s, 0)), floats_at(_vector(s, 1))
     for i in parallel(n):
@@ -190,7 +190,7 @@ def growth(address: int) -> int32:
 
 @record
 class Graph(ctypes.Structure):
-    """Adjacency lists of a graph, and work arrays of a search."""
+    """Adjacency lists of a graph, with the work arrays of a search."""
 
     n: int
     indptr: int
@@ -207,7 +207,7 @@ class Graph(ctypes.Structure):
 
 @native
 def spread(address: int) -> int32:
-    """Breadth-first sums of ``weight`` along the edges of a graph: logs[j] = logs[i] - weight[i, j]. Labels the components."""
+    """Breadth-first sums of ``weight`` along edges: logs[j] = logs[i] - weight[i, j]. Labels the connected components."""
     s = Graph(address)
     indptr, indices, weight = ints_at(s.indptr), ints_at(s.indices), floats_at(s.weight)
     logs, label, queue = floats_at(s.logs), ints_at(s.label), ints_at(s.queue)
@@ -234,7 +234,7 @@ def spread(address: int) -> int32:
 
 @native
 def _breadth_first(s: Graph, start: int, stamp: int) -> int:
-    """Nodes in the order of their distance from ``start``, neighbours of small degree first. Returns how many there are."""
+    """Nodes in breadth-first order from ``start``, neighbours of small degree first. Returns their number."""
     indptr, indices, degree = ints_at(s.indptr), ints_at(s.indices), ints_at(s.degree)
     queue, mark = ints_at(s.queue), ints_at(s.mark)
     queue[0], mark[start] = start, stamp
@@ -258,7 +258,7 @@ def _breadth_first(s: Graph, start: int, stamp: int) -> int:
 
 @native
 def narrow_order(address: int) -> int32:
-    """Cuthill-McKee's order of a symmetric pattern, each part from a far end: the band of a chain is then narrowest."""
+    """Cuthill-McKee order of a symmetric pattern, each component from a peripheral node: a chain then has minimal bandwidth."""
     s = Graph(address)
     order, queue, label = ints_at(s.order), ints_at(s.queue), ints_at(s.label)
     placed = stamp = 0
@@ -279,7 +279,7 @@ def narrow_order(address: int) -> int32:
 
 @record
 class Directions(ctypes.Structure):
-    """A matrix by its diagonal and the symmetric and skew parts of its entries off it, and directions by cosine and sine."""
+    """A matrix as its diagonal and the symmetric and skew parts of its off-diagonal entries; directions by cosine and sine."""
 
     n: int
     diagonal: int
@@ -296,7 +296,7 @@ class Directions(ctypes.Structure):
 
 @native
 def hermitian_bounds(address: int) -> int32:
-    """Gershgorin's upper bounds of the Hermitian parts of exp(-i angle) A."""
+    """Gershgorin upper bounds of the Hermitian parts of exp(-i angle) A."""
     s = Directions(address)
     diagonal, rows, sums, bounds = floats_at(s.diagonal), ints_at(s.rows), floats_at(s.sums), floats_at(s.bounds)
     symmetric, skew, cosines, sines = floats_at(s.symmetric), floats_at(s.skew), floats_at(s.cosines), floats_at(s.sines)
@@ -314,5 +314,5 @@ def hermitian_bounds(address: int) -> int32:
 
 
 def call(name: str, record: ctypes.Structure, **arrays: NDArray[Any]) -> None:
-    """Call one of the loops above."""
+    """Call one of the compiled functions above."""
     native_functions(__name__).call(name, record, **arrays)

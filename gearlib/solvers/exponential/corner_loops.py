@@ -1,4 +1,4 @@
-"""Compiled loops of `corners`, in the small language; arrays by address."""
+"""Compiled loops of `corners`, in the small language; arrays are passed by address."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import ctypes
 
 from gearlib.compiler.small_language import floats_at, int32, ints_at, native, record
 
-ROUNDING = 1e-18  # terms of Taylor's series below it, of what they are added to, are left out
+ROUNDING = 1e-18  # terms of a Taylor series below this fraction of the sum are dropped
 
 
 @record
 class Corners(ctypes.Structure):
-    """Intervals with their exponentials, or the matrix G of order n + 2 inputs and the work arrays of its series."""
+    """Intervals with their exponentials, or the matrix G of order n + 2 inputs with the work arrays of its series."""
 
     n: int
     inputs: int
     count: int
-    matrices: int  # first n rows of exp(G h) - I of each kind of interval
+    matrices: int  # first n rows of exp(G h) - I for each interval length
     which: int
     G: int
     rate: float
@@ -32,7 +32,7 @@ class Corners(ctypes.Structure):
 
 @native
 def by_matrices(address: int) -> int32:
-    """Rows of ``out`` get x at the end of each interval, by the exponential of its kind."""
+    """Write x at the end of each interval into ``out``, using the exponential of its length."""
     s = Corners(address)
     n, m = s.n, 2 * s.inputs
     which, x, change = ints_at(s.which), floats_at(s.x), floats_at(s.z)
@@ -57,7 +57,7 @@ def by_matrices(address: int) -> int32:
 
 @native
 def by_series(address: int) -> int32:
-    """The same by Taylor's series on (x, u, v), in as many parts of an interval as keep ``rate`` times a part below ``reach``."""
+    """The same by Taylor series on (x, u, v), with substeps short enough for ``rate`` times a substep to stay below ``reach``."""
     s = Corners(address)
     n, m = s.n, s.inputs
     order = n + 2 * m

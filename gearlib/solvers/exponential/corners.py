@@ -6,9 +6,9 @@ Between two corners x' = A x + B (u + v t): one exponential of the matrix
     0 0 1
     0 0 0
 
-carries (x, u, v) over the interval. Where few intervals differ it is made once for each of them, see `dense_exponential`; where many
-do, Taylor's series is applied to (x, u, v) itself. Corners and samples are taken as whole multiples of the rounding of time, so that
-equal intervals are recognised, and the rounding of intervals does not add up.
+propagates (x, u, v) over the interval. Where few interval lengths differ, it is computed once per length, see `dense_exponential`;
+where many do, a Taylor series is applied to (x, u, v) itself. Corners and samples are rounded to integer multiples of the time
+resolution, so that equal intervals are recognised and rounding of intervals does not accumulate.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from gearlib.solvers.inputs.table import Table
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-# Measured, s: of one exponential, of a step with it, and of a term of Taylor's series; beside what the numbers of entries take
-SERIES = 12  # terms of Taylor's series
+# Measured, s: one exponential, a step with it, a term of the Taylor series; each in addition to the cost per matrix entry
+SERIES = 12  # terms of the Taylor series
 EXPONENTIAL, STEP, TERM, ENTRY = 5e-5, 1e-7, 2e-8, 1e-9
 
 
 @dataclass(frozen=True)
 class Intervals:
-    """The intervals from each corner or sample to the next."""
+    """Intervals between consecutive corners or samples."""
 
     unit: float  # s
-    ticks: Integers  # where they begin and end, in units
-    rows: Integers  # where each sample stands among them
+    ticks: Integers  # interval boundaries, in units
+    rows: Integers  # index of each sample among them
 
     @classmethod
     def of(cls, times: Floats, tables: Sequence[Table]) -> Intervals:
-        """Those of a run whose first sample is its start."""
+        """Intervals of a run whose first sample is its start."""
         t0, t_end = float(times[0]), float(times[-1])
         unit = rounding(t0, t_end)
         inner = [table.t[(table.t > t0) & (table.t < t_end)] for table in tables]
@@ -57,18 +57,18 @@ class Intervals:
 
     @cached_property
     def kinds(self) -> Integers:
-        """Their different lengths."""
+        """The distinct interval lengths."""
         return _different(self.lengths)
 
     def costs(self, n: int, inputs: int, rate: float) -> tuple[float, float]:
-        """Estimated times of `solve` with an exponential for each length, and with series.
+        """Estimated run times of `solve`: with an exponential per length, and with Taylor series.
 
         Parameters
         ----------
         n, inputs : int
-            States and inputs.
+            Numbers of states and inputs.
         rate : float
-            Of the fastest motion, 1/s.
+            Rate of the fastest motion, 1/s.
         """
         lengths, entries = self.lengths, (n + 2 * inputs) ** 2
         matrices = len(self.kinds) * (EXPONENTIAL + 20.0 * ENTRY * entries**1.5)
@@ -88,9 +88,9 @@ def solve(A: Floats, B: Floats, signals: Sequence[Table | float], x0: Floats, ti
     x0 : ndarray
         (n,).
     times : ndarray
-        Increasing, the first one is the start.
+        Increasing; the first one is the start.
     cuts : Intervals
-        Of these times and tables.
+        For these times and tables.
 
     Returns
     -------
@@ -141,14 +141,14 @@ def solve(A: Floats, B: Floats, signals: Sequence[Table | float], x0: Floats, ti
 
 
 def _different(values: Integers) -> Integers:
-    """The different ones, sorted; many times faster than numpy's ``unique`` where most are."""
+    """The distinct values, sorted; many times faster than ``np.unique`` where most are distinct."""
     ordered = np.sort(values)
     different: Integers = ordered[np.diff(ordered, prepend=ordered[:1] - 1) != 0]
     return different
 
 
 def _drive(signals: Sequence[Table | float], starts: Floats, lengths: Floats) -> Floats:
-    """Values at the start of each interval and slopes in it, (intervals, 2 inputs)."""
+    """Values at the start of each interval and slopes within it, (intervals, 2 inputs)."""
     m = len(signals)
     drive = np.zeros((len(starts), 2 * m))
     for j, signal in enumerate(signals):

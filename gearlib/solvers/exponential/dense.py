@@ -1,8 +1,8 @@
 """exp(A h) - I of a dense matrix by Taylor series and repeated doubling, stored as the deviation from the identity.
 
-Squaring exp(A h) itself rounds every entry relative to the identity: the slow motion of a stiff system is lost. Its deviation
-from the identity, E(2 h) = 2 E(h) + E(h) E(h), rounds relative to the motion. The error then grows with the angle that the
-motion has turned through, not with the number of steps or doublings, and no entry suffers from overscaling.
+Squaring exp(A h) itself rounds every entry relative to the identity: the slow motion of a stiff system is lost. Its deviation from the
+identity, E(2 h) = 2 E(h) + E(h) E(h), is rounded relative to the motion. The error then grows with the angle that the motion has turned
+through, not with the number of steps or doublings, and there is no overscaling.
 
 References
 ----------
@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-REACH = 0.7  # of |A h| at which 16 terms of Taylor's series end below rounding
+REACH = 0.7  # bound on |A h| for which 16 Taylor terms reach rounding
 # exp(X) - I = C_0 + X^4 (C_1 + X^4 (C_2 + X^4 C_3)), C_j = sum of X^i / (4 j + i)! for i = 1..4
 _TAYLOR = np.array([[1.0 / math.factorial(4 * j + i) for i in range(1, 5)] for j in range(4)])
-_FLUSH = 64  # states from which it is worth looking for subnormal numbers
+_FLUSH = 64  # number of states above which it pays to look for subnormal numbers
 _LARGEST_BLOCK = 12  # doublings: blocks of at most 4096 steps are advanced at a time
 
 
@@ -38,7 +38,7 @@ def deviation(A: Floats, h: float) -> Floats:
 
     Returns
     -------
-    ndarray
+    Same shape as A; each entry has relative accuracy where nothing cancels.
         Of the shape of A; each entry is accurate relative to itself where nothing cancels.
 
     Examples
@@ -51,7 +51,7 @@ def deviation(A: Floats, h: float) -> Floats:
     doublings = max(0, math.ceil(math.log2(max(balanced_norm(A) * abs(h), 1e-300) / REACH)))
     powers = np.empty((4, n, n))
     np.multiply(A, math.ldexp(h, -doublings), out=powers[0])
-    np.dot(powers[0], powers[0], out=powers[1])  # of small matrices in half the time of matmul
+    np.dot(powers[0], powers[0], out=powers[1])  # np.dot takes half the time of matmul for small matrices
     np.dot(powers[0], powers[1], out=powers[2])
     np.dot(powers[1], powers[1], out=powers[3])
     _flush(powers)
@@ -72,14 +72,14 @@ def double(E: Floats) -> Floats:
 
 
 def _flush(M: Floats) -> Floats:
-    """Far from the diagonal of a long chain entries underflow, and products with subnormal numbers are slow."""
+    """Flush subnormal numbers to zero: far from the diagonal of a long chain entries underflow, and such products are slow."""
     if M.shape[-1] >= _FLUSH:
         M[np.abs(M) < 1e-150] = 0.0
     return M
 
 
 def balanced_norm(A: Floats) -> float:
-    """A bound of |A| after a diagonal scaling by powers of two, which changes no rounding and need not be carried out."""
+    """Norm of A after the best diagonal scaling by powers of two; the scaling changes no rounding and need not be applied."""
     from scipy.linalg.lapack import dgebal
 
     size = np.abs(dgebal(A, scale=1, permute=0)[0])
@@ -87,7 +87,7 @@ def balanced_norm(A: Floats) -> float:
 
 
 def doublings_for(count: int, n: int) -> int:
-    """How often to double a step for ``count`` of them: blocks of 2**k steps cost one product, k doublings cost k."""
+    """Number of doublings for ``count`` steps: blocks of 2**k steps cost one product, k doublings cost k."""
     product = _product_seconds(n)
     best = min(range(_LARGEST_BLOCK + 1), key=lambda k: k * product + -(-count // 2**k) * 4e-6 if 2**k <= count else math.inf)
     return best
@@ -116,7 +116,7 @@ class Propagator:
 
     def __init__(self, A: Floats, h: float) -> None:
         self._chain = [deviation(A, h)]
-        self._tops: dict[int, int] = {}  # of as many steps: the longest to be doubled to
+        self._tops: dict[int, int] = {}  # longest doubling so far, keyed by the number of steps
 
     def advance(self, z: Floats, count: int) -> Floats:
         """The ``count`` states (count, n) that follow ``z``."""

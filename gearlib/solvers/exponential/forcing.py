@@ -3,8 +3,8 @@
 On each interval between breakpoints u(t) = H s(t - start), s' = S s. Each block of s generates one v(t) = p(t) exp(lambda t), p
 a polynomial of degree d, by the chain w_i = (D - lambda)**i v: w_i' = lambda w_i + w_{i+1}, w_{d+1} = 0.
 
-A smooth scene shares the block t**d/d! exp(lambda t) among all inputs. Where there are many intervals, each input has blocks
-of its own instead: intervals of the same form then differ in the start of s alone, and share their matrix exponentials.
+A smooth scene shares the block t**d/d! exp(lambda t) among all inputs. With many intervals each input has its own blocks instead:
+intervals of the same form then differ in the start of s only, and share their matrix exponentials.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Block = tuple[complex, tuple[complex, ...]]  # rate lambda (1/s, imaginary part 
 
 @dataclass(frozen=True, eq=False)
 class Exosystem:
-    """Generates the inputs of one interval: u = H s, s' = S s."""
+    """Linear system that generates the inputs on one interval: u = H s, s' = S s."""
 
     H: Floats  # (inputs, order)
     S: Floats  # (order, order)
@@ -55,7 +55,7 @@ class Exosystem:
 
     @cached_property
     def key(self) -> bytes:
-        """Equal for exosystems that differ in their start only."""
+        """Hash key, equal for exosystems that differ only in their start."""
         return self.H.tobytes() + self.S.tobytes()
 
 
@@ -83,7 +83,7 @@ class Forcing:
         return float(self.breakpoints[piece - 1]) if piece else self.t0
 
     def __call__(self, times: Floats) -> Floats:
-        """Inputs (times, inputs) at ``times`` (s); on a breakpoint those of the interval after it."""
+        """Inputs (times, inputs) at ``times`` (s); on a breakpoint those of the following interval."""
         pieces = np.searchsorted(self.breakpoints, times, side="right")
         values = [self.pieces[p].H @ self.pieces[p].state(t - self.start(p)) for t, p in zip(times, pieces, strict=True)]
         return np.array(values).reshape(len(times), len(self.pieces[0].H))
@@ -100,7 +100,7 @@ class NotExact:
 
 
 def recognise(u: Sequence[Any], t0: float, t_end: float) -> Forcing | NotExact:
-    """The linear systems that generate inputs of time.
+    """Find linear systems that generate given functions of time.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def _signal(u: Any, origin: float, probe: float) -> Signal:
 
 
 def _each(inputs: list[Any], rule: Callable[[Any], T]) -> list[T]:
-    """``rule`` of each input; what is outside the class is named."""
+    """Apply ``rule`` to each input; an input outside the class is named."""
     results = []
     for number, expression in enumerate(inputs, 1):
         try:
@@ -164,7 +164,7 @@ def _each(inputs: list[Any], rule: Callable[[Any], T]) -> list[T]:
 
 
 def _exosystems(pieces: list[list[Signal]]) -> tuple[Exosystem, ...]:
-    """Of all intervals: with blocks of their own for each input where there are many, unless that makes them much larger."""
+    """Exosystems of all intervals: with separate blocks per input if there are many intervals, unless that makes them much larger."""
     shared = [_degrees([signals]) for signals in pieces]
     if len(pieces) > 2:
         inputs = range(len(pieces[0]))
@@ -175,7 +175,7 @@ def _exosystems(pieces: list[list[Signal]]) -> tuple[Exosystem, ...]:
 
 
 def _degrees(pieces: list[list[Signal]]) -> dict[complex, int]:
-    """The rates of all signals, with the highest degree of their polynomials."""
+    """The rates of all signals, with the highest polynomial degree of each."""
     degrees: dict[complex, int] = {}
     known: Signal = {}
     for signal in (signal for signals in pieces for signal in signals):
@@ -192,7 +192,7 @@ def _order(degrees: dict[complex, int]) -> int:
 
 
 def _shared(signals: list[Signal], degrees: dict[complex, int]) -> Exosystem:
-    """One block for each rate; its w_{d-k} is t**k/k! exp(lambda t), of which each input takes its share."""
+    """One block per rate; its w_{d-k} is t**k/k! exp(lambda t), and inputs are linear combinations."""
     blocks = tuple((rate, (0j,) * d + (1.0 / math.factorial(d) + 0j,)) for rate, d in degrees.items())
     H = np.zeros((len(signals), _order(degrees)))
     first = 0
@@ -207,7 +207,7 @@ def _shared(signals: list[Signal], degrees: dict[complex, int]) -> Exosystem:
 
 
 def _separate(signals: list[Signal], own: list[dict[complex, int]]) -> Exosystem:
-    """Blocks of its own for each input, which takes the first state of each."""
+    """Separate blocks per input, which is the first state of each block."""
     blocks: list[Block] = []
     takes: list[tuple[int, int, float]] = []
     first = 0
@@ -224,7 +224,7 @@ def _separate(signals: list[Signal], own: list[dict[complex, int]]) -> Exosystem
 
 
 def _chains(blocks: tuple[Block, ...]) -> Floats:
-    """S of the blocks one after another."""
+    """Block-diagonal S."""
     S = np.zeros((order := _order_of(blocks), order))
     i = 0
     for rate, p in blocks:

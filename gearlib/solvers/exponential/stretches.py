@@ -26,7 +26,7 @@ class Stretch:
 
 
 def stretches(times: Floats, t0: float, breakpoints: Floats) -> list[Stretch]:
-    """The stretches that lead from ``t0`` through all ``times``; rows at ``t0`` itself are in none.
+    """Partition the way from ``t0`` through all ``times`` into stretches; rows at ``t0`` itself belong to none.
 
     >>> for stretch in stretches(np.array([0.0, 1.0, 2.0, 3.0]), 0.0, np.array([2.5])):
     ...     print(stretch)
@@ -56,7 +56,7 @@ def stretches(times: Floats, t0: float, breakpoints: Floats) -> list[Stretch]:
 
 
 def _equal_steps(points: Floats, begin: float, same: float, piece: int, row: int) -> Iterator[Stretch]:
-    """Stretches from ``begin`` through ``points``: steps are equal where they differ by the rounding of the times."""
+    """Stretches from ``begin`` through ``points``: steps count as equal if they differ by rounding only."""
     steps = np.diff(points, prepend=begin)
     cuts = [0, *(np.flatnonzero(np.abs(np.diff(steps)) > same) + 1).tolist(), len(points)]
     for first, last in pairwise(cuts):

@@ -1,1 +1,1 @@
-"""SUNDIALS' IDA, driven natively or through scikit-sundae."""
+"""SUNDIALS IDA, driven natively or through scikit-sundae."""

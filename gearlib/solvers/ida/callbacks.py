@@ -1,10 +1,10 @@
-"""Compiled part of the native IDA backend: SUNDIALS' callbacks, and the steps of `gearlib.solvers.drive.drive_loop`.
+"""Compiled part of the native IDA backend: SUNDIALS callbacks, and the stepper functions for `gearlib.solvers.drive.drive_loop`.
 
-All of it is generic. A model enters by the addresses of its native functions, written into an `IdaRecord` that SUNDIALS hands
-back to every callback as its user data; hence this module, which is in the small language, is compiled once per machine.
+All of it is generic. A model enters through the addresses of its native functions in an `IdaRecord`, which SUNDIALS passes to every
+callback as its user data; so this module, which is written in the small language, is compiled once per machine.
 
-IDA's unknowns may be ordered otherwise than the model's, so that the Jacobian has a narrow band: component i of an ``N_Vector``
-is then state ``order[i]`` of the model.
+IDA's unknowns may be ordered differently from the model's, so that the Jacobian has a narrow band: component i of an ``N_Vector`` is
+then state ``order[i]`` of the model.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from gearlib.solvers.ida.start_matrices import AHEAD, NEWTON_LIMIT, SETTLED
 from gearlib.solvers.ida.user_data import IdaRecord
 
 IDA_ONE_STEP, IDA_STOP_RETURN, IDA_ROOT_RETURN, IDA_YA_YDP_INIT = 2, 1, 2, 1
-NEGATIVE_ZERO = -1e-300  # what an event function that is exactly zero is taken for: zero belongs to the negative side
+NEGATIVE_ZERO = -1e-300  # value reported for an event function that is exactly zero: zero belongs to the negative side
 
-# SUNDIALS' functions, by the fields of the record that hold their addresses.
+# SUNDIALS functions, keyed by the record fields that hold their addresses.
 ARRAY_POINTER = Prototype("int", ("int",))
 GET_STEPS = ROOT_INFO = Prototype("int32", ("int", "int"))
 GET_IC = Prototype("int32", ("int", "int", "int"))
@@ -38,7 +38,7 @@ EPS = 2.220446049250313e-16
 
 @native
 def array_of(s: IdaRecord, vector: int) -> int:
-    """Address of the numbers of an ``N_Vector``."""
+    """Address of the data of an ``N_Vector``."""
     return ARRAY_POINTER(s.array_pointer, vector)
 
 
@@ -49,7 +49,7 @@ def is_finite(x: float) -> bool:
 
 @native
 def all_finite(values: floats, n: int) -> bool:
-    a = b = c = d = 0.0  # not-a-number and infinity survive a sum of zero times each; four sums do not wait for each other
+    a = b = c = d = 0.0  # NaN and infinity survive multiplication by zero; four accumulators are independent
     whole = n - n % 4
     for i in range(0, whole, 4):
         a += values[i] * 0.0
@@ -63,7 +63,7 @@ def all_finite(values: floats, n: int) -> bool:
 
 @native
 def refuse(s: IdaRecord, t: float, values: floats, n: int) -> int:
-    """Note where the right-hand side (or Jacobian) could not be evaluated, and ask for a smaller step."""
+    """Record where the right-hand side (or Jacobian) could not be evaluated, and request a smaller step."""
     s.refused += 1
     s.bad_time = t
     s.bad_state = -1
@@ -76,7 +76,7 @@ def refuse(s: IdaRecord, t: float, values: floats, n: int) -> int:
 
 @native
 def to_natural(s: IdaRecord, y: int, x: int) -> None:
-    """States from IDA's order to the model's, by address."""
+    """Permute states from IDA's order to the model's, by address."""
     if y != x:
         source, target, order = floats_at(y), floats_at(x), ints_at(s.order)
         for i in range(s.n):
@@ -85,7 +85,7 @@ def to_natural(s: IdaRecord, y: int, x: int) -> None:
 
 @native
 def natural(s: IdaRecord, y: int, dy: int) -> int:
-    """The address of the states in the model's order, with their derivatives where it asks for them, from vectors in IDA's order."""
+    """Address of the states in the model's order, followed by their derivatives if it needs them, from vectors in IDA's order."""
     if s.order == 0 and s.implicit == 0:
         return y
     to_natural(s, y, s.natural)
@@ -96,7 +96,7 @@ def natural(s: IdaRecord, y: int, dy: int) -> int:
 
 @native
 def defect(s: IdaRecord, t: float, y: int, dy: int, r: int) -> int:
-    """F(t, x, x') or diag(differential) x' - f(t, x), in IDA's order at an address; t counts from the epoch."""
+    """F(t, x, x') or diag(differential) x' - f(t, x), in IDA's order, stored at an address; t counts from the epoch."""
     n = s.n
     f_address = r if s.order == 0 else s.f
     status = MODEL(s.rhs, s.origin + t, natural(s, y, dy), f_address, s.data, s.index)
@@ -132,7 +132,7 @@ def residual(t: float, yy: int, yp: int, rr: int, user: int) -> int32:
 
 @native
 def jacobian_values(s: IdaRecord, t: float, y: int, dy: int) -> int:
-    """The nonzeros of the model's Jacobian, into ``values``."""
+    """Evaluate the nonzeros of the model's Jacobian into ``values``."""
     s.n_jac += 1
     status = MODEL(s.jac, s.origin + t, natural(s, y, dy), s.values, s.data, s.index)
     values = floats_at(s.values)
@@ -145,7 +145,7 @@ def jacobian_values(s: IdaRecord, t: float, y: int, dy: int) -> int:
 
 @native
 def fill_matrix(s: IdaRecord, of_states: float, of_rates: float) -> None:
-    """A cleared matrix: of_rates dF/dx' + dF/dx, the columns of differential unknowns in the latter times ``of_states``."""
+    """Fill a cleared matrix: of_rates dF/dx' + dF/dx, with the columns of differential unknowns in the latter scaled by ``of_states``."""
     values, matrix = floats_at(s.values), floats_at(s.matrix)
     position, diagonal, part = ints_at(s.position), ints_at(s.diagonal), ints_at(s.part)
     sign = 1.0 if s.implicit != 0 else -1.0
@@ -156,7 +156,7 @@ def fill_matrix(s: IdaRecord, of_states: float, of_rates: float) -> None:
         matrix[diagonal[k]] += of_rates
     source, target = int32s_at(s.pattern_source), int32s_at(s.pattern)
     starts_source, starts = int32s_at(s.starts_source), int32s_at(s.starts)
-    for k in range(s.n + 1 if s.n_pattern > 0 else 0):  # a sparse matrix comes with its pattern cleared as well
+    for k in range(s.n + 1 if s.n_pattern > 0 else 0):  # the pattern of a sparse matrix is cleared as well
         starts[k] = starts_source[k]
     for k in range(s.n_pattern):
         target[k] = source[k]
@@ -164,7 +164,7 @@ def fill_matrix(s: IdaRecord, of_states: float, of_rates: float) -> None:
 
 @native
 def jacobian(t: float, cj: float, yy: int, yp: int, rr: int, jj: int, user: int, t1: int, t2: int, t3: int) -> int32:
-    """cj dF/dx' + dF/dx, an ``IDALsJacFn``: SUNDIALS hands the matrix over cleared."""
+    """cj dF/dx' + dF/dx, an ``IDALsJacFn``: SUNDIALS passes the matrix cleared."""
     s = IdaRecord(user)
     status = jacobian_values(s, s.since + t, array_of(s, yy), array_of(s, yp))
     if status == 0:
@@ -184,7 +184,7 @@ def event_values(s: IdaRecord, t: float, y: int, dy: int, g: int) -> int:
 
 @native
 def take_sides(s: IdaRecord, t: float) -> int:
-    """Take the signs of the event functions at (t, y) for their sides; just after it where algebraic unknowns were found anew."""
+    """Set the sides of the event functions to their signs at (t, y), or just after it where algebraic unknowns were recomputed."""
     if s.n_roots > 0:
         y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
         later = AHEAD * s.slack if s.n_algebraic > 0 else 0.0
@@ -200,16 +200,16 @@ def take_sides(s: IdaRecord, t: float) -> int:
 
 @native
 def turning(s: IdaRecord, t: float, y: int, dy: int, g: int) -> None:
-    """The second half of the event functions: positive where one of the first half turns away from zero.
+    """Second half of the event functions: positive where one of the first half turns away from zero.
 
-    One that keeps its side at both ends of a step, but has left it in between, has an extremum there, at which its slope changes
-    sign. IDA locates that, and on the way there the crossing before it. Where the function cannot have left its side, its slope is
-    left out: its extrema would cost evaluations.
+    A function that keeps its side at both ends of a step but left it in between has an extremum there, where its slope changes sign.
+    IDA locates that, and on the way the crossing before it. Slopes are not evaluated where the function cannot have left its side:
+    locating its extrema would cost evaluations.
     """
     if s.attempt_time > s.step_end:
         s.step_begin, s.step_end = s.step_end, s.attempt_time
     h = s.step_end - s.step_begin if s.step_end > s.step_begin else 1e-3 * s.first_guess
-    dt = max(SLOPE_OVER * h, 64 * EPS * abs(s.origin))  # the clock's rounding has no slope
+    dt = max(SLOPE_OVER * h, 64 * EPS * abs(s.origin))  # below the resolution of time a difference quotient is meaningless
     values, sides, later = floats_at(g), int32s_at(s.sides), floats_at(s.later)
     for k in range(s.n_roots):
         values[s.n_roots + k] = NEGATIVE_ZERO
@@ -228,9 +228,9 @@ def turning(s: IdaRecord, t: float, y: int, dy: int, g: int) -> None:
 
 @native
 def roots(t: float, yy: int, yp: int, g: int, user: int) -> int32:
-    """The event functions and what finds pairs of their roots, an ``IDARootFn``.
+    """The event functions and the auxiliary ones for pairs of roots, an ``IDARootFn``.
 
-    None is ever exactly zero, which IDA would set aside until it moves.
+    None is ever exactly zero, since IDA ignores such a function until it moves.
     """
     s = IdaRecord(user)
     y = array_of(s, yy)
@@ -249,7 +249,7 @@ def steps_so_far(s: IdaRecord) -> int:
 
 @native
 def slopes(s: IdaRecord, t: float) -> None:
-    """The slopes of the algebraic unknowns, with the matrix that `consistent` left factorised: their event functions move with them."""
+    """Slopes of the algebraic unknowns, by the matrix that `consistent` left factorised: event functions may depend on them."""
     delta = PROBES[1] * (floats_at(s.stops)[s.stop] - t)
     y, dy, d, change = floats_at(s.y), floats_at(s.dy), floats_at(s.differential), floats_at(s.change)
     now, later, ahead = floats_at(s.between), floats_at(s.defect), floats_at(s.probe)
@@ -273,10 +273,10 @@ def slopes(s: IdaRecord, t: float) -> None:
 
 @native
 def consistent(s: IdaRecord, t: float) -> int:
-    """Newton's iteration for x' and the algebraic unknowns, with the differential ones held: zero where they have been found.
+    """Newton's iteration for x' and the algebraic unknowns, with the differential ones fixed: returns zero on convergence.
 
-    These are the equations that ``IDACalcIC`` solves. It has but one matrix, in which the columns of x' hold what belongs to the
-    differential unknowns as well, and so converges linearly.
+    ``IDACalcIC`` solves the same equations. It has a single matrix, in which the columns of x' also contain the terms of the
+    differential unknowns, and so converges only linearly.
     """
     n, settled = s.n, False
     y, dy, d, scale, change = (
@@ -311,7 +311,7 @@ def consistent(s: IdaRecord, t: float) -> int:
             else:
                 y[i] -= change[i]
                 largest = max(largest, abs(change[i]) / (abs(y[i]) + scale[i]))
-        if settled:  # once more than needed: the iteration doubles the digits
+        if settled:  # one extra step, which doubles the digits
             slopes(s, t)
             return 0
         settled = largest <= SETTLED
@@ -322,10 +322,10 @@ def consistent(s: IdaRecord, t: float) -> int:
 
 @native
 def restart(s: IdaRecord, t: float) -> int:
-    """Start IDA anew at (t, x) with consistent x' and algebraic unknowns.
+    """Restart IDA at (t, x) with consistent x' and algebraic unknowns.
 
-    IDA's time begins at zero there. It adds up its steps, and what rounding takes from the sum acts on the solution as if the clock
-    were wrong: with t = 0.2 s and 500 000 steps by 1e-13 s. It locates roots to a hundred roundings of its time.
+    IDA's time is reset to zero there. It accumulates its steps, and rounding of the sum acts on the solution like an error of the
+    clock, as with t = 0.2 s and 500 000 steps of 1e-13 s. It locates roots to a hundred units of rounding of its time.
     """
     n = s.n
     s.earlier = steps_so_far(s)
@@ -352,16 +352,16 @@ def restart(s: IdaRecord, t: float) -> int:
             return START_FAILED
         GET_IC(s.get_ic, s.mem, s.yy, s.yp)
     step = first_step_of_defect(s, t) if solved else first_step(s, t)
-    s.first_reach = s.first_guess = 1000.0 * step  # of which IDA takes a thousandth
+    s.first_reach = s.first_guess = 1000.0 * step  # IDA takes a thousandth of it
     return take_sides(s, t)
 
 
 @native
 def first_step(s: IdaRecord, t: float) -> float:
-    """A first step after which what the excitation does to x'' is half the tolerance.
+    """First step size for which the effect of the excitation on x'' is half the tolerance.
 
-    IDA's own first step knows x' only. A model at rest has none, and is stepped over its whole excitation: a sine whose period
-    divides the step is never seen.
+    IDA's own choice is based on x' only. For a model at rest, where x' is zero, the first step may skip its whole excitation: a sine
+    whose period divides the step goes unnoticed.
     """
     n, span = s.n, floats_at(s.stops)[s.stop] - t
     f, probe, d, y, atol = floats_at(s.f), floats_at(s.probe), floats_at(s.differential), floats_at(s.y), floats_at(s.atol)
@@ -382,7 +382,7 @@ def first_step(s: IdaRecord, t: float) -> float:
                 change = probe[k] - f[k]
                 if d[i] != 0.0:
                     total += (change / (s.rtol * abs(y[i]) + atol[i])) ** 2
-                elif change != 0.0:  # in units unknown
+                elif change != 0.0:  # units unknown
                     step = min(step, span * PROBES[1])
             if total > 0.0 and is_finite(total):
                 step = min(step, math.sqrt(delta / math.sqrt(total / n)))
@@ -391,7 +391,7 @@ def first_step(s: IdaRecord, t: float) -> float:
 
 @native
 def first_step_of_defect(s: IdaRecord, t: float) -> float:
-    """The same where `consistent` has just solved for x' and the algebraic unknowns: with the matrix that it left factorised."""
+    """The same after `consistent` has solved for x' and the algebraic unknowns, reusing the matrix that it left factorised."""
     n, span = s.n, floats_at(s.stops)[s.stop] - t
     d, y, atol, change = floats_at(s.differential), floats_at(s.y), floats_at(s.atol), floats_at(s.change)
     now, later = floats_at(s.between), floats_at(s.defect)
@@ -411,7 +411,7 @@ def first_step_of_defect(s: IdaRecord, t: float) -> float:
                 weighted = change[i] / (s.rtol * abs(y[i]) + atol[i])
                 if d[i] != 0.0:
                     total += weighted**2
-                elif abs(weighted) > 1.0:  # what time drives without delay
+                elif abs(weighted) > 1.0:  # driven by time without delay
                     step = min(step, span * PROBES[1])
             if total > 0.0 and is_finite(total):
                 step = min(step, math.sqrt(delta / math.sqrt(total / n)))
@@ -420,7 +420,7 @@ def first_step_of_defect(s: IdaRecord, t: float) -> float:
 
 @native
 def take_states(s: IdaRecord) -> None:
-    """The states in the model's order, for samples and the event iteration."""
+    """Copy the states, in the model's order, for samples and the event iteration."""
     to_natural(s, s.y, s.x)
     if s.implicit != 0:
         to_natural(s, s.dy, s.x + 8 * s.n)
@@ -429,7 +429,7 @@ def take_states(s: IdaRecord) -> None:
 
 @native
 def ida_restart(address: int, changed: int, why: int) -> int32:
-    """Start IDA anew where something changed; how many event functions the algebraic unknowns carried across zero by it."""
+    """Restart IDA after a change; returns how many event functions the jump of the algebraic unknowns carried across zero."""
     s = IdaRecord(address)
     if changed == 0 and why != START and not (why == TIMED and s.update == 0):
         return 0
@@ -449,7 +449,7 @@ def ida_restart(address: int, changed: int, why: int) -> int32:
         return status
     take_states(s)
     crossed = 0
-    if watch:  # the algebraic unknowns jump at an event; what they carry across zero is an event of the same instant
+    if watch:  # algebraic unknowns jump at an event; a crossing that this causes is an event of the same instant
         for k in range(s.n_roots):
             fired[k] = sides[k] if sides[k] != before[k] else 0
             crossed += sides[k] != before[k]
@@ -458,7 +458,7 @@ def ida_restart(address: int, changed: int, why: int) -> int32:
 
 @native
 def just_beyond(s: IdaRecord, t: float) -> bool:
-    """Whether event functions change their sign within rounding of the end, as one does that is meant to do so there."""
+    """Whether an event function changes sign within rounding of the end of the run, as one that is meant to do so at the end does."""
     y, dy, ahead = floats_at(s.y), floats_at(s.dy), floats_at(s.probe)
     for i in range(s.n):
         ahead[i] = y[i] + s.slack * dy[i]
@@ -475,7 +475,7 @@ def just_beyond(s: IdaRecord, t: float) -> bool:
 
 @native
 def ida_interpolate(address: int, t: float, out: int) -> int32:
-    """The states at a time within the last step: they have no part in how IDA goes on."""
+    """States at a time within the last step, without effect on IDA's own state."""
     s = IdaRecord(address)
     flag = GET_DKY(s.get_dky, s.mem, t - s.since, 0, s.yd)
     if flag >= 0:
@@ -485,14 +485,14 @@ def ida_interpolate(address: int, t: float, out: int) -> int32:
 
 @native
 def ida_accept(address: int) -> int32:
-    """The states at the end of the step, in the model's order."""
+    """States at the end of the step, in the model's order."""
     take_states(IdaRecord(address))
     return 0
 
 
 @native
 def ida_step(address: int, stop: float) -> int32:
-    """One step of IDA, up to an event in it."""
+    """One step of IDA, up to an event within it."""
     s = IdaRecord(address)
     tiny = 10 * EPS * abs(s.t)
     s.reached = stop
@@ -519,7 +519,7 @@ def ida_step(address: int, stop: float) -> int32:
     fired, sides = int32s_at(s.fired), int32s_at(s.sides)
     if flag == IDA_ROOT_RETURN:
         ROOT_INFO(s.root_info, s.mem, s.fired)
-        for k in range(s.n_roots):  # none of these: a function has come near to zero, and turns away
+        for k in range(s.n_roots):  # not a crossing: a function has come close to zero and turns away
             found = found or fired[k] != 0
     elif s.n_roots > 0 and s.stop == s.n_stops - 1 and s.reached >= stop - tiny:
         found = just_beyond(s, s.reached)

@@ -1,13 +1,13 @@
-"""Integration of index-1 differential-algebraic problems by SUNDIALS' IDA: variable-order, variable-step BDF.
+"""Index-1 differential-algebraic problems by SUNDIALS IDA: variable-order, variable-step BDF.
 
-The residual is diag(differential) x' - f(t, x), the iteration matrix cj diag(differential) - df/dx. Two backends drive the same
-IDA, in the libraries that the scikit-sundae wheel ships, and take the same steps. The *native* one hands IDA compiled callbacks.
-The *scikit-sundae* one goes through that package's Python interface, a hundred times slower on small models, and is taken where
-its libraries cannot be driven directly.
+The residual is diag(differential) x' - f(t, x), the iteration matrix cj diag(differential) - df/dx. Two backends drive the same IDA, in
+the libraries that the scikit-sundae wheel ships, and take the same steps. The *native* backend passes compiled callbacks to IDA. The
+*scikit-sundae* backend uses that package's Python interface, a hundred times slower on small models; it is the fallback where the
+libraries cannot be driven directly.
 
-A step ends at every time event. A root of an event function is located by IDA; `Problem.update` then sees the state there,
-and if it changed anything, the algebraic unknowns and derivatives are made consistent and IDA starts anew. An event function
-that is exactly zero counts as negative: a relation that differs between its zero and its negative side needs the other sign.
+A step ends at every time event. A root of an event function is located by IDA; `Problem.update` is then called with the state there,
+and if it changes anything, the algebraic unknowns and derivatives are made consistent and IDA is restarted. An event function that is
+exactly zero counts as negative: a relation that differs between its zero and its negative side needs the other sign.
 
 References
 ----------
@@ -28,18 +28,18 @@ __all__ = ["ida"]
 
 
 def ida(native: bool = True, linear_solver: str | None = None) -> IdaStepper:
-    r"""A stepper that is IDA, along the native backend where that is available.
+    r"""An IDA stepper, with the native backend where it is available.
 
-    Its statistics hold ``steps``, ``attempts`` (steps tried) and ``rejected`` (the difference), ``rhs`` and ``jac``
-    (evaluations), ``restarts``, ``order`` (of the last step), ``linear_solver``, ``backend`` and ``work`` (ns, estimated
-    from counted operations). The scikit-sundae backend cannot tell ``steps``, ``rejected`` and ``order``: None.
+    Its statistics are ``steps``, ``attempts`` (attempted steps) and ``rejected`` (the difference), ``rhs`` and ``jac`` (evaluations),
+    ``restarts``, ``order`` (of the last step), ``linear_solver``, ``backend`` and ``work`` (ns, estimated from counted operations). The
+    scikit-sundae backend does not know ``steps``, ``rejected`` and ``order``: None.
 
     Parameters
     ----------
     native
-        False to go through scikit-sundae's Python interface.
+        False forces scikit-sundae's Python interface.
     linear_solver
-        ``"dense"``, ``"band"`` or ``"sparse"``; the cheapest for the pattern of df/dx unless given.
+        ``"dense"``, ``"band"`` or ``"sparse"``; by default the cheapest for the sparsity pattern of df/dx.
 
     Examples
     --------

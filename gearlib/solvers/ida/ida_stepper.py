@@ -1,4 +1,4 @@
-"""`IdaStepper`: what both backends of IDA have in common: tolerances, counted work, errors in plain words."""
+"""`IdaStepper`: the part common to both backends of IDA: tolerances, work counts, error messages."""
 
 from __future__ import annotations
 
@@ -18,48 +18,48 @@ from gearlib.solvers.ida.start_matrices import WATCHED, Watch, of_algebraic
 from gearlib.solvers.ida.user_data import IdaRecord
 from gearlib.solvers.problem import Floats, Problem
 
-# IDA controls the error of each step. Over a run the errors add up, most of all on lightly damped vibration, which a backward
-# differentiation formula neither damps nor keeps in phase. Measured on chains of 10, 100 and 1000 inertias (25 periods of the
-# excitation, rtol 1e-3 to 1e-12), the largest error of a state relative to its largest value is 7 to 1000 times the tolerance
-# that IDA is given. With a fiftieth of what the user asks for it is 0.07 to 50 times that (80 at 1e-12 and 1000 inertias, where
-# rounding errors rule), for 1.2 to 2.8 times the steps.
+# IDA controls the local error of each step. Over a run these errors accumulate, most of all on lightly damped vibration, which a
+# backward differentiation formula neither damps nor keeps in phase. Measured on chains of 10, 100 and 1000 inertias (25 periods of the
+# excitation, rtol 1e-3 to 1e-12), the global error of a state relative to its largest value is 7 to 1000 times the tolerance passed to
+# IDA. With a fiftieth of the user's tolerance it is 0.07 to 50 times the latter (80 at 1e-12 and 1000 inertias, where rounding
+# dominates), for 1.2 to 2.8 times as many steps.
 SAFETY = 0.02
-# Newton's iteration stops at a third of IDA's tolerance. Near rounding errors what it leaves spoils the error estimates (steps
-# multiply by three at 1e-12); it is made ten times as exact there. scikit-sundae's interface cannot do that.
+# Newton's iteration stops at a third of IDA's tolerance. Close to rounding, the remaining error spoils the local error estimates (three
+# times as many steps at 1e-12), so it is solved ten times more accurately there. scikit-sundae's interface does not offer that option.
 TIGHT, NEWTON, NEWTON_TIGHT = 1e-12, 0.33, 0.033
-FINEST = 1e-15  # a relative tolerance below a few units of rounding error is refused by IDA
+FINEST = 1e-15  # IDA rejects relative tolerances below a few units of rounding
 
-# How a step fails, beside the driver's codes and IDA's own return values (-1 to -99)
+# Failure codes, besides the driver's and IDA's own return values (-1 to -99)
 ROOTS_FAILED, START_FAILED = -106, -107
-ERROR_TEST = -3  # fails again and again, with ever smaller steps: one of the latter
-STALLED = -108  # IDA only warns when t + h is no more than t
-CHUNK = 1000  # steps after which to see whether t still moves
-# Where the right-hand side is looked at before the first step, in shares of the time to the next stop: far, near and very near,
-# and no simple fractions, so that no periodic excitation returns to its value at all of them.
+ERROR_TEST = -3  # the error test fails repeatedly with ever smaller steps: one of the latter
+STALLED = -108  # IDA merely warns when t + h equals t
+CHUNK = 1000  # steps between checks that t still advances
+# Where the right-hand side is sampled before the first step, as fractions of the time to the next stop: far, near and very near, and
+# not simple fractions, so that no periodic excitation returns to its value at all of them.
 PROBES = (7.32e-4, 6.18e-7, 4.14e-10)
-# A function that turns away from zero may have crossed it twice since the last step. Its slope is taken over a part of the step;
-# it matters where the line through value and slope, drawn backwards, meets zero within so many steps.
+# A function that turns away from zero may have crossed it twice since the last step. Its slope is taken over a fraction of the step; it
+# matters where the tangent, extended backwards, meets zero within this many steps.
 SLOPE_OVER, REACH = 1e-6, 4.0
 
 
 EPS = float(np.finfo(np.float64).eps)
 TRIAL = 100  # steps after which IDA has found its order and step size
-START = 1.2e6  # ns, of making IDA ready and going back to another method (measured)
-OPERATION = 0.5  # ns, of elimination
+START = 1.2e6  # ns, to start IDA and to hand back to another method (measured)
+OPERATION = 0.5  # ns per operation of an elimination
 
 
 class IdaStepper(Stepper):
-    """IDA on its way through a problem; the record's fields are the same for both backends.
+    """Common base of the IDA steppers; both backends use the same record fields.
 
     Parameters
     ----------
     linear_solver
-        ``"dense"``, ``"band"`` or ``"sparse"``; the cheapest for the pattern of df/dx unless given.
+        ``"dense"``, ``"band"`` or ``"sparse"``; by default the cheapest for the sparsity pattern of df/dx.
 
     Attributes
     ----------
     backend : str
-        Which one, and why.
+        Name of the backend, with the reason for it.
     """
 
     Record = IdaRecord
@@ -115,15 +115,15 @@ class IdaStepper(Stepper):
 
     @property
     def newton(self) -> float:
-        """The share of the tolerance that Newton's iteration may leave."""
+        """Fraction of the tolerance at which Newton's iteration stops."""
         return NEWTON_TIGHT if self.rtol < TIGHT else NEWTON
 
     def worst_state(self) -> int:
-        """The state with the largest error estimate; -1 where the backend cannot tell."""
+        """The state with the largest local error estimate; -1 where the backend does not know it."""
         return -1
 
     def step_size(self) -> float | None:
-        """s; None where the backend cannot tell."""
+        """Current step size (s); None where the backend does not know it."""
         return None
 
     def stats(self) -> dict[str, Any]:
@@ -134,7 +134,7 @@ class IdaStepper(Stepper):
         }  # fmt: skip
 
     def rhs_at(self, t: float, x: Floats) -> Floats:
-        """f(t, x), for messages; of an implicit problem F(t, x, 0)."""
+        """f(t, x), for messages; F(t, x, 0) for an implicit problem."""
         f, record = np.zeros(len(x)), self.record
         x = np.concatenate([x, np.zeros(len(x))])
         signature = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(ctypes.c_void_p,) * 4)
@@ -143,7 +143,7 @@ class IdaStepper(Stepper):
 
     @property
     def bad_time(self) -> float | None:
-        """Where the right-hand side was last refused or not finite, s."""
+        """Time of the last failed or non-finite evaluation of the right-hand side, s."""
         return self.record.origin + self.record.bad_time if self.record.refused > 0 else None
 
     def leaves(self, code: int) -> bool:
@@ -191,12 +191,12 @@ class IdaStepper(Stepper):
 
 
 def _located(t: float) -> float:
-    """How exactly IDA locates a root by then, s: to a hundred roundings of its step's end."""
+    """Accuracy of IDA's root location at a time (s): a hundred units of rounding of the end of its step."""
     return 200.0 * EPS * t
 
 
 def work(problem: Problem, operations: tuple[float, float], steps: int, rhs: int, jac: int, restarts: int) -> float:
-    """What some steps and evaluations cost, ns: estimated from counted operations (measured for 3 to 200 states)."""
+    """Estimated cost of steps and evaluations (ns), from counted operations (measured for 3 to 200 states)."""
     n, effort = len(problem.x0), problem.effort
     factorise, solve = operations
     looks = effort.roots if problem.roots is not None else 0.0
@@ -208,6 +208,6 @@ def work(problem: Problem, operations: tuple[float, float], steps: int, rhs: int
 
 
 def trial(problem: Problem) -> float:
-    """The work, ns, that `TRIAL` steps are expected to be, with all that it takes to begin: known before IDA is made ready."""
+    """Expected work of `TRIAL` steps including start-up (ns), known before IDA is created."""
     n, looks = len(problem.x0), problem.effort.roots if problem.roots is not None else 0.0
     return START + TRIAL * (1100.0 + 60.0 * n + 2.0 * looks + 1.3 * problem.effort.rhs)

@@ -1,8 +1,8 @@
-"""Storage of IDA's iteration matrix cj dF/dx' + dF/dx: dense, banded or sparse, by counted operations.
+"""Storage of IDA's iteration matrix cj dF/dx' + dF/dx: dense, banded or sparse, whichever takes the fewest operations.
 
-The mechanical chains that gear trains are made of have a narrow band once their unknowns are ordered along the chain (reverse
-Cuthill-McKee); a band then costs a number of operations that is proportional to the number of states. What has no narrow
-band is left to SuperLU, which costs more per number but only touches those that are not zero. Small systems are stored in full.
+The mechanical chains of gear trains have a narrow band once their unknowns are ordered along the chain (reverse Cuthill-McKee); the
+cost of a banded factorisation is proportional to the number of states. Matrices without a narrow band are left to SuperLU, which costs
+more per number but touches only nonzeros. Small systems are stored dense.
 
 References
 ----------
@@ -25,23 +25,25 @@ _NO_INTEGERS: Integers = np.empty(0, dtype=np.int64)
 
 @dataclass(frozen=True)
 class MatrixPlan:
-    """Storage of the iteration matrix, and the position of each nonzero of the model's Jacobian in it."""
+    """Storage of the iteration matrix, with the position of each nonzero of the model's Jacobian in it."""
 
     kind: str  # "dense", "band" or "sparse"
     order: Integers | None = None  # state of each of IDA's unknowns; None: the model's own order
-    upper: int = 0  # widths of the band
+    upper: int = 0  # bandwidths
     lower: int = 0
-    position: Integers = field(default_factory=lambda: _NO_INTEGERS)  # in the matrix' storage, of each nonzero of the Jacobian
-    diagonal: Integers = field(default_factory=lambda: _NO_INTEGERS)  # the same of each differential unknown's diagonal
+    # Index in the matrix storage of each nonzero of the Jacobian
+    position: Integers = field(default_factory=lambda: _NO_INTEGERS)
+    # The same for the diagonal entries of the differential unknowns
+    diagonal: Integers = field(default_factory=lambda: _NO_INTEGERS)
     rows: Integers = field(default_factory=lambda: _NO_INTEGERS)  # in IDA's order, of each nonzero of the Jacobian
     columns: Integers = field(default_factory=lambda: _NO_INTEGERS)
     part: Integers = field(
         default_factory=lambda: _NO_INTEGERS
-    )  # of each nonzero: column of a state 0, an algebraic one 1, of x' 2
+    )  # of each nonzero: 0 in the column of a state, 1 of an algebraic unknown, 2 of x'
     pattern: tuple[NDArray[np.int32], NDArray[np.int32]] | None = None  # column starts and rows of a sparse matrix
 
     def operations(self, n: int) -> tuple[float, float]:
-        """Of a factorisation and of a solution for n unknowns; SuperLU's share depends on a fill-in that is not known here.
+        """Operations of a factorisation and of a solve for n unknowns; SuperLU's depend on fill-in, which is not known here.
 
         >>> MatrixPlan("dense").operations(30)
         (9000.0, 900.0)
@@ -54,7 +56,7 @@ class MatrixPlan:
         return 1e6 + 1200.0 * nonzeros, 20.0 * nonzeros
 
     def describe(self) -> str:
-        """In words, for `Solution.stats`.
+        """Description for `Solution.stats`.
 
         >>> MatrixPlan("band", upper=2, lower=3).describe()
         'band, 3 below and 2 above the diagonal'
@@ -65,7 +67,7 @@ class MatrixPlan:
 
 
 def columns_of(problem: Problem) -> Integers:
-    """The column of each nonzero of the Jacobian; those of x' behind all of x."""
+    """Column of each nonzero of the Jacobian; those of x' are counted behind all of x."""
     assert problem.jac_indptr is not None
     return np.repeat(np.arange(len(problem.jac_indptr) - 1, dtype=np.int64), np.diff(problem.jac_indptr))
 
@@ -74,14 +76,14 @@ _remembered: OrderedDict[tuple[int, ...], tuple[tuple[object, ...], MatrixPlan]]
 
 
 def plan(problem: Problem, kind: str | None = None) -> MatrixPlan:
-    """The cheapest storage for a problem's matrix; remembered for the arrays of its pattern.
+    """The cheapest storage for a problem's iteration matrix; cached per sparsity pattern.
 
     Parameters
     ----------
     problem
-        Gives the pattern of its Jacobian. Without one the matrix is full.
+        Provides the sparsity pattern of its Jacobian. Without one the matrix is dense.
     kind
-        ``"dense"``, ``"band"`` or ``"sparse"`` to have that one.
+        ``"dense"``, ``"band"`` or ``"sparse"`` to force one.
     """
     owners = (problem.jac_indptr, problem.jac_indices, problem.differential)
     key = (*map(id, owners), hash(kind), problem.jac is None, problem.implicit)
@@ -90,7 +92,7 @@ def plan(problem: Problem, kind: str | None = None) -> MatrixPlan:
         _remembered[key] = (
             owners,
             replace(found, part=_parts(problem)),
-        )  # holding the arrays keeps their identities from being used again
+        )  # holding the arrays keeps their ids from being reused
         if len(_remembered) > 16:
             _remembered.popitem(last=False)
     return _remembered[key][1]
@@ -122,7 +124,7 @@ def _make(problem: Problem, kind: str | None) -> MatrixPlan:
     if kind == "sparse":
         return _sparse(n, rows, columns, differential)
     rows, columns, diagonal = place[rows], place[columns], place[differential]
-    stored = min(n - 1, upper + lower)  # pivoting widens the upper half
+    stored = min(n - 1, upper + lower)  # pivoting widens the upper band
     height = stored + lower + 1
     position = columns * height + rows - columns + stored
     return MatrixPlan("band", order, upper, lower, position, diagonal * height + stored, rows, columns)
@@ -134,7 +136,7 @@ def _widths(rows: Integers, columns: Integers) -> tuple[int, int]:
 
 
 def _narrow(n: int, rows: Integers, columns: Integers) -> Integers | None:
-    """The order with the narrowest band: the model's own (None) where reverse Cuthill-McKee does not better it."""
+    """The order of minimal bandwidth: the model's own (None) unless reverse Cuthill-McKee improves on it."""
     order = reverse_cuthill_mckee(n, rows, columns)
     place = np.argsort(order)
     own, new = sum(_widths(rows, columns)), sum(_widths(place[rows], place[columns]))
@@ -142,10 +144,10 @@ def _narrow(n: int, rows: Integers, columns: Integers) -> Integers | None:
 
 
 def reverse_cuthill_mckee(n: int, rows: Integers, columns: Integers) -> Integers:
-    """Order the n nodes of an undirected graph so that edges (row, column) join nodes that stand near each other.
+    """Order the n nodes of an undirected graph so that edges (row, column) join nodes close to each other.
 
-    Each connected part is numbered breadth first from a node at its far end, neighbours of small degree first. (SciPy's
-    function of this name starts at any node of least degree, which doubles the band of a chain when that is in its middle.)
+    Each connected component is numbered breadth-first from a peripheral node, neighbours of small degree first. (SciPy's function of
+    this name starts at any node of minimal degree, which doubles the bandwidth of a chain when that node is in its middle.)
 
     >>> reverse_cuthill_mckee(5, np.array([0, 3, 1, 4]), np.array([3, 1, 4, 2])).tolist()  # the path 0-3-1-4-2
     [0, 3, 1, 4, 2]
@@ -171,7 +173,7 @@ def reverse_cuthill_mckee(n: int, rows: Integers, columns: Integers) -> Integers
 def _breadth_first(start: int, neighbours: list[list[int]]) -> tuple[list[int], dict[int, int]]:
     level = {start: 0}
     order = [start]
-    for node in order:  # which grows on the way
+    for node in order:  # grows during iteration
         for other in neighbours[node]:
             if other not in level:
                 level[other] = level[node] + 1
@@ -180,7 +182,7 @@ def _breadth_first(start: int, neighbours: list[list[int]]) -> tuple[list[int], 
 
 
 def _far_end(start: int, neighbours: list[list[int]]) -> int:
-    """A node of great eccentricity (George & Liu 1979, doi:10.1145/355841.355845)."""
+    """A pseudo-peripheral node (George & Liu 1979, doi:10.1145/355841.355845)."""
     reach = -1
     while True:
         order, level = _breadth_first(start, neighbours)
@@ -192,10 +194,10 @@ def _far_end(start: int, neighbours: list[list[int]]) -> int:
 
 
 def _cheapest(n: int, nonzeros: int, lower: int, upper: int, analytic: bool) -> str:
-    """The storage with the fewest operations in a step: IDA solves once and factorises every twentieth time or so.
+    """The storage with the fewest operations per step: IDA solves once per step and factorises about every twentieth.
 
-    SuperLU's share depends on the fill-in, which is not known here. 80 operations for each nonzero lie within a factor of two
-    of what chains, trees and meshes with 50 to 2000 unknowns need; its library takes 25 ms to load.
+    SuperLU's share depends on the fill-in, which is not known here. 80 operations per nonzero lie within a factor of two of what
+    chains, trees and meshes with 50 to 2000 unknowns need; its library takes 25 ms to load.
     """
     dense = n**3 / 60 + n**2
     band = n * (lower * (lower + upper) / 20 + 2 * lower + upper)

@@ -1,4 +1,4 @@
-"""Native IDA backend: SUNDIALS driven by compiled callbacks and a compiled loop."""
+"""Native IDA backend: SUNDIALS with compiled callbacks and a compiled loop."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _RESTART = Prototype("int32", ("int", "int", "int"))
 
 
 def _functions() -> Mapping[str, int]:
-    """Addresses of the compiled callbacks and of the stepper's functions."""
+    """Addresses of the compiled callbacks and stepper functions."""
     return native_functions(callbacks.__name__).addresses
 
 
@@ -48,7 +48,7 @@ class NativeIda(IdaStepper):
     sundials
         The libraries, from `gearlib.solvers.ida.sundials.load`.
     linear_solver
-        As in `IdaStepper`.
+        As for `IdaStepper`.
     """
 
     solver: Solver | None = None
@@ -62,7 +62,7 @@ class NativeIda(IdaStepper):
         order, n = self.matrix.order, driver.x.size
         y = driver.x if order is None else driver.x[order]
         dy = np.zeros(n)
-        self.arrays: dict[str, Any] = {}  # that the record points to
+        self.arrays: dict[str, Any] = {}  # referenced by the record
         self.solver = Solver(self.sundials, y, dy)
         try:
             self._prepare(self.solver, y, dy)
@@ -71,7 +71,7 @@ class NativeIda(IdaStepper):
             raise
 
     def _point(self, **arrays: Any) -> None:
-        """Let the record point to arrays, and keep them alive."""
+        """Set pointers of the record to arrays, and keep these alive."""
         for name, array in arrays.items():
             self.arrays[name] = array
             setattr(self.record, name, array.ctypes.data if array.size else 0)
@@ -115,7 +115,7 @@ class NativeIda(IdaStepper):
         record.defect_vector, record.change_vector = solver.vector(self.arrays["defect"]), solver.vector(self.arrays["change"])
         record.step, record.interpolate = found["ida_step"], found["ida_interpolate"]
         record.accept, record.restart = found["ida_accept"], found["ida_restart"]
-        if record.n_algebraic and record.update:  # the event iteration looks at algebraic unknowns
+        if record.n_algebraic and record.update:  # the event iteration depends on algebraic unknowns
             code = _RESTART(record.restart, record.address, 1, ROOT)
             if code < 0:
                 raise self.failure(code)
@@ -130,9 +130,7 @@ class NativeIda(IdaStepper):
     def until(self, t: float, longest_step: float) -> None:
         super().until(t, longest_step)
         if self.solver is not None:
-            self.sundials.IDASetMaxStep(
-                self.solver.mem, longest_step if longest_step < math.inf else 0.0
-            )  # 0: as long as it likes
+            self.sundials.IDASetMaxStep(self.solver.mem, longest_step if longest_step < math.inf else 0.0)  # 0: unlimited
 
     def worst_state(self) -> int:
         worst = self.solver.worst() if self.solver is not None and self.record.done > 0 else -1
@@ -142,9 +140,9 @@ class NativeIda(IdaStepper):
         return None if self.solver is None else float(self.solver.number("IDAGetCurrentStep"))
 
     def recovers(self, code: int) -> bool:
-        """Go on with all of the absolute tolerance that was asked for in the state whose error test fails.
+        """Relax the absolute tolerance of the state whose error test fails, from IDA's fraction to the full one requested.
 
-        A state that passes through zero among large ones carries their rounding, which may be more than a fiftieth of its tolerance.
+        A state that passes through zero among large ones carries their rounding, which may exceed a fiftieth of its tolerance.
         """
         state = self.worst_state() if code == ERROR_TEST else -1
         if self.solver is None or state < 0 or self.atol[state] >= self.full_atol[state]:

@@ -1,10 +1,10 @@
 """IDA backend through scikit-sundae's Python interface; the model's native functions are called through ctypes.
 
-It follows `gearlib.solvers.ida.callbacks` decision by decision, so that both backends take the same steps (but for the tightest
-tolerances, where the native one makes Newton's iteration more exact than scikit-sundae lets one ask for). scikit-sundae does
-not tell how many steps were accepted nor in which state the error was largest, and ignores what its callbacks return: for a
-right-hand side that asks for a smaller step it is given not-a-number, with which Newton's iteration cannot converge. Its steps end
-at samples, since it tells nothing of what lies between.
+It follows `gearlib.solvers.ida.callbacks` decision by decision, so that both backends take the same steps (except at the tightest
+tolerances, where the native one solves Newton's iteration more accurately than scikit-sundae allows). scikit-sundae reports neither the
+number of accepted steps nor the state with the largest error, and ignores the return values of its callbacks: a right-hand side that
+requests a smaller step returns NaN instead, with which Newton's iteration cannot converge. Its steps end at samples, since it has no
+dense output.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ _pointer = ctypes.c_void_p
 
 
 class SundaeIda(IdaStepper, PythonStepper):
-    """IDA through scikit-sundae; methods mirror the functions of `gearlib.solvers.ida.callbacks`.
+    """IDA through scikit-sundae; its methods mirror the functions of `gearlib.solvers.ida.callbacks`.
 
     Parameters
     ----------
     reason
-        Why this backend is taken.
+        Why this backend is used.
     linear_solver
-        As in `IdaStepper`.
+        As for `IdaStepper`.
 
     Raises
     ------
     SolverError
-        If scikit-sundae is not installed.
+        scikit-sundae is not installed.
     """
 
     record: IdaRecord
@@ -76,7 +76,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         n, n_roots = driver.x.size, self.record.n_roots
         self.n, self.n_roots, self.algebraic = n, n_roots, np.flatnonzero(self.differential == 0)
         self.implicit = self.problem.implicit
-        self.solve: Any = None  # with the matrix of x' and the algebraic unknowns
+        self.solve: Any = None  # solver for the matrix of x' and the algebraic unknowns
         self.y, self.dy, self.f = driver.x[self.permuted].copy(), np.zeros(n), np.zeros(n)
         self.x = np.zeros(2 * n if self.implicit else n)
         self.values, self.g, self.sides = np.zeros(len(self.matrix.position)), np.zeros(n_roots), np.zeros(n_roots)
@@ -86,9 +86,9 @@ class SundaeIda(IdaStepper, PythonStepper):
         )
         self.solved_here = self.jac is not None and (self.implicit or len(self.algebraic) > 0)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # that a sparse pattern with a Jacobian needs no differences
+            warnings.simplefilter("ignore", UserWarning)  # about a sparse pattern being unused where there is a Jacobian
             self.ida = self._interface(self._caught(self._residual), **self._options())
-        if len(self.algebraic) and self.record.update:  # the event iteration looks at algebraic unknowns
+        if len(self.algebraic) and self.record.update:  # the event iteration depends on algebraic unknowns
             try:
                 self._begin(self.record.t)
             except FailedError as failed:
@@ -137,7 +137,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         return options
 
     def _caught(self, callback: Any) -> Any:
-        """A callback whose exception is kept, lest it is lost on its way through IDA: see `_raise`."""
+        """A callback whose exception is stored, since it would be lost on its way through IDA: see `_raise`."""
 
         @functools.wraps(callback)
         def call(*arguments: Any) -> None:
@@ -172,7 +172,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         return int(self.jac(record.origin + t, x.ctypes.data, self.values.ctypes.data, record.data, record.index))
 
     def _evaluate(self, t: float, y: Any, dy: Any) -> int:
-        """f at (t, y, dy); a positive result asks for a smaller step."""
+        """f at (t, y, dy); a positive result requests a smaller step."""
         self.record.n_rhs += 1
         status = self.rhs(t, self._natural(y, dy), self.f)
         wrong = np.flatnonzero(~np.isfinite(self.f))
@@ -191,7 +191,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         r[:] = np.nan if status > 0 else self._defect(dy)
 
     def _defect(self, dy: Any) -> Any:
-        """The residual, from what was evaluated last."""
+        """The residual, from the last evaluation."""
         return self.f[self.permuted] if self.implicit else self.differential * dy - self.f[self.permuted]
 
     def _jacobian_values(self, t: float, y: Any, dy: Any) -> None:
@@ -212,7 +212,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         np.add.at(jj, (matrix.rows, matrix.columns), entries)
 
     def _entries(self, t: float, y: Any, dy: Any, cj: float) -> Any:
-        """What the nonzeros of the model's Jacobian add to the iteration matrix."""
+        """Contribution of the nonzeros of the model's Jacobian to the iteration matrix."""
         self._jacobian_values(t, y, dy)
         return np.where(self.matrix.part == 2, cj, 1.0) * self.values * (1.0 if self.implicit else -1.0)
 
@@ -249,7 +249,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         return np.where(counts & (rise != 0.0), rise, _NEGATIVE_ZERO)
 
     def restart(self, changed: int, why: int) -> int:
-        """Start IDA anew where something changed; how many event functions the algebraic unknowns carried across zero by it."""
+        """Restart IDA after a change; returns how many event functions the jump of the algebraic unknowns carried across zero."""
         if changed == 0 and why != START and not (why == TIMED and self.record.update == 0):
             return 0
         self.y = self.driver.x[self.permuted].copy()
@@ -276,11 +276,11 @@ class SundaeIda(IdaStepper, PythonStepper):
             dy = self._consistent(t, dy * self.differential)
         record.attempt_time = record.step_begin = record.step_end = t
         try:
-            with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints SUNDIALS' messages
+            with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints SUNDIALS messages
                 start = self.ida.init_step(t, self.y, dy)
             self._raise()
             self.y, self.dy = start.y, start.yp
-        except RuntimeError as problem:  # scikit-sundae tells the reason only in words
+        except RuntimeError as problem:  # scikit-sundae gives the reason only as text
             self._raise()
             raise FailedError(START_FAILED if "IDACalcIC" in str(problem) else -99) from problem
         record.attempt_time = t
@@ -301,7 +301,8 @@ class SundaeIda(IdaStepper, PythonStepper):
         for delta in span * np.array(PROBES):
             if record.origin + (t + delta) > record.origin + t and self.rhs(t + delta, x, probe) == 0:
                 change = (probe - f)[self.permuted]
-                total = float(np.cumsum([0.0, *(change[self.differential != 0] / weight) ** 2])[-1])  # in order, as compiled
+                # Summed in the same order as in compiled code
+                total = float(np.cumsum([0.0, *(change[self.differential != 0] / weight) ** 2])[-1])
                 if np.any(change[self.differential == 0] != 0):
                     step = min(step, span * PROBES[1])
                 if total > 0 and np.isfinite(total):
@@ -309,12 +310,12 @@ class SundaeIda(IdaStepper, PythonStepper):
         return step
 
     def _consistent(self, t: float, dy: Any) -> Any:
-        """Find the algebraic unknowns, and x', which is returned."""
+        """Solve for the algebraic unknowns and x', which is returned."""
         from scipy.sparse.linalg import splu
 
         y, settled = self.y.copy(), False
         scale, own = self.scales[self.permuted], self.differential != 0
-        with contextlib.suppress(RuntimeError, ValueError):  # a matrix that is singular, or not finite
+        with contextlib.suppress(RuntimeError, ValueError):  # singular or non-finite matrix
             for _ in range(NEWTON_LIMIT):
                 if self._evaluate(t, y, dy) != 0:
                     break
@@ -334,7 +335,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         raise FailedError(START_FAILED)
 
     def _with_slopes(self, t: float, dy: Any) -> Any:
-        """x' with the slopes of the algebraic unknowns."""
+        """x' including the slopes of the algebraic unknowns."""
         delta = PROBES[1] * (self._stop - t)
         if self._evaluate(t, self.y, dy) == 0 and delta > 0.0:
             now = self._defect(dy).copy()
@@ -372,7 +373,7 @@ class SundaeIda(IdaStepper, PythonStepper):
         return bool(fired.any())
 
     def step(self, stop: float) -> int:
-        """To the next sample, or as far as IDA gets."""
+        """Step to the next sample, or as far as IDA gets."""
         record = self.record
         tiny = 10 * EPS * abs(record.t)
         record.reached = stop
@@ -387,9 +388,9 @@ class SundaeIda(IdaStepper, PythonStepper):
             step = self.ida.step(target, method=method, tstop=stop)
         self._raise()
         if method == "onestep" and step.status == 0:
-            record.reached = record.t  # from here on IDA interpolates; no sample is after the step yet
+            record.reached = record.t  # from here on IDA interpolates; no sample follows the step yet
             return STEPPED
-        if step.status == _ILL_INPUT:  # nothing was done: what the step holds is anything
+        if step.status == _ILL_INPUT:  # nothing was done: the contents of the step are undefined
             raise FailedError(step.status)
         t = float(step.t)
         self.y, self.dy = step.y, step.yp
@@ -413,9 +414,9 @@ class SundaeIda(IdaStepper, PythonStepper):
     def accept(self) -> None:
         x = self._natural(self.y, self.dy)
         self.driver.x[:] = x[: self.n]
-        if self.implicit:  # behind x, where the event iteration looks for it
+        if self.implicit:  # behind x, where the event iteration expects it
             ctypes.memmove(self.record.x + 8 * self.n, x[self.n :].ctypes.data, 8 * self.n)
 
     def interpolate(self, t: float) -> Floats:
-        """Not asked for: no step goes beyond a sample."""
+        """Never called: no step goes beyond a sample."""
         raise NotImplementedError(t)

@@ -1,6 +1,6 @@
-"""What the start of IDA needs to know of x' and the algebraic unknowns: their equations' matrix, their scales, whether it is sound.
+"""Matrices and scales for consistent initialisation: linearised equations of x' and the algebraic unknowns, and their conditioning.
 
-Start values are found by Newton's iteration in both backends: the differential unknowns are held, x' and the algebraic ones solved for.
+Both backends compute start values by Newton's iteration: the differential unknowns are fixed, and x' and the algebraic ones solved for.
 """
 
 from __future__ import annotations
@@ -15,24 +15,26 @@ from gearlib.native.source import SMALLER_CONSTRAINED
 from gearlib.solvers.ida.iteration_matrix import columns_of
 from gearlib.solvers.problem import Floats, Problem
 
-# Newton steps, and the change at which one more is the last, relative to size and scale.
+# Newton steps, and the change (relative to size and scale) at which one more step is the last.
 NEWTON_LIMIT, SETTLED = 30, 1e-7
-# Where algebraic unknowns may jump at an event, the event functions are compared so many times the accuracy of its location later.
+# Where algebraic unknowns may jump at an event, the event functions are compared this many location tolerances later.
 AHEAD = 10.0
-# Of an implicit problem the algebraic unknowns, among them second derivatives of what constraints determine, are no part of the error
-# test: IDA steps over their noise, which is that of x' (an error of x over the step). Where that cannot be asked for, their tolerance is
-# so many times larger.
+# In an implicit problem the algebraic unknowns, among them second derivatives determined by constraints, are excluded from the error
+# test: IDA would step according to their noise, which is that of x' (an error of x divided by the step). Where they cannot be excluded,
+# their tolerance is multiplied by this factor.
 SUPPRESSED = 1e4
-# How accurately algebraic unknowns are known: from every state up to so many unknowns, else from so many random combinations of them.
+# Accuracy of the algebraic unknowns: from every state up to this many unknowns, beyond that from this many random combinations of
+# states.
 MOST_COLUMNS, SAMPLES = 400, 16
-WATCHED = 10  # steps after which to see whether constraints still determine the algebraic unknowns
+WATCHED = 10  # steps between checks that constraints still determine the algebraic unknowns
 
 
 def of_algebraic(problem: Problem, absolute: Floats) -> tuple[Floats, Floats]:
-    """Scales of x' and the algebraic unknowns, and the absolute tolerances with those of the latter.
+    """Scales of x' and the algebraic unknowns, and the absolute tolerances including those of the latter.
 
-    What follows from the states is known no better than they are: du = G dx with G = -(dF/du)^-1 dF/dx of u, the x' and algebraic
-    unknowns, at the start. A torque on a stiff shaft would else be asked for digits that the shaft's twist does not have.
+    Quantities that follow from the states are no more accurate than these: du = G dx with G = -(dF/du)^-1 dF/dx, where u are x' and the
+    algebraic unknowns, at the start. Otherwise the torque on a stiff shaft would be asked for digits that the shaft's twist does not
+    have.
     """
     n, differential = len(problem.x0), np.asarray(problem.differential, bool)
     scales = np.array(problem.nominal, dtype=np.float64)
@@ -50,11 +52,11 @@ def of_algebraic(problem: Problem, absolute: Floats) -> tuple[Floats, Floats]:
     steps: Floats = (
         np.diag(own)[:, differential] if n <= MOST_COLUMNS else np.random.default_rng(0).choice([-1.0, 1.0], (n, SAMPLES))
     )
-    if n > MOST_COLUMNS:  # the root of a mean square, from independent signs
+    if n > MOST_COLUMNS:  # root mean square, from independent random signs
         steps *= np.where(differential, own, 0.0)[:, None] / np.sqrt(SAMPLES)
     try:
         moved = splu(sparse.csc_matrix(unknown)).solve(state @ steps)
-    except (RuntimeError, ValueError):  # singular there, or not finite: told by who looks for start values
+    except (RuntimeError, ValueError):  # singular or non-finite: reported by the solver for start values
         return scales, absolute
     found = np.sqrt((moved**2).sum(axis=1))
     scales = np.maximum(scales, np.where(np.isfinite(found), found, 0.0))
@@ -62,16 +64,16 @@ def of_algebraic(problem: Problem, absolute: Floats) -> tuple[Floats, Floats]:
 
 
 class Watch:
-    """Whether constraints still determine x' and the algebraic unknowns: their determinant must not fall much below its first value.
+    """Monitors whether constraints determine x' and the algebraic unknowns: the determinant must not fall far below its first value.
 
-    As the Newton iterations of a program watch theirs, see `gearlib.native.source`.
+    The Newton iterations of a program monitor theirs in the same way, see `gearlib.native.source`.
     """
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.first = problem, math.nan
 
     def spent(self, t: float, x: Floats, dx: Floats, data: Floats) -> bool:
-        """Whether it has, at a time and state with the model's data there."""
+        """Whether the determinant has fallen too far, at a time and state with the model's current data."""
         from scipy.sparse.linalg import splu
 
         values = jacobian_at(self.problem, t, np.concatenate([x, dx]), data)
@@ -86,7 +88,7 @@ class Watch:
 
 
 def jacobian_at(problem: Problem, t: float, x: Floats, data: Floats) -> Floats:
-    """Nonzeros of the Jacobian; not-a-number where it cannot be evaluated."""
+    """Nonzeros of the Jacobian; NaN where it cannot be evaluated."""
     assert problem.jac is not None
     assert problem.jac_indices is not None
     values, index = np.zeros(len(problem.jac_indices)), np.ascontiguousarray(problem.index, dtype=np.int64)
@@ -96,9 +98,9 @@ def jacobian_at(problem: Problem, t: float, x: Floats, data: Floats) -> Floats:
 
 
 def start_matrices(problem: Problem, values: Floats) -> tuple[Any, Any]:
-    """dF/du of x' and the algebraic unknowns, and dF/dx of the differential ones, from the nonzeros of the Jacobian; sparse.
+    """Sparse dF/du (x' and algebraic unknowns) and dF/dx (differential unknowns), from the nonzeros of the Jacobian.
 
-    Columns are those of x: x' stands in that of the unknown whose derivative it is.
+    Columns are those of x: x' takes the column of the unknown whose derivative it is.
     """
     import scipy.sparse as sparse
 

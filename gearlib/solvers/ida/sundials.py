@@ -1,9 +1,9 @@
 """ctypes bindings of the SUNDIALS libraries in the scikit-sundae wheel, and one IDA solver object.
 
-scikit-sundae's own interface calls Python at every residual. Its shared libraries do not need that: given the addresses of
-compiled callbacks they run at C's speed. Nothing of scikit-sundae is imported here; where its libraries are missing, or are not
-the SUNDIALS 7 with double precision and 32-bit indices that this module was written for, `load` says so and its caller takes
-scikit-sundae's interface instead.
+scikit-sundae's own interface calls Python for every residual. Its shared libraries do not need that: given the addresses of compiled
+callbacks they run at C speed. Nothing of scikit-sundae is imported here; where its libraries are missing, or are not the SUNDIALS 7
+with double precision and 32-bit indices that this module was written for, `load` raises with the reason, and its caller falls back on
+scikit-sundae's interface.
 
 References
 ----------
@@ -89,12 +89,12 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
 
 
 class UnavailableError(Exception):
-    """The native backend is not available; the message says why."""
+    """The native backend is not available; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Sundials:
-    """SUNDIALS' functions, by name, and where they live in memory."""
+    """SUNDIALS functions by name, and their addresses."""
 
     version: str
     folder: Path
@@ -102,7 +102,7 @@ class Sundials:
     functions: dict[str, Any] = field(default_factory=dict)
 
     def __getattr__(self, name: str) -> Any:
-        """The ctypes function of a SUNDIALS function's name, looked up at its first use."""
+        """The ctypes function for a SUNDIALS function name, looked up on first use."""
         if name not in _SIGNATURES:
             raise AttributeError(name)
         if name not in self.functions:
@@ -130,12 +130,12 @@ def _files(folder: Path, words: tuple[str, ...]) -> list[Path]:
 
 @functools.cache
 def _extra(folder: Path) -> tuple[ctypes.CDLL, ...]:
-    """SuperLU's library brings an OpenBLAS, 25 ms: loaded only when a sparse matrix is to be factorised."""
+    """SuperLU's library depends on an OpenBLAS (25 ms): loaded only when a sparse matrix is to be factorised."""
     return tuple(ctypes.CDLL(str(path)) for path in _files(folder, ("sunlinsolsuperlumt",)))
 
 
 def _configuration(package: Path) -> dict[str, str]:
-    """How scikit-sundae's SUNDIALS was built, from the file that its wheel keeps of it (importing it takes half a second)."""
+    """Build configuration of scikit-sundae's SUNDIALS, read from the file in its wheel (importing it takes half a second)."""
     path = package / "py_config.pxi"
     if not path.is_file():
         raise UnavailableError("scikit-sundae does not say how its SUNDIALS was built")
@@ -151,12 +151,12 @@ def _load() -> Sundials | str:
 
 
 def load() -> Sundials:
-    """SUNDIALS as the installed scikit-sundae ships it.
+    """The SUNDIALS libraries shipped with the installed scikit-sundae.
 
     Raises
     ------
     UnavailableError
-        With the reason: scikit-sundae not installed, built from source against other libraries, or another SUNDIALS.
+        Gives the reason: scikit-sundae not installed, built from source against other libraries, or another SUNDIALS version.
     """
     found = _load()
     if isinstance(found, str):
@@ -177,7 +177,7 @@ def _open() -> Sundials:
         raise UnavailableError("scikit-sundae's SUNDIALS was not built for double precision and 32-bit indices")
     if sys.platform == "win32":
         os.add_dll_directory(str(folder))
-    # libsundials_ida holds the serial vectors, the dense and the band solver too, but for symbols a linker may have dropped.
+    # libsundials_ida contains the serial vectors and the dense and band solvers too, except for symbols that a linker may have dropped.
     words = ("sundials_ida", "sundials_core", "nvecserial", "sunmatrix", "sunlinsoldense", "sunlinsolband")
     sundials = Sundials(built.get("SUNDIALS_VERSION", ""), folder, tuple(ctypes.CDLL(str(p)) for p in _files(folder, words)))
     major, minor, patch = _int(), _int(), _int()
@@ -193,19 +193,19 @@ def _open() -> Sundials:
 
 
 class Solver:
-    """One IDA solver object and all that it needs, freed by `close`.
+    """One IDA solver object with all its resources, freed by `close`.
 
     Parameters
     ----------
     sundials
         The libraries.
     y, dy
-        States and their derivatives, shared with IDA: it reads the start values from them and writes solutions to them.
+        States and their derivatives, shared with IDA, which reads start values from them and writes solutions to them.
     """
 
     def __init__(self, sundials: Sundials, y: Floats, dy: Floats) -> None:
         self.sundials = sundials
-        self._arrays: list[Floats] = []  # memory that IDA's vectors use
+        self._arrays: list[Floats] = []  # memory used by IDA's vectors
         self._vectors: list[int] = []
         self.mem = self.matrix = self.linear_solver = 0
         self._context = ctypes.c_void_p()
@@ -215,7 +215,7 @@ class Solver:
         self.n = len(y)
 
     def _silence(self) -> None:
-        """Errors come back as return values; neither they nor warnings go to the terminal."""
+        """Suppress terminal output; errors come back as return values."""
         self.sundials.SUNContext_ClearErrHandlers(self._context)
         logger = ctypes.c_void_p()
         if self.sundials.SUNContext_GetLogger(self._context, ctypes.byref(logger)) == 0 and logger:
@@ -223,7 +223,7 @@ class Solver:
 
     @staticmethod
     def _check(outcome: int | None) -> int:
-        """A status that must not be negative, or a pointer that must not be null."""
+        """Check a status, which must not be negative, or a pointer, which must not be null."""
         if outcome is None or outcome < 0:
             raise MemoryError("SUNDIALS could not create a solver")
         return outcome
@@ -236,7 +236,7 @@ class Solver:
         return made
 
     def create(self, residual: int, t: float, user_data: int, rtol: float, atol: Floats, differential: Floats) -> None:
-        """The IDA object: the residual's address, start time, and tolerances."""
+        """Create the IDA object from the residual's address, start time and tolerances."""
         lib = self.sundials
         self.mem = self._check(lib.IDACreate(self._context))
         self._check(lib.IDAInit(self.mem, residual, t, self.yy, self.yp))
@@ -246,21 +246,21 @@ class Solver:
         self._check(lib.IDASetMaxOrd(self.mem, 5))
 
     def use_dense(self) -> int:
-        """A full matrix; returns the address of its columns."""
+        """Use a dense matrix; returns the address of its columns."""
         lib = self.sundials
         self.matrix = self._check(lib.SUNDenseMatrix(self.n, self.n, self._context))
         self.linear_solver = self._check(lib.SUNLinSol_Dense(self.yy, self.matrix, self._context))
         return self._check(lib.SUNDenseMatrix_Data(self.matrix))
 
     def use_band(self, upper: int, lower: int) -> int:
-        """A band matrix; returns the address of its columns."""
+        """Use a band matrix; returns the address of its columns."""
         lib = self.sundials
         self.matrix = self._check(lib.SUNBandMatrix(self.n, upper, lower, self._context))
         self.linear_solver = self._check(lib.SUNLinSol_Band(self.yy, self.matrix, self._context))
         return self._check(lib.SUNBandMatrix_Data(self.matrix))
 
     def use_sparse(self, nonzeros: int) -> tuple[int, int, int]:
-        """A sparse matrix in columns, factorised by SuperLU; returns the addresses of values, rows and column starts."""
+        """Use a matrix in compressed sparse columns, factorised by SuperLU; returns the addresses of values, rows and column starts."""
         lib = self.sundials
         self.matrix = self._check(lib.SUNSparseMatrix(self.n, self.n, nonzeros, _CSC, self._context))
         self.linear_solver = self._check(lib.SUNLinSol_SuperLUMT(self.yy, self.matrix, 1, self._context))
@@ -268,9 +268,9 @@ class Solver:
         return values, rows, lib.SUNSparseMatrix_IndexPointers(self.matrix)
 
     def attach(self, jacobian: int | None, roots: int, directions: NDArray[np.int32]) -> None:
-        """Hand the matrix, the Jacobian's address (None: difference quotients) and the event functions to IDA.
+        """Set the matrix, the Jacobian's address (None: difference quotients) and the event functions.
 
-        Of each of these ``directions`` says which crossings are looked for: 1 the rising ones, 0 all.
+        For each event function, ``directions`` selects the crossings to detect: 1 rising ones, 0 all.
         """
         lib = self.sundials
         self._check(lib.SUNLinSolInitialize(self.linear_solver))
@@ -282,13 +282,13 @@ class Solver:
             self._check(lib.IDASetRootDirection(self.mem, directions.ctypes.data))
 
     def number(self, name: str, kind: Any = ctypes.c_double) -> Any:
-        """A number that IDA keeps, by the name of the function that gives it."""
+        """A counter or size kept by IDA, by the name of its getter."""
         value = kind()
         getattr(self.sundials, name)(self.mem, ctypes.byref(value))
         return value.value
 
     def worst(self) -> int:
-        """The component with the largest estimated local error in the last step, -1 if there is none."""
+        """The component with the largest local error estimate in the last step, -1 if there is none."""
         errors, weights = np.zeros(self.n), np.zeros(self.n)
         lib = self.sundials
         e, w = self.vector(errors), self.vector(weights)
@@ -297,7 +297,7 @@ class Solver:
         return int(np.argmax(np.nan_to_num(np.abs(errors * weights))))
 
     def close(self) -> None:
-        """Free everything."""
+        """Free all resources."""
         lib = self.sundials
         if self.mem:
             lib.IDAFree(ctypes.byref(ctypes.c_void_p(self.mem)))

@@ -8,11 +8,11 @@ from gearlib.solvers.drive.drive_record import DriveRecord
 
 @record
 class IdaRecord(DriveRecord):
-    """IDA's own part of a run's record; every field is zero at first."""
+    """IDA's part of a run's record; all fields are initially zero."""
 
-    # addresses: of the model
+    # addresses: the model's
     jac: int
-    # addresses: of SUNDIALS
+    # addresses: SUNDIALS functions
     array_pointer: int
     solve: int
     reinit: int
@@ -24,7 +24,7 @@ class IdaRecord(DriveRecord):
     get_steps: int
     ls_setup: int
     ls_solve: int
-    # addresses: IDA's memory and its vectors: state, derivative, state in between
+    # addresses: IDA's memory and its vectors: state, derivative, interpolated state
     mem: int
     yy: int
     yp: int
@@ -33,13 +33,13 @@ class IdaRecord(DriveRecord):
     f: int
     y: int  # the states in IDA's order
     dy: int
-    natural: int  # work space for states in the model's order, and x' behind them where the model asks for it
+    natural: int  # work space for states in the model's order, followed by x' if the model needs it
     differential: int
     order: int
     atol: int
     probe: int
     between: int
-    # addresses: start values of x' and of algebraic unknowns: linear solver, its matrix, right-hand side and solution, before and scales
+    # addresses: consistent start values: linear solver, its matrix, right-hand side and solution, previous values and scales
     linear_solver: int
     sun_matrix: int
     defect_vector: int
@@ -50,7 +50,7 @@ class IdaRecord(DriveRecord):
     dy_before: int
     scale: int
     part: int
-    # addresses: the Jacobian, the iteration matrix, and where the one's entries stand in the other
+    # addresses: the Jacobian, the iteration matrix, and the positions of the former's entries in the latter
     values: int
     matrix: int
     position: int
@@ -66,25 +66,25 @@ class IdaRecord(DriveRecord):
     later: int
     scratch: int
     counter: int
-    # whole numbers
+    # integers
     nnz: int
-    n_matrix: int  # numbers that the iteration matrix is stored in
-    implicit: int  # whether the model gives F(t, x, x')
+    n_matrix: int  # size of the iteration matrix's storage
+    implicit: int  # whether the model computes F(t, x, x')
     n_diagonal: int
     n_pattern: int
     n_algebraic: int
-    done: int  # steps
+    done: int  # accepted steps
     look_at: int
     n_rhs: int
     n_jac: int
-    earlier: int  # steps before IDA was started anew
+    earlier: int  # steps before IDA was restarted
     attempts: int
     restarts: int
     refused: int
     patience: int
     bad_state: int
-    # reals
-    since: float  # where IDA was started last: its own time counts from there
+    # floating-point numbers
+    since: float  # time of IDA's last restart, the zero of its own time
     span: float
     ic_span: float
     attempt_time: float

@@ -14,7 +14,7 @@ from gearlib.native.layout import Shared
 
 
 class Callbacks:
-    """Keeps Python callbacks alive during a run, and records the exceptions that they raised."""
+    """Keeps Python callbacks alive during a run, and stores the exceptions that they raise."""
 
     def __init__(self) -> None:
         self.callbacks: list[Any] = []
@@ -22,7 +22,7 @@ class Callbacks:
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Keep an interrupt, too, that comes where a callback begins or ends, so that Python would report and forget it."""
+        """Also catch an interrupt at the entry or exit of a callback, which Python would otherwise report and discard."""
         before = sys.unraisablehook
 
         def lost(unraisable: Any) -> None:
@@ -45,7 +45,7 @@ class Callbacks:
 
 @dataclass(frozen=True)
 class Wrapped:
-    """A native function wrapped so that the inputs are stored in its data first."""
+    """A native function wrapped so that inputs are first stored in its data."""
 
     address: int
 
@@ -53,7 +53,7 @@ class Wrapped:
 def with_callbacks(
     function: Any, shared: Shared, moving: Sequence[tuple[int, Callable[[float], float]]], callbacks: Callbacks, third: Any
 ) -> Wrapped:
-    """A native function that asks ``moving`` inputs, by number, for their values first; ``third`` is the type of its third argument."""
+    """Wrap a native function to evaluate the ``moving`` inputs, by number, first; ``third`` is the type of its third argument."""
     double, whole = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
     kind = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, double, third, double, whole)
     native = kind(function.address)
@@ -63,7 +63,8 @@ def with_callbacks(
             for k, signal in moving:
                 data[shared.inputs + k] = signal(t)
             return -1 if callbacks.problem is not None else int(native(t, x, out, data, index))
-        except BaseException as problem:  # it must not cross the native frames, and an interrupt must not be lost there
+        # An exception must not propagate through native frames, nor an interrupt be lost there
+        except BaseException as problem:
             callbacks.problem = problem
             return -1
 

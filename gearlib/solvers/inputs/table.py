@@ -1,4 +1,4 @@
-"""`Table`: an input as a piecewise polynomial function of time: straight lines, or cubics."""
+"""`Table`: an input as a piecewise polynomial function of time, linear or cubic."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ Floats = NDArray[np.float64]
 
 INTERPOLATIONS = ("linear", "previous", "monotone", "akima", "cubic")
 OUTSIDE = ("hold", "periodic")
-MOST_KNOTS = 10_000_000  # of a periodic table over a run
+MOST_KNOTS = 10_000_000  # knots of a periodic table over a run
 
 
 class Table(Tabulated):
-    """Function of time, or of a variable, through points.
+    """Function of time or of another variable, interpolated between points.
 
-    It is given to a run, ``simulate(inputs={"torque.tau": table})``, or an input of a part is bound to it, ``gp.Torque(tau=table)``: a
-    function of time whose corners the run steps to exactly. In equations ``table(self.w)`` is a function of a variable, with the exact
-    slopes of its pieces; its corners make no events unless ``table(self.w, events=True)`` asks for them, its jumps do. In equations and
-    bindings at most 200 points are taken.
+    Pass it to a run, ``simulate(inputs={"torque.tau": table})``, or bind an input of a part to it, ``gp.Torque(tau=table)``: a function
+    of time whose corners the run steps to exactly. In equations, ``table(self.w)`` is a function of a variable, with exact slopes; its
+    corners raise no events unless ``table(self.w, events=True)`` asks for them, its jumps do. In equations and bindings a table may
+    have at most 200 points.
 
     Parameters
     ----------
     t : sequence of float, shape (n,)
-        Increasing times, s. Two equal times make a step, which the smooth interpolations do not know.
+        Increasing times, s. Two equal times make a step, which the smooth interpolations do not support.
     y : sequence of float, shape (n,)
         Values.
     interpolation : {"linear", "previous", "monotone", "akima", "cubic"}
-        Straight lines; the value of the last point, held until the next; cubics with continuous slope that do not overshoot (PCHIP)
-        or follow the curve as by eye (Akima); cubics with continuous curvature (a spline, not-a-knot or periodic at its ends).
+        Piecewise linear; constant from each point to the next; cubic with continuous slope, without overshoot (PCHIP) or with visually
+        pleasing curves (Akima); cubic with continuous curvature (a spline, not-a-knot or periodic at its ends).
     outside : {"hold", "periodic"}
-        Before the first and after the last point: their values, or the points again and again; the last value then is the first.
+        Beyond the first and last point: constant, or periodic; the last value of a periodic table must equal the first.
 
     Examples
     --------
@@ -53,7 +53,7 @@ class Table(Tabulated):
     >>> Table([0, 1, 2], [0, 1, 0], interpolation="cubic", outside="periodic")(np.array([0.5, 2.5, -1.0]))
     array([0.5, 0.5, 1. ])
 
-    A fan whose torque is tabulated over its speed:
+    A fan with a tabulated torque-speed curve:
 
     >>> import gearlib as gl, gearparts as gp
     >>> class Fan(gl.Component):
@@ -78,12 +78,12 @@ class Table(Tabulated):
         self.outside = one_of("Table(t, y): outside", outside, OUTSIDE)
         if self.outside == "periodic":
             self._check_period()
-        if self.interpolation == "previous":  # lines that step
+        if self.interpolation == "previous":  # piecewise constant, as steps
             self.t, self.y = np.repeat(self.t, 2)[1:], np.repeat(self.y, 2)[:-1]
         self.coefficients = _cubics(self.t, self.y, self.interpolation, self.outside == "periodic")
-        self.origin: Table = self  # what `over` repeats
+        self.origin: Table = self  # the table that `over` repeats
         self._repeated: Table | None = None
-        for part in (self.t, self.y, self.coefficients):  # what was made from them is kept
+        for part in (self.t, self.y, self.coefficients):  # read-only, since derived values are cached
             part.flags.writeable = False
 
     @classmethod
@@ -95,22 +95,22 @@ class Table(Tabulated):
         interpolation: str = "linear",
         outside: str = "hold",
     ) -> Table:
-        r"""A table from two columns of a file.
+        r"""Read a table from two columns of a file.
 
         Parameters
         ----------
         path : path
-            A text with a line of names (``.csv``, ``.txt``, ...), separated by commas, semicolons, tabs or blanks; a Parquet file; or
-            a result file.
+            A text file with a header line (``.csv``, ``.txt``, ...), separated by commas, semicolons, tabs or spaces; a Parquet file;
+            or a result file.
         time, column : str
-            Names of the columns with the times, s, and with the values.
+            Names of the columns with the times (s) and the values.
         interpolation, outside : str
-            As of `Table`.
+            As for `Table`.
 
         Raises
         ------
         FileError, NameLookupError, ArgumentError
-            The file cannot be read, has no such column, or its numbers make no table; says where.
+            The file cannot be read, lacks the column, or its numbers do not make a table; the message says where.
 
         Examples
         --------
@@ -132,7 +132,7 @@ class Table(Tabulated):
 
     @classmethod
     def of(cls, data: Any, column: str | None = None, interpolation: str = "linear", outside: str = "hold") -> Table:
-        """A table from a pandas Series, or from a column of a DataFrame; its index is the time, s.
+        """A table from a pandas Series, or from a column of a DataFrame; the index is the time, s.
 
         >>> import pandas
         >>> Table.of(pandas.Series([1.0, 5.0], index=[0.0, 2.0]))(1.0).item()
@@ -166,11 +166,11 @@ class Table(Tabulated):
 
     @property
     def straight(self) -> bool:
-        """Whether it consists of straight lines."""
+        """Whether it is piecewise linear."""
         return self.interpolation in ("linear", "previous")
 
     def over(self, t0: float, t1: float) -> Table:
-        """The table as it is from one time to another, s, without a period.
+        """The table over an interval (s), with periods unrolled.
 
         Raises
         ------
@@ -198,7 +198,8 @@ class Table(Tabulated):
             )
         shifts = period * np.arange(first, last + 1)
         found = copy(self)
-        found.t = np.maximum.accumulate((shifts[:, None] + self.t).ravel())  # where periods meet, rounding must not go back
+        # Where periods join, rounding must not step back in time
+        found.t = np.maximum.accumulate((shifts[:, None] + self.t).ravel())
         found.y = np.tile(self.y, len(shifts))
         found.coefficients = np.tile(self.coefficients, len(shifts))
         found.outside = "hold"
@@ -210,7 +211,7 @@ class Table(Tabulated):
         Raises
         ------
         ArgumentError
-            A periodic table, or one with more points than an equation takes.
+            A periodic table, or one with more points than an equation admits.
         """
         if self.outside == "periodic":
             raise ArgumentError(
@@ -233,7 +234,7 @@ class Table(Tabulated):
         return result
 
     def lines(self, starts: Floats, inside: Floats) -> tuple[Floats, Floats]:
-        """Values and slopes of the straight lines that hold just after some times; ``inside`` (s) later they hold still."""
+        """Values and slopes of the linear pieces just after some times; ``inside`` (s) later they are still valid."""
         k = np.searchsorted(self.t, starts + inside, side="right")
         piece = np.maximum(k - 1, 0)
         slopes = np.where(k > 0, self.coefficients[1, piece], 0.0)
@@ -241,10 +242,10 @@ class Table(Tabulated):
 
 
 class Table2D:
-    """Function of two variables through the points of a grid: bilinear in each cell, an engine's or a motor's map.
+    """Function of two variables on a rectangular grid, bilinear in each cell: the map of an engine or a motor.
 
-    ``table(self.w, self.throttle)`` is its value in an equation, with exact slopes; beyond the grid it is the value at the nearest place
-    of its edge. The lines of the grid make no events unless ``events=True`` asks for them.
+    ``table(self.w, self.throttle)`` is its value in an equation, with exact slopes; outside the grid it takes the value at the nearest
+    point of the edge. The grid lines raise no events unless ``events=True`` asks for them.
 
     Parameters
     ----------
@@ -252,7 +253,7 @@ class Table2D:
     y : sequence of float, shape (m,)
         Increasing.
     z : sequence of sequences of float, shape (n, m)
-        The values; at most 800 points.
+        Values at the grid points; at most 800.
 
     Examples
     --------
@@ -289,7 +290,7 @@ class Table2D:
 
 
 def _cell(knots: Floats, places: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Number of the interval that a place lies in, and how far it lies in it, 0 to 1."""
+    """Index of the interval that contains a point, and the relative position in it, 0 to 1."""
     i = np.clip(np.searchsorted(knots, places, side="right") - 1, 0, max(len(knots) - 2, 0))
     width = knots[np.minimum(i + 1, len(knots) - 1)] - knots[i]
     share = np.divide(places - knots[i], width, out=np.zeros(np.shape(places)), where=width > 0)
@@ -297,7 +298,7 @@ def _cell(knots: Floats, places: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def _cubics(t: Floats, y: Floats, interpolation: str, periodic: bool) -> Floats:
-    """Coefficients of the powers of the time since each point, shape (4, points); after the last one the value holds."""
+    """Cubic coefficients in powers of the time since each point, shape (4, points); constant after the last one."""
     found = np.zeros((4, len(t)))
     found[0] = y
     if interpolation in ("linear", "previous") or len(t) < 2:
@@ -319,18 +320,18 @@ def _cubics(t: Floats, y: Floats, interpolation: str, periodic: bool) -> Floats:
         return found
     period, n = t[-1] - t[0], len(t) - 1
     before = np.concatenate([t[:-1] - period, t[:-1], t + period])
-    pieces = made(before, np.concatenate([y[:-1], y[:-1], y]))  # what precedes and follows gives the slopes at the ends
+    pieces = made(before, np.concatenate([y[:-1], y[:-1], y]))  # periodic extension, for the slopes at the ends
     found[: len(pieces.c), :-1] = pieces.c[::-1, n : 2 * n]
     return found
 
 
 def as_table(value: Any) -> Any:
-    """A table of what stands for one as an input: a pair of sequences (times, values), or a pandas Series; else the value itself.
+    """A table from an equivalent input: a pair of sequences (times, values), or a pandas Series; other values are returned as they are.
 
     >>> as_table(([0.0, 2.0], [1.0, 5.0]))(1.0).item()
     3.0
     """
-    pandas = sys.modules.get("pandas")  # who has a Series has imported it
+    pandas = sys.modules.get("pandas")  # whoever has a Series has imported pandas
     if pandas is not None and isinstance(value, pandas.Series):
         return Table.of(value)
     if isinstance(value, tuple) and len(value) == 2:
@@ -342,7 +343,7 @@ Signal = Any  # a number, a FunctionInput, or a Table
 
 
 def breakpoints(signals: Sequence[Signal]) -> Floats:
-    """Times at which tables have corners."""
+    """Times of all corners of tables."""
     tables = [s.t for s in signals if isinstance(s, Table)]
     if not tables:
         return np.empty(0)
@@ -352,7 +353,7 @@ def breakpoints(signals: Sequence[Signal]) -> Floats:
 
 @dataclass(frozen=True)
 class FunctionInput:
-    """An input that is a Python function of time; its path names it where the function fails.
+    """An input given by a Python function of time; errors name it by its path.
 
     Raises
     ------
@@ -376,7 +377,7 @@ class FunctionInput:
 
 
 def values(signals: Sequence[Signal], times: Floats, count: int = 0) -> Floats:
-    """Values of the signals at some times, shape (signals, times); with rows of zeros up to ``count`` where there are fewer."""
+    """Values of the signals at some times, shape (signals, times), zero-padded to ``count`` rows."""
     rows = []
     for signal in signals:
         if isinstance(signal, Table):

@@ -1,8 +1,8 @@
 """Table look-up in native code: trampolines that interpolate the tables and then call the model.
 
-The knots of the tables and the coefficients of their cubics follow the model's numbers in ``data``. A block behind its integers, to
-which ``index[TABLES]`` points, holds the addresses of the model's functions, and of each table the input's place, the place of its
-knots and their number.
+The knots of the tables and their cubic coefficients follow the model's numbers in ``data``. A block behind its integers, which
+``index[TABLES]`` points to, holds the addresses of the model's functions and, for each table, the input's number, the offset of its
+knots and their count.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _look_up(t: float, data_address: int, index_address: int, kind: int) -> int:
     for j in range(index[block + 4]):
         place = block + 5 + 3 * j
         first, n = index[place + 1], index[place + 2]
-        low, high = 0, n  # knots up to and at t
+        low, high = 0, n  # bracket of knots around t
         while low < high:
             middle = (low + high) // 2
             if data[first + middle] <= t:
@@ -72,13 +72,13 @@ def update(t: float, x: int, out: int, data: int, index: int) -> int32:
 def with_tables(
     scene: NativeScene, data: Floats, tables: Sequence[tuple[int, Table]]
 ) -> tuple[dict[str, Wrapped | None], Floats, Integers]:
-    """The functions of a scene with tables as inputs, and the two blocks that they work on.
+    """The functions of a scene with table inputs, and their data and index blocks.
 
     Parameters
     ----------
     scene : NativeScene
     data : array
-        The scene's numbers.
+        The scene's data block.
     tables : sequence of (number of the input, Table)
     """
     functions = [getattr(scene, name) for name in FUNCTIONS]

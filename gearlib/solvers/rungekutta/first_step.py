@@ -11,13 +11,13 @@ from gearlib.solvers.rungekutta.stages import add_slope
 
 __all__ = ["caution", "first_step", "is_damped", "is_stiff", "note"]
 
-FADE = 0.9  # of the means over some steps
+FADE = 0.9  # forgetting factor of the running means
 DAMPED = 0.7  # cosine of the angle between an eigenvalue and the negative real axis
 
 
 @native
 def first_step(s: LoopRecord) -> float:
-    """Hairer's guess: the step over which an Euler step and the curvature of the solution stay within the tolerance."""
+    """Hairer's initial step size: an Euler step and the curvature of the solution stay within the tolerance over it."""
     n: int = s.n
     h_max: float = s.h_max
     x, f, atol = floats_at(s.x), floats_at(s.k), floats_at(s.atol)
@@ -45,11 +45,11 @@ def first_step(s: LoopRecord) -> float:
 
 @native
 def note(s: LoopRecord) -> None:
-    """Take what the last two stages of a step say into the means over some steps, the last ones most.
+    """Update running means, weighted towards recent steps, from the last two stages of a step.
 
-    The stages belong to the same time: their differences show the fastest motion's eigenvalue, |h lambda| as in Hairer's codes,
-    and by their angle how well it is damped. In one step both depend on the phase of a vibration and on the tolerances of its
-    parts; in the mean over its phases they do so much less.
+    The two stages belong to the same time: their differences reveal the eigenvalue of the fastest motion, |h lambda| as in Hairer's
+    codes, and by their angle its damping. In a single step both depend on the phase of a vibration and on the tolerances of its
+    components; averaged over its phases they do so much less.
     """
     if s.slope < math.inf and s.move < math.inf:
         s.slopes = FADE * s.slopes + s.slope
@@ -65,17 +65,17 @@ def is_damped(slope: float, move: float, product: float) -> bool:
 
 @native
 def is_stiff(s: LoopRecord) -> bool:
-    """Whether stability limits the step. A motion as fast as this has died away: where it is alive, accuracy limits the step."""
+    """Whether stability limits the step size. A motion that fast has died out: where it is active, accuracy limits the step."""
     limit = 1.5 if s.order == 5 else 4.5
     return s.slopes > limit * limit * s.moves
 
 
 @native
 def caution(s: LoopRecord) -> float:
-    """What the choice of the next step takes the error times where a vibration comes near the limit of stability; 1 to 12.
+    """Factor (1 to 12) on the error for step-size control where a vibration approaches the stability limit.
 
-    A fast vibration that the solution hardly contains grows there until the estimate sees it: with Tsitouras' method to some
-    400 times the tolerance. A sharper estimate costs no steps, since stability limits them all the same, and keeps it smaller.
+    A fast vibration that the solution hardly contains grows there until the error estimate sees it: with Tsitouras' method to some 400
+    times the tolerance. Inflating the estimate costs no steps, since stability limits them anyway, and keeps the vibration smaller.
     """
     near = 0.45 if s.order == 5 else 3.0
     share = s.slope / (near * near * s.move) if s.move > 0.0 else 0.0

@@ -1,6 +1,6 @@
-"""One step of the explicit Runge-Kutta methods, with the location of events in it: compiled functions for all models.
+"""One step of the explicit Runge-Kutta methods, including event location: compiled functions for all models.
 
-They are written in the small language, and compiled once per machine (`MODULES`). `gearlib.solvers.drive.drive_loop` calls them.
+Written in the small language, and compiled once per machine (`MODULES`). `gearlib.solvers.drive.drive_loop` calls them.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from gearlib.solvers.rungekutta.step_size import adapt, begin_phase
 
 __all__ = ["LOCATED", "MODULES", "UNDERFLOW"]
 
-MODULES = tuple(  # compiled together
+MODULES = tuple(  # compiled as one unit
     f"gearlib.solvers.rungekutta.{name}" for name in ("loop", "root_finding", "step_size", "stages", "first_step")
 )
 
-UNDERFLOW = -2  # what a step returns beside the driver's codes
+UNDERFLOW = -2  # result of a step, besides the driver's codes
 
 SURE, CALM = 15, 6
 ROUNDING = 8.9e-16
-LOCATED = 2.2e-14  # of the time: within that an event is located
+LOCATED = 2.2e-14  # relative to time: accuracy of event location
 
 
 @native
 def rk_restart(address: int, changed: int, why: int) -> int32:
-    """Begin anew at ``x``: the right-hand side, the sides of the event functions and their slopes."""
+    """Restart at ``x``: evaluate the right-hand side, and the sides and slopes of the event functions."""
     s = LoopRecord(address)
-    if why != START and (changed != 0 or why == TIMED):  # or else the solution goes on as before
+    if why != START and (changed != 0 or why == TIMED):  # otherwise the solution continues smoothly
         begin_phase(s, changed != 0)
     s.evaluations += 1
     s.slopes = s.moves = s.products = s.ratios = s.roughest = 0.0
@@ -43,7 +43,7 @@ def rk_restart(address: int, changed: int, why: int) -> int32:
         MODEL(s.roots, s.origin + s.t, s.x, row(s, OLD), s.data, s.index)
         slopes(s, s.t, max(s.h, 1e-6 * s.h_max), s.x, s.k, OLD, SLOPE_OLD)
         side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, OLD))
-        for i in range(s.n_roots):  # what the event iteration says, which rounding cannot make wrong
+        for i in range(s.n_roots):  # as determined by the event iteration, unaffected by rounding
             side[i] = fired[i] // 2 if abs(fired[i]) == 2 else sign(g[i])
     if why == START:
         if s.h == 0.0:
@@ -54,7 +54,7 @@ def rk_restart(address: int, changed: int, why: int) -> int32:
 
 @native
 def rk_interpolate(address: int, t: float, out: int) -> int32:
-    """The states at a time within the step."""
+    """States at a time within the step."""
     s = LoopRecord(address)
     dense_output(s, s.t, s.h_step)
     interpolate(s, (t - s.t) / s.h_step, s.h_step, s.y)
@@ -80,7 +80,7 @@ def rk_accept(address: int) -> int32:
 
 @native
 def _fire(s: LoopRecord) -> None:
-    """Note which event functions flipped, in which direction."""
+    """Record which event functions changed sign, and in which direction."""
     side, fired, g = int32s_at(s.side), int32s_at(s.fired), floats_at(row(s, NEW))
     s.from_zero = 1
     for i in range(s.n_roots):
@@ -93,7 +93,7 @@ def _fire(s: LoopRecord) -> None:
 
 @native
 def _is_stiff(s: LoopRecord, t: float) -> bool:
-    """Count steps that look stiff, as Hairer's codes do: `SURE` of them, without `CALM` others in a row."""
+    """Stiffness detection by counting, as in Hairer's codes: `SURE` suspicious steps without `CALM` others in a row."""
     note(s)
     if is_stiff(s):
         if s.stiff_steps == 0:
@@ -109,7 +109,7 @@ def _is_stiff(s: LoopRecord, t: float) -> bool:
 
 @native
 def _attempt(s: LoopRecord, t: float, h: float) -> float:
-    """Try a step; its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops the run."""
+    """Attempt a step; returns its error over the tolerance, infinite where it cannot be evaluated, -1 where the model stops the run."""
     code = take_step(s, t, h)
     if code < 0:
         return -1.0
@@ -122,7 +122,7 @@ def _attempt(s: LoopRecord, t: float, h: float) -> float:
 
 @native
 def rk_step(address: int, stop: float) -> int32:
-    """One step toward ``stop``, up to an event in it."""
+    """One step toward ``stop``, up to an event within it."""
     s = LoopRecord(address)
     t, h = s.t, min(s.h, s.h_max)
     if s.h_cut > 0.0:
@@ -132,7 +132,8 @@ def rk_step(address: int, stop: float) -> int32:
     last_of_span = t + 1.0001 * h >= stop
     if last_of_span:
         h = stop - t
-    elif s.n_roots > 0:  # what is added to the time in truth: thousands of events would feel a clock that rounds at every step
+    # The exact increment of time: with thousands of events, rounding of the clock at every step would matter
+    elif s.n_roots > 0:
         added = (t + h) - t
         if h == s.h:
             s.h = added

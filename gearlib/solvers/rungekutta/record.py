@@ -1,6 +1,6 @@
 """State record of the explicit Runge-Kutta stepper, filled in by Python.
 
-Passing an array to compiled code takes a microsecond, and a run of a small model takes fifty: it gets one address instead.
+Passing an array to compiled code takes a microsecond, and a whole run of a small model fifty, so a single address is passed instead.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ __all__ = ["LoopRecord"]
 
 @record
 class LoopRecord(DriveRecord):
-    """The stepper's own part; every field is zero at first."""
+    """The stepper's part of the record; all fields are initially zero."""
 
     # addresses of vectors; rows: stages, coefficients of the dense output
     x_new: int
@@ -21,15 +21,15 @@ class LoopRecord(DriveRecord):
     atol: int
     k: int
     c: int
-    # addresses of what event functions need, see ``root_finding``
+    # addresses of arrays for event location, see ``root_finding``
     phases: int
     g: int
     side: int
     order: int
-    size: int  # states in whole blocks
-    detect: int  # whether to look for stiffness, and
-    detect_from: int  # after so many steps
-    stiff_first: int  # the step with which the present stiffness began, the number of events and (`stiff_t`) the time there
+    size: int  # number of states, padded to blocks
+    detect: int  # whether to detect stiffness,
+    detect_from: int  # from this step on
+    stiff_first: int  # the step with which the current stiffness began; the number of events and (`stiff_t`) the time then
     stiff_events: int
     rejected: int
     evaluations: int
@@ -37,7 +37,7 @@ class LoopRecord(DriveRecord):
     calm_steps: int
     retry: int
     patience: int
-    dense: int  # whether ``c`` is that of the step
+    dense: int  # whether ``c`` belongs to the current step
     fresh: int  # no step accepted since the last restart
     known: int  # see ``step_size``
     next_phase: int
@@ -45,16 +45,16 @@ class LoopRecord(DriveRecord):
     span: float
     h_max: float
     h: float
-    h_step: float  # of the step that was taken last
+    h_step: float  # size of the last step taken
     h_before_event: float
     h_cut: float
     log_error: float
-    # of the step, and the largest of the last ones: see ``stages.step_error``
+    # of the current step, and the largest of recent ones: see ``stages.step_error``
     ratio: float
     ratios: float
     rough: float
     roughest: float
-    # what the last two stages of the step say, and their means: see ``first_step.note``
+    # from the last two stages of the step, and their running means: see ``first_step.note``
     slope: float
     move: float
     product: float

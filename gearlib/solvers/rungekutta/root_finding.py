@@ -1,10 +1,10 @@
 """Event location on the dense output of a step; inlined into ``loop``.
 
-``side[k]`` is the established sign of event function k, which goes with what its relation holds, or, where the event iteration does
-not say so, its sign at the start, 0 where it was exactly zero. A root has flipped where the function has another sign; a value of
-exactly zero has not. A function that leaves zero has flipped, too: a relation such as ``w > 0`` changes there.
+``side[k]`` is the established sign of event function k: the one that agrees with its relation or, where the event iteration does not
+determine it, its sign at the start, 0 where that was exactly zero. A function has flipped when its sign differs; a value of exactly
+zero has not flipped. A function that leaves zero has flipped, too: a relation such as ``w > 0`` changes there.
 
-Rows of ``s.g``: the event functions at the beginning of a step and at its end, their slopes there, and three for a bracket.
+Rows of ``s.g``: the event functions at the beginning and end of a step, their slopes there, and three rows for a bracket.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ __all__ = ["crossing", "flipped", "just_beyond", "row", "slopes"]
 
 OLD, NEW, SLOPE_OLD, SLOPE_NEW, LOW, HIGH, FREE = range(7)
 _ROUNDING = 4.4e-16
-AT_ONCE = 1e-9  # the part of a step after which a function that has left its side from the start is an event
-CLOCK = 64 * 2.2e-16  # of the time: over less than that, a slope would be that of the clock's rounding
-SLOPE_OVER = 1e-6  # the part of a step over which a slope is taken: a minimum is known to half of it
-LOOKS = 8  # at most for one minimum
-NEAR_START, NEAR_END = 0.05, 0.98  # outside these parts of a step the dense output is as accurate as the step
+AT_ONCE = 1e-9  # fraction of a step after which a function on the wrong side from the start counts as an event
+CLOCK = 64 * 2.2e-16  # relative to time: a difference quotient over less would be dominated by rounding of time
+SLOPE_OVER = 1e-6  # fraction of a step over which a slope is taken: a minimum is located to half of it
+LOOKS = 8  # evaluations per minimum, at most
+NEAR_START, NEAR_END = 0.05, 0.98  # within this part of a step the dense output is as accurate as the step
 
 
 @native
 def row(s: LoopRecord, i: int) -> int:
-    """Address of a row of ``g``."""
+    """Address of row i of ``g``."""
     return s.g + 8 * i * s.n_roots
 
 
 @native
 def _copy(s: LoopRecord, i: int, j: int) -> None:
-    """Row i of ``g`` to row j."""
+    """Copy row i of ``g`` to row j."""
     a, b = floats_at(row(s, i)), floats_at(row(s, j))
     for k in range(s.n_roots):
         b[k] = a[k]
@@ -43,7 +43,7 @@ def _copy(s: LoopRecord, i: int, j: int) -> None:
 
 @native
 def flipped(s: LoopRecord, i: int) -> bool:
-    """Whether any event function has left its side, as row i of ``g`` has it."""
+    """Whether any event function has flipped, according to row i of ``g``."""
     g, side = floats_at(row(s, i)), int32s_at(s.side)
     for k in range(s.n_roots):  # noqa: SIM110  (no generators in the small language)
         if g[k] * side[k] < 0.0 or (side[k] == 0 and g[k] != 0.0):
@@ -53,7 +53,7 @@ def flipped(s: LoopRecord, i: int) -> bool:
 
 @native
 def slopes(s: LoopRecord, t: float, h: float, x: int, f: int, i: int, j: int) -> None:
-    """Row j of ``g`` = time derivative of the event functions of row i, by a difference over a part of ``h`` along the solution."""
+    """Row j of ``g`` = time derivative of the event functions of row i, by a difference quotient along the solution."""
     dt = max(SLOPE_OVER * h, CLOCK * abs(s.origin))
     add_slope(x, dt, f, s.y, s.size)
     MODEL(s.roots, s.origin + (t + dt), s.y, row(s, j), s.data, s.index)
@@ -71,12 +71,11 @@ def _look(s: LoopRecord, t: float, h: float, theta: float, i: int) -> None:
 
 @native
 def _dip(s: LoopRecord, t: float, h: float) -> float:
-    """Where within the step a function that keeps its side at both ends has left it in between; 2 where none has.
+    """Position within the step where a function that keeps its side at both ends has left it in between; 2 if there is none.
 
-    Each function that falls at the beginning and rises at the end has a minimum. The cubic through value and slope at both ends says
-    where; the dense output is looked at there, and with what it says the cubic of the remaining part says it better, until the
-    function has flipped, or the minimum is surely above zero compared with how steeply the function gets there. Row HIGH of ``g``
-    is taken at what is returned.
+    A function that falls at the beginning and rises at the end has a minimum. The cubic through value and slope at both ends locates
+    it; the dense output is evaluated there and refines the cubic on the remaining part, until the function has flipped, or its minimum
+    is clearly positive relative to its slope. Row HIGH of ``g`` is evaluated at the returned position.
     """
     n = s.n_roots
     side, old, new = int32s_at(s.side), floats_at(row(s, OLD)), floats_at(row(s, NEW))
@@ -91,7 +90,7 @@ def _dip(s: LoopRecord, t: float, h: float) -> float:
             width = right - left
             fall, rise = da * width, db * width
             c2, c3 = 3.0 * (b - a) - 2.0 * fall - rise, 2.0 * (a - b) + fall + rise
-            # the minimum is the root of fall + 2 c2 u + 3 c3 u^2 where that rises through zero
+            # the minimum is the root of fall + 2 c2 u + 3 c3 u^2 at which that rises through zero
             u = -fall / (c2 + math.sqrt(max(c2 * c2 - 3.0 * c3 * fall, 0.0)))
             if not (0.0 < u < 1.0 and a + u * (fall + u * (c2 + u * c3)) < 0.1 * (rise - fall)):
                 break
@@ -118,8 +117,8 @@ def _dip(s: LoopRecord, t: float, h: float) -> float:
 def _locate(s: LoopRecord, t: float, h: float, low: float, high: float, tolerance: float) -> float:
     """Right end of a bracket, no wider than ``tolerance``, of the first flip between ``low`` and ``high``.
 
-    The Illinois method on the event function that seems to cross first, as in SUNDIALS, with bisections where it lasts. The
-    rows LOW and HIGH of ``g`` hold the event functions at both ends at the start, and HIGH those at the right end afterwards.
+    The Illinois method on the event function that seems to cross first, as in SUNDIALS, with bisection where it converges slowly. The
+    rows LOW and HIGH of ``g`` hold the event functions at both ends initially, and HIGH those at the right end finally.
     """
     lo, hi, free = LOW, HIGH, FREE
     side = int32s_at(s.side)
@@ -132,9 +131,9 @@ def _locate(s: LoopRecord, t: float, h: float, low: float, high: float, toleranc
         for i in range(s.n_roots):
             if above[i] * side[i] < 0.0 or (side[i] == 0 and above[i] != 0.0):
                 fraction = max(fraction, above[i] / (above[i] - alpha * below[i]))
-        # at least half a tolerance inside, and not so near an end of a wide bracket that it never shrinks
+        # at least half a tolerance inside, and not so close to an end of a wide bracket that it never shrinks
         margin = max(0.5 * tolerance / (high - low), 1e-12)
-        if trial > 15 and trial % 2 == 0:  # it jumps, as an input may: no line through both ends says where
+        if trial > 15 and trial % 2 == 0:  # discontinuous, as an input may be: secants give no information
             fraction = 0.5
         theta = high - (high - low) * min(max(fraction, margin), 1.0 - margin)
         _look(s, t, h, theta, free)
@@ -155,9 +154,9 @@ def _locate(s: LoopRecord, t: float, h: float, low: float, high: float, toleranc
 def crossing(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, float]:
     """Look for the first event in the step from ``x`` to ``x_new``.
 
-    Returns ``(found, theta)``. Without an event the step stands (found = 0). With one, ``x_new`` becomes the state just after the
-    flip, at ``t + theta h``, and row NEW of ``g`` is taken there (found = 1). Where the dense output is not as accurate as the
-    tolerance asks for, the step is to be tried again up to there (found = -1).
+    Returns ``(found, theta)``. Without an event the step stands (found = 0). With one, ``x_new`` becomes the state just after the flip,
+    at ``t + theta h``, and row NEW of ``g`` is evaluated there (found = 1). Where the dense output is not accurate enough for the
+    tolerance, the step is to be repeated up to there (found = -1).
     """
     MODEL(s.roots, s.origin + (t + h), s.x_new, row(s, NEW), s.data, s.index)
     slopes(s, t + h, h, s.x_new, last_stage(s), NEW, SLOPE_NEW)
@@ -190,8 +189,9 @@ def crossing(s: LoopRecord, t: float, h: float, error: float) -> tuple[int, floa
 
 @native
 def just_beyond(s: LoopRecord, t: float, dt: float) -> bool:
-    """Whether an event function flips within ``dt`` after the end of the step, as one does that is meant to do so at ``t``; row NEW
-    of ``g`` is then taken there.
+    """Whether an event function flips within ``dt`` after the end of the step, as one that is meant to do so at ``t`` does.
+
+    Row NEW of ``g`` is then evaluated there.
     """
     add_slope(s.x_new, dt, last_stage(s), s.y, s.size)
     MODEL(s.roots, s.origin + (t + dt), s.y, row(s, HIGH), s.data, s.index)
@@ -203,7 +203,7 @@ def just_beyond(s: LoopRecord, t: float, dt: float) -> bool:
 
 @native
 def _on_the_clock(s: LoopRecord, t: float, h: float, theta: float) -> float:
-    """The same event at a time that is a floating-point number: the state is to be that of the time in the log."""
+    """Move the event to a representable floating-point time, so that the state belongs to the logged time."""
     at = t + theta * h
     if (at - t) / h < theta:
         at = math.nextafter(at, math.inf)
@@ -218,7 +218,7 @@ def _on_the_clock(s: LoopRecord, t: float, h: float, theta: float) -> float:
 
 @native
 def _take(s: LoopRecord, t: float, h: float, theta: float) -> None:
-    """Let the step end at ``theta``, where row HIGH of ``g`` was taken."""
+    """Let the step end at ``theta``, where row HIGH of ``g`` was evaluated."""
     if theta < 1.0:
         interpolate(s, theta, h, s.x_new)
-    _copy(s, HIGH, NEW)  # what is evaluated anew may differ by rounding, and may not have flipped
+    _copy(s, HIGH, NEW)  # a new evaluation may differ by rounding, and may not have flipped

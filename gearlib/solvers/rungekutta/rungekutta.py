@@ -21,7 +21,7 @@ from gearlib.solvers.rungekutta.record import LoopRecord
 
 __all__ = ["RungeKutta"]
 
-_ROWS = {5: (7, 4), 8: (16, 7)}  # stages, and polynomials of the dense output
+_ROWS = {5: (7, 4), 8: (16, 7)}  # stages, and number of dense-output polynomials
 
 
 class RungeKutta(Stepper):
@@ -30,15 +30,15 @@ class RungeKutta(Stepper):
     Parameters
     ----------
     order
-        5 (Tsitouras, dense output of order 4) for coarse tolerances, 8 (Dormand and Prince, dense output of order 7) for fine
-        ones: on gear chains it is the faster one from 1e-6 on.
+        5 (Tsitouras, dense output of order 4) for coarse tolerances, 8 (Dormand and Prince, dense output of order 7) for fine ones: on
+        gear chains it is faster from 1e-6 on.
     first_step
-        First step to try (s); estimated if not given.
+        First step size to try (s); estimated if not given.
 
     Raises
     ------
     ArgumentError
-        For another order, and in `Driver` for a problem with algebraic unknowns.
+        Any other order, or (in `Driver`) a problem with algebraic unknowns.
 
     References
     ----------
@@ -46,7 +46,7 @@ class RungeKutta(Stepper):
 
     Examples
     --------
-    A Python function will do for a try: x' = -x.
+    A Python function suffices for a demonstration: x' = -x.
 
     >>> import ctypes, types
     >>> import numpy as np
@@ -102,7 +102,7 @@ class RungeKutta(Stepper):
         return work(self.problem, self.order, self.record.steps, self.record.events - self.driver.events_before)
 
     def watch(self, work_first: float = 0.0) -> None:
-        """Look for stiffness, and stop once it limits the steps, after so much more work."""
+        """Watch for stiffness, and stop once it limits the steps, after a given amount of further work."""
         record = self.record
         steps = math.ceil(min(work_first / work(self.problem, record.order, 1, 0), 1e12))
         record.detect, record.detect_from = 1, record.steps + steps
@@ -110,19 +110,19 @@ class RungeKutta(Stepper):
 
     @property
     def pace(self) -> float:
-        """Seconds of the motion for each nanosecond of work, since stability has limited the steps."""
+        """Seconds of motion per nanosecond of work, since stability has limited the steps."""
         record = self.record
         done = work(self.problem, record.order, record.steps - record.stiff_first, record.events - record.stiff_events)
         return (record.t - record.stiff_t) / done if done > 0.0 else 0.0
 
     @property
     def wanted(self) -> float:
-        """The step, s, that the tolerance allows, whether or not a time event cuts it short."""
+        """Step size (s) that the tolerance allows, regardless of time events."""
         return self.record.h
 
     @property
     def damped(self) -> bool:
-        """Whether what limits the steps is a decay rather than a vibration."""
+        """Whether the motion that limits the steps is a decay rather than a vibration."""
         record = self.record
         return record.products < 0.0 and record.products**2 > (DAMPED * DAMPED) * record.slopes * record.moves
 
@@ -146,7 +146,7 @@ class RungeKutta(Stepper):
 
 
 def work(problem: Problem, order: int, steps: int, events: int) -> float:
-    """What some steps and events cost, ns: estimated from counted operations (measured for 3 to 200 states)."""
+    """Estimated cost of steps and events (ns), from counted operations (measured for 3 to 200 states)."""
     n, effort = problem.x0.size, problem.effort
     looks = effort.roots if problem.roots is not None else 0.0
     step = 6.0 * effort.rhs + 150.0 + 5.0 * n if order == 5 else 12.0 * effort.rhs + 250.0 + 10.0 * n

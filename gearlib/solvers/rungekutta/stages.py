@@ -1,10 +1,10 @@
 """Stages, error estimates and dense output of the two Runge-Kutta methods; generated code, inlined into ``loop``.
 
-Row j of ``s.k`` is the right-hand side at stage j, ``s`` being the record of ``record``.
+Row j of ``s.k`` is the right-hand side at stage j, where ``s`` is the record of ``record``.
 
-Sums over the stages are generated from the tableaux, on blocks of states. Of such a sum the last term comes last: all others are
-summed up while the right-hand side is still being evaluated. What a stage has just written is loaded number by number, since a
-processor has at once what was written so, while one wide load would wait for it.
+Sums over the stages are generated from the tableaux, on blocks of states. The last term of a sum is added last: all others are
+accumulated while the right-hand side is still being evaluated. Values that a stage has just stored are loaded one by one, since store
+forwarding serves such loads at once, while a wide load would stall.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from gearlib.solvers.rungekutta.tableaux import DOP853_A, DOP853_C, DOP853_D, DO
 
 __all__ = ["GENERATED", "MODEL", "add_slope", "dense_output", "interpolate", "last_stage", "move", "step_error", "take_step"]
 
-# Order 8's estimate is the square of one of order 5 over one of order 3. The former passes through zero now and then: below DIP
-# times what the last steps' proportion of the two, which goes with h^4, lets expect, it is not believed. Where the latter has
-# grown by more than KINK times beyond its h^4, the right-hand side has a kink, and the former may be of any size.
+# The error estimate of order 8 is the square of one of order 5 over one of order 3. The former passes through zero now and then: below
+# DIP times the value expected from the recent ratio of the two, which scales with h^4, it is not trusted. Where the latter has grown
+# beyond its h^4 scaling by more than KINK, the right-hand side has a kink, and the former may be anything.
 DIP, KINK = 0.1, 50.0
-TINY = 1e-250  # below it arithmetic may be slow: a load that nothing has reached yet is at rest
+TINY = 1e-250  # below it arithmetic may be slow (subnormal numbers): a part of the train not yet reached is at rest
 
 Row = Sequence[float]
 
@@ -41,9 +41,9 @@ _F5 = tuple(zip(*TSIT5_R, strict=True))
 
 
 def _split(row: Row) -> tuple[str, float, int]:
-    """Text of a sum over the stages without its last term, that term's coefficient, and its stage."""
+    """Source of a sum over the stages without its last term, that term's coefficient, and its stage."""
     terms = [(a, j) for j, a in enumerate(row) if a != 0.0]
-    parts = ["", ""]  # two sums that do not wait for each other
+    parts = ["", ""]  # two independent accumulators
     for number, (a, j) in enumerate(terms[:-1]):
         product, part = f"{a!r} * k[i + {j} * size]", parts[number % 2]
         parts[number % 2] = f"{part} + {product}" if part else product
@@ -63,7 +63,7 @@ def _stage(row: Row) -> str:
 
 
 def _stepper(name: str, a: Sequence[Row], c: Row, first: int, last: int, final: int) -> str:
-    """A function that evaluates the stages ``first`` to ``last``, the argument of stage ``final`` being ``x_new``."""
+    """Generate a function that evaluates stages ``first`` to ``last``; the argument of stage ``final`` is ``x_new``."""
     lines = [
         f"def {name}(s: LoopRecord, t: float, h: float) -> int:",
         "    x, y, x_new, k, size = floats_at(s.x), floats_at(s.y), floats_at(s.x_new), floats_at(s.k), s.size",
@@ -81,7 +81,7 @@ def _stepper(name: str, a: Sequence[Row], c: Row, first: int, last: int, final: 
 
 
 def _coefficients(name: str, table: Sequence[Row]) -> str:
-    """A function that makes the rows of ``c`` from those of ``k``."""
+    """Generate a function that computes the rows of ``c`` from those of ``k``."""
     return "\n".join([
         f"def {name}(s: LoopRecord) -> None:",
         "    k, c, size = floats_at(s.k), floats_at(s.c), s.size",
@@ -93,7 +93,7 @@ def _coefficients(name: str, table: Sequence[Row]) -> str:
 
 
 def _polynomial(name: str, rows: int) -> str:
-    """A function for ``y = x + h (c[0] + q (c[1] + p (c[2] + q (c[3] + ...))))``, p and q in turn."""
+    """Generate a function for ``y = x + h (c[0] + q (c[1] + p (c[2] + q (c[3] + ...))))``, p and q alternating."""
     value = f"c[i + {rows - 1} * size]"
     for j in range(rows - 2, -1, -1):
         value = f"c[i + {j} * size] + {'pq'[(j + 1) % 2]} * ({value})"
@@ -107,7 +107,7 @@ def _polynomial(name: str, rows: int) -> str:
 
 
 def _measurer(name: str, errors: Sequence[Row], last: int) -> str:
-    """A function for sums over the states of squares over the tolerance.
+    """Generate a function for sums over the states of squares relative to the tolerance.
 
     First those of each error estimate ``sum_j e[j] k[j]``, then of ``k[last] - k[last - 1]``, of ``x_new - y``, and their product.
     """
@@ -154,10 +154,10 @@ def add_slope(start: int, h: float, slope: int, out: int, size: int) -> None:
 
 @native
 def move(source: int, target: int, size: int) -> None:
-    """Copy a vector, with numbers of no more than `TINY` as zero."""
+    """Copy a vector, flushing magnitudes up to `TINY` to zero."""
     x, y = floats_at(source), floats_at(target)
     for i in blocks(size):
-        y[i] = where(abs(x[i]) <= TINY, 0.0, x[i])  # not-a-number stays
+        y[i] = where(abs(x[i]) <= TINY, 0.0, x[i])  # NaN is preserved
 
 
 @native
@@ -168,7 +168,7 @@ def last_stage(s: LoopRecord) -> int:
 
 @native
 def take_step(s: LoopRecord, t: float, h: float) -> int:
-    """Fill ``x_new`` and the stages of a step from ``x``, whose right-hand side is ``k[0]``; the code of a failing one."""
+    """Compute ``x_new`` and the stages of a step from ``x``, whose right-hand side is ``k[0]``; returns the code of a failing stage."""
     s.dense = 0
     if s.order == 5:
         code: int = _step5(s, t, h)
@@ -181,7 +181,7 @@ def take_step(s: LoopRecord, t: float, h: float) -> int:
 
 @native
 def _doubted(s: LoopRecord, h4: float, error: float, coarse: float) -> float:
-    """The estimate, or more where the estimate of order 3 makes it incredible."""
+    """The error estimate, increased where the estimate of order 3 makes it implausible."""
     if not error < math.inf:
         return error
     s.ratio, s.rough = error / (coarse * h4) if coarse > 0.0 else 0.0, coarse / h4
@@ -193,10 +193,10 @@ def _doubted(s: LoopRecord, h4: float, error: float, coarse: float) -> float:
 
 @native
 def step_error(s: LoopRecord, h: float) -> float:
-    """Root mean square of the error estimate over its tolerance; for order 8 Hairer's blend of two, of order 3 and 5.
+    """Root mean square of the error estimate over its tolerance; for order 8 Hairer's blend of orders 3 and 5.
 
-    The argument of the last stage but one, in ``y``, belongs to the same time as the last one. How these two differ, over the
-    tolerance, is noted: the squares of h times the right-hand side and of the argument, and their scalar product.
+    The argument of the last stage but one, in ``y``, belongs to the same time as the last one. Their difference relative to the
+    tolerance is recorded: the squares of h times the right-hand side and of the argument, and their scalar product.
     """
     if s.order == 5:
         total, slopes, moves, product = _errors5(s)
@@ -211,7 +211,7 @@ def step_error(s: LoopRecord, h: float) -> float:
 
 @native
 def dense_output(s: LoopRecord, t: float, h: float) -> None:
-    """Make the polynomials of the dense output, of order 4 or 7, unless this was done for the step; three more stages for the latter."""
+    """Compute the dense-output polynomials, of order 4 or 7, unless done for this step; the latter takes three more stages."""
     if s.dense == 1:
         return
     s.dense = 1
@@ -225,7 +225,7 @@ def dense_output(s: LoopRecord, t: float, h: float) -> None:
 
 @native
 def interpolate(s: LoopRecord, theta: float, h: float, y: int) -> None:
-    """``y`` = dense output at the part ``theta`` of the step."""
+    """``y`` = dense output at the fraction ``theta`` of the step."""
     if s.order == 5:
         _polynomial5(s, h * theta, theta, theta, y)
     else:

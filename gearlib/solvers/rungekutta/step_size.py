@@ -1,7 +1,7 @@
-"""Step size control, and warm starts of the step size after events; inlined into ``loop``.
+"""Step-size control, and warm starts of the step size after events; inlined into ``loop``.
 
-Between two events the modes are the same, and such a phase often comes again: contact, flight, contact. The step that suited its
-beginning is remembered with its modes. A phase that was never met begins with a part of the step before.
+Between two events the modes are constant, and the same phase often recurs: contact, flight, contact. The step size that suited the
+beginning of a phase is remembered with its modes. An unknown phase begins with a fraction of the previous step.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from gearlib.solvers.rungekutta.record import LoopRecord
 
 __all__ = ["adapt", "begin_phase"]
 
-PHASES = 8  # that are remembered
-UNKNOWN = 0.2  # share of the last step with which a new phase begins
-# Logarithm of the error that the first step of a phase should have. The estimate of a single step may be small by chance, all the
-# more so where the step is long; what is remembered is used hundreds of times.
+PHASES = 8  # phases remembered
+UNKNOWN = 0.2  # fraction of the last step with which an unknown phase begins
+# Logarithm of the target error for the first step of a phase. The estimate of a single step may be small by chance, all the more so for
+# a long step, and a remembered step is used hundreds of times.
 AIM5, AIM8 = -2.0, -5.0
-SMALL = math.log(1e-4)  # errors below it are taken for it, lest a step much too small keep all that follow small
-GROWTH_KNOWN, GROWTH_SECOND = 1.1, 1.2  # of the step that is remembered, and from the first step of a phase to the second
+SMALL = math.log(1e-4)  # smaller errors count as this, or one step much too small would keep all later ones small
+GROWTH_KNOWN, GROWTH_SECOND = 1.1, 1.2  # growth of the remembered step, and from the first step of a phase to the second
 
 
 @native
 def _signature(s: LoopRecord) -> float:
-    """A number that tells the modes apart, hardly ever two of them alike."""
+    """A hash of the modes."""
     modes, total = floats_at(s.data + 8 * s.first_mode), 0.0
     for i in range(s.n_modes):
         total += (1.0 + 0.6180339887 * i) * modes[i]
@@ -34,7 +34,7 @@ def _signature(s: LoopRecord) -> float:
 
 @native
 def _find(s: LoopRecord, signature: float) -> int:
-    """Where the phase with these modes is remembered; -1 where it is not."""
+    """Index of the phase with these modes; -1 if there is none."""
     known = floats_at(s.phases)
     for i in range(PHASES):
         if known[PHASES + i] > 0.0 and known[i] == signature:
@@ -66,10 +66,10 @@ def _remember(s: LoopRecord, h: float) -> None:
 
 @native
 def adapt(s: LoopRecord, h: float, error: float) -> bool:
-    """Choose the next step size; whether the step is accepted.
+    """Choose the next step size; returns whether the step is accepted.
 
-    PI control (Gustafsson): h grows with error^-alpha, damped by the error of the step before. These constants leave hardly a
-    step to be rejected, and make steps at the limit of stability much more accurate than alpha = 1 / order, beta = 0.
+    PI control (Gustafsson): h grows with error^-alpha, damped by the error of the previous step. With these constants hardly a step is
+    rejected, and steps at the stability limit are much more accurate than with alpha = 1 / order, beta = 0.
     """
     if not error <= 1.0:
         s.rejected += 1
@@ -89,7 +89,7 @@ def adapt(s: LoopRecord, h: float, error: float) -> bool:
         growth = min(10.0, max(0.2, 0.9 * math.exp(beta * s.log_error - alpha * log_error)))
     if s.retry == 1:
         growth = min(growth, 1.0)
-    # a step that was cut short to meet a stop says nothing against the size wanted before
+    # a step cut short to meet a stop says nothing against the size wanted before
     s.h = max(h * growth, s.h) if h < s.h else h * growth
     s.log_error = max(log_error, SMALL)
     s.ratios, s.roughest = max(s.ratio, 0.2 * s.ratios), max(s.rough, 0.5 * s.roughest)  # see ``stages._doubted``

@@ -1,7 +1,7 @@
-"""Coefficients of the explicit Runge-Kutta methods, in the letters of Hairer, Norsett and Wanner.
+"""Coefficients of the explicit Runge-Kutta methods, in the notation of Hairer, Norsett and Wanner.
 
-Stage i is evaluated at ``t + c[i] h`` and ``x + h sum_j a[i][j] k[j]``. In both tables the row of ``A`` that gives the new
-state (6 of Tsitouras, 12 of Dormand and Prince) is that of a stage, which is the first one of the next step.
+Stage i is evaluated at ``t + c[i] h`` and ``x + h sum_j a[i][j] k[j]``. In both tableaux the row of ``A`` that yields the new state (6
+of Tsitouras, 12 of Dormand and Prince) belongs to a stage, which is the first one of the next step (FSAL).
 
 References
 ----------
@@ -48,7 +48,7 @@ DOP853_C = (
     0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0, 1.0, 0.1, 0.2, 0.7777777777777778,
 )  # fmt: skip
 
-# rows 13, 14, 15 serve the dense output only
+# rows 13, 14, 15 are for dense output only
 DOP853_A = (
     (),
     (0.05260015195876773,),
