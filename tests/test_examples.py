@@ -38,3 +38,12 @@ def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pyt
         figures = {path.name: path.stat().st_size for path in (tmp_path / "figures").iterdir()}
         assert set(figures) == {"time_histories.png", "nyquist.png", "nichols.png"}
         assert min(figures.values()) > 20_000
+    if script.stem == "synthesis":
+        found, by_hand = (
+            [[float(x) for x in row] for row in re.findall(rf"{who} +(\S+) +(\S+) +(\S+) +(\S+) ", printed)]
+            for who in ("gearlib", "by hand")
+        )
+        assert len(found) == 3
+        assert found == [pytest.approx(row, rel=2e-6) for row in by_hand]
+        assert re.search(r" 0\.000 rad/s\n.*efficiency 0\.0000", printed)  # the design that locks, driven backwards
+        assert float(re.search(r"largest difference of the map .*: (\S+)", printed)[1]) < 1e-12
