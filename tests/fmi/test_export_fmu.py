@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable
+from ctypes import byref, c_char, c_double, c_size_t, c_ubyte, c_void_p
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -174,6 +175,57 @@ def test_memory_is_restored_in_the_middle(
     other.go(0.2, 20)
     assert other.get(*names) == first
     other.fmu.freeFMUState(memory)
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_arrays_of_another_length_are_refused_by_number(version: str, export: Callable[..., Exported], tmp_path: Path) -> None:
+    path = export("clutch_shift", version).path
+    description, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path), str(tmp_path))
+    told: list[str] = []
+    fmu = fmpy.instantiate_fmu(folder, description, "ModelExchange", logger=lambda *a: told.append(a[-1].decode()))
+    if version == "2.0":
+        fmu.setupExperiment()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    first = version[0]
+    state, derivatives, des = {"2": ("FMUstate", "Derivatives", "DeS"), "3": ("FMUState", "ContinuousStateDerivatives", "Des")}[
+        first
+    ]
+
+    def call(name: str, *given: Any) -> None:
+        getattr(fmu, f"fmi{first}{name}")(fmu.component, *given)
+
+    def refused(message: str, name: str, *given: Any) -> None:
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            call(name, *given)
+        assert told[-1] == message
+
+    n, z = description.numberOfContinuousStates, description.numberOfEventIndicators
+    values = (c_double * (n + z + 1))()
+    for name in (f"Get{derivatives}", *(f"{k}ContinuousStates" for k in ("Get", "Set", "GetNominalsOf"))):
+        refused(f"the model has {n} states, not {n + 1}", name, values, n + 1)
+    refused(f"the model has {z} event indicators, not {z - 1}", "GetEventIndicators", values, z - 1)
+
+    memory, again, size = c_void_p(), c_void_p(), c_size_t()
+    call(f"Get{state}", byref(memory))
+    call(f"Serialized{state}Size", memory, byref(size))
+    needed, more = size.value, size.value + 100
+    content = ((c_char if first == "2" else c_ubyte) * more)()
+    refused(
+        f"a serialized state takes {needed} bytes; there is room for {needed - 1}",
+        f"Serialize{state}",
+        memory,
+        content,
+        needed - 1,
+    )
+    call(f"Serialize{state}", memory, content, more)
+    call(f"{des}erialize{state}", content, more, byref(again))
+    text = f"these 10 bytes are no serialized state of this FMU, which takes {needed}"
+    refused(text, f"{des}erialize{state}", content, 10, byref(c_void_p()))
+    for each in (memory, again):
+        call(f"Free{state}", byref(each))
+    fmu.terminate()
+    fmu.freeInstance()
 
 
 def test_hundred_instances_do_not_know_each_other(slave: Callable[..., FmuInstance], export: Callable[..., Exported]) -> None:

@@ -102,19 +102,11 @@ fmi2Status fmi2Reset(fmi2Component c) {
 /* ------------------------------------------------------------ values */
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference references[], size_t n, fmi2Real values[]) {
-    for (size_t i = 0; i < n; i++) {
-        int code = get_value(M, references[i], &values[i]);
-        if (code) return status(code);
-    }
-    return fmi2OK;
+    return status(get_values(M, references, n, values));
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference references[], size_t n, const fmi2Real values[]) {
-    for (size_t i = 0; i < n; i++) {
-        int code = set_value(M, references[i], values[i]);
-        if (code) return status(code);
-    }
-    return fmi2OK;
+    return status(set_values(M, references, n, values));
 }
 
 #define NO_TYPE(Name)                                                                                                      \
@@ -138,7 +130,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
     return *state ? fmi2OK : fmi2Error;
 }
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
-    if (!state) return refuse(c, "a state that is none");
+    if (!state) return status(fail(M, FAILED, "there is no state to return to"));
     recall(M, state);
     return fmi2OK;
 }
@@ -156,14 +148,12 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
     return fmi2OK;
 }
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
-    if (!state || size < memory_size(M)) return refuse(c, "a state of another size");
-    to_bytes(M, state, (unsigned char *)bytes);
-    return fmi2OK;
+    return status(to_bytes(M, state, (unsigned char *)bytes, size));
 }
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
     free(*state);
     *state = from_bytes(M, (const unsigned char *)bytes, size);
-    return *state ? fmi2OK : refuse(c, "a state of another FMU");
+    return *state ? fmi2OK : fmi2Error;
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n,
@@ -207,34 +197,23 @@ fmi2Status fmi2SetTime(fmi2Component c, fmi2Real t) {
 }
 
 fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n) {
-    return (int64_t)n == model.n_states ? (set_states(M, x), fmi2OK) : refuse(c, "another number of states");
+    return status(set_states(M, x, n));
 }
 
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
-    int code;
-    if ((int64_t)n != model.n_states) return refuse(c, "another number of states");
-    if ((code = take_rates(M))) return status(code);
-    memcpy(rates, M->rates, n * sizeof(double));
-    return fmi2OK;
+    return status(get_rates(M, rates, n));
 }
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n) {
-    if ((int64_t)n != model.n_indicators) return refuse(c, "another number of event indicators");
-    return status(take_indicators(M, z));
+    return status(get_indicators(M, z, n));
 }
 
 fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
-    int code;
-    if ((int64_t)n != model.n_states) return refuse(c, "another number of states");
-    if ((code = ready(M))) return status(code);
-    memcpy(x, M->x, n * sizeof(double));
-    return fmi2OK;
+    return status(get_states(M, x, n));
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
-    if ((int64_t)n != model.n_states) return refuse(c, "another number of states");
-    memcpy(nominals, model.nominal, n * sizeof(double));
-    return fmi2OK;
+    return status(get_nominals(M, nominals, n));
 }
 
 /* ------------------------------------------------------------ co-simulation */

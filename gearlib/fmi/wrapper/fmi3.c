@@ -101,22 +101,14 @@ fmi3Status fmi3Reset(fmi3Instance instance) {
 /* ------------------------------------------------------------ values */
 
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 values[], size_t count) {
-    if (n != count) return refuse(instance, "a list of other values than variables");
-    for (size_t i = 0; i < n; i++) {
-        int code = get_value(M, references[i], &values[i]);
-        if (code) return status(code);
-    }
-    return fmi3OK;
+    if (n != count) return status(fail(M, FAILED, "%lu values were asked of %lu variables", (unsigned long)count, (unsigned long)n));
+    return status(get_values(M, references, n, values));
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const fmi3Float64 values[],
                           size_t count) {
-    if (n != count) return refuse(instance, "a list of other values than variables");
-    for (size_t i = 0; i < n; i++) {
-        int code = set_value(M, references[i], values[i]);
-        if (code) return status(code);
-    }
-    return fmi3OK;
+    if (n != count) return status(fail(M, FAILED, "%lu values were given for %lu variables", (unsigned long)count, (unsigned long)n));
+    return status(set_values(M, references, n, values));
 }
 
 #define NO_TYPE(Name, Type)                                                                                                 \
@@ -175,7 +167,7 @@ fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state) {
     return *state ? fmi3OK : fmi3Error;
 }
 fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) {
-    if (!state) return refuse(instance, "a state that is none");
+    if (!state) return status(fail(M, FAILED, "there is no state to return to"));
     recall(M, state);
     return fmi3OK;
 }
@@ -193,28 +185,30 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state,
     return fmi3OK;
 }
 fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
-    if (!state || size != memory_size(M)) return refuse(instance, "a state of another size");
-    to_bytes(M, state, bytes);
-    return fmi3OK;
+    return status(to_bytes(M, state, bytes, size));
 }
 fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
     free(*state);
     *state = from_bytes(M, bytes, size);
-    return *state ? fmi3OK : refuse(instance, "a state of another FMU");
+    return *state ? fmi3OK : fmi3Error;
 }
 
 /* ------------------------------------------------------------ derivatives */
 
+static fmi3Status wrong_lengths(fmi3Instance instance, size_t seeds, size_t n_seeds, size_t results, size_t n_results) {
+    return status(fail(M, FAILED, "%lu seeds and %lu sensitivities, where %lu and %lu are needed", (unsigned long)seeds,
+                       (unsigned long)results, (unsigned long)n_seeds, (unsigned long)n_results));
+}
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n,
                                         const fmi3ValueReference knowns[], size_t k, const fmi3Float64 seed[], size_t n_seed,
                                         fmi3Float64 sensitivity[], size_t n_sensitivity) {
-    if (n_seed != k || n_sensitivity != n) return refuse(instance, "a seed of another length");
+    if (n_seed != k || n_sensitivity != n) return wrong_lengths(instance, n_seed, k, n_sensitivity, n);
     return status(directional(M, unknowns, n, knowns, k, seed, sensitivity, 0));
 }
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n,
                                     const fmi3ValueReference knowns[], size_t k, const fmi3Float64 seed[], size_t n_seed,
                                     fmi3Float64 sensitivity[], size_t n_sensitivity) {
-    if (n_seed != n || n_sensitivity != k) return refuse(instance, "a seed of another length");
+    if (n_seed != n || n_sensitivity != k) return wrong_lengths(instance, n_seed, n, n_sensitivity, k);
     return status(directional(M, unknowns, n, knowns, k, seed, sensitivity, 1));
 }
 
@@ -270,11 +264,11 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) { return status(rea
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
                                     fmi3Boolean *states, fmi3Boolean *has_next, fmi3Float64 *next) {
     int moved_states = 0;
-    double t = 1e300;
+    double t = NEVER;
     int code = handle_events(M, &moved_states, &t);
     *again = *terminate = *nominals = fmi3False;
     *states = moved_states != 0;
-    *has_next = t < 1e300;
+    *has_next = t < NEVER;
     *next = *has_next ? t : 0.0;
     return status(code);
 }
@@ -297,36 +291,23 @@ fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 t) {
 }
 
 fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 x[], size_t n) {
-    if ((int64_t)n != model.n_states) return refuse(instance, "another number of states");
-    set_states(M, x);
-    return fmi3OK;
+    return status(set_states(M, x, n));
 }
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 rates[], size_t n) {
-    int code;
-    if ((int64_t)n != model.n_states) return refuse(instance, "another number of states");
-    if ((code = take_rates(M))) return status(code);
-    memcpy(rates, M->rates, n * sizeof(double));
-    return fmi3OK;
+    return status(get_rates(M, rates, n));
 }
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 z[], size_t n) {
-    if ((int64_t)n != model.n_indicators) return refuse(instance, "another number of event indicators");
-    return status(take_indicators(M, z));
+    return status(get_indicators(M, z, n));
 }
 
 fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 x[], size_t n) {
-    int code;
-    if ((int64_t)n != model.n_states) return refuse(instance, "another number of states");
-    if ((code = ready(M))) return status(code);
-    memcpy(x, M->x, n * sizeof(double));
-    return fmi3OK;
+    return status(get_states(M, x, n));
 }
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t n) {
-    if ((int64_t)n != model.n_states) return refuse(instance, "another number of states");
-    memcpy(nominals, model.nominal, n * sizeof(double));
-    return fmi3OK;
+    return status(get_nominals(M, nominals, n));
 }
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {

@@ -12,7 +12,7 @@
 
 /* ------------------------------------------------------------ memory */
 
-static int64_t blocks(int64_t n) { return n > 0 ? (n + 3) / 4 * 4 : 4; }
+int64_t blocks(int64_t n) { return n > 0 ? (n + 3) / 4 * 4 : 4; }
 
 /* Point the fields to their parts of the numbers; a copy of an instance does the same. */
 static size_t arrange(Instance *m, double *numbers) {
@@ -105,17 +105,25 @@ void recall(Instance *m, const Memory *memory) {
 
 size_t memory_size(const Instance *m) { return sizeof(Memory) + m->n_numbers * sizeof(double); }
 
-void to_bytes(const Instance *m, const Memory *memory, unsigned char *bytes) { memcpy(bytes, memory, memory_size(m)); }
+int to_bytes(Instance *m, const Memory *memory, unsigned char *bytes, size_t size) {
+    size_t needed = memory_size(m);
+    if (!memory) return fail(m, FAILED, "there is no state to serialize");
+    if (size < needed)
+        return fail(m, FAILED, "a serialized state takes %lu bytes; there is room for %lu", (unsigned long)needed,
+                    (unsigned long)size);
+    memcpy(bytes, memory, needed);
+    return FINE;
+}
 
-Memory *from_bytes(const Instance *m, const unsigned char *bytes, size_t size) {
-    Memory *memory;
-    if (size != memory_size(m) || !(memory = malloc(size))) return NULL;
-    memcpy(memory, bytes, size);
-    if (memory->head.n_numbers != m->n_numbers) {
-        free(memory);
-        return NULL;
-    }
-    return memory;
+Memory *from_bytes(Instance *m, const unsigned char *bytes, size_t size) {
+    size_t needed = memory_size(m);
+    Memory *memory = size < needed ? NULL : malloc(needed); /* what to_bytes has filled of a larger array, too */
+    if (memory) memcpy(memory, bytes, needed);
+    if (memory && memory->head.n_numbers == m->n_numbers) return memory;
+    free(memory);
+    fail(m, FAILED, "these %lu bytes are no serialized state of this FMU, which takes %lu", (unsigned long)size,
+         (unsigned long)needed);
+    return NULL;
 }
 
 /* ------------------------------------------------------------ messages */
@@ -191,14 +199,7 @@ void set_time(Instance *m, double t) {
     m->t = t;
 }
 
-void set_states(Instance *m, const double *x) {
-    size_t size = (size_t)model.n_states * sizeof(double);
-    if (memcmp(m->x, x, size) == 0) return;
-    memcpy(m->x, x, size);
-    moved(m);
-}
-
-int take_rates(Instance *m) {
+static int take_rates(Instance *m) {
     int code = ready(m);
     if (code || m->has_rates) return code;
     if (rhs(m->t, m->x, m->rates, m->data, INDEX) != 0) return fail(m, REFUSED, "the equations have no solution at t = %.9g s", m->t);
@@ -215,7 +216,59 @@ static int take_observed(Instance *m) {
     return FINE;
 }
 
-int get_value(Instance *m, uint32_t reference, double *value) {
+static int take_g(Instance *m) {
+    int code = ready(m);
+    if (code || !model.n_indicators) return code;
+    if (roots(m->t, m->x, m->g, m->data, INDEX) != 0)
+        return fail(m, REFUSED, "the event indicators cannot be computed at t = %.9g s", m->t);
+    return FINE;
+}
+
+/* An event function crosses zero where it has left its side by a little, so that it is beyond zero when the event is handled. */
+static double indicator(const Instance *m, int64_t i) {
+    double scale = m->scale[i] > SMALLEST ? m->scale[i] : SMALLEST;
+    return m->g[i] + m->side[i] * HYSTERESIS * scale;
+}
+
+static int is_long(Instance *m, size_t n, int64_t expected, const char *things) {
+    if ((int64_t)n == expected) return FINE;
+    return fail(m, FAILED, "the model has %d %s, not %lu", (int)expected, things, (unsigned long)n);
+}
+
+int set_states(Instance *m, const double *x, size_t n) {
+    int code = is_long(m, n, model.n_states, "states");
+    if (code || memcmp(m->x, x, n * sizeof(double)) == 0) return code;
+    memcpy(m->x, x, n * sizeof(double));
+    moved(m);
+    return FINE;
+}
+
+int get_states(Instance *m, double *x, size_t n) {
+    int code = is_long(m, n, model.n_states, "states");
+    if (!code && !(code = ready(m))) memcpy(x, m->x, n * sizeof(double));
+    return code;
+}
+
+int get_rates(Instance *m, double *rates, size_t n) {
+    int code = is_long(m, n, model.n_states, "states");
+    if (!code && !(code = take_rates(m))) memcpy(rates, m->rates, n * sizeof(double));
+    return code;
+}
+
+int get_nominals(Instance *m, double *nominals, size_t n) {
+    int code = is_long(m, n, model.n_states, "states");
+    if (!code) memcpy(nominals, model.nominal, n * sizeof(double));
+    return code;
+}
+
+int get_indicators(Instance *m, double *z, size_t n) {
+    int code = is_long(m, n, model.n_indicators, "event indicators");
+    if (code || (code = take_g(m))) return code;
+    for (int64_t i = 0; i < model.n_indicators; i++) z[i] = indicator(m, i);
+    return FINE;
+}
+
+static int get_value(Instance *m, uint32_t reference, double *value) {
     int64_t k = reference;
     int code;
     if (k == 0) {
@@ -253,16 +306,19 @@ int get_value(Instance *m, uint32_t reference, double *value) {
         return FINE;
     }
     if ((k -= model.n_outputs) < model.n_indicators) {
-        double *z = malloc((size_t)model.n_indicators * sizeof(double));
-        code = z ? take_indicators(m, z) : FAILED;
-        if (!code) *value = z[k];
-        free(z);
+        if (!(code = take_g(m))) *value = indicator(m, k);
         return code;
     }
     return fail(m, FAILED, "there is no variable with the value reference %u", (unsigned)reference);
 }
 
-int set_value(Instance *m, uint32_t reference, double value) {
+int get_values(Instance *m, const uint32_t *references, size_t n, double *values) {
+    int code = FINE;
+    for (size_t i = 0; i < n && !code; i++) code = get_value(m, references[i], &values[i]);
+    return code;
+}
+
+static int set_value(Instance *m, uint32_t reference, double value) {
     int64_t k = (int64_t)reference - 1;
     if (k >= 0 && k < model.n_parameters) {
         const char *name = model.parameter_names[k];
@@ -309,6 +365,12 @@ int set_value(Instance *m, uint32_t reference, double value) {
     }
     if (reference == 0 && value == m->t) return FINE;
     return fail(m, FAILED, "the variable with the value reference %u cannot be set", (unsigned)reference);
+}
+
+int set_values(Instance *m, const uint32_t *references, size_t n, const double *values) {
+    int code = FINE;
+    for (size_t i = 0; i < n && !code; i++) code = set_value(m, references[i], values[i]);
+    return code;
 }
 
 int set_slope(Instance *m, uint32_t reference, double slope) {
@@ -379,25 +441,6 @@ int directional(Instance *m, const uint32_t *unknowns, size_t n, const uint32_t 
 }
 
 /* ------------------------------------------------------------ events */
-
-static int take_g(Instance *m) {
-    int code = ready(m);
-    if (code || !model.n_indicators) return code;
-    if (roots(m->t, m->x, m->g, m->data, INDEX) != 0)
-        return fail(m, REFUSED, "the event indicators cannot be computed at t = %.9g s", m->t);
-    return FINE;
-}
-
-/* An event function crosses zero where it has left its side by a little, so that it is beyond zero when the event is handled. */
-int take_indicators(Instance *m, double *z) {
-    int code = take_g(m);
-    if (code) return code;
-    for (int64_t i = 0; i < model.n_indicators; i++) {
-        double scale = m->scale[i] > SMALLEST ? m->scale[i] : SMALLEST;
-        z[i] = m->g[i] + m->side[i] * HYSTERESIS * scale;
-    }
-    return FINE;
-}
 
 void after_step(Instance *m) {
     if (take_g(m)) return;

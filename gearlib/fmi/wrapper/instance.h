@@ -37,16 +37,18 @@ void free_instance(Instance *m);
 void reset_instance(Instance *m);
 int has_started(const Instance *m);
 
-int get_value(Instance *m, uint32_t reference, double *value);
-int set_value(Instance *m, uint32_t reference, double value);
+int get_values(Instance *m, const uint32_t *references, size_t n, double *values);
+int set_values(Instance *m, const uint32_t *references, size_t n, const double *values);
 int set_slope(Instance *m, uint32_t reference, double slope);
 
 int start_up(Instance *m, double tolerance, double start, double stop); /* tolerance, stop: 0 where not defined */
 int ready(Instance *m);
 void set_time(Instance *m, double t);
-void set_states(Instance *m, const double *x);
-int take_rates(Instance *m);
-int take_indicators(Instance *m, double *z);
+int set_states(Instance *m, const double *x, size_t n);
+int get_states(Instance *m, double *x, size_t n);
+int get_rates(Instance *m, double *rates, size_t n);
+int get_nominals(Instance *m, double *nominals, size_t n);
+int get_indicators(Instance *m, double *z, size_t n);
 int handle_events(Instance *m, int *states_changed, double *next);
 void after_step(Instance *m);
 void moved(Instance *m);
@@ -59,7 +61,7 @@ typedef struct Memory Memory;
 Memory *remember(const Instance *m);
 void recall(Instance *m, const Memory *memory);
 size_t memory_size(const Instance *m);
-void to_bytes(const Instance *m, const Memory *memory, unsigned char *bytes);
-Memory *from_bytes(const Instance *m, const unsigned char *bytes, size_t size);
+int to_bytes(Instance *m, const Memory *memory, unsigned char *bytes, size_t size);
+Memory *from_bytes(Instance *m, const unsigned char *bytes, size_t size);
 
 #endif

@@ -16,7 +16,6 @@ extern int32_t rk_restart(int64_t record, int32_t changed, int32_t why);
 enum { DONE, MORE, LOG_FULL };
 enum { UNDERFLOW = -2, RHS_FAILED = -101, UPDATE_FAILED = -102, UNSETTLED = -103, CHATTER = -104 };
 
-static int64_t blocks(int64_t n) { return n > 0 ? (n + 3) / 4 * 4 : 4; }
 static int64_t capacity(void) { return 4 * (model.n_indicators + 2) + 256; }
 
 typedef struct {

@@ -9,6 +9,7 @@
 int fail(Instance *m, int code, const char *format, ...);
 void note_event(Instance *m, double t, const char *what);
 void move_inputs(Instance *m, double t);
+int64_t blocks(int64_t n); /* n numbers, in whole blocks of four */
 int64_t step_numbers(void);
 void point_record(Instance *m);
 
