@@ -141,7 +141,8 @@ def _info(asked: argparse.Namespace) -> None:
         print(f"{title}: {', '.join(names) or 'none'}")
     print("parameters:")
     values, units = system.parameters | _parameters(asked), system.parameter_units
-    for name in (name for name in values if "#" not in name):
+    table = system.translation.model.parameters
+    for name in (name for name in values if table.index.get(name) not in table.written):
         unit = units.get(name, "")
         print(f"  {name} = {values[name]:.6g}{'' if unit in ('', '1') else ' ' + unit}")
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, reals, shown, whole
-from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
+from gearlib.errors import ArgumentError, GearlibError
 from gearlib.fitting.fit_result import Fit, FittedSeries
 from gearlib.fitting.identifiability import identifiability
 from gearlib.fitting.measured import START, Measured, MeasuredHistories, MeasuredSeries, as_real, checked_noise
@@ -193,9 +193,8 @@ def _ranges(translation: Translation, free: Any, common: Mapping[str, float], ex
     for name, bounds in given.items():
         if name.startswith(START) and name.endswith(")"):
             start_variable(translation.model, name[len(START) : -1])
-        elif name not in table.index or "#" in name:
-            valid = [n for n in table.names if "#" not in n]
-            raise NameLookupError(f"the model has no parameter '{name}' (in free); {nearest(name, valid)}")
+        else:
+            table.number(name, " (in free)")
         fixed = next((o for o in (common, *(e.parameters for e in experiments)) if name in o), None)
         if fixed is not None:
             raise ArgumentError(f"'{name}' is free, and given as {shown(fixed[name])} in parameters; leave one of the two out")

@@ -198,7 +198,9 @@ def _parameter_table(tree: Tree) -> ParameterTable:
         for (_, expression), (rows, targets) in sorted(steps.items(), key=lambda item: item[0][0])
     )
     values = np.array(tree.parameter_values, float)
-    return ParameterTable(tuple(tree.parameter_names), values, dependents, np.array(tree.lower), np.array(tree.upper))
+    bounds = np.array(tree.lower), np.array(tree.upper)
+    starts = frozenset(slot for _, slot, _ in tree.starts)
+    return ParameterTable(tuple(tree.parameter_names), values, dependents, *bounds, frozenset(tree.written), starts)
 
 
 def _parameter_levels(tree: Tree) -> dict[int, int]:

@@ -264,7 +264,7 @@ def _set_parameter(tree: Tree, slot: int, value: Any, scope: Component | None, u
         return
     path = tree.parameter_names[slot]
     if value is NO_VALUE or value is None:
-        hint = "" if path.startswith("start(") else f": {path.rsplit('.', 1)[-1]}=..."
+        hint = "" if description == "start value" else f": {path.rsplit('.', 1)[-1]}=..."
         raise BindingError(f"{path} has no value; give one in {unit} ({description or 'no default'}){hint}")
     if scope is not None:
         value = _evaluated(value, scope, path)
@@ -325,16 +325,13 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
             assert scope is not None
             parameters.append(_parameter(tree, scope, given, path))
         else:
-            slot = _new_parameter(tree, path if value_is_number(value) else f"{path}#{n[1:]}")
+            slot = _new_parameter(tree, f"{path}#{n[1:]}" if is_expression(value) else path)
+            if is_expression(value):  # else the input has the parameter's name
+                tree.written.append(slot)
             tree.parameter_values[slot] = given
             parameters.append(slot)
     tree.rows[bound.template].append((owner, variables, parameters))
     tree.bound[bound.template, tuple(variables)] = own
-
-
-def value_is_number(value: Any) -> bool:
-    """Whether an input is bound to a plain number, which then is a parameter with the input's name."""
-    return not is_expression(value)
 
 
 def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:

@@ -105,11 +105,34 @@ class ParameterTable:
     dependents: tuple[Dependent, ...]  # sorted so that arguments come first
     lower: Floats
     upper: Floats
+    written: frozenset[int]  # numbers in expressions that inputs are bound to, which have no name of their own, and
+    starts: frozenset[int]  # start values: neither is a parameter that a component declares
     _affected: dict[tuple[int, ...], tuple[Dependent, ...]] = field(default_factory=dict)
 
     @cached_property
     def index(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.names)}
+
+    @cached_property
+    def own(self) -> tuple[int, ...]:
+        """Those that components declare, and inputs that are bound to a number."""
+        return tuple(i for i in range(len(self.names)) if i not in self.written and i not in self.starts)
+
+    @property
+    def own_names(self) -> list[str]:
+        return [self.names[i] for i in self.own]
+
+    def number(self, name: str, purpose: str = "") -> int:
+        """The number of a parameter.
+
+        Raises
+        ------
+        NameLookupError
+            There is no such parameter; ``purpose`` says what it was named for.
+        """
+        if name not in self.index:
+            raise NameLookupError(f"the model has no parameter '{name}'{purpose}; {nearest(name, self.own_names)}")
+        return self.index[name]
 
     @cached_property
     def defaults(self) -> Floats:

@@ -154,8 +154,7 @@ class ExportedModel:
     @cached_property
     def parameters(self) -> tuple[int, ...]:
         """Parameters that are variables of the FMU: those that a user knows by name."""
-        names = self.model.parameters.names
-        return tuple(k for k, name in enumerate(names) if "#" not in name and not name.startswith("start("))
+        return self.model.parameters.own
 
     @cached_property
     def dependent(self) -> frozenset[int]:

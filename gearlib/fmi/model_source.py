@@ -103,11 +103,11 @@ def model_source(exported: ExportedModel) -> ModelSource:
         layout = lay_out(relations.program, shared, end)
         body = roots_body(relations, layout) if n_roots else Body()
         add(ROOTS, body)
-        body = update_body(relations, layout, model.n_relations, n_discrete, guards)
+        body = update_body(relations, layout, model, guards)
         add(UPDATE, body, fired=True)
         parts.append(Part(relations.program, layout, tuple(body.coefficients)))
         end = layout.size + body.n_coefficients
-        add(SETTLE, settle_body(relations, layout, model.n_relations, n_discrete))
+        add(SETTLE, settle_body(relations, layout, model))
     checks: list[str] = []
     body, end = preparation_body(exported, parts, end, checks)
     add(PREPARE, body)
@@ -122,7 +122,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
         base += len(packed[-1])
     data = np.zeros(end)
     data[: len(names)] = exported.numbers
-    modes = data[shared.relations : shared.relations + shared.n_relations]
+    modes = data[shared.relations : shared.relations + shared.n_modes]
     if n_discrete:
         n = model.n_relations
         modes[n : n + n_discrete] = modes[n + n_discrete : n + 2 * n_discrete] = model.discretes.starts

@@ -68,7 +68,7 @@ def model_tables(exported: ExportedModel, source: ModelSource, token: str, toler
         "name": _text(exported.translation.name), "token": _text(token), "n_parameters": len(parameters),
         "n_inputs": len(exported.inputs), "n_states": max(n, 1), "n_outputs": len(outputs), "n_indicators": source.n_roots,
         "n_equations": n, "n_table": len(table.names), "inputs_at": shared.inputs, "all_inputs": shared.n_inputs,
-        "modes_at": shared.relations, "n_modes": shared.n_relations, "n_data": len(source.data) + 1,
+        "modes_at": shared.relations, "n_modes": shared.n_modes, "n_data": len(source.data) + 1,
         "n_observed": len(exported.observed.outputs), "n_entries": len(source.pattern.indices),
         "has_events": int(exported.relations is not None), "has_derivatives": 1, "tolerance": repr(tolerance),
         "stop_time": repr(stop_time), "driven": int(exported.driven),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.arguments import shown
-from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
+from gearlib.errors import ArgumentError, GearlibError
 from gearlib.feedback.stability import StabilityReport
 from gearlib.files.sweep_files import sweep_path
 from gearlib.linear.frequency_response import FrequencyResponse
@@ -193,9 +193,7 @@ def sweep(
         raise ArgumentError(f"analysis is {shown(analysis)}; expected a function of a system, such as gl.modes")
     samples = as_samples(parameters, names)
     for name in samples.names:
-        if name not in translation.model.parameters.index:
-            valid = [n for n in translation.model.parameters.names if "#" not in n]
-            raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
+        translation.model.parameters.number(name)
         if name not in samples.numbers and not isinstance(samples.fixed.get(name), float):
             raise ArgumentError(
                 f"parameters['{name}'] holds what is no number; a parameter of an analysis is a number in each run"

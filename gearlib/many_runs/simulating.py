@@ -172,9 +172,9 @@ def kind_of(translation: Translation, name: str) -> str:
     if name in translation.open_inputs:
         return "input"
     if name not in model.parameters.index:
-        valid = [n for n in model.parameters.names if "#" not in n and not n.startswith(START)]
+        valid = [*model.parameters.own_names, *translation.open_inputs]
         raise NameLookupError(
-            f"the model has no parameter '{name}'; {nearest(name, [*valid, *translation.open_inputs])}. An input is named by its path, a "
+            f"the model has no parameter '{name}'; {nearest(name, valid)}. An input is named by its path, a "
             "start value as 'start(load.w)'"
         )
     return "parameter"

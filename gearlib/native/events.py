@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.flatten.model import FlatModel
 from gearlib.native.layout import EACH, Layout
 from gearlib.native.source import CLOSING, Body, loop, looped
 from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, UnknownsPhase, compares_with_before, relation_of
@@ -35,9 +36,7 @@ def roots_body(relations: Relations, layout: Layout) -> Body:
     return body
 
 
-def update_body(
-    relations: Relations, layout: Layout, n_relations: int, n_discrete: int, guards: tuple[int, int], notes: bool = False
-) -> Body:
+def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: tuple[int, int], notes: bool = False) -> Body:
     """Body of the native event iteration.
 
     A relation whose root was located takes the side that it crossed to; it is evaluated like the others once a state has been
@@ -48,18 +47,8 @@ def update_body(
     """
     body = looped(relations.program, layout)
     numbers = root_numbers(relations)
-    head, compute, body.lines = body.lines[:2], body.lines[2:-CLOSING], []
+    passes = _passes(body, relations, model, numbers)
     iteration = relations.event_iteration
-    for phase in iteration.passed:
-        match phase:
-            case UnknownsPhase():
-                body.lines += compute
-            case DiscretesPhase(batch):
-                loop(body, batch, "y = {value}\nif data[r + {target}] != y:\n    data[r + {target}] = y\n    changed = 1")
-            case RelationsPhase():
-                _test(body, phase, numbers)
-    inner, body.lines = body.lines, []
-    sizes = body.array([n_relations, n_discrete])
     for batch in iteration.reinits:
         loop(body, batch, "y = {value}\nif x[{target}] != y:\n    x[{target}] = y\n    result = 2")
     reinits = body.lines
@@ -72,18 +61,11 @@ def update_body(
         statement = f"fired[{{extra}}] = {holds} if data[r + {{target}}] != 0.0 else {fails}"
         loop(body, phase.batch, statement, extra=np.searchsorted(numbers, phase.batch.targets))
     sides = body.lines
-    n_modes = n_relations + (2 * n_discrete + 1 if n_discrete else 0)
-    noted = _note(body, n_modes, layout.size + body.n_coefficients) if notes else []
+    noted = _note(body, model.n_modes, layout.size + body.n_coefficients) if notes else []
     old = _old_signs(body, guards)
     body.lines = [
-        *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]", "result = 0", "moved = 1",
-        f"for outer in range({MOST_ITERATIONS}):",
-        "    changed = 1",
-        f"    for iteration in range({MOST_ITERATIONS}):",
-        "        changed = 0",
-        *(f"        {line}" for line in inner),
-        "        if changed == 0:",
-        "            break",
+        "result, moved = 0, 1",
+        *passes,
         "        result = 1",
         "    if changed != 0:",
         "        return -1",
@@ -108,34 +90,17 @@ def update_body(
     return body
 
 
-def settle_body(relations: Relations, layout: Layout, n_relations: int, n_discrete: int) -> Body:
+def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
     """Body of the event iteration at the start of a run, for relations and discrete variables as `modes_at_start` finds them.
 
     Only the final discrete state must admit a solution of the equations: on the way, a moving friction element may be tried as stuck.
     What does not settle here may settle in the event iteration of the run.
     """
     body = looped(relations.program, layout, forgiving=True)
-    head, compute, body.lines = body.lines[:2], body.lines[2:-CLOSING], []
-    for phase in relations.event_iteration.passed:
-        match phase:
-            case UnknownsPhase():
-                body.lines += compute
-            case DiscretesPhase(batch):
-                loop(body, batch, "y = {value}\nif data[r + {target}] != y:\n    data[r + {target}] = y\n    changed = 1")
-            case RelationsPhase():
-                _test(body, phase, None)
-    inner, body.lines = body.lines, []
-    sizes = body.array([n_relations, n_discrete])
-    started = ["    data[r + nr + 2 * nd] = 0.0"] if n_discrete else []
+    passes = _passes(body, relations, model, None)
+    started = ["    data[r + nr + 2 * nd] = 0.0"] if len(model.discretes) else []
     body.lines = [
-        *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]",
-        f"for outer in range({MOST_ITERATIONS}):",
-        "    changed = 1",
-        f"    for iteration in range({MOST_ITERATIONS}):",
-        "        changed = 0",
-        *(f"        {line}" for line in inner),
-        "        if changed == 0:",
-        "            break",
+        *passes,
         "    moved = 0",
         "    for k in range(nd):",
         "        if data[r + nr + nd + k] != data[r + nr + k]:",
@@ -146,6 +111,34 @@ def settle_body(relations: Relations, layout: Layout, n_relations: int, n_discre
         "        break",
     ]  # fmt: skip
     return body
+
+
+def _passes(body: Body, relations: Relations, model: FlatModel, numbers: Integers | None) -> list[str]:
+    """Lines that open the iteration and pass its phases until nothing changes; what follows is indented once (twice: after a change).
+
+    ``numbers`` are those of the root functions, where some relations may have been located. The body's lines are used up.
+    """
+    head, compute, body.lines = body.lines[:2], body.lines[2:-CLOSING], []
+    for phase in relations.event_iteration.passed:
+        match phase:
+            case UnknownsPhase():
+                body.lines += compute
+            case DiscretesPhase(batch):
+                loop(body, batch, "y = {value}\nif data[r + {target}] != y:\n    data[r + {target}] = y\n    changed = 1")
+            case RelationsPhase():
+                _test(body, phase, numbers)
+    inner, body.lines = body.lines, []
+    sizes = body.array([model.n_relations, len(model.discretes)])
+    return [
+        *head, f"h = {sizes}", "nr, nd = index[h], index[h + 1]",
+        f"for outer in range({MOST_ITERATIONS}):",
+        "    changed = 1",
+        f"    for iteration in range({MOST_ITERATIONS}):",
+        "        changed = 0",
+        *(f"        {line}" for line in inner),
+        "        if changed == 0:",
+        "            break",
+    ]  # fmt: skip
 
 
 def _note(body: Body, n_modes: int, steps: int) -> list[str]:

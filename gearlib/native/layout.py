@@ -25,7 +25,7 @@ class Shared:
     """Common head of ``data``: parameters, discrete state (relations, discrete variables), inputs."""
 
     n_parameters: int
-    n_relations: int
+    n_modes: int
     n_inputs: int
 
     @property
@@ -34,7 +34,7 @@ class Shared:
 
     @property
     def inputs(self) -> int:
-        return self.n_parameters + self.n_relations
+        return self.n_parameters + self.n_modes
 
     @property
     def size(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.compiler.object_code import CompiledFunction, compiled
+from gearlib.flatten.model import FlatModel
 from gearlib.native.events import MOST_STEPS, root_numbers, roots_body, update_body
 from gearlib.native.identifiers import identifiers
 from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of, tangent_body
@@ -69,8 +70,8 @@ def rhs_source(
 
 
 def compile_scene(
-    program: Program, relations: Relations | None, names: Callable[[], Sequence[str]], parameter_names: Sequence[str],
-    n_relations: int, n_discrete: int, jacobian: DerivativePlan | None, tangents: DerivativePlan | None = None,
+    program: Program, relations: Relations | None, names: Callable[[], Sequence[str]], model: FlatModel,
+    jacobian: DerivativePlan | None, tangents: DerivativePlan | None = None,
 ) -> NativeScene:  # fmt: skip
     """Compile the functions that a run needs.
 
@@ -82,19 +83,17 @@ def compile_scene(
         Given where the program uses relations.
     names : callable
         Returns the names of the slots.
-    parameter_names : sequence of str
-    n_relations, n_discrete : int
-        Sizes in the whole model.
+    model : FlatModel
+        The whole model, for its parameters and discrete state.
     jacobian : DerivativePlan, optional
         Derivatives of the outputs with respect to the states, where the analytic Jacobian is wanted.
     tangents : DerivativePlan, optional
         Their derivatives in directions, one seed each, where the right-hand side is extended by tangents.
     """
-    n_modes = n_relations + (2 * n_discrete + 1 if n_discrete else 0)
-    shared = Shared(len(parameter_names), n_modes, len(program.inputs))
+    shared = Shared(len(model.parameters.names), model.n_modes, len(program.inputs))
     layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied)
     if tangents is None:
-        text, body = rhs_source(program, layout, names, parameter_names)
+        text, body = rhs_source(program, layout, names, model.parameters.names)
         weights = end = layout.size + body.n_coefficients
     else:
         body, weights, end = tangent_body(program, layout, tangents)
@@ -113,10 +112,10 @@ def compile_scene(
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
             roots = compile_function("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)
-        body = update_body(relations, layout, n_relations, n_discrete, guards, tangents is not None)
+        body = update_body(relations, layout, model, guards, tangents is not None)
         noted = end = layout.size + body.n_coefficients
         if tangents is not None:
-            end += 1 + MOST_STEPS * (n_modes + len(program.states))
+            end += 1 + MOST_STEPS * (model.n_modes + len(program.states))
         update = compile_function("update", function("update", ["x", "fired", "data", "index"], body, UPDATE), body, layout)
     packed: list[Integers] = []
     bases, base = [], 5

@@ -448,7 +448,8 @@ class SimulatedResult(Result):
             chosen = self._computable(self.scene.model.names()) if translation.outputs is None else self.keys()
         histories, places = self._gathered(chosen)
         model, numbers, told = self.scene.model, asked.parameters.tolist(), [self._told(name) for name in chosen]
-        known = {name: x for name, x in zip(model.parameters.names, numbers, strict=True) if "#" not in name}
+        table = model.parameters
+        known = {name: x for k, (name, x) in enumerate(zip(table.names, numbers, strict=True)) if k not in table.written}
         return Record(
             self.time, histories, tuple(chosen), tuple(column for column, _ in places), tuple(sign for _, sign in places),
             tuple(unit for unit, _ in told), tuple(text for _, text in told), translation.name, known, self.stats,

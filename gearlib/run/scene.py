@@ -169,8 +169,7 @@ class Scene:
 
     def compiled(self, jacobian: bool, tangents: DerivativePlan | None = None) -> NativeScene:
         """Compiled functions with or without a Jacobian, and with a right-hand side extended by the tangents of a plan."""
-        return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model.parameters.names,
-                             self.model.n_relations, len(self.model.discretes),
+        return compile_scene(self.program, self.relations, lambda: self.slot_names, self.model,
                              self.jacobian if jacobian else None, tangents)  # fmt: skip
 
     @cached_property
@@ -296,7 +295,7 @@ def data_block(
     shared = native.shared
     data = np.zeros(native.size)
     data[: shared.n_parameters] = numbers.parameters
-    data[shared.relations : shared.relations + shared.n_relations] = flags
+    data[shared.relations : shared.relations + shared.n_modes] = flags
     data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
     main = guess(numbers.main.program)
     for part in (native.rhs, native.jac):

@@ -173,7 +173,7 @@ class End:
     forbidden: bool = False  # steady, but a variable is below its minimum: a step crossed an event
 
 
-def steady_state(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
+def search_steady(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
     """A steady state: nothing accelerates, and nothing changes but what no equation depends on, such as the angles of the train.
 
     Growing states keep their start values. Of several steady states it is the one that the motion from the start values reaches.
@@ -206,7 +206,7 @@ def steady_changes(
     Parameters
     ----------
     scene, numbers, start, inputs, t
-        As for `steady_state`; the start includes the derivatives of its states.
+        As for `search_steady`; the start includes the derivatives of its states.
     x : array
         The steady state.
     seeds : sequence of (parameter, seed, weight)

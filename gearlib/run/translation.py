@@ -25,7 +25,7 @@ from gearlib.reduce.rows import some
 from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Seed, Start, start_values, start_variable
-from gearlib.run.steady import steady_changes, steady_state
+from gearlib.run.steady import search_steady, steady_changes
 from gearlib.run.zeros import Sums, can_be_solved, factors, special_values, sums
 from gearlib.solvers.inputs.table import FunctionInput, Table, as_table, values
 from gearlib.structure.incidence import Node
@@ -266,10 +266,7 @@ class Translation:
             return table.defaults
         chosen: dict[int, float] = {}
         for name, value in given.items():
-            k = table.index.get(name)
-            if k is None:
-                valid = [n for n in table.names if "#" not in n and not n.startswith("start(")]
-                raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
+            k = table.number(name)
             if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (Real, np.integer, np.floating)):
                 raise ArgumentError(f"parameter {name} is {shown(value)} ({type(value).__name__}); expected a number")
             chosen[k] = float(value) if isinstance(value, float) else real(f"parameter {name}", value)  # bounds: below
@@ -301,12 +298,7 @@ class Translation:
             A redundant loop closes only with this value of the parameter.
         """
         table = self.model.parameters
-        seeds = []
-        for name in names:
-            if name not in table.index:
-                valid = [n for n in table.names if "#" not in n]
-                raise NameLookupError(f"the model has no parameter '{name}'; {nearest(name, valid)}")
-            seeds.append(table.index[name])
+        seeds = [table.number(name) for name in names]
         fixed = self._given(numbers) if given is None else {table.index[name] for name in given}
         changes = table.derivatives(numbers, seeds, fixed)
         inside = {p for p, _ in self.put_in}
@@ -404,7 +396,7 @@ class Translation:
         begin = start_values(scene, parameters, inputs, t, overrides, discretes, seeds, own_seeds)
         if start == "steady":
             numbers = scene.prepared(parameters)
-            steady = steady_state(scene, numbers, begin, inputs, t)
+            steady = search_steady(scene, numbers, begin, inputs, t)
             changes = None if seeds is None else steady_changes(scene, numbers, begin, inputs, t, steady, seeds)
             return Start(steady, begin.guess, (), steady=True, changes=changes)
         if discretes is None:

@@ -210,9 +210,7 @@ def test_terms_that_are_added_with_weights() -> None:
 def native_values(scene: Any, numbers: Any, plan: Any, x: Floats, u: Floats, t: float, flags: Floats) -> Floats:
     """What the native code that is printed from a plan computes, shape (wanted, seeds)."""
     model = scene.model
-    native = compile_scene(
-        scene.program, scene.relations, lambda: scene.slot_names, model.parameters.names, model.n_relations, len(model.discretes), plan
-    )  # fmt: skip
+    native = compile_scene(scene.program, scene.relations, lambda: scene.slot_names, model, plan)
     assert native.jac is not None and native.pattern is not None  # noqa: PT018
     data = scene.data(native, numbers, u, flags, np.zeros(model.n_variables))
     values = np.full(len(native.pattern.indices), np.nan)

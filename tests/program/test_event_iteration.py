@@ -45,7 +45,7 @@ def native_settled(scene: Any, numbers: Any, t: float, x: Floats, flags: Floats)
     fired = np.zeros(max(len(scene.root_names), 1), np.int32)
     states = x.copy()
     result = UPDATE(native.update.address)(t, *(a.ctypes.data for a in (states, fired, data, native.index)))
-    return result, data[native.shared.relations :][: native.shared.n_relations]
+    return result, data[native.shared.relations :][: native.shared.n_modes]
 
 
 def agree(system: gl.System, seed: int) -> None:

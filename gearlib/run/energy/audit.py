@@ -105,7 +105,7 @@ def energy_balance(
     atol = None if np.ndim(asked.atol or 0.0) else asked.atol
 
     def again(times: Floats) -> Histories:
-        return run(translation, replace(asked, times=times, atol=atol, progress=False), scene)
+        return run(translation, replace(asked, times=times, atol=atol, progress=False, directions=None), scene)
 
     values_of = dict(zip(model.parameters.names, asked.parameters.tolist(), strict=True))
     return balance(parts, samples, events, asked.rtol, again, values_of)

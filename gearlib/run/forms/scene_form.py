@@ -100,9 +100,7 @@ class SceneForm:
     @cached_property
     def native_with_jacobian(self) -> NativeScene:
         """Compiled functions."""
-        model = self.scene.model
-        return compile_scene(self.program, self.relations, lambda: self.slot_names, model.parameters.names, model.n_relations,
-                             len(model.discretes), state_plan(self.program))  # fmt: skip
+        return compile_scene(self.program, self.relations, lambda: self.slot_names, self.scene.model, state_plan(self.program))
 
     def numbers(self, parameters: Floats) -> Numbers:
         """Programs with the numbers of one set of parameters; the most recent sets are cached."""

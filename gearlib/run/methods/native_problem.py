@@ -107,7 +107,7 @@ def _wired(
         differential=differential, nominal=nominal, jac=wrap("jac", double),
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
-        modes=slice(native.shared.relations, native.shared.relations + native.shared.n_relations),
+        modes=slice(native.shared.relations, native.shared.relations + native.shared.n_modes),
         time_events=time_events(run), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
         culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
@@ -131,7 +131,7 @@ def _culprit(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> str
     """Description of what cannot be evaluated where a run ended."""
     from gearlib.run.refusals.blame import culprit
 
-    modes = data[shared.relations :][: shared.n_relations].copy()
+    modes = data[shared.relations :][: shared.n_modes].copy()
     inputs = values(run.signals, np.array([t]), shared.n_inputs)[:, 0]
     span = float(run.times[-1] - run.times[0])
     return culprit(run.scene, run.numbers, t, span, x[: len(run.scene.states)], inputs, modes)
@@ -142,7 +142,7 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
     scene, n = run.scene, run.scene.model.n_relations
     if scene.relations is None or run.numbers.relations is None:
         return ""
-    modes = data[shared.relations :][: shared.n_relations, None]
+    modes = data[shared.relations :][: shared.n_modes, None]
     inputs = data[shared.inputs :][: shared.n_inputs, None]
     new = settle_once(scene.relations, run.numbers.relations, np.array([t]), x[: len(scene.states), None], inputs, modes)
     places = np.flatnonzero((new != modes)[:, 0]).tolist()
@@ -164,7 +164,7 @@ def memory(scene: Scene, data: Floats) -> tuple[Floats, Floats]:
     program = scene.program
     shared = Shared(len(scene.model.parameters.names), scene.n_modes, len(program.inputs))
     slots = data[lay_out(program, shared, shared.size).slots :][: program.n_slots]
-    return slots.copy(), data[shared.relations :][: shared.n_relations].copy()
+    return slots.copy(), data[shared.relations :][: shared.n_modes].copy()
 
 
 def named_events(run: Run, solution: Solution) -> list[tuple[float, str]]:

@@ -81,14 +81,12 @@ def directions(
 def _parameter(translation: Translation, name: str) -> int:
     """The parameter-table entry that a name stands for."""
     model, table = translation.model, translation.model.parameters
-    found = table.index.get(name)
-    if found is not None and "#" not in name:
-        return found
-    valid = [n for n in table.names if "#" not in n and not n.startswith("start(")]
+    if name in table.index:
+        return table.index[name]
     if _is_choice(translation, name):
         raise NameLookupError(
             f"sensitivities names {name!r}, a structural choice: the equations are others with another value, and there is no derivative "
-            f"with respect to it; {nearest(name, valid)}"
+            f"with respect to it; {nearest(name, table.own_names)}"
         )
     if model.find(model.column(name)[0]) is not None:
         base = model.column(name)[0]
@@ -98,7 +96,7 @@ def _parameter(translation: Translation, name: str) -> int:
             else f"a variable; with respect to its start value write 'start({base})'"
         )
         raise NameLookupError(f"sensitivities names {name!r}, {what}")
-    raise NameLookupError(f"the model has no parameter {name!r} to differentiate with respect to; {nearest(name, valid)}")
+    return table.number(name, " to differentiate with respect to")
 
 
 def _start(model: FlatModel, name: str) -> int:

@@ -162,7 +162,7 @@ class EventTangents:
     def _iterated(self, t: float, x: Any, fired: Any, data: Any, index: Any) -> int:
         everything = np.ctypeslib.as_array(x, (self.n * (1 + self.count),))
         numbers = np.ctypeslib.as_array(data, (self.size,))
-        held = numbers[self.shared.relations :][: self.shared.n_relations]
+        held = numbers[self.shared.relations :][: self.shared.n_modes]
         states, before = everything[: self.n].copy(), held.copy()
         crossed = (
             self.searched[np.ctypeslib.as_array(fired, (len(self.searched),)) != 0] if len(self.searched) else self.searched
@@ -254,7 +254,7 @@ class EventTangents:
 
     def _stepped(self, t: float, numbers: Floats, moved: Floats, delay: Floats, starting: bool) -> Floats:
         """Tangents of the states after the steps recorded by the event iteration; those of discrete variables are set."""
-        at, n_modes = self.code.native.noted_steps, self.shared.n_relations
+        at, n_modes = self.code.native.noted_steps, self.shared.n_modes
         count = int(numbers[at])
         if count > MOST_STEPS:
             raise SolverError(

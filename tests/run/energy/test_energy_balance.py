@@ -14,7 +14,7 @@ import gearparts as gp
 from gearlib.bondgraph import BondGraph, C, I, One, R, Se
 from gearlib.errors import DeclarationError
 from gearlib.flatten.energies import audited
-from gearlib.run.energy.audit import explained
+from gearlib.run.energy.audit import energy_balance, explained
 from gearlib.run.energy.energy_balance import EnergyBalance
 from tests.gearparts.bench import bench, structural_choices
 
@@ -372,3 +372,18 @@ def test_a_residual_is_explained_whatever_the_energies(size: float) -> None:
     assert explained(residual_of(0.9e-2 * size, throughput=size, quadrature=1e-3 * size), never)
     assert explained(same(1e-6), finer)
     assert not explained(same(1e-6), same)
+
+
+def test_an_audit_takes_no_tangents_along() -> None:
+    made = gl.compile(chain(gp.Torque(tau=1.0), gp.Inertia(J=2.0), gp.SpringDamper(c=3.0, d=0.1), gp.Fixed()))
+    found = made.simulate(1.0, samples=3, sensitivities=["c.c"])
+    asked: list[Any] = []
+
+    def run(translation: Any, request: Any, scene: Any) -> Any:
+        asked.append(request)
+        return found._run(translation, request, scene)
+
+    again = energy_balance(found.translation, found.request, found.time, [], run)
+    assert found.request.directions is not None
+    assert [request.directions for request in asked] == [None] * len(asked) != []
+    np.testing.assert_allclose(again.residual, found.energy_balance().residual, rtol=0, atol=1e-9)
