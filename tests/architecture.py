@@ -29,7 +29,6 @@ CACHES = {"lru_cache", "cache", "WeakKeyDictionary", "WeakValueDictionary"}
 FORMS = (
     "gearlib.language.expressions.Eq",
     "gearlib.equations.template.Template",
-    "gearlib.flatten.specialise.Raw",
     "gearlib.flatten.model.EquationGroup",
     "gearlib.reduce.rows.Rows",
     "gearlib.equations.kernel.Kernel",

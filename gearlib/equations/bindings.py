@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -19,15 +18,6 @@ from gearlib.arguments import shown
 from gearlib.equations.template import Relation, Template, checked, lift_relations, make_template, parse_column, piecewise
 from gearlib.errors import BindingError, BoundError
 from gearlib.language.expressions import check_depth, real_symbol, time, value_of
-
-
-@dataclass(frozen=True)
-class BoundInput:
-    """Binding of an input: a shared template, and the actual names of its symbols."""
-
-    template: Template  # over "bound" (the input), "v0", "v1", ... and the parameters "p0", "p1", ...
-    variables: dict[str, str]  # v0 -> relative path
-    parameters: dict[str, str | float]  # p0 -> relative path, or a number
 
 
 def number(value: Any, path: str, unit: str, description: str) -> float:
@@ -90,15 +80,19 @@ def bind_input(
     is_parameter: Callable[[str], bool],
     path: str = "an input",
     discrete: Callable[[str], int] = lambda name: -1,
-) -> BoundInput:
-    """The equation that binds an input to an expression or number; ``discrete`` returns a discrete variable's number, or -1."""
+) -> tuple[Template, dict[str, str], dict[str, str | float]]:
+    """The equation that binds an input to an expression or number; ``discrete`` returns a discrete variable's number, or -1.
+
+    It is shared, over ``bound`` (the input), variables v0, v1, ... and parameters p0, p1, ...; with it come the relative path of each of
+    these variables, and that of each of these parameters, or its number.
+    """
     check_depth(expression, path)
     value = checked(value_of(expression, path), path)
     numbers = {s: discrete(s.name.removeprefix("pre(").removesuffix(")")) for s in value.free_symbols}
     held = {s: real_symbol(discrete_name(k, s.name.startswith("pre("))) for s, k in numbers.items() if k >= 0}
     expression, relations = lift_relations(value.xreplace(held), is_discrete_name)
     if expression.is_Number or expression.is_NumberSymbol:
-        return BoundInput(_template(real_symbol("p0"), (), ("p0",)), {}, {"p0": float(expression)})
+        return _template(real_symbol("p0"), (), ("p0",)), {}, {"p0": float(expression)}
     values: dict[str, str | float] = {}
     tabulated = sum(node.is_Number for node in sympy.preorder_traversal(expression)) > MOST_NUMBERS
 
@@ -139,7 +133,7 @@ def bind_input(
         renamed[symbol] = real_symbol(key)
     lifted = lifted.xreplace(renamed)
     lifted_relations = tuple(type(r)(r.g.xreplace(renamed), r.strict, r.negated) for r in lifted_relations)
-    return BoundInput(_template(lifted, lifted_relations, tuple(values)), variables, values)
+    return _template(lifted, lifted_relations, tuple(values)), variables, values
 
 
 def _template(value: Any, relations: tuple[Relation, ...], parameters: tuple[str, ...]) -> Template:

@@ -11,7 +11,7 @@ import sympy
 
 from gearlib.equations.template import Template, make_template
 from gearlib.flatten.aliases import Aliases
-from gearlib.flatten.specialise import Raw
+from gearlib.flatten.model import EquationGroup
 
 MOST_ADDENDS = 8  # longer sums are split, so that template sizes do not grow with the model
 
@@ -49,7 +49,9 @@ def split_sum(members: SignedSum, new_variable: int) -> tuple[list[SignedSum], i
     return [*sums, members], new_variable
 
 
-def series_of_parallels(groups: Sequence[Raw], aliases: Aliases) -> tuple[list[tuple[int, int, int]], list[Raw]]:
+def series_of_parallels(
+    groups: Sequence[EquationGroup], aliases: Aliases
+) -> tuple[list[tuple[int, int, int]], list[EquationGroup]]:
     """Simplify parallel parts in series: where two sums share all but one flow, replace the second sum by an equality.
 
     Of ``x + a + b = 0`` and ``y - a - b = 0`` the second becomes ``x = -y``. Otherwise each of the two sums could be matched to a or b,
@@ -57,7 +59,7 @@ def series_of_parallels(groups: Sequence[Raw], aliases: Aliases) -> tuple[list[t
     """
     known: dict[frozenset[tuple[int, int]], tuple[int, int]] = {}
     equal: list[tuple[int, int, int]] = []
-    rest: list[Raw] = []
+    rest: list[EquationGroup] = []
     for group in groups:
         n = group.variables.shape[1]
         if not n or group.template is not sum_template(n):

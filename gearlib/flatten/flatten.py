@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,6 @@ from gearlib.flatten.attributes import attributes_of, merge
 from gearlib.flatten.connections import SignedSum, connection_sets, series_of_parallels, split_sum, sum_template
 from gearlib.flatten.instances import walk
 from gearlib.flatten.model import (
-    Counts,
     Dependent,
     Discretes,
     EquationGroup,
@@ -28,7 +28,7 @@ from gearlib.flatten.model import (
     StartValues,
     UpdateGroup,
 )
-from gearlib.flatten.specialise import Raw, Special, simplified, with_values
+from gearlib.flatten.specialise import Special, simplified, with_values
 from gearlib.flatten.tree import Tree
 from gearlib.flatten.unused import refuse_unused
 from gearlib.language.component import Component
@@ -67,7 +67,7 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
     for kind in sorted({len(s) for s in sums} - {2}):
         members = np.array([s for s in sums if len(s) == kind], np.int64)
         none = np.empty((len(members), 0), np.int64)
-        raw.append(Raw(sum_template(kind), members[:, :, 0], members[:, :, 1], none, np.full(len(members), -1)))
+        raw.append(EquationGroup(sum_template(kind), members[:, :, 0], members[:, :, 1], none, np.full(len(members), -1), none))
     equalities += [(s[0][0], s[1][0], -s[0][1] * s[1][1]) for s in sums if len(s) == 2]
     equalities += zeros
     own = attributes_of(tree, n_variables)
@@ -78,8 +78,7 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
     rep = aliases.representative
     _refuse_equal_inputs(tree, aliases)
     merged = merge(own, rep, tree.choices)
-    groups = tuple(_group(r, aliases, tree) for r in raw)
-    counts = Counts(len(tree.instances), n_variables, n_equations, n_sets, len(equalities) - aliases.redundant)
+    groups = tuple(_represented(group, aliases) for group in raw)
     starts = tree.starts
     return FlatModel(
         tuple(tree.instances), groups, table,
@@ -88,13 +87,14 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
             np.array([s[2] for s in starts], bool),
         ),
         np.array(tree.inputs, np.int64), rep, aliases.sign, merged.preference, merged.potential, merged.flow, merged.nominal,
-        tree.n_variables, aliases.redundant, counts, _discretes(tree, aliases), tuple(tree.loose_ports), tuple(tree.inner_ports),
+        tree.n_variables, aliases.redundant, n_equations, len(equalities) - aliases.redundant, n_sets,
+        _discretes(tree, aliases), tuple(tree.loose_ports), tuple(tree.inner_ports),
     )  # fmt: skip
 
 
 def _without_aliases(
-    raw: list[Raw], equalities: list[tuple[int, int, int]], n_variables: int, rank: Integers
-) -> tuple[list[Raw], list[tuple[int, int, int]], Aliases]:
+    raw: list[EquationGroup], equalities: list[tuple[int, int, int]], n_variables: int, rank: Integers
+) -> tuple[list[EquationGroup], list[tuple[int, int, int]], Aliases]:
     """Equations in which each variable occurs once, all equalities found among them, and the aliases.
 
     Where two variables of an equation become one, the rest of it may be another equality, which merges more variables.
@@ -102,8 +102,8 @@ def _without_aliases(
     while True:
         left, right, sign = np.array(equalities, np.int64).reshape(-1, 3).T
         aliases = unite(n_variables, left, right, sign, rank)
-        kept: list[Raw] = []
-        changed: list[Raw] = []
+        kept: list[EquationGroup] = []
+        changed: list[EquationGroup] = []
         for group in raw:
             for rows, template in simplified(group, aliases):
                 if template is not group.template:
@@ -122,9 +122,9 @@ def _without_aliases(
         raw = [*kept, *_separated((piece for piece in changed if piece.template.residual != 0), equalities)]
 
 
-def _separated(pieces: Iterable[Raw], equalities: list[tuple[int, int, int]]) -> list[Raw]:
+def _separated(pieces: Iterable[EquationGroup], equalities: list[tuple[int, int, int]]) -> list[EquationGroup]:
     """The equations that are not aliases; those that are, are appended to the equalities."""
-    raw: list[Raw] = []
+    raw: list[EquationGroup] = []
     for piece in pieces:
         if piece.template.alias is None:
             raw.append(piece)
@@ -225,7 +225,7 @@ def _parameter_levels(tree: Tree) -> dict[int, int]:
     return level
 
 
-def _equations(tree: Tree, put_in: Special) -> tuple[list[Raw], list[tuple[int, int, int]]]:
+def _equations(tree: Tree, put_in: Special) -> tuple[list[EquationGroup], list[tuple[int, int, int]]]:
     first_variable = np.array([i.first_variable for i in tree.instances], np.int64)
     first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
     blocks: list[tuple[Template, Integers, Integers, Integers]] = []
@@ -247,7 +247,7 @@ def _equations(tree: Tree, put_in: Special) -> tuple[list[Raw], list[tuple[int, 
                 np.array([r[0] for r in rows], np.int64),
             )
         )
-    pieces = [Raw(template, v, np.ones_like(v), parameters, who) for template, v, parameters, who in blocks]
+    pieces = [_group(tree, *block) for block in blocks]
     if put_in:
         pieces = [part for piece in pieces for part in with_values(piece, dict(put_in), tree.parameter_names)]
     equalities: list[tuple[int, int, int]] = []
@@ -289,15 +289,17 @@ def _connections(tree: Tree) -> tuple[list[SignedSum], list[tuple[int, int, int]
     return sums, equalities, len(sets), n_variables
 
 
-def _group(raw: Raw, aliases: Aliases, tree: Tree) -> EquationGroup:
-    template, variables = raw.template, raw.variables
+def _group(tree: Tree, template: Template, variables: Integers, parameters: Integers, owners: Integers) -> EquationGroup:
     discretes = np.array(
-        [_discrete_indices(template, tree, int(i)) for i in raw.owners] if template.discretes else [], np.int64
+        [_discrete_indices(template, tree, i) for i in owners.tolist()] if template.discretes else [], np.int64
     )
-    return EquationGroup(
-        template, aliases.representative[variables], raw.signs * aliases.sign[variables], raw.parameters, raw.owners,
-        discretes.reshape(len(variables), len(template.discretes)),
-    )  # fmt: skip
+    shape = len(variables), len(template.discretes)
+    return EquationGroup(template, variables, np.ones_like(variables), parameters, owners, discretes.reshape(shape))
+
+
+def _represented(group: EquationGroup, aliases: Aliases) -> EquationGroup:
+    variables = aliases.representative[group.variables]
+    return replace(group, variables=variables, signs=group.signs * aliases.sign[group.variables])
 
 
 def _discrete_indices(template: Template, tree: Tree, instance: int) -> list[int]:
@@ -330,7 +332,7 @@ def _discretes(tree: Tree, aliases: Aliases) -> Discretes:
         variables = np.array([r[1] for r in rows], np.int64).reshape(n, -1)
         parameters = np.array([r[2] for r in rows], np.int64).reshape(n, -1)
         owners, targets = np.array([r[0] for r in rows], np.int64), np.array([r[3] for r in rows], np.int64)
-        every = Raw(template, variables, np.ones_like(variables), parameters, owners)
+        every = _group(tree, template, variables, parameters, owners)
         for some, fitting in simplified(every, aliases):
-            updates.append(UpdateGroup(_group(every.take(some, fitting), aliases, tree), targets[some], reinit))
+            updates.append(UpdateGroup(_represented(every.take(some, fitting), aliases), targets[some], reinit))
     return Discretes(tuple(tree.discrete_names), np.array(tree.discrete_starts), tuple(updates))

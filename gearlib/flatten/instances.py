@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from gearlib.arguments import shown
-from gearlib.equations.bindings import BoundInput, bind_input, canonical, is_expression, number
+from gearlib.equations.bindings import bind_input, canonical, is_expression, number
 from gearlib.equations.class_record import ClassRecord, Met, check_values, class_record, descend
 from gearlib.errors import ArgumentError, BindingError, ConnectionError, ModelError, nearest
 from gearlib.flatten.attributes import choices_of
@@ -316,11 +316,11 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
     def discrete(name: str) -> int:
         return -1 if scope is None else _discrete(tree, scope, name)
 
-    bound: BoundInput = bind_input(value, is_parameter, path, discrete)
-    variables = [own if n == "bound" else _variable(tree, scope, bound.variables[n], path) for n in bound.template.locals]
+    template, names, values = bind_input(value, is_parameter, path, discrete)
+    variables = [own if n == "bound" else _variable(tree, scope, names[n], path) for n in template.locals]
     parameters = []
-    for n in bound.template.parameters:
-        given = bound.parameters[n]
+    for n in template.parameters:
+        given = values[n]
         if isinstance(given, str):
             assert scope is not None
             parameters.append(_parameter(tree, scope, given, path))
@@ -330,8 +330,8 @@ def _bind_input(tree: Tree, component: Component, scope: Component | None, own: 
                 tree.written.append(slot)
             tree.parameter_values[slot] = given
             parameters.append(slot)
-    tree.rows[bound.template].append((owner, variables, parameters))
-    tree.bound[bound.template, tuple(variables)] = own
+    tree.rows[template].append((owner, variables, parameters))
+    tree.bound[template, tuple(variables)] = own
 
 
 def _resolve(tree: Tree, scope: Component, name: str) -> tuple[int, str | None]:

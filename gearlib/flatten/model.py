@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import shown
 from gearlib.equations.bindings import parameter_function
-from gearlib.equations.kernel import scalar_source
+from gearlib.equations.kernel import Kernel, scalar_source
 from gearlib.equations.template import Column, Template, parse_column
 from gearlib.errors import NameLookupError, nearest
 from gearlib.language.declarations import Connector, Parameter, Variable
+from gearlib.recent import recent
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -55,7 +56,8 @@ class Instance:
 class EquationGroup:
     """All equations that share a template, one per row.
 
-    ``variables[i, j]`` is the variable that local j stands for, times ``signs[i, j]`` (+1, -1, or 0 if it is identically zero).
+    ``variables[i, j]`` is the variable that local j stands for, times ``signs[i, j]`` (+1, -1, or 0 if it is identically zero). While a
+    model is flattened, any variables stand there; in a `FlatModel` representatives of those that are equal.
     """
 
     template: Template
@@ -67,6 +69,40 @@ class EquationGroup:
 
     def __len__(self) -> int:
         return len(self.variables)
+
+    def take(self, rows: Integers, template: Template) -> EquationGroup:
+        """Some of the rows, with another template over a part of the same locals, parameters and discrete variables."""
+        own = self.template
+        columns, parameters, discretes = (
+            [known.index(name) for name in wanted]
+            for known, wanted in (
+                (own.locals, template.locals), (own.parameters, template.parameters), (own.discretes, template.discretes),
+            )
+        )  # fmt: skip
+        return EquationGroup(
+            template, self.variables[rows][:, columns], self.signs[rows][:, columns], self.parameters[rows][:, parameters],
+            self.owners[rows], self.discretes[rows][:, discretes],
+        )  # fmt: skip
+
+    def values(
+        self,
+        kernel: Kernel,
+        t: float,
+        argument: Callable[[str, int], Floats],
+        parameters: Floats,
+        flag: Callable[[int], Floats],
+    ) -> Floats:
+        """Values of a kernel of the template, one for each row.
+
+        ``argument`` gives what stands for a derivative of a local, ``flag`` what stands for a relation or a discrete variable.
+        """
+        template = kernel.template
+        columns = [*template.columns, *template.relation_columns]
+        arguments = [argument(*columns[c]) for c in kernel.columns]
+        constants = [parameters[self.parameters[:, p]] for p in kernel.parameters]
+        with np.errstate(all="ignore"):
+            value = kernel.function(t, *arguments, *constants, *map(flag, kernel.relations))
+        return np.broadcast_to(np.asarray(value, float), (len(self),))
 
 
 @dataclass(frozen=True)
@@ -147,11 +183,7 @@ class ParameterTable:
         for k, value in given.items():
             values[k] = value
         changed = tuple(given)
-        affected = self._affected.get(changed)
-        if affected is None:
-            if len(self._affected) >= MOST_AFFECTED:
-                self._affected.clear()
-            affected = self._affected[changed] = self._depending_on(changed)
+        affected = recent(self._affected, changed, lambda: self._depending_on(changed), MOST_AFFECTED)
         return self._computed(values, affected, list(changed))
 
     def derivatives(self, values: Floats, seeds: Sequence[int], given: Collection[int] = ()) -> list[tuple[int, int, float]]:
@@ -237,17 +269,6 @@ class Discretes:
 
 
 @dataclass(frozen=True)
-class Counts:
-    """Counts before alias elimination, for the summary."""
-
-    components: int
-    variables: int
-    equations: int
-    connection_sets: int
-    aliases: int
-
-
-@dataclass(frozen=True)
 class FlatModel:
     """Flat equations over representative variables."""
 
@@ -264,7 +285,9 @@ class FlatModel:
     nominal: Floats
     auxiliary: int  # first of the auxiliary variables added by flattening
     redundant: int  # redundant equalities found
-    counts: Counts
+    n_equations: int  # before aliases were removed, and
+    n_aliases: int  # how many of them these were
+    n_connection_sets: int
     discretes: Discretes
     loose_ports: tuple[tuple[int, str], ...] = ()  # instance and connector, for messages: connected to nothing outside,
     inner_ports: tuple[tuple[int, str], ...] = ()  # or to parts inside

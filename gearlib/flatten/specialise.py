@@ -9,7 +9,6 @@ a template of its own: one per pattern of a class.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import sympy
@@ -17,6 +16,7 @@ import sympy
 from gearlib.equations.template import Relation, Template, column_symbol, make_template, memoised
 from gearlib.errors import SingularError
 from gearlib.flatten.aliases import Aliases, Integers
+from gearlib.flatten.model import EquationGroup
 
 # per local: the first local that is the same variable (-1: identically zero), and the relative sign
 Pattern = tuple[tuple[int, int], ...]
@@ -24,29 +24,6 @@ Special = frozenset[tuple[int, float]]  # parameters, with values at which a coe
 
 
 LARGEST = 1000  # largest denominator of a coefficient that is kept as a fraction
-
-
-@dataclass(frozen=True)
-class Raw:
-    """Equations of one template, over variables before alias elimination."""
-
-    template: Template
-    variables: Integers
-    signs: Integers
-    parameters: Integers
-    owners: Integers
-
-    def __len__(self) -> int:
-        return len(self.variables)
-
-    def take(self, rows: Integers, template: Template) -> Raw:
-        """Some of the rows, with another template over part of the same locals and parameters."""
-        columns = [self.template.locals.index(name) for name in template.locals]
-        parameters = [self.template.parameters.index(name) for name in template.parameters]
-        return Raw(
-            template, self.variables[rows][:, columns], self.signs[rows][:, columns], self.parameters[rows][:, parameters],
-            self.owners[rows],
-        )  # fmt: skip
 
 
 @memoised
@@ -85,7 +62,7 @@ def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[st
     return make_template(template.label, residual, template.parameters, tuple(relations), template.discretes)
 
 
-def with_values(raw: Raw, values: Mapping[int, float], names: Sequence[str]) -> list[Raw]:
+def with_values(raw: EquationGroup, values: Mapping[int, float], names: Sequence[str]) -> list[EquationGroup]:
     """The equations with the values of some parameters substituted.
 
     Raises
@@ -113,7 +90,7 @@ def with_values(raw: Raw, values: Mapping[int, float], names: Sequence[str]) -> 
     return pieces
 
 
-def by_pattern(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Pattern]]:
+def by_pattern(raw: EquationGroup, aliases: Aliases) -> list[tuple[Integers, Pattern]]:
     """Rows in which a local is an alias of another one, or zero, grouped by pattern; other rows are omitted."""
     if raw.variables.shape[1] == 0:
         return []
@@ -150,7 +127,7 @@ def merged(template: Template, pattern: Pattern) -> Template:
     return template if all(lead == j for j, (lead, _) in enumerate(kept)) else specialised(template, kept)
 
 
-def simplified(raw: Raw, aliases: Aliases) -> list[tuple[Integers, Template]]:
+def simplified(raw: EquationGroup, aliases: Aliases) -> list[tuple[Integers, Template]]:
     """The templates that fit the rows' alias patterns, each with its rows."""
     patterns = by_pattern(raw, aliases)
     if not patterns:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import ArgumentError
 from gearlib.linear.linear_model import Matrices
+from gearlib.recent import recent
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -70,10 +71,8 @@ def _solver(A: Any) -> Any:
 
         def solve_sparse(s: complex, b: Any) -> Complexes:
             try:
-                if s not in known:
-                    known.clear()
-                    known[s] = splu((s * sparse.identity(n) - large).tocsc())
-                return np.asarray(known[s].solve(np.asarray(b, complex)))
+                factors = recent(known, s, lambda: splu((s * sparse.identity(n) - large).tocsc()))
+                return np.asarray(factors.solve(np.asarray(b, complex)))
             except RuntimeError:
                 raise refuse(s) from None
 

@@ -7,7 +7,8 @@ contributes to; integer lists hold the sparsity.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ class Pattern:
     indptr: Integers
     indices: Integers
     size: int  # entries computed on the way
+    plans: dict[Any, Any] = field(default_factory=dict)  # storage plans of solvers, by what these ask for
 
 
 def pattern_of(plan: DerivativePlan, tangents: int = 0) -> Pattern:

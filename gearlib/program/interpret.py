@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,12 @@ from gearlib.errors import SingularError, SolverError
 from gearlib.program.factored import Factored
 from gearlib.program.program import ROUNDING, Batch, Linear, Newton, Program
 from gearlib.program.scalars import constants
+from gearlib.recent import recent
 from gearlib.reduce.reduction import Structure
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+MOST_INVERSES = 4
 SINGULAR = 1e-13  # reciprocal condition number below which a matrix counts as singular
 MOST_DENSE = 400  # unknowns up to which a block's matrix is treated as dense
 ENTRIES = 1_000_000  # matrix entries of a block at many times that are solved in one batch
@@ -128,7 +130,7 @@ def _solution(block: Linear, structure: Structure, entries: Floats) -> Floats | 
     if not np.isfinite(entries).all():
         raise _singular(block, structure)
     if n <= MOST_DENSE:
-        inverse = _inverse(n, places.tobytes(), entries.tobytes())
+        inverse = _inverse(structure, n, places, entries)
         if inverse is None:
             raise _singular(block, structure)
         solved: Floats = -inverse[:, block.known_rows]
@@ -153,16 +155,19 @@ def block_solve(prepared: Prepared, block: int, right: Floats) -> Floats:
     if isinstance(solution, Factored):
         return solution.solve(right)
     entries = np.concatenate([constant_values(b, prepared.parameters) for b in step.matrix])
-    inverse = _inverse(len(step.unknowns), step.places.tobytes(), entries.tobytes())
+    inverse = _inverse(prepared.structure, len(step.unknowns), step.places, entries)
     assert inverse is not None, "the block was prepared with these parameters"
     return np.asarray(inverse @ right, float)
 
 
-@lru_cache(maxsize=4)
-def _inverse(n: int, places: bytes, entries: bytes) -> Floats | None:
-    """Inverse of a matrix, None if it is singular; memoised, since the programs of a scene share blocks."""
-    summed = np.bincount(np.frombuffer(places, np.int64), np.frombuffer(entries), n * n)
-    matrix = np.asarray(summed, float).reshape(n, n)
+def _inverse(structure: Structure, n: int, places: Integers, entries: Floats) -> Floats | None:
+    """Inverse of a matrix, None if it is singular; cached, since the programs of a structure share blocks."""
+    key = places.tobytes(), entries.tobytes()
+    return recent(structure.inverses, key, lambda: _inverted(n, places, entries), MOST_INVERSES)
+
+
+def _inverted(n: int, places: Integers, entries: Floats) -> Floats | None:
+    matrix = np.asarray(np.bincount(places, entries, n * n), float).reshape(n, n)
     row_scale = np.abs(matrix).max(axis=1)
     if not row_scale.all():
         return None

@@ -25,20 +25,14 @@ def coefficients_of(model: FlatModel, parameters: Floats, t: float, known: Float
     values = start_guess(model, parameters)[None, :] if known is None else known
 
     def apply(kernel: Kernel, group: EquationGroup) -> Floats:
-        template = kernel.template
-        where = {name: j for j, name in enumerate(template.locals)}
-        columns = [*template.columns, *template.relation_columns]
-        arguments = []
-        for c in kernel.columns:
-            name, order = columns[c]
+        where = {name: j for j, name in enumerate(group.template.locals)}
+        none = np.zeros(len(group))
+
+        def argument(name: str, order: int) -> Floats:
             j = where[name]
-            value = values[order, group.variables[:, j]] if order < len(values) else np.zeros(len(group))
-            arguments.append(value * group.signs[:, j])
-        constants = [parameters[group.parameters[:, p]] for p in kernel.parameters]
-        flags = [np.zeros(len(group)) for _ in kernel.relations]
-        with np.errstate(all="ignore"):
-            result = kernel.function(t, *arguments, *constants, *flags)
-        return np.broadcast_to(np.asarray(result, float), (len(group),))
+            return values[order, group.variables[:, j]] * group.signs[:, j] if order < len(values) else none
+
+        return group.values(kernel, t, argument, parameters, lambda r: none)
 
     def partial(g: int, column: int) -> Floats:
         group = model.groups[g]

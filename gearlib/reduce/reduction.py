@@ -6,8 +6,9 @@ before the balance is checked, and one flow that is then undetermined is set to 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,7 @@ class Structure:
     redundant: tuple[str, ...]  # origins of the equations that were removed
     closed: tuple[str, ...]  # flows set to zero
     complete: FlatModel  # including the redundant equations
+    inverses: dict[Any, Any] = field(default_factory=dict)  # of matrices of linear blocks, those that were last computed
 
     @property
     def states(self) -> tuple[Node, ...]:

@@ -100,10 +100,7 @@ def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel
     for g in {rows.place[e][0] for e in dropped}:
         gone = [rows.place[e][1] for e in dropped if rows.place[e][0] == g]
         group = groups[g]
-        groups[g] = EquationGroup(
-            group.template, np.delete(group.variables, gone, 0), np.delete(group.signs, gone, 0),
-            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0), np.delete(group.discretes, gone, 0),
-        )  # fmt: skip
+        groups[g] = group.take(np.delete(np.arange(len(group)), gone), group.template)
     return model.with_groups(tuple(groups), model.redundant + len(dropped))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 from weakref import ref
 
@@ -39,6 +39,7 @@ class _Plan:
     slots: NDArray[np.int64]  # parameters in the driving expressions
     last: tuple[Any, ...] = ()  # key, expressions
     form: tuple[Any, ...] = ()  # numbers, key, the linear form
+    known: dict[Any, Any] = field(default_factory=dict)  # see `LinearForm`
 
 
 def _plan(scene: Scene) -> _Plan:
@@ -86,7 +87,7 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     if last[:1] != (key,):
         last = plan.last = (key, *_drives(scene, numbers, signals, plan))
     inputs, mix = last[1:]
-    form = LinearForm(*_matrices(scene, numbers, plan, mix), inputs)
+    form = LinearForm(*_matrices(scene, numbers, plan, mix), inputs, known=plan.known)
     plan.form = (ref(numbers), key, form)
     return form
 

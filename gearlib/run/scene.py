@@ -20,6 +20,7 @@ from gearlib.program.event_iteration import DiscretesPhase, RelationsPhase, Unkn
 from gearlib.program.interpret import Prepared, batch_values, evaluate, labelled, prepare
 from gearlib.program.program import Newton, Program
 from gearlib.program.relations import Relations, relations_of
+from gearlib.recent import recent
 from gearlib.reduce.reduction import Structure
 from gearlib.run.time_switches import TimeSwitches, time_switches
 from gearlib.structure.incidence import Node
@@ -237,13 +238,7 @@ class Scene:
 
     def prepared(self, parameters: Floats) -> Numbers:
         """The same, cached for the most recent parameters."""
-        key = parameters.tobytes()
-        found = self._prepared.get(key)
-        if found is None:
-            found = self.numbers(parameters)
-            self._prepared.clear()
-            self._prepared[key] = found
-        return found
+        return recent(self._prepared, parameters.tobytes(), lambda: self.numbers(parameters))
 
     def modes(
         self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,

@@ -19,7 +19,7 @@ def summary(
 ) -> str:  # fmt: skip
     """A few lines per phase."""
     structure, model, program = scene.structure, scene.model, scene.program
-    counts, result = model.counts, structure.differentiation
+    result = structure.differentiation
     n_equations = sum(len(g) for g in model.groups)
     differentiated = sum(1 for c in result.counts if c)
     states = [node_name(model, s) for s in scene.states]
@@ -27,8 +27,8 @@ def summary(
     blocks = [len(s.unknowns) for s in program.steps if isinstance(s, (Linear, Newton))]
     newton = sum(isinstance(s, Newton) for s in program.steps)
     lines = [
-        f"{name}: {counts.components} components, {counts.connection_sets} connection sets",
-        f"  flatten     {counts.equations} equations in {counts.variables} variables; {counts.aliases} aliases removed, "
+        f"{name}: {len(model.instances)} components, {model.n_connection_sets} connection sets",
+        f"  flatten     {model.n_equations} equations in {model.n_variables} variables; {model.n_aliases} aliases removed, "
         f"{n_equations} equations left in {len({id(g.template) for g in model.groups})} templates",
         f"  reduce      structural index {result.index}; {differentiated} equations differentiated"
         + (f", up to {max(result.counts)} times" if differentiated else ""),

@@ -20,6 +20,7 @@ from gearlib.equations.switch_times import distinct, times_of_breakpoints
 from gearlib.language.expressions import SquareWave
 from gearlib.program.program import Batch
 from gearlib.program.relations import Relations
+from gearlib.recent import recent
 
 Floats = NDArray[np.float64]
 _T: Any = sympy.Symbol("t", real=True)  # name of time in kernels
@@ -87,12 +88,7 @@ class TimeSwitches:
             return []
         parts = [parameters[t.parameters].tobytes() for t in self.timed]
         key = b"".join([*parts, np.array([t0, t_end]).tobytes()])
-        found = self._last.get(key)
-        if found is None:
-            found = [switch for timed in self.timed for switch in timed.times(parameters, t0, t_end)]
-            self._last.clear()
-            self._last[key] = found
-        return found
+        return recent(self._last, key, lambda: [s for timed in self.timed for s in timed.times(parameters, t0, t_end)])
 
 
 def time_switches(relations: Relations | None) -> TimeSwitches:

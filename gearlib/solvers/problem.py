@@ -70,6 +70,7 @@ class LinearForm:
     B: Floats  # (states, inputs)
     inputs: tuple[Any, ...]
     stepper: list[Any] = field(default_factory=list)  # the last one, reused by the next run with the same numbers
+    known: dict[Any, Any] = field(default_factory=dict)  # what runs with other numbers have found of inputs, times and pattern
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ class Problem:
     jac: Native | None = None
     jac_indptr: Integers | None = None  # CSC pattern of df/dx
     jac_indices: Integers | None = None
+    matrix_plans: dict[Any, Any] = field(default_factory=dict)  # storages of the matrix that were chosen for this pattern
     roots: Native | None = None
     n_roots: int = 0
     update: Native | None = None

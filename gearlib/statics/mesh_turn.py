@@ -57,14 +57,10 @@ def apply(
     model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
 ) -> Floats:
     """Values of a kernel of one group at t = 0, with the flags of events as they are."""
-    template = kernel.template
-    columns = [*template.columns, *template.relation_columns]
-    arguments = [argument(group, *columns[c], a, b) for c in kernel.columns]
-    flags = [_flag(model, template, g, group, c, modes) for c in kernel.relations]
-    constants = [parameters[group.parameters[:, p]] for p in kernel.parameters]
-    with np.errstate(all="ignore"):
-        value = kernel.function(0.0, *arguments, *constants, *flags)
-    return np.broadcast_to(np.asarray(value, float), (len(group),))
+    return group.values(
+        kernel, 0.0, lambda name, order: argument(group, name, order, a, b), parameters,
+        lambda c: _flag(model, kernel.template, g, group, c, modes),
+    )  # fmt: skip
 
 
 def generic(a: Floats) -> Floats:

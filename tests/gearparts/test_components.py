@@ -71,7 +71,7 @@ def test_a_leaf_has_one_equation_for_each_of_its_own_unknowns(kind: type[gl.Comp
 @pytest.mark.parametrize(("kind", "choice"), CASES)
 def test_it_is_balanced_between_bodies(kind: type[gl.Component], choice: dict[str, Any]) -> None:
     model = flatten(bench(kind, **choice))
-    assert model.counts.equations + len(model.inputs) == model.counts.variables
+    assert model.n_equations + len(model.inputs) == model.n_variables
     assert gl.compile(bench(kind, **choice)).name == "Bench"
 
 

@@ -19,6 +19,7 @@ from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.program.residual_form import ResidualForm, index_reduced_form, torn_form
+from gearlib.recent import recent
 from gearlib.run.scene import Numbers, Scene, data_block, guess_of, modes_at_start, node_name, relation_names
 from gearlib.run.start_values import Start
 from gearlib.run.time_switches import TimeSwitches, time_switches
@@ -104,14 +105,13 @@ class SceneForm:
 
     def numbers(self, parameters: Floats) -> Numbers:
         """Programs with the numbers of one set of parameters; the most recent sets are cached."""
-        key = parameters.tobytes()
-        if key not in self._prepared:
+
+        def found() -> Numbers:
             structure, relations = self.scene.structure, self.relations
             main = prepare(self.program, structure, parameters)
-            related = None if relations is None else prepare(relations.program, structure, parameters)
-            self._prepared.clear()
-            self._prepared[key] = Numbers(parameters, main, related)
-        return self._prepared[key]
+            return Numbers(parameters, main, None if relations is None else prepare(relations.program, structure, parameters))
+
+        return recent(self._prepared, parameters.tobytes(), found)
 
     def data(self, parameters: Floats, inputs: Floats, flags: Floats, start: Floats) -> Floats:
         """The data block of a run; remaining Newton iterations start from values of variables."""

@@ -106,6 +106,7 @@ def _wired(
         rhs=wrap("rhs", double), x0=x0, data=data, index=index,  # type: ignore[arg-type]
         differential=differential, nominal=nominal, jac=wrap("jac", double),
         jac_indptr=None if pattern is None else pattern.indptr, jac_indices=None if pattern is None else pattern.indices,
+        matrix_plans={} if pattern is None else pattern.plans,
         roots=wrap("roots", double) if n_roots else None, n_roots=n_roots, update=wrap("update", fired),
         modes=slice(native.shared.relations, native.shared.relations + native.shared.n_modes),
         time_events=time_events(run), longest_step=run.longest_step,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from math import isfinite
 from typing import Any
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import differentiated
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError
 from gearlib.equations.switch_times import switch_times
-from gearlib.equations.template import Relation, Template, memoised
+from gearlib.equations.template import Template, memoised
 from gearlib.errors import ModelError
 from gearlib.program.program import Batch, Newton, Program
 from gearlib.reduce.reduction import Structure
@@ -67,7 +66,7 @@ def _check(structure: Structure, e: int, used: Template, parameters: Floats, t0:
     level = 0
     while differentiated(template, level) is not used and times:
         for last, t, following in zip([t0, *times], times, [*times[1:], t1], strict=False):
-            flags = [tuple((j, _flag(r, symbols, numbers, t, side)) for j, r in timed) for side in (-1, 1)]
+            flags = [tuple((j, _flag(template, j, symbols, numbers, t, side)) for j, _ in timed) for side in (-1, 1)]
             pieces = _pieces(differentiated(template, level), symbols, *flags)
             if pieces is not None and _jump(pieces, numbers, t, (last, following)):
                 raise _refused(structure, g, i, t, level)
@@ -85,10 +84,17 @@ def _times(expressions: list[Any], t0: float, t1: float) -> list[float]:
         return []
 
 
-def _flag(relation: Relation, symbols: tuple[Any, ...], numbers: list[float], t: float, side: int) -> int:
+def _flag(template: Template, j: int, symbols: tuple[Any, ...], numbers: list[float], t: float, side: int) -> int:
+    relation = template.relations[j]
     with np.errstate(all="ignore"):
-        value = float(_function(relation.g, symbols)(np.float64(t + side * APART * max(abs(t), 1.0)), *numbers))
+        value = float(_compared(template, j, symbols)(np.float64(t + side * APART * max(abs(t), 1.0)), *numbers))
     return int(value < 0 if relation.negated else value > 0)
+
+
+@memoised
+def _compared(template: Template, j: int, symbols: tuple[Any, ...]) -> Function:
+    """What a relation of an equation compares with zero, as a function of time and the parameters."""
+    return _function(template.relations[j].g, symbols)
 
 
 @memoised
@@ -113,7 +119,6 @@ def _jump(pieces: list[Function], numbers: list[float], t: float, ends: tuple[fl
     return abs(values[1] - values[0]) > SMALL * max(sizes)
 
 
-@lru_cache(maxsize=256)
 def _function(expression: Any, symbols: tuple[Any, ...]) -> Function:
     function: Function = sympy.lambdify((TIME, *symbols), expression, "numpy")
     return function

@@ -16,14 +16,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.recent import recent
 from gearlib.solvers.exponential.chebyshev import TILE, Directions, Graph, Series, call
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Known = dict[
+    Any, Any
+]  # what follows from inputs, times and patterns, for the next runs of a scene with other numbers; see `recent`
+MOST_KNOWN = 64
 
 _COUPLING = 0.02  # relative to the largest row: size of one-way couplings (inputs, integrated angles) after scaling
 _ANGLES = np.linspace(0.0, math.pi, 17)  # directions in which the field of values is bounded
@@ -167,7 +173,7 @@ class Action:
         return x
 
 
-def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Action:
+def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0, known: Known | None = None) -> Action:
     """Scale and bound a sparse matrix.
 
     Parameters
@@ -180,13 +186,17 @@ def prepare(A: Triplets, order: Integers, span: float, inputs: int = 0) -> Actio
         Time span (s) of the exponential; sets the scale of a matrix without rates of its own.
     inputs : int
         Number of states at the end of the order that depend only on each other.
+    known : dict, optional
+        What is known of the pattern.
     """
     n = len(order)
     on = A.rows == A.columns
     diagonal = np.zeros(n)
     diagonal[A.rows[on]] = A.entries[on]
     rows, columns, entries = A.rows[~on], A.columns[~on], A.entries[~on]
-    mirrored = _mirror(rows, columns, entries, n)
+    key = "mirror", n, rows.tobytes(), columns.tobytes()
+    places, there = recent({} if known is None else known, key, lambda: _mirrored(n, rows, columns), MOST_KNOWN)
+    mirrored = np.where(there, entries[places], 0.0)  # of each entry (i, j) the entry (j, i), zero where there is none
     scale = _balance(rows, columns, entries, mirrored, n, span)
     gain = scale[columns] / scale[rows]
     entries, mirrored = entries * gain, mirrored / gain
@@ -230,12 +240,7 @@ def _growth(
 
 def band_order(A: Triplets, n: int) -> Integers:
     """Permutation (position -> state) under which a matrix of ``n`` states has a narrow band."""
-    return _narrow(n, A.rows.tobytes(), A.columns.tobytes())
-
-
-@lru_cache(maxsize=4)
-def _narrow(n: int, rows: bytes, columns: bytes) -> Integers:
-    i, j = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
+    i, j = A.rows, A.columns
     pattern = np.unique(np.concatenate([i * n + j, j * n + i]))
     indptr = np.searchsorted(pattern, np.arange(n + 1) * n)
     order = np.empty(n, np.int64)
@@ -264,16 +269,8 @@ def _split(
     return offsets, diagonals, rows[~on], columns[~on], entries[~on]
 
 
-def _mirror(rows: Integers, columns: Integers, entries: Floats, n: int) -> Floats:
-    """For each entry (i, j) the entry (j, i), zero if absent."""
-    places, found = _mirrored(n, rows.tobytes(), columns.tobytes())
-    return np.where(found, entries[places], 0.0)
-
-
-@lru_cache(maxsize=4)
-def _mirrored(n: int, rows: bytes, columns: bytes) -> tuple[Integers, NDArray[np.bool_]]:
-    """Index of each entry's transpose, and whether it is present."""
-    i, j = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
+def _mirrored(n: int, i: Integers, j: Integers) -> tuple[Integers, NDArray[np.bool_]]:
+    """Index of the transpose of each entry (i, j), and whether it is present."""
     key, mirror = i * n + j, j * n + i
     by_key = np.argsort(key)
     at = np.minimum(np.searchsorted(key, mirror, sorter=by_key), max(len(key) - 1, 0))

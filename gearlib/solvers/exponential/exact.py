@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from gearlib.arguments import shown
 from gearlib.equations.switch_times import rounding
 from gearlib.errors import ArgumentError, SolverError
+from gearlib.recent import recent
 from gearlib.solvers.drive.drive_loop import DONE
 from gearlib.solvers.drive.driver import Driver, Stepper
 from gearlib.solvers.exponential import corners
-from gearlib.solvers.exponential.action import Action, Triplets, band_order
+from gearlib.solvers.exponential.action import MOST_KNOWN, Action, Known, Triplets, band_order
 from gearlib.solvers.exponential.action import prepare as prepare_action
 from gearlib.solvers.exponential.dense import Propagator, balanced_norm, estimate
 from gearlib.solvers.exponential.forcing import Exosystem, Forcing, NotExact, recognise
@@ -76,7 +77,8 @@ class Exponential(Stepper):
             self.cuts = corners.Intervals.of(times, tables)
             inputs = tuple(u for k, u in enumerate(inputs) if k not in self.cornered)
         if n and (inputs or self.cuts is None):
-            forcing = _recognised(inputs, float(times[0]), float(times[-1]))
+            ends = float(times[0]), float(times[-1])
+            forcing = recent(self.linear.known, (inputs, *ends), lambda: recognise(inputs, *ends), MOST_KNOWN)
             if isinstance(forcing, NotExact):
                 self.lack = forcing.reason
             else:
@@ -119,7 +121,7 @@ class Exponential(Stepper):
         B = linear.B
         if self.cornered:
             B = B[:, [k for k in range(len(linear.inputs)) if k not in self.cornered]]
-        return prepare(linear.A, B, self.forcing, problem.times, rtol=min(problem.rtol, FINEST))
+        return prepare(linear.A, B, self.forcing, problem.times, rtol=min(problem.rtol, FINEST), known=linear.known)
 
     @property
     def work(self) -> float:
@@ -130,12 +132,6 @@ class Exponential(Stepper):
 
     def failure(self, code: int) -> SolverError:
         return SolverError(f"matrix exponentials ended with {code}")
-
-
-@lru_cache(maxsize=256)
-def _recognised(inputs: tuple[Any, ...], t0: float, t1: float) -> Forcing | NotExact:
-    """The inputs as outputs of linear exosystems; cached, since the same inputs recur with every parameter set."""
-    return recognise(inputs, t0, t1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +183,9 @@ class ExactRun:
                 out[stretch.row : stretch.row + stretch.count, states] = X
 
 
-def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12, algorithm: str = "auto") -> ExactRun:
+def prepare(
+    A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12, algorithm: str = "auto", known: Known | None = None
+) -> ExactRun:
     """Choose the algorithm for x' = A x + B u(t), and precompute everything that does not depend on the start values.
 
     Parameters
@@ -205,6 +203,8 @@ def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12
         accurate to rounding in any case.
     algorithm : {"auto", "dense", "action"}
         Dense exponential, action of the sparse exponential, or the one estimated to be faster.
+    known : dict, optional
+        What earlier runs with other numbers have found of the same times, inputs and pattern.
 
     Raises
     ------
@@ -230,7 +230,9 @@ def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12
     _check(A, B, forcing, times, algorithm)
     n = A.shape[0]
     same = rounding(forcing.t0, forcing.t_end)
-    cuts, at_start = _cut(times.tobytes(), forcing.t0, forcing.t_end, forcing.breakpoints.tobytes())
+    known = {} if known is None else known
+    grid = "times", times.tobytes(), forcing.t0, forcing.t_end, forcing.breakpoints.tobytes()
+    cuts, at_start = recent(known, grid, lambda: _cut(times, forcing), MOST_KNOWN)
 
     def run(algorithm: str, reason: str, seconds: float, groups: _Groups) -> ExactRun:
         return ExactRun(n, algorithm, reason, seconds, times, forcing, cuts, at_start, groups)
@@ -241,11 +243,11 @@ def prepare(A: Any, B: Any, forcing: Forcing, times: Any, *, rtol: float = 1e-12
     if algorithm == "dense" or (algorithm == "auto" and small):
         if n > DENSE_LIMIT:
             raise SolverError(f"{n} states: a dense exponential of more than {DENSE_LIMIT} takes too much memory")
-        groups = _dense_groups(A, B, _components(_triplets(A), n) if n > DENSE_ALWAYS else [slice(None)])
+        groups = _dense_groups(A, B, _components(_triplets(A), n, known) if n > DENSE_ALWAYS else [slice(None)])
         return run("dense", f"{n} states, {len(steps)} different steps", math.nan, groups)
     entries = _triplets(A)
-    parts = _components(entries, n)
-    actions = _Actions(entries, B, n, max(forcing.t_end - forcing.t0, same), rtol)
+    parts = _components(entries, n, known)
+    actions = _Actions(entries, B, n, max(forcing.t_end - forcing.t0, same), rtol, known)
     sparse = sum(actions.of(forcing.pieces[c.piece]).seconds(c.h, c.count, rtol) for c in cuts if c.h)
     sizes = [n] if isinstance(parts[0], slice) else [len(part) for part in parts]
     speed = actions.fastest
@@ -280,30 +282,29 @@ def _check(A: Any, B: Any, forcing: Forcing, times: Floats, algorithm: str) -> N
         )
 
 
-@lru_cache(maxsize=4)
-def _cut(grid: bytes, t0: float, t_end: float, breakpoints: bytes) -> tuple[list[Stretch], int]:
-    """Stretches of a grid of times, and the number of times equal to the start; cached, since other parameters reuse the grid."""
-    times = np.frombuffer(grid)
+def _cut(times: Floats, forcing: Forcing) -> tuple[list[Stretch], int]:
+    """Stretches of a grid of times, and the number of times equal to the start."""
     if not (np.diff(times) >= 0).all():
         raise ArgumentError("times must be a sequence in increasing order")
-    cuts = stretches(times, t0, np.frombuffer(breakpoints)) if len(times) else []
-    return cuts, int(np.searchsorted(times, t0 + rounding(t0, t_end), side="right"))
+    cuts = stretches(times, forcing.t0, forcing.breakpoints) if len(times) else []
+    return cuts, int(np.searchsorted(times, forcing.t0 + rounding(forcing.t0, forcing.t_end), side="right"))
 
 
-def _components(A: Triplets, n: int) -> list[Any]:
+def _components(A: Triplets, n: int, known: Known) -> list[Any]:
     """Decoupled groups of states as index arrays; a single slice if all are coupled or there are few."""
-    return [slice(None)] if n <= DENSE_ALWAYS else _parts(n, A.rows.tobytes(), A.columns.tobytes())
-
-
-@lru_cache(maxsize=4)
-def _parts(n: int, rows: bytes, columns: bytes) -> list[Any]:
-    """Connected components of a sparsity pattern; cached, since other parameters reuse the pattern."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    places = np.frombuffer(rows, np.int64), np.frombuffer(columns, np.int64)
-    count, label = connected_components(coo_array((np.ones(len(places[0])), places), shape=(n, n)), directed=False)
-    return [slice(None)] if count == 1 else [np.flatnonzero(label == k) for k in range(count)]
+    def found() -> list[Any]:
+        pattern = coo_array((np.ones(len(A.rows)), (A.rows, A.columns)), shape=(n, n))
+        count, label = connected_components(pattern, directed=False)
+        return [slice(None)] if count == 1 else [np.flatnonzero(label == k) for k in range(count)]
+
+    return [slice(None)] if n <= DENSE_ALWAYS else recent(known, ("parts", *_pattern(A)), found, MOST_KNOWN)
+
+
+def _pattern(A: Triplets) -> tuple[bytes, bytes]:
+    return A.rows.tobytes(), A.columns.tobytes()
 
 
 def _dense(M: Any) -> Floats:
@@ -336,9 +337,9 @@ def _dense_advance(A: Floats, B: Floats) -> _Advance:
 class _Actions:
     """Stepping by the action of sparse exponentials; one prepared action per exosystem."""
 
-    def __init__(self, A: Triplets, B: Any, n: int, span: float, rtol: float) -> None:
-        self._A, self._B, self._span, self._rtol = A, B, span, rtol
-        self._order = band_order(A, n)
+    def __init__(self, A: Triplets, B: Any, n: int, span: float, rtol: float, known: Known) -> None:
+        self._A, self._B, self._span, self._rtol, self._of_pattern = A, B, span, rtol, known
+        self._order = recent(known, ("order", *_pattern(A)), lambda: band_order(A, n), MOST_KNOWN)
         self._known: dict[bytes, Action] = {}
 
     @property
@@ -354,7 +355,8 @@ class _Actions:
             rows, columns = (np.concatenate([getattr(p, name) for p in parts]) for name in ("rows", "columns"))
             G = Triplets(rows, columns, np.concatenate([p.entries for p in parts]))
             # inputs may act on any state; they are excluded from the bandwidth ordering
-            self._known[exosystem.key] = prepare_action(G, np.append(self._order, np.arange(n, n + inputs)), self._span, inputs)
+            order = np.append(self._order, np.arange(n, n + inputs))
+            self._known[exosystem.key] = prepare_action(G, order, self._span, inputs, self._of_pattern)
         return self._known[exosystem.key]
 
     def advance(self, exosystem: Exosystem, h: float, count: int, x: Floats, s: Floats) -> Floats:

@@ -12,15 +12,16 @@ doi:10.1145/800195.805928.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.recent import recent
 from gearlib.solvers.problem import Integers, Problem
 
 _NO_INTEGERS: Integers = np.empty(0, dtype=np.int64)
+MOST_PLANS = 16
 
 
 @dataclass(frozen=True)
@@ -72,11 +73,8 @@ def columns_of(problem: Problem) -> Integers:
     return np.repeat(np.arange(len(problem.jac_indptr) - 1, dtype=np.int64), np.diff(problem.jac_indptr))
 
 
-_remembered: OrderedDict[tuple[int, ...], tuple[tuple[object, ...], MatrixPlan]] = OrderedDict()
-
-
 def plan(problem: Problem, kind: str | None = None) -> MatrixPlan:
-    """The cheapest storage for a problem's iteration matrix; cached per sparsity pattern.
+    """The cheapest storage for a problem's iteration matrix; cached with its sparsity pattern.
 
     Parameters
     ----------
@@ -85,17 +83,8 @@ def plan(problem: Problem, kind: str | None = None) -> MatrixPlan:
     kind
         ``"dense"``, ``"band"`` or ``"sparse"`` to force one.
     """
-    owners = (problem.jac_indptr, problem.jac_indices, problem.differential)
-    key = (*map(id, owners), hash(kind), problem.jac is None, problem.implicit)
-    if key not in _remembered:
-        found = _make(problem, kind)
-        _remembered[key] = (
-            owners,
-            replace(found, part=_parts(problem)),
-        )  # holding the arrays keeps their ids from being reused
-        if len(_remembered) > 16:
-            _remembered.popitem(last=False)
-    return _remembered[key][1]
+    key = problem.differential.tobytes(), kind, problem.jac is None, problem.implicit
+    return recent(problem.matrix_plans, key, lambda: replace(_make(problem, kind), part=_parts(problem)), MOST_PLANS)
 
 
 def _parts(problem: Problem) -> Integers:
