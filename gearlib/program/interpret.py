@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,7 +164,8 @@ def block_solve(prepared: Prepared, block: int, right: Floats) -> Floats:
 def _inverse(structure: Structure, n: int, places: Integers, entries: Floats) -> Floats | None:
     """Inverse of a matrix, None if it is singular; cached, since the programs of a structure share blocks."""
     key = places.tobytes(), entries.tobytes()
-    return recent(structure.inverses, key, lambda: _inverted(n, places, entries), MOST_INVERSES)
+    known: dict[Any, Floats | None] = structure.inverses
+    return recent(known, key, lambda: _inverted(n, places, entries), MOST_INVERSES)
 
 
 def _inverted(n: int, places: Integers, entries: Floats) -> Floats | None:

@@ -13,6 +13,7 @@ doi:10.1145/800195.805928.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +85,8 @@ def plan(problem: Problem, kind: str | None = None) -> MatrixPlan:
         ``"dense"``, ``"band"`` or ``"sparse"`` to force one.
     """
     key = problem.differential.tobytes(), kind, problem.jac is None, problem.implicit
-    return recent(problem.matrix_plans, key, lambda: replace(_make(problem, kind), part=_parts(problem)), MOST_PLANS)
+    plans: dict[Any, MatrixPlan] = problem.matrix_plans
+    return recent(plans, key, lambda: replace(_make(problem, kind), part=_parts(problem)), MOST_PLANS)
 
 
 def _parts(problem: Problem) -> Integers:
