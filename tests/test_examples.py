@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"))
+LONG = {"paper_section_4", "paper_gain_margin"}  # many thousand readings
 
 
 @pytest.fixture
@@ -16,7 +17,9 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # figures are written here
 
 
-@pytest.mark.parametrize("script", EXAMPLES, ids=lambda script: script.stem)
+@pytest.mark.parametrize(
+    "script", [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.stem in LONG else []) for s in EXAMPLES]
+)
 def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     import matplotlib.pyplot as plt
 

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 
 import pytest
 
 from tests import architecture, vocabulary
 
 TREES = dict(vocabulary.modules())
+
+
+@cache
+def texts() -> dict[str, str]:
+    """Text of each module without its comments, by path."""
+    return {str(path): ast.unparse(tree) for path, tree in TREES.items()}
 
 
 def test_every_file_and_class_is_on_the_page_as_the_code_describes_it() -> None:
@@ -29,7 +36,7 @@ def test_every_file_and_class_says_what_it_is() -> None:
 def test_word_is_used_no_more(word: str) -> None:
     """Neither in names nor in texts, as a whole word or as a part of a name."""
     wanted = re.compile(rf"(?<![A-Za-z]){word}(?![a-z])", re.IGNORECASE)
-    assert [str(path) for path, tree in TREES.items() if wanted.search(ast.unparse(tree))] == []
+    assert [path for path, text in texts().items() if wanted.search(text)] == []
 
 
 def test_some_words_are_used_no_more() -> None:

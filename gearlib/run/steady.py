@@ -241,7 +241,8 @@ def growing(scene: Scene, numbers: Numbers) -> Floats:
     """Directions in which the states may grow steadily, orthonormal in nominal values, shape (states, directions).
 
     A speed that nothing depends on is not such a direction: its angle would grow at an increasing rate. That angle counts whether or
-    not the scene integrates it.
+    not the scene integrates it. Nor is a direction along which a torque or force grows that some rate depends on: two springs that wind
+    each other up may leave all rates unchanged.
     """
     structure, states = scene.structure, set(scene.states)
     rates: list[Node] = [(v, k + 1) for v, k in scene.states]
@@ -255,7 +256,8 @@ def growing(scene: Scene, numbers: Numbers) -> Floats:
     if scene.relations is not None:
         relations = relations_of(structure, program)
         events = relations, prepare(relations.program, structure, numbers.parameters)
-    return symmetries(prepared, [program.slots[node] for node in rates], events, np.maximum(scene.nominal, 1e-300))
+    flows = [(v, k) for v, k in program.slots if k == 0 and structure.model.flow[v]]
+    return symmetries(prepared, [program.slots[node] for node in (*rates, *flows)], events, np.maximum(scene.nominal, 1e-300))
 
 
 def _found(search: Search) -> End:

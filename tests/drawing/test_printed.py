@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gearlib as gl
@@ -12,6 +12,7 @@ import gearparts as gp
 from gearlib.drawing.printed import COLUMNS, fitted, shortened
 
 
+@settings(max_examples=25)
 @given(
     st.text(st.characters(codec="utf-8", exclude_characters="\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"), max_size=400),
     st.integers(20, 120),

@@ -192,7 +192,7 @@ print("all done", len(runs.errors), runs.done.sum(), flush=True)
 """
 
 
-@pytest.mark.parametrize("suffix", [".zarr", ".nc"])
+@pytest.mark.parametrize("suffix", [".zarr", pytest.param(".nc", marks=pytest.mark.slow)])
 def test_a_sweep_that_was_killed_goes_on(
     drive: gl.System, tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

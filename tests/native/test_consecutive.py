@@ -29,8 +29,7 @@ class Hub(gl.Component):
         return links
 
 
-@pytest.mark.parametrize("n", [9, 12])
-@pytest.mark.parametrize("method", ["rk", "ida"])
+@pytest.mark.parametrize(("n", "method"), [(9, "rk"), (12, "ida")])
 def test_a_hub_with_many_lossy_gears_moves_as_one_branch_with_its_share(n: int, method: str) -> None:
     one = gl.simulate(Hub(n=1), 1.0, samples=3, rtol=1e-8)
     many = gl.simulate(Hub(n=n), 1.0, samples=3, rtol=1e-8, method=method)

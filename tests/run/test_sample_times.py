@@ -130,17 +130,23 @@ def test_the_reference_is_that_of_the_test_set() -> None:
     assert trajectory()(0.03)[:7] == pytest.approx(AT_THE_END, rel=1e-6)
 
 
-@pytest.mark.parametrize("state", ["beta", "theta"])
-def test_andrews_mechanism_with_few_samples(state: str) -> None:
+@pytest.mark.parametrize(
+    ("state", "method", "samples"),
+    [
+        ("beta", "rk", 3),
+        ("theta", "ida", 2),
+        pytest.param("beta", "ida", 2, marks=pytest.mark.slow),
+        pytest.param("theta", "rk", 3, marks=pytest.mark.slow),
+    ],
+)
+def test_andrews_mechanism_with_few_samples(state: str, method: str, samples: int) -> None:
     """The crank turns several times, its constraints have other solutions, and with theta IDA changes the states on the way."""
     system = gl.compile(Andrews(state={state: "prefer"}), outputs=["beta"])
-    for method, samples in (("ida", 2), ("rk", 3)):
-        result = system.simulate(0.03, samples=samples, method=method, rtol=1e-9)
-        right = trajectory()(result.time)
-        for k, name in enumerate(ANGLES):
-            assert result[name] == pytest.approx(right[k], rel=1e-4, abs=1e-4), (name, method, samples)
-    if state == "theta":
-        assert "segments" in system.simulate(0.03, samples=2, method="ida", rtol=1e-9).stats
+    result = system.simulate(0.03, samples=samples, method=method, rtol=1e-9)
+    right = trajectory()(result.time)
+    for k, name in enumerate(ANGLES):
+        assert result[name] == pytest.approx(right[k], rel=1e-4, abs=1e-4), name
+    assert ("segments" in result.stats) == (state == "theta" and method == "ida")
 
 
 @lru_cache
@@ -148,7 +154,7 @@ def pendulum(angle: float, speed: float) -> Any:
     return released(angle, speed)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     st.sampled_from([(1.7, 0.0), (3.0, 0.1), (0.3, 9.0)]), st.sampled_from(["ida", "rk", "auto"]),
     st.lists(st.floats(0.01, 4.0), min_size=1, max_size=5, unique=True),
@@ -195,12 +201,10 @@ def compared(end: float) -> tuple[float, float, float]:
     return b, root(lambda y: y + 0.1 * np.sin(y) - (b if b > 10.0 else 0.0), b), z
 
 
-@pytest.mark.parametrize(("method", "outputs"), [("exact", None), ("ida", ("z",)), ("rk", ("y",))])
-def test_relations_of_a_nonlinear_loop(method: str, outputs: Any) -> None:
+@pytest.mark.parametrize(
+    ("method", "outputs", "end", "samples"), [("exact", None, 5.0, 2), ("ida", ("z",), 2.5, 3), ("rk", ("y",), 5.0, 3)]
+)
+def test_relations_of_a_nonlinear_loop(method: str, outputs: Any, end: float, samples: int) -> None:
     """They hold or not on the branch that the run is on, whether or not the run had need of them."""
-    system = gl.compile(Compared(), outputs=outputs)
-    for end in (2.5, 5.0):
-        for samples in (2, 3):
-            result = system.simulate(end, samples=samples, method=method)
-            found = [result[name][-1] for name in "byz"]
-            assert found == pytest.approx(compared(end), rel=1e-9), (samples, end)
+    result = gl.compile(Compared(), outputs=outputs).simulate(end, samples=samples, method=method)
+    assert [result[name][-1] for name in "byz"] == pytest.approx(compared(end), rel=1e-9)

@@ -188,3 +188,32 @@ def test_of_several_it_is_the_one_that_the_motion_goes_to() -> None:
         assert found["body.w"][0] == pytest.approx(run["body.w"][-1], rel=1e-6), w0
         ends.add(round(float(run["body.w"][-1]), 3))
     assert len(ends) == 2
+
+
+class WoundUp(gl.Component):
+    """A prescribed speed between the ends of two springs in series, whose middle has a load: by hand, the springs are wound up for ever."""
+
+    J = gl.Structural(0.0)
+
+    def assemble(self) -> list[Any]:
+        self.spring, self.damped = gp.Spring(c=129.0), gp.SpringDamper(c=1.0, d=1.0)
+        self.speed = gp.ConstantSpeed(w_fixed=1.0, use_support=True)
+        self.load = gp.LinearSpeedDependentTorque(tau_nominal=-3.0, w_nominal=4.0, torque_direction=False)
+        middle = [self.spring.flange_b, self.damped.flange_b, self.load.flange]
+        if self.J:
+            self.body = gp.Inertia(J=self.J)
+            middle.append(self.body.flange_a)
+        return [
+            gl.connect(self.speed.support, self.spring.flange_a),
+            gl.connect(*middle),
+            gl.connect(self.speed.flange, self.damped.flange_a),
+        ]
+
+
+@pytest.mark.parametrize("J", [0.0, 2.0])
+def test_torques_that_grow_are_not_steady_where_no_speed_changes_with_them(J: float) -> None:
+    system = gl.compile(WoundUp(J=J))
+    with pytest.raises(StartError, match=r"der\((spring|damped)\.phi_rel\) stays at"):
+        system.simulate(1.0, start="steady", samples=2)
+    run = system.simulate(200.0, samples=3)
+    assert run["spring.tau"][2] - run["spring.tau"][1] == pytest.approx(100.0 * 129.0 / 130.0, rel=1e-3)
