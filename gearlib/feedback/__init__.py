@@ -1,1 +1,1 @@
-"""Feedback loops closed around a train: Nyquist's criterion, margins, stable gains, and stability in words."""
+"""Feedback loops around a train: Nyquist criterion, stability margins, stable gains, and stability in words."""

@@ -1,7 +1,7 @@
 """`Loop`: a feedback loop over one input and one output of a linear model; its frequency response and crossings.
 
-Everything is computed from matrices. Polynomials of a stiff train have coefficients from 1 to 1e40, and their roots, which
-python-control's `stability_margins` takes, are lost in rounding; on small well-scaled systems both agree (see the tests).
+Everything is computed from state-space matrices. The polynomials of a stiff train have coefficients from 1 to 1e40, and their roots,
+which python-control's `stability_margins` uses, are lost in rounding; on small, well-scaled systems both agree (see the tests).
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class Loop:
     A, b, c, d : array (n, n), array (n,), array (n,), float
     input, output : str
     whole : Matrices, optional
-        Of one input and one output, before states that the mode holds were eliminated.
+        Restricted to one input and one output, before the elimination of held states.
     changes : callable, optional
-        Derivatives of these with respect to parameters, by path; known of loops in a System.
+        Derivatives of these with respect to parameters, by path; available for loops in a System.
     """
 
     A: Floats
@@ -67,7 +67,7 @@ class Loop:
         return result
 
     def rounding(self, s: Any) -> Floats:
-        """How far rounding may put the transfer function off: small differences of large terms are not known better."""
+        """Bound on the rounding error of the transfer function: small differences of large terms are inaccurate."""
         points = np.asarray(s, complex)
         terms = np.abs(self._schur[2]) @ np.abs(self._states(points.ravel())) + abs(self.d)
         result: Floats = (1e2 * np.finfo(float).eps * terms).reshape(points.shape)
@@ -112,18 +112,18 @@ class Loop:
 
     @cached_property
     def critical(self) -> Complexes:
-        """Open-loop and closed-loop poles: where 1 + L changes quickly."""
+        """Open-loop and closed-loop poles: where 1 + L changes rapidly."""
         return np.concatenate([self.open_poles.values, self.closed_poles.values])
 
     @cached_property
     def scale(self) -> tuple[float, float]:
-        """Smallest and largest magnitude of a pole that is not 0, rad/s."""
+        """Smallest and largest magnitude of nonzero poles, rad/s."""
         sizes = np.abs(self.critical)
         sizes = sizes[sizes > 0]
         return (float(sizes.min()), float(sizes.max())) if len(sizes) else (1.0, 1.0)
 
     def frequencies(self, decades: float = 2.0, step: float = 0.1) -> Floats:
-        """Angular frequencies that show everything the loop does: dense near poles and zeros, rad/s."""
+        """Angular frequencies (rad/s) that resolve the loop's behaviour: dense near poles and zeros."""
         low, high = self.scale
         start, end = low / 10**decades, high * 10**decades
         marks = np.unique(np.concatenate([np.geomspace(start, end, 200), *self._marks(start, end)]))
@@ -142,10 +142,10 @@ class Loop:
 
 
 def refine(marks: Floats, path: Any, features: Complexes, step: float) -> Floats:
-    """Parameters of a path so close together that no factor ``s - feature`` lets the phase jump.
+    """Refine a path's parameter grid until no factor ``s - feature`` can change phase too much between points.
 
-    On an interval of length h the phase of a rational function turns by less than the sum of h / distance over its poles and
-    zeros. Intervals are halved until this sum is below ``step``.
+    On an interval of length h the phase of a rational function changes by less than the sum of h / distance over its poles and zeros.
+    Intervals are halved until this sum is below ``step``.
     """
     for _ in range(80):
         middles = (marks[1:] + marks[:-1]) / 2
@@ -171,16 +171,16 @@ def as_loop(
     ----------
     model : System, control.StateSpace, control.TransferFunction or LinearModel
     loop : (input, output), optional
-        Names, or numbers of signals; may be left out where there is one of each.
+        Names, or indices of signals; may be omitted if there is one of each.
     gain : float
-        Factor of the feedback; -1 for positive feedback.
+        Loop gain factor; -1 for positive feedback.
     at, parameters
         Operating point and parameters of a System, as for `System.linearize`.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        No such signal, or several and none chosen.
+        Unknown signal, or several and none chosen.
     """
     if loop is not None and (isinstance(loop, str) or not isinstance(loop, Sequence) or len(loop) != 2):
         raise ArgumentError(f"loop is {shown(loop)}; expected (input, output)")
@@ -195,7 +195,7 @@ def as_loop(
     i = _signal("output", loop and loop[1], outs)
 
     def one(m: Matrices) -> Matrices:
-        """The loop's part of a model's matrices."""
+        """Single-input single-output part of a model's matrices."""
         return Matrices(m.A, m.B[:, [j]] * gain, m.C[[i]], m.D[[i]][:, [j]] * gain)
 
     whole = changes = None
@@ -215,7 +215,7 @@ def _signal(what: str, chosen: Any, names: Sequence[str]) -> int:
         return 0
     if isinstance(chosen, int) and 0 <= chosen < len(names):
         return chosen
-    for candidate in (chosen, label(str(chosen))):  # python-control's names have no dots
+    for candidate in (chosen, label(str(chosen))):  # python-control's names contain no dots
         if candidate in names:
             return list(names).index(candidate)
     raise NameLookupError(f"the linear model has no {what} '{chosen}'; {nearest(str(chosen), names)}")

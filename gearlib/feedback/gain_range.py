@@ -12,19 +12,18 @@ from gearlib.feedback.margins import PhaseCrossing
 
 
 def stable_gains(loop: Loop, crossings: Sequence[PhaseCrossing]) -> tuple[tuple[float, float], ...]:
-    """Intervals of factors of the loop's gain with no closed-loop pole in the right half-plane.
+    """Intervals of gain factors without closed-loop poles in the right half-plane.
 
     Parameters
     ----------
     loop : Loop
     crossings : sequence of PhaseCrossing
-        All crossings of the negative real axis, as `margins` finds them: at these gains, and no others, poles cross the imaginary
-        axis.
+        All crossings of the negative real axis, as found by `margins`: only at these gains do poles cross the imaginary axis.
 
     Returns
     -------
     tuple of (float, float)
-        From 0 to infinity, by size; neighbours are joined.
+        From 0 to infinity, sorted; adjacent intervals are merged.
 
     Examples
     --------
@@ -49,7 +48,7 @@ def stable_gains(loop: Loop, crossings: Sequence[PhaseCrossing]) -> tuple[tuple[
 
 
 def gains_in_words(ranges: Sequence[tuple[float, float]]) -> str:
-    """A line for the report, "the present gain" being 1.
+    """A line for the report; the present gain is 1.
 
     >>> gains_in_words([(0.0, 2.0), (5.0, float("inf"))])
     'stable for less than 2 (+6.021 dB), and for more than 5 (+13.979 dB) times the present gain'

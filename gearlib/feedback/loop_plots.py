@@ -42,24 +42,24 @@ def nyquist_plot(
     model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
     parameters: Mapping[str, float] | None = None, axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Nyquist plot, the whole and the surroundings of -1, with margins.
+    """Nyquist plot with margins: the whole curve, and the neighbourhood of -1.
 
     Parameters
     ----------
     model, loop, gain, at, parameters
         As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
     axes : matplotlib Axes, optional
-        To draw into (two of them).
+        Two axes to draw into.
 
     Returns
     -------
     list of matplotlib Axes
-        The whole curve, and the surroundings of -1.
+        The whole curve, and the neighbourhood of -1.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        No such signal, or several and none chosen.
+        Unknown signal, or several and none chosen.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def nyquist_plot(
 
 
 def _say_where_it_is(ax: Any, curve: Complexes, m: Margins) -> None:
-    """Words in the place of a curve that is not seen around -1."""
+    """Describe where the curve is if it does not come near -1."""
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     if not ((curve.real > left) & (curve.real < right) & (np.abs(curve.imag) < high)).any():
         said = f"the curve is not seen here:\nit comes no nearer to −1\nthan {m.modulus_margin:.3g}"
@@ -113,7 +113,7 @@ def _say_where_it_is(ax: Any, curve: Complexes, m: Margins) -> None:
 
 
 def _view(loop: Loop, omega: Floats, curve: Complexes) -> float:
-    """How far to show: everything, but not the way to infinity near poles on the imaginary axis."""
+    """Plot range: everything except the branches to infinity near poles on the imaginary axis."""
     size = np.abs(curve)
     if not len(loop.open_poles.on_axis):
         largest = float(size.max(initial=1e-300))
@@ -124,7 +124,7 @@ def _view(loop: Loop, omega: Floats, curve: Complexes) -> float:
 
 
 def _arrows(ax: Any, curve: Complexes, bound: float) -> None:
-    """Where frequency grows."""
+    """Arrows in the direction of increasing frequency."""
     inside = np.flatnonzero(np.abs(curve) <= bound)
     length = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(curve[inside])))]) if len(inside) else np.empty(0)
     for part in (0.2, 0.55, 0.85):
@@ -158,14 +158,14 @@ def nichols_plot(
     model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
     parameters: Mapping[str, float] | None = None, axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Nichols plot, gain over phase, with margins and lines of equal closed-loop gain.
+    """Nichols plot, gain over phase, with margins and contours of equal closed-loop gain.
 
     Parameters
     ----------
     model, loop, gain, at, parameters
         As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
     axes : matplotlib Axes, optional
-        To draw into.
+        Axes to draw into.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def nichols_plot(
     Raises
     ------
     ArgumentError, NameLookupError
-        No such signal, or several and none chosen.
+        Unknown signal, or several and none chosen.
 
     Examples
     --------
@@ -222,7 +222,7 @@ def _nichols_margins(ax: Any, m: Margins, omega: Floats, phase: Floats) -> None:
 
 
 def _closed_loop_lines(ax: Any, points: Sequence[float]) -> list[Floats]:
-    """Lines of equal |L / (1 + L)| around each image of -1; returns where their labels are, in pixels."""
+    """Contours of equal |L / (1 + L)| around each image of -1; returns the label positions, in pixels."""
     angle = np.linspace(1e-3, 2 * np.pi - 1e-3, 600)
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     taken: list[Floats] = []
@@ -262,16 +262,16 @@ def _closed_loop_lines(ax: Any, points: Sequence[float]) -> list[Floats]:
 
 
 def mark_frequencies(ax: Any, omega: Floats, x: Floats, y: Floats, taken: Sequence[Floats] = ()) -> None:
-    """Dots with frequencies (Hz) on a curve, at 1, 2 and 5 of each decade where labels have room.
+    """Mark frequencies (Hz) on a curve, at 1, 2 and 5 of each decade where labels fit.
 
     Parameters
     ----------
     ax : matplotlib Axes
-        With its limits as they stay.
+        With its final limits.
     omega, x, y : arrays
-        Angular frequencies, growing, and the curve.
+        Increasing angular frequencies, and the curve.
     taken : sequence of arrays (2,)
-        Places of other labels, pixels.
+        Positions of other labels, pixels.
     """
     ax.apply_aspect()
     hertz, (left, right), (low, high) = omega / (2 * np.pi), ax.get_xlim(), ax.get_ylim()
@@ -290,7 +290,7 @@ def mark_frequencies(ax: Any, omega: Floats, x: Floats, y: Floats, taken: Sequen
 
 
 def _is_free(place: Floats, taken: Sequence[Floats], width: float, height: float) -> bool:
-    """Whether a label has room beside others, in pixels."""
+    """Whether a label (in pixels) does not overlap others."""
     return all(abs(place[0] - other[0]) > width or abs(place[1] - other[1]) > height for other in taken)
 
 
@@ -305,17 +305,17 @@ def bode_plot(
     model, loop, gain, at, parameters
         As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
     axes : matplotlib Axes, optional
-        To draw into (two of them).
+        Two axes to draw into.
 
     Returns
     -------
     array of two matplotlib Axes
-        Gain and phase.
+        Gain and phase axes.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        No such signal, or several and none chosen.
+        Unknown signal, or several and none chosen.
 
     Examples
     --------
@@ -373,16 +373,16 @@ def root_locus_plot(
     model: Any, loop: Sequence[Any] | None = None, *, gain: float = 1.0, at: Any = None,
     parameters: Mapping[str, float] | None = None, gains: Any = None, axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Root locus: poles of the closed loop while the gain grows, with the gains at which it gets unstable.
+    """Root locus: closed-loop poles over increasing gain, with the gains at the stability limits.
 
     Parameters
     ----------
     model, loop, gain, at, parameters
         As for `gearlib.stability`: the loop from an input to an output, closed by negative feedback.
     gains : array, optional
-        Gains to follow, from small to large; by default from 0 to well beyond the last margin.
+        Increasing gains; by default from 0 to well beyond the last margin.
     axes : matplotlib Axes, optional
-        To draw into.
+        Axes to draw into.
 
     Returns
     -------
@@ -391,7 +391,7 @@ def root_locus_plot(
     Raises
     ------
     ArgumentError, NameLookupError
-        No such signal, or several and none chosen.
+        Unknown signal, or several and none chosen.
 
     Examples
     --------
@@ -441,14 +441,14 @@ def _closed(loop: Loop, factor: float) -> Floats:
 
 
 def _gains(loop: Loop, m: Margins) -> Floats:
-    """From hardly anything to well beyond the last margin."""
+    """Gains from almost zero to well beyond the last margin."""
     peak = float(np.nanmax(np.abs(_curve(loop)[1])))
     last = max([10.0, 30.0 / max(peak, 1e-300), *(5 * c.gain_margin for c in m.phase_crossings)])
     return np.concatenate([[0.0], np.geomspace(1e-5 * last, last, 600)])
 
 
 def _paths(loop: Loop, factors: Floats) -> Complexes:
-    """Closed-loop poles over the gain, each followed by the shortest total way; (gains, poles)."""
+    """Closed-loop poles over the gain, tracked by the shortest total path; (gains, poles)."""
     from scipy.linalg import matrix_balance
     from scipy.optimize import linear_sum_assignment
 

@@ -16,7 +16,7 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class GainCrossing:
-    """|L| = 1 at ``omega`` (rad/s): the phase may lag by ``phase_margin`` (degrees) or the loop wait ``delay_margin`` (s) more."""
+    """|L| = 1 at ``omega`` (rad/s), with the additional phase lag (degrees) or delay (s) that leads to instability."""
 
     omega: float
     phase_margin: float
@@ -25,7 +25,7 @@ class GainCrossing:
 
 @dataclass(frozen=True)
 class PhaseCrossing:
-    """L is real and negative at ``omega`` (rad/s): the gain may be multiplied by ``gain_margin`` until the curve meets -1."""
+    """L is real and negative at ``omega`` (rad/s), with the gain factor at which the curve meets -1."""
 
     omega: float
     gain_margin: float
@@ -42,12 +42,12 @@ class Margins:
     Attributes
     ----------
     phase_crossings : tuple of PhaseCrossing
-        By frequency; 0 and infinity belong to them where L is real, negative and finite there.
+        Sorted by frequency, including 0 and infinity if L is real, negative and finite there.
     gain_crossings : tuple of GainCrossing
     modulus_margin : float
         Smallest distance of the curve from -1, at ``modulus_omega`` (rad/s).
     real : bool
-        The whole curve lies on the real axis (a train without damping): crossings of that axis have no meaning.
+        Whether the whole curve lies on the real axis (a train without damping), so that crossings of that axis are meaningless.
     """
 
     phase_crossings: tuple[PhaseCrossing, ...]
@@ -58,7 +58,7 @@ class Margins:
 
     @property
     def gain_margin(self) -> float:
-        """The factor nearest to 1 (in decibels) that brings the curve to -1; infinite where none does."""
+        """The factor nearest to 1 (in decibels) at which the curve meets -1; infinite if there is none."""
         nearest = min(self.phase_crossings, key=lambda c: abs(np.log(c.gain_margin)), default=None)
         return nearest.gain_margin if nearest else float("inf")
 
@@ -68,13 +68,13 @@ class Margins:
 
     @property
     def phase_margin(self) -> float:
-        """The phase margin of smallest magnitude, degrees; infinite where |L| never is 1."""
+        """The phase margin of smallest magnitude, degrees; infinite if |L| never equals 1."""
         nearest = min(self.gain_crossings, key=lambda c: abs(c.phase_margin), default=None)
         return nearest.phase_margin if nearest else float("inf")
 
     @property
     def delay_margin(self) -> float:
-        """The shortest delay that brings the curve to -1, s."""
+        """The shortest delay (s) at which the curve meets -1."""
         return min((c.delay_margin for c in self.gain_crossings), default=float("inf"))
 
     def as_dict(self) -> dict[str, float | list[tuple[float, float]]]:
@@ -92,7 +92,7 @@ class Margins:
 
 
 def margins(loop: Loop) -> Margins:
-    """All margins of a loop, to rounding.
+    """All margins of a loop, accurate to rounding.
 
     Parameters
     ----------
@@ -128,22 +128,22 @@ def _gain_crossing(loop: Loop, omega: float) -> GainCrossing:
 
 
 def _unit_gain(loop: Loop, omega: Floats, size: Floats) -> list[float]:
-    """Where |L| crosses 1; where it is 1 everywhere (an all-pass), the one frequency at which the curve is nearest to -1."""
+    """Frequencies at which |L| crosses 1; if it is 1 everywhere (an all-pass), the one at which the curve is nearest to -1."""
     level = np.log(np.maximum(size, 1e-300))
-    clear = np.abs(level) > 1e-12  # on the rest rounding decides the sign
+    clear = np.abs(level) > 1e-12  # elsewhere rounding decides the sign
     if not clear.any():
         return [float(omega[np.argmin(np.abs(np.angle(-loop.response(1j * omega))))])]
     return _roots(omega[clear], level[clear], lambda x: float(np.log(abs(loop.response(1j * x)))))
 
 
 def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseCrossing]:
-    """Crossings of the negative real axis, that at 0 and at infinity included."""
+    """Crossings of the negative real axis, including those at 0 and infinity."""
     found = []
     if not loop.open_poles.at_zero:
         start = float(loop.response(0.0).real)
         if start < -10 * float(loop.rounding(0.0)):
             found.append(PhaseCrossing(0.0, -1 / start))
-    # The tangent of the phase, which is not disturbed where L changes by orders of magnitude.
+    # The tangent of the phase is well scaled even where L changes by orders of magnitude.
     ratio = curve.imag / np.maximum(np.abs(curve), 1e-300)
     noise = np.abs(ratio) < 1e-12
     omega, ratio, curve = omega[~noise], ratio[~noise], curve[~noise]
@@ -157,7 +157,7 @@ def _phase_crossings(loop: Loop, omega: Floats, curve: Complexes) -> list[PhaseC
 
 
 def _roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[float]:
-    """Where a sampled function changes sign, to rounding; a jump across a pole on the imaginary axis is no root."""
+    """Sign changes of a sampled function, to rounding; a jump across a pole on the imaginary axis is not a root."""
     from scipy.optimize import brentq
 
     def finite(x: float) -> float:
@@ -171,7 +171,7 @@ def _roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[f
         low, high = finite(a), finite(b)
         if low * high < 0:
             found.append(float(brentq(finite, a, b, xtol=1e-300, rtol=8.9e-16)))
-        else:  # alone, a point may come out on the other side than among many: it is a root to rounding
+        else:  # a single point may round differently than in an array: it is a root to rounding
             found.append(float(a if abs(low) < abs(high) else b))
     with np.errstate(divide="ignore", invalid="ignore"):
         found = [w for w in found if np.isfinite(f(w))]
@@ -179,7 +179,7 @@ def _roots(omega: Floats, values: Floats, f: Callable[[float], float]) -> list[f
 
 
 def _nearest(loop: Loop, omega: Floats, curve: Complexes) -> tuple[float, float]:
-    """Smallest distance from -1 and its frequency."""
+    """Smallest distance from -1, and its frequency."""
     from scipy.optimize import minimize_scalar
 
     distance = np.abs(1 + curve)

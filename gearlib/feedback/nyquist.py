@@ -1,8 +1,8 @@
-"""Nyquist count of a loop: encirclements of -1 along a closed contour in the s plane.
+"""Nyquist criterion: encirclements of -1 along a closed contour in the s plane.
 
-The path goes up the imaginary axis, round every pole on it through the right half-plane, and back through infinity. Its points are so
-dense that 1 + L cannot turn by half a turn between two of them, so that the count is the sum of the turns seen and nothing is
-assumed about closed-loop poles (their places only set how dense the points are).
+The contour runs up the imaginary axis, around every pole on it through the right half-plane, and back through infinity. Its points are
+so dense that 1 + L cannot turn by half a turn between two of them, so the count is the sum of the observed turns, without any
+assumption about closed-loop poles (their positions only determine the density of points).
 
 References
 ----------
@@ -24,25 +24,25 @@ from gearlib.linear.poles import Poles, Verdict
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-SAME = 1e-9  # of a pole's magnitude: others on the axis as near as this are passed together with it
-FARTHEST = 1e3  # radius of the path over the largest pole
+SAME = 1e-9  # relative to a pole's magnitude: other poles on the axis this close share a detour
+FARTHEST = 1e3  # radius of the contour over the largest pole
 
 
 @dataclass(frozen=True)
 class NyquistCount:
-    """Encirclements of -1 and what follows from them.
+    """Encirclements of -1, with the poles and verdict that follow.
 
     Attributes
     ----------
     clockwise : int
-        Clockwise turns of L(s) round -1 (negative: counter-clockwise), with poles on the imaginary axis passed on the right.
+        Clockwise encirclements of -1 by L(s) (negative: counter-clockwise), with poles on the imaginary axis passed on the right.
     open_right : int
-        Poles of the open loop in the right half-plane.
+        Open-loop poles in the right half-plane.
     through : tuple of float
-        Frequencies, rad/s, at which the closed loop has poles on the imaginary axis: the curve passes through -1 there, or a
-        motion on the axis is not seen by the loop.
+        Frequencies (rad/s) of closed-loop poles on the imaginary axis: the curve passes through -1 there, or a motion on the axis is
+        unobservable or uncontrollable in the loop.
     drifting : bool
-        Whether such a pole is repeated so that motions grow with time.
+        Whether such a pole is defective, so that motions grow with time.
     """
 
     clockwise: int
@@ -52,7 +52,7 @@ class NyquistCount:
 
     @property
     def closed_right(self) -> int:
-        """Poles of the closed loop in the right half-plane: Z = N + P."""
+        """Closed-loop poles in the right half-plane: Z = N + P."""
         return self.clockwise + self.open_right
 
     @property
@@ -100,7 +100,7 @@ def nyquist_count(loop: Loop) -> NyquistCount:
     Raises
     ------
     SolverError
-        The sum of the turns is no whole number: the curve passes -1 closer than rounding can tell.
+        The sum of the turns is not an integer: the curve passes -1 more closely than rounding can resolve.
 
     Examples
     --------
@@ -115,18 +115,18 @@ def nyquist_count(loop: Loop) -> NyquistCount:
     for points in contour(loop):
         f = 1 + loop.response(points)
         turned += float(np.angle(f[1:] / f[:-1]).sum())
-    count = -turned / np.pi  # half of the path; the other half is its mirror image
+    count = -turned / np.pi  # half of the contour; the other half is its mirror image
     if not abs(count - round(count)) < 0.05:
         raise SolverError(
             f"the curve of {loop.input} -> {loop.output} passes -1 closer than rounding can tell (count {count:.3f})"
         )
     drifting = len(closed.chains) > 1 or bool(closed.chained)
-    # Turns of 1 + L count zeros minus poles inside the path.
+    # Turns of 1 + L count zeros minus poles inside the contour.
     return NyquistCount(round(count), loop.open_poles.right, tuple(closed.on_axis.tolist()), drifting)
 
 
 def contour(loop: Loop) -> list[Complexes]:
-    """Points of the path's upper half, piece by piece: axis, detours to the right of poles on it, and the arc at infinity."""
+    """Points on the upper half of the contour, piece by piece: axis, detours to the right of poles on it, and the arc at infinity."""
     groups = _together([*_on_axis(loop.open_poles), *_on_axis(loop.closed_poles)], loop.scale[0])
     high = FARTHEST * loop.scale[1]
     pieces: list[Complexes] = []
@@ -156,14 +156,14 @@ def _points(path: Callable[[Any], Any], start: float, end: float, critical: Comp
 
 
 def _on_axis(found: Poles) -> list[tuple[float, float]]:
-    """Intervals of the axis that hold its poles: the response has them where its own rounding puts them."""
+    """Intervals of the axis that contain its poles: the response has them where its own rounding puts them."""
     near = (found.values.real == 0) & (found.values.imag >= 0)
     intervals = zip(found.values.imag[near], found.tolerances[near], strict=True)
     return [(max(float(w - t), 0.0) if w else 0.0, float(w + t)) for w, t in intervals]
 
 
 def _together(intervals: list[tuple[float, float]], smallest: float) -> list[tuple[float, float]]:
-    """Poles of the open and of the closed loop that rounding does not tell apart, as intervals of the axis."""
+    """Open-loop and closed-loop poles that rounding cannot separate, as intervals of the axis."""
     groups: list[tuple[float, float]] = []
     for low, up in sorted(intervals):
         if groups and low - groups[-1][1] <= SAME * max(low, smallest):
@@ -174,7 +174,7 @@ def _together(intervals: list[tuple[float, float]], smallest: float) -> list[tup
 
 
 def _radius(low: float, up: float, critical: Complexes) -> float:
-    """Large enough to go round the poles between two points of the axis, small enough to leave every other pole on its side."""
+    """Detour radius: large enough to enclose the poles between two points of the axis, small enough to exclude all others."""
     inside = (critical.real == 0) & (np.abs(critical.imag) >= low) & (np.abs(critical.imag) <= up)
     others = np.abs(critical[~inside] - 0.5j * (low + up))
     gap = float(others.min()) if len(others) else 1.0

@@ -1,8 +1,8 @@
-"""A certificate of passivity: the stored energy of a linear train, and that it falls by the losses alone.
+"""Passivity certificate: stored energy of a linear train that decreases by dissipation alone.
 
-Of x' = A x + B u the components declare the stored energy H = x' Q x / 2. Where Q has no negative direction and
-W = -(Q A + A' Q) / 2 neither, dH/dt = -x' W x + y' u with the outputs y = B' Q x: the train takes from outside all that it stores
-and loses, at every amplitude, and no motion of it can grow. The eigenvalues of A are not used for that.
+For x' = A x + B u the components declare the stored energy H = x' Q x / 2. If Q and W = -(Q A + A' Q) / 2 are positive semidefinite,
+dH/dt = -x' W x + y' u with the outputs y = B' Q x: everything that the train stores and dissipates comes from outside, at every
+amplitude, and no motion can grow. The eigenvalues of A are not used.
 
 References
 ----------
@@ -26,21 +26,21 @@ from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 
 Floats = NDArray[np.float64]
-ROUNDING = 1e-9  # of the largest coefficient, both scaled by the energy of each state
+ROUNDING = 1e-9  # relative to the largest coefficient, both scaled by the energy of each state
 
 
 @dataclass(frozen=True, eq=False)
 class Passivity:
-    """What the energies of a linear model prove. ``print`` it to read it.
+    """Result of a passivity analysis. ``print`` it to read it.
 
     Attributes
     ----------
     states : tuple of str
         Paths, in the order of the matrices.
     Q, W : array
-        Stored energy ``x' Q x / 2`` (J) and the power ``x' W x`` (W) that the equations take from it; shape (n, n).
+        Stored energy ``x' Q x / 2`` (J) and dissipated power ``x' W x`` (W); shape (n, n).
     reason : str
-        Why there is no certificate; empty where there is one.
+        Why there is no certificate; empty if there is one.
     """
 
     states: tuple[str, ...]
@@ -64,14 +64,14 @@ class Passivity:
 
 
 def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, float] | None = None) -> Passivity:
-    """The certificate of passivity of a linear model, from the energies that its components declare.
+    """Passivity certificate of a linear model, from the energies that its components declare.
 
     Parameters
     ----------
     system : System
-        Its equations must be linear with constant coefficients.
+        Must be linear with constant coefficients.
     at : None, "steady" or mapping, optional
-        Operating point, where parameters of the linear model follow from one; see `System.linearize`.
+        Operating point, if parameters of the linear model depend on it; see `System.linearize`.
     parameters : mapping, optional
         Values by path.
 
@@ -83,7 +83,7 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
     Raises
     ------
     ArgumentError
-        No compiled system.
+        Not a compiled system.
 
     Examples
     --------
@@ -121,7 +121,7 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
 
 
 def _undeclared(translation: Translation, parts: Sequence[Any]) -> str:
-    """Why the declared energies are not all of the model's."""
+    """Why the declared energies do not cover the whole model."""
     for part in parts:
         if part.unknown or not part.declares:
             return f"{part.path} ({part.kind}) does not declare what it stores and loses"
@@ -132,7 +132,7 @@ def _undeclared(translation: Translation, parts: Sequence[Any]) -> str:
 
 
 def _quadratic(term: Term, numbers: Mapping[str, float]) -> Floats | None:
-    """The matrix F of a term that is ``v' F v`` in its variables v; None where it is no quadratic form."""
+    """The matrix F of a term ``v' F v`` in its variables v; None if it is not a quadratic form."""
     places = [k for k, name in enumerate(term.names) if name not in numbers]
     count = len(places)
     constants = [numbers.get(name, 0.0) for name in term.names]
@@ -157,7 +157,7 @@ def _quadratic(term: Term, numbers: Mapping[str, float]) -> Floats | None:
 
 
 def _doubt(Q: Floats, W: Floats) -> str:
-    """Why the matrices prove nothing; empty where they do."""
+    """Why the matrices prove nothing; empty if they do."""
     if not len(Q):
         return ""
     energy, lost = _scaled(Q, Q), _scaled(W, Q)
@@ -169,7 +169,7 @@ def _doubt(Q: Floats, W: Floats) -> str:
 
 
 def _scaled(matrix: Floats, Q: Floats) -> Floats:
-    """A quadratic form in states that each store half a joule at one."""
+    """A quadratic form, rescaled to states that each store half a joule at one."""
     diagonal = np.diag(Q)
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled: Floats = matrix * scale * scale[:, None]

@@ -1,4 +1,4 @@
-"""`stability`: what the eigenvalues say, and for a chosen loop what Nyquist's criterion and the margins say, in words."""
+"""`stability`: stability by eigenvalues and, for a chosen loop, by the Nyquist criterion and margins, in words."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from gearlib.vibration.modes import MOST_DENSE, Modes, modes
 
 @dataclass(frozen=True, eq=False)
 class LoopReport:
-    """A loop closed by negative feedback: its margins, its Nyquist count, and the poles of the closed loop."""
+    """A loop closed by negative feedback: its margins, its Nyquist count, and the closed-loop poles."""
 
     loop: Loop
 
@@ -48,12 +48,12 @@ class LoopReport:
 
     @property
     def verdict(self) -> Verdict:
-        """Of the closed loop, by Nyquist's criterion; ``closed_poles.verdict`` is that of its eigenvalues."""
+        """Of the closed loop, by the Nyquist criterion; ``closed_poles.verdict`` is that of its eigenvalues."""
         return self.nyquist.verdict
 
     @cached_property
     def stable_gains(self) -> tuple[tuple[float, float], ...]:
-        """Factors of the gain, from and to, with no closed-loop pole in the right half-plane (see `stable_gains`)."""
+        """Ranges of the gain factor without closed-loop poles in the right half-plane (see `stable_gains`)."""
         return stable_gains(self.loop, self.margins.phase_crossings)
 
     def __str__(self) -> str:
@@ -89,7 +89,7 @@ class LoopReport:
 class StabilityReport:
     """Poles of a model, and of one loop if one was chosen. ``print`` it to read it.
 
-    What the words need beyond the poles is computed when it is printed or asked for.
+    Anything beyond the poles is computed when it is printed or accessed.
 
     Attributes
     ----------
@@ -97,11 +97,11 @@ class StabilityReport:
     poles : Poles
     loop : LoopReport or None
     conditions : tuple of str
-        The operating point of a System in words, such as "open: mesh m".
+        Operating point of a System in words, such as "open: mesh m".
     at_zero : str
-        What the poles at 0 of a System are, where that was found out.
+        Interpretation of a System's poles at 0, if known.
     passivity : Passivity or None
-        Of a System that is linear: whether its energies prove that no motion of it can grow.
+        For a linear System: whether its energies prove that no motion can grow.
     """
 
     name: str
@@ -112,9 +112,9 @@ class StabilityReport:
     find_sensitivity: Callable[[str], StabilitySensitivity] | None = None
 
     def sensitivity(self, parameter: str) -> StabilitySensitivity:
-        """How poles and margins change with a parameter, by exact derivatives of the equations.
+        """Derivatives of poles and margins with respect to a parameter, from exact derivatives of the equations.
 
-        What is bound to the parameter changes with it, and so does the operating point.
+        Everything bound to the parameter changes with it, and so does the operating point.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class StabilityReport:
         Raises
         ------
         ArgumentError, NameLookupError, SolverError
-            No such parameter, no derivative with respect to it, or a report that is not one of a System.
+            Unknown parameter, no derivative with respect to it, or a report that was not made from a System.
         """
         name = one_name("parameter", parameter, "shaft.d")
         if self.find_sensitivity is None:
@@ -153,7 +153,7 @@ class StabilityReport:
 
     @property
     def eigenvalues(self) -> Any:
-        """Complex array, rad/s, by magnitude."""
+        """Complex array, rad/s, sorted by magnitude."""
         return self.poles.values
 
     @property
@@ -163,7 +163,7 @@ class StabilityReport:
 
     @property
     def verdict(self) -> Verdict:
-        """Of the model as it is, with no loop closed: "stable", "marginal", "drifting" or "unstable"."""
+        """Of the model without any closed loop: "stable", "marginal", "drifting" or "unstable"."""
         return self.poles.verdict
 
     def __str__(self) -> str:
@@ -179,7 +179,7 @@ class StabilityReport:
         return fitted("\n".join(lines))
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the words, and the poles as a table."""
+        """Notebook representation: the text, and a table of the poles."""
         words, _, rest = str(self).partition("\n\n")
         loop = "" if self.loop is None else preformatted(str(self.loop))
         head = ["real part, 1/s", "imaginary part, rad/s", "frequency, Hz", "damping ratio"]
@@ -188,7 +188,7 @@ class StabilityReport:
 
 
 def motions(found: Poles, at_zero: str = "") -> list[str]:
-    """What the poles mean, in words: free turning, growth, vibration without damping, and the slowest and least damped of the rest."""
+    """Interpretation of the poles in words: free rotation, growth, undamped vibration, and the slowest and least damped others."""
     values, words = found.values, []
     if found.at_zero:
         poles_at = "1 pole" if found.at_zero == 1 else f"{found.at_zero} poles"
@@ -215,7 +215,7 @@ def motions(found: Poles, at_zero: str = "") -> list[str]:
 
 
 def pole_table(found: Poles, most: int = 24) -> list[str]:
-    """One line for each pole or pair of poles; a frequency where it vibrates, a time in which it falls or grows e-fold."""
+    """One line per pole or conjugate pair: a frequency if it oscillates, the time constant of its decay or growth."""
     lines = ["       real, 1/s     imag, rad/s   frequency, Hz    damping   e-fold time, s"]
     shown = [(v, z) for v, z in zip(found.values, found.damping, strict=True) if v.imag >= 0]
     for value, ratio in shown[:most]:
@@ -243,10 +243,9 @@ def stability(
     ----------
     model : System, control.StateSpace, control.TransferFunction or LinearModel
     loop : (input, output), optional
-        Names of the signals of a loop that negative unit feedback closes: ``u = r - y``. Without one, only the poles of the
-        model are reported.
+        Signals of a loop that negative unit feedback closes: ``u = r - y``. If omitted, only the poles of the model are reported.
     gain : float
-        Factor in the loop; a negative one stands for positive feedback.
+        Loop gain factor; negative for positive feedback.
     at : None, "steady", mapping, or (Result, time)
         Operating point of a System, as for `System.linearize`.
     parameters : mapping, optional
@@ -259,7 +258,7 @@ def stability(
 
     Raises
     ------
-    ArgumentError, NameLookupError
+    Unknown signal, or a loop that cannot be closed.
         No such signal, or a loop that cannot be closed.
 
     Examples
@@ -279,7 +278,7 @@ def stability(
         linear = linearized(translation_of(model), [], None, at, parameters)
     elif not hasattr(model, "A") and chosen is None:
         linear = as_loop(model)
-    later: tuple[Any, Any] = None, None  # what is only read when it is printed or asked for
+    later: tuple[Any, Any] = None, None  # evaluated when the report is printed or accessed
     if is_compiled(model) and len(model.states) <= MOST_DENSE:
         same = {"at": copy(at), "parameters": copy(parameters)}
         later = (partial(modes, model, **same), partial(passivity, model, **same))
@@ -302,7 +301,7 @@ def stability(
 
 
 def _at_zero(found: Modes) -> str:
-    """What a system's poles at 0 are."""
+    """Interpretation of a system's poles at 0."""
     words = []
     if found.free:
         words.append("the train turns freely" + (f" in {found.free} ways" if found.free > 1 else ""))

@@ -1,4 +1,4 @@
-"""`StabilitySensitivity`: how poles and the margins of a loop change with a parameter."""
+"""`StabilitySensitivity`: derivatives of poles and loop margins with respect to a parameter."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class StabilitySensitivity:
     ----------
     parameter : str
     unit : str
-        Of the parameter.
+        Unit of the parameter.
     value : float
-        Of the parameter.
+        Value of the parameter.
     eigenvalues : complex array
-        1/s per unit, of the poles in their order; those at 0 stay there.
+        1/s per unit, in the order of the poles; those at 0 stay at 0.
     closed_eigenvalues : complex array
-        Of the closed loop; empty without one.
+        For the closed loop; empty without one.
     gain_margin, phase_margin, delay_margin, modulus_margin : float
-        Of the report's margins, the phase margin in degrees, the delay margin in seconds; NaN where there is none.
+        For the report's margins, the phase margin in degrees, the delay margin in seconds; NaN where there is none.
     """
 
     parameter: str
@@ -63,12 +63,12 @@ class StabilitySensitivity:
 def stability_sensitivity(
     parameter: str, unit: str, value: float, whole: Matrices, change: Matrices, poles: Poles, loop: tuple[Loop, Margins] | None
 ) -> StabilitySensitivity:
-    """From the matrices, their derivatives, and what is to be differentiated: poles, and the margins of a loop.
+    """From the matrices, their derivatives, and the quantities to differentiate: poles, and the margins of a loop.
 
     Raises
     ------
     SolverError
-        A pole has no derivative.
+        A pole is not differentiable.
     """
     eigenvalues = eigenvalue_changes(whole.A, [change.A], poles.values)[0]
     if loop is None:
@@ -79,7 +79,7 @@ def stability_sensitivity(
 
 
 def _closed(m: Matrices) -> Complexes:
-    """The state matrix of the loop closed by negative feedback."""
+    """State matrix of the loop closed by negative feedback."""
     A, B, C, D = (_full(x) for x in (m.A, m.B, m.C, m.D))
     return np.asarray(A - B @ C / (1 + D[0, 0]))
 
@@ -91,10 +91,10 @@ def _closed_change(m: Matrices, change: Matrices) -> Complexes:
 
 
 def _margins(whole: Matrices, change: Matrices, loop: Loop, margins: Margins) -> tuple[float, float, float, float]:
-    """Derivatives of the four margins, by those of the crossings: a crossing moves along with the frequency where it stays one."""
+    """Derivatives of the four margins, from those of the crossings, whose frequencies move with the parameter."""
 
     def moved(omega: float) -> tuple[complex, complex, complex]:
-        """The response, its derivative with respect to the parameter, and to the frequency; at infinite frequency it is D."""
+        """The response, and its derivatives with respect to the parameter and to the frequency; at infinite frequency it is D."""
         if not np.isfinite(omega):
             return complex(loop.d), complex(_full(change.D)[0, 0]), 0.0
         s = [1j * omega]
@@ -120,7 +120,7 @@ def _margins(whole: Matrices, change: Matrices, loop: Loop, margins: Margins) ->
 
 
 def _angle_change(value: complex, by_parameter: complex, by_frequency: complex) -> tuple[float, float]:
-    """How the angle of the response changes where its magnitude stays 1, and the frequency at which it does."""
+    """Derivatives of the response's angle at constant magnitude 1, and of the frequency at which it has that magnitude."""
     own, along = by_parameter / value, by_frequency / value
     shift = -own.real / along.real
     return own.imag + along.imag * shift, shift

@@ -1,1 +1,1 @@
-"""Fitting: parameters of a system from measured histories, responses, modes and margins."""
+"""Parameter identification from measured histories, responses, modes and margins."""

@@ -1,4 +1,4 @@
-"""`fit`: parameters of a system from what was measured, by nonlinear least squares with exact derivatives."""
+"""`fit`: parameter identification by nonlinear least squares with exact derivatives."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 
 Floats = NDArray[np.float64]
-CONVERGED = 1e-8  # relative change of the parameters or of the sum of squares at which the search ends
+CONVERGED = 1e-8  # relative change of the parameters or of the sum of squares at which the search has converged
 
 
 @dataclass(frozen=True, eq=False)
 class Range:
-    """The values that a free parameter may take, and how it is scaled: by its logarithm where it is positive.
+    """Bounds and scaling of a free parameter: logarithmic if it is positive.
 
     >>> bounds = Range("c", 10.0, 1000.0, True)
     >>> float(bounds.value(bounds.place(100.0))), bounds.width
@@ -45,7 +45,7 @@ class Range:
         return float(min(max(np.exp(place) if self.logarithmic else place, self.low), self.high))
 
     def slope(self, value: float) -> float:
-        """The derivative of the value with respect to its place."""
+        """The derivative of the value with respect to the scaled position."""
         return value if self.logarithmic else 1.0
 
     @property
@@ -57,42 +57,42 @@ def fit(
     system: Compiled, data: Any, free: Mapping[str, Sequence[float]], *, noise: Any = None,
     parameters: Mapping[str, float] | None = None, evaluations: int = 100, progress: Any = False,
 ) -> Fit:  # fmt: skip
-    """Find parameters with which a system does what was measured.
+    """Estimate parameters of a system from measurements.
 
     Parameters
     ----------
     system : System
     data : DataFrame, mapping, Measured..., or a list of these
-        Histories as `MeasuredHistories` takes them, with a column ``time``; or what was measured in one or more experiments:
+        Histories as `MeasuredHistories` takes them, with a column ``time``; or measurements from one or more experiments:
         `MeasuredHistories`, `MeasuredResponse`, `MeasuredModes`, `MeasuredMargins`.
     free : mapping of str to (low, high)
-        The parameters to find, and start values as ``"start(load.w)"``, with bounds. The search begins at the model's own value
-        where that lies between them, else in the middle (of the logarithms, if both bounds are positive).
+        The parameters to estimate, and start values as ``"start(load.w)"``, with bounds. The initial guess is the model's own value if
+        it lies between them, otherwise the midpoint (of the logarithms, if both bounds are positive).
     noise : float or mapping, optional
-        Standard deviation of the noise, of everything or by name; what was measured may say its own. Where none is given, the
-        noise of each series is taken to be the same part of its spread, and estimated from what is left.
+        Standard deviation of the noise, for everything or by name; measurements may specify their own. If none is given, the noise of
+        each series is assumed to be the same fraction of its spread, and is estimated from the residuals.
     parameters : mapping, optional
         Other values by path, in all experiments.
     evaluations : int
-        Most evaluations of the system (of all experiments at once).
+        Limit on evaluations of the system (of all experiments at once).
     progress : bool or callable
-        Whether to show a bar on a terminal; a function is told the fraction of ``evaluations`` done, and seconds.
+        Whether to show a progress bar on a terminal; a callback receives the fraction of ``evaluations`` done, and seconds.
 
     Returns
     -------
     Fit
-        Values, covariance, residuals, and which combinations of the parameters the data does not determine; ``print`` it.
+        Values, covariance, residuals, and the combinations of parameters that the data does not determine; ``print`` it.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        Each names what was found and what was expected.
+        The message names what was found and what was expected.
     GearlibError
-        The system cannot be evaluated where the search begins.
+        The system cannot be evaluated at the initial guess.
 
     Examples
     --------
-    A rotor on a shaft of unknown stiffness and damping, of which one vibration was measured.
+    A rotor on a shaft of unknown stiffness and damping, of which one vibration mode was measured.
 
     >>> import gearlib as gl, gearparts as gp
     >>> class Rotor(gl.Component):
@@ -120,7 +120,7 @@ def fit(
     check_progress(progress)
     own = translation.parameter_values(common)
     begin = np.array([_begin(r, translation, own) for r in ranges])
-    evaluator.at(begin)  # fails here with the error of the system
+    evaluator.at(begin)  # raises the system's own error here
     with reporting(progress, f"fit of {translation.name}") as evaluator.tell:
         found = least_squares(
             evaluator.residuals, begin, evaluator.jacobian, x_scale=np.array([r.width for r in ranges]), max_nfev=evaluations,
@@ -132,7 +132,7 @@ def fit(
 
 @dataclass(eq=False)
 class _Evaluator:
-    """Residuals and their derivatives, each computed once at a point."""
+    """Residuals and their Jacobian, each computed once per point."""
 
     system: Compiled
     experiments: list[Measured]
@@ -148,7 +148,7 @@ class _Evaluator:
     _last: tuple[bytes, Floats, Floats, list[Any]] | None = None
 
     def at(self, place: Floats) -> tuple[Floats, Floats, list[Any]]:
-        """Residuals, their derivatives with respect to the places, and what is predicted."""
+        """Residuals, their derivatives with respect to the scaled parameters, and the predictions."""
         if self._last is None or self._last[0] != place.tobytes():
             self.count += 1
             values = {r.name: r.value(x) for r, x in zip(self.ranges, place.tolist(), strict=True)}
@@ -171,7 +171,7 @@ class _Evaluator:
     def residuals(self, place: Floats) -> Floats:
         try:
             return self.at(place)[0]
-        except GearlibError:  # the search makes a shorter step
+        except GearlibError:  # makes the search take a shorter step
             return np.full(len(self.measured), np.inf)
 
     def jacobian(self, place: Floats) -> Floats:
@@ -207,7 +207,7 @@ def _ranges(translation: Translation, free: Any, common: Mapping[str, float], ex
 
 
 def _begin(bounds: Range, translation: Translation, numbers: Floats) -> float:
-    """Where the search begins: not on a bound, from which it could not part."""
+    """Initial guess: moved off bounds, from which the search could not depart."""
     index = translation.model.parameters.index.get(bounds.name)
     low, high = bounds.place(bounds.low), bounds.place(bounds.high)
     value = float(numbers[index]) if index is not None else np.nan
@@ -217,7 +217,7 @@ def _begin(bounds: Range, translation: Translation, numbers: Floats) -> float:
 
 
 def _sizes(series: Sequence[MeasuredSeries], given: Mapping[str, float]) -> tuple[Floats, bool]:
-    """What each residual is divided by: the noise, or where it is not known the spread of its series; and whether it is known."""
+    """Scale of each residual: the noise or, if unknown, the spread of its series; and whether the noise is known."""
     noise = [s.noise if s.noise is not None else given.get(s.name) for s in series]
     known = [n is not None for n in noise]
     if any(known) and not all(known):

@@ -1,4 +1,4 @@
-"""`Fit`: the parameters that were found, how sure they are, and what is left."""
+"""`Fit`: the estimated parameters, their uncertainty, and the residuals."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     import pandas
 
 Floats = NDArray[np.float64]
-WIDE = 100  # columns of what is printed
-AT_BOUND = 1e-6  # of its range: a value so near to a bound is held by it
-MOST_DRAWN = 6  # series that a plot shows
+WIDE = 100  # columns of printed output
+AT_BOUND = 1e-6  # relative to its range: a value this close to a bound counts as at the bound
+MOST_DRAWN = 6  # series shown in a plot
 
 
 @dataclass(frozen=True, eq=False)
 class FittedSeries:
-    """One measured quantity, and what the system with the fitted parameters predicts.
+    """One measured quantity, with the prediction of the fitted system.
 
     Attributes
     ----------
     name, unit : str
     x : array
-        Times, frequencies, or numbers; ``along`` says which.
+        Times, frequencies, or indices, as ``along`` says.
     along : str
     measured, predicted : arrays, real or complex
     noise : float
@@ -48,41 +48,41 @@ class FittedSeries:
 
     @property
     def residuals(self) -> Any:
-        """Predicted less measured."""
+        """Predicted minus measured."""
         return self.predicted - self.measured
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What `fit` found. ``print`` it to read it; ``found["shaft.c"]`` is a value.
+    """Result of `fit`. ``print`` it to read it; ``found["shaft.c"]`` is a value.
 
     Attributes
     ----------
     system : str
     names : tuple of str
-        The free parameters.
+        Names of the free parameters.
     numbers : array (parameters,)
         Their values.
     units : tuple of str
     bounds : array (parameters, 2)
     begin : array (parameters,)
-        Where the search began.
+        Initial guess.
     covariance : array (parameters, parameters)
-        In the parameters' own units, linearised about the values; infinite (off the diagonal NaN) for parameters that the data does
-        not determine.
+        In the parameters' own units, linearised about the values; infinite (off the diagonal NaN) for parameters that the data does not
+        determine.
     identifiability : Identifiability
-        Singular values of the scaled sensitivities, and the directions that are not determined.
+        Singular values of the scaled sensitivities, and the undetermined directions.
     series : tuple of FittedSeries
-        What was measured, and what is predicted.
+        Measurements and predictions.
     residuals : array
-        Predicted less measured, over the noise or the spread, of all series; complex ones part by part.
+        Predicted minus measured, divided by the noise or the spread, for all series; real and imaginary parts separately.
     experiments, evaluations : int
     converged : bool
-        Whether the search ended before ``evaluations`` ran out.
+        Whether the search converged within ``evaluations``.
     noise_given : bool
-        Whether the noise was given; else it is estimated from the residuals, which are then over the spread of each series.
+        Whether the noise was given; otherwise it is estimated from the residuals, which are then divided by the spread of each series.
     approximate : str
-        Why derivatives of histories are differences of runs; empty where they are exact.
+        Why derivatives of histories are finite differences; empty if they are exact.
     """
 
     system: str
@@ -102,7 +102,7 @@ class Fit:
     approximate: str = ""
 
     def __getitem__(self, name: str) -> float:
-        """The value of a parameter."""
+        """Value of a parameter."""
         return float(self.numbers[self._place(name)])
 
     def _place(self, name: str) -> int:
@@ -112,17 +112,17 @@ class Fit:
 
     @property
     def values(self) -> dict[str, float]:
-        """Values by path; those that are parameters can be given to ``simulate(parameters=...)``."""
+        """Values by path; those of parameters can be passed to ``simulate(parameters=...)``."""
         return dict(zip(self.names, self.numbers.tolist(), strict=True))
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard deviations by path, linearised about the values; infinite where the data does not determine the parameter."""
+        """Standard deviations by path, linearised about the values; infinite for undetermined parameters."""
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     @property
     def correlation(self) -> Floats:
-        """Correlation of the parameters; NaN for those that are not determined."""
+        """Correlation matrix of the parameters; NaN for undetermined ones."""
         size = np.sqrt(np.diag(self.covariance))
         with np.errstate(invalid="ignore"):
             found: Floats = self.covariance / np.outer(size, size)
@@ -135,14 +135,14 @@ class Fit:
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """Parameters that a bound holds."""
+        """Parameters at a bound."""
         low, high = self.bounds.T
         least = AT_BOUND * np.minimum(high - low, np.abs(self.numbers))
         near = np.minimum(self.numbers - low, high - self.numbers) <= least
         return tuple(n for n, is_near in zip(self.names, near, strict=True) if is_near)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """A row for each parameter: value, standard deviation, unit, bounds, where the search began."""
+        """One row per parameter: value, standard deviation, unit, bounds, initial guess."""
         pandas = optional("pandas")
 
         errors = list(self.standard_errors.values())
@@ -174,7 +174,7 @@ class Fit:
         )
 
     def _said(self) -> list[str]:
-        """What is left, and what is determined, in words."""
+        """Residuals and identifiability in words."""
         seen, lines = self.identifiability, []
         known = int(seen.determined.sum())
         if len(self.residuals) > known:
@@ -194,7 +194,7 @@ class Fit:
         return lines
 
     def plot(self, *, axes: Any = None) -> Any:
-        """Draw what was measured and what is predicted, one picture for each series (the first 6); returns the matplotlib axes."""
+        """Plot measurements and predictions, one diagram per series (the first 6); returns the matplotlib axes."""
         plt = optional("matplotlib.pyplot")
 
         shown = self.series[:MOST_DRAWN]

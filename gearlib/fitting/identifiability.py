@@ -1,4 +1,4 @@
-"""`Identifiability`: which combinations of parameters a set of data determines, by the singular values of its scaled sensitivities.
+"""`Identifiability`: the combinations of parameters that data determines, by singular values of the scaled sensitivities.
 
 References
 ----------
@@ -14,29 +14,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-NOTHING = 1e-8  # of the largest singular value: what is below is rounding
-SHARE = 0.1  # of a direction of length 1: parameters with less take no part in it, in words
-TOUCHED = 1e-3  # of such a direction: a parameter with more is not determined by itself
+NOTHING = 1e-8  # relative to the largest singular value: a smaller one is rounding
+SHARE = 0.1  # component of a unit direction below which a parameter is not mentioned in words
+TOUCHED = 1e-3  # component of an undetermined unit direction above which a parameter is undetermined
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """What data says about parameters, each measured in the width of its range (of its logarithm, where the bounds are positive).
+    """Identifiability of parameters, each in units of the width of its range (of its logarithm, if the bounds are positive).
 
     Attributes
     ----------
     names : tuple of str
     singular_values : array (parameters,)
-        How many standard deviations of the noise the data changes by if a direction is gone along for its whole range, largest first.
-        Their inverse is the standard deviation along the direction, as a part of the range.
+        Change of the data, in standard deviations of the noise, along each direction over the whole range, largest first. The inverse
+        is the standard deviation along the direction as a fraction of the range.
     directions : array (parameters, parameters)
-        The directions, a row for each singular value.
+        The directions, one row per singular value.
     determined : array of bool (parameters,)
         Whether the data confines a direction to less than its range.
     noise : float
-        Standard deviation of the residuals: 1 where the noise is known, else what is left after the fit.
+        Standard deviation of the residuals: 1 if the noise is known, otherwise estimated after the fit.
     covariance : array (parameters, parameters)
-        In widths of the ranges; infinite for parameters that take part in a direction that is not determined.
+        In widths of the ranges; infinite for parameters involved in an undetermined direction.
     """
 
     names: tuple[str, ...]
@@ -53,7 +53,7 @@ class Identifiability:
 
     @property
     def open_directions(self) -> tuple[dict[str, float], ...]:
-        """Of each direction that is not determined: the parameters that take part, with their shares, the largest first."""
+        """For each undetermined direction, the parameters involved with their components, largest first."""
         found = []
         for row in self.directions[~self.determined]:
             row = row * np.sign(row[np.argmax(np.abs(row))])
@@ -69,13 +69,13 @@ def identifiability(slopes: Floats, residuals: Floats, names: tuple[str, ...], k
     ----------
     slopes : array (residuals, parameters)
     residuals : array
-        Over the noise where that is ``known``; else it is estimated from them.
+        Divided by the noise if that is ``known``; otherwise the noise is estimated from them.
     names : tuple of str
     known : bool
 
     Examples
     --------
-    Two springs in series, of which only the sum is felt:
+    Two springs in series, of which only the sum is observable:
 
     >>> found = identifiability(np.array([[3.0, 3.0], [5.0, 5.0]]), np.zeros(2), ("a.c", "b.c"), True)
     >>> found.complete, [{n: round(x, 2) for n, x in d.items()} for d in found.open_directions]

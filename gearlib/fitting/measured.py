@@ -1,4 +1,4 @@
-"""What was measured: histories, frequency responses, modes and margins; each says what a system predicts for it, with derivatives."""
+"""Measurements: histories, frequency responses, modes and margins; each computes a system's prediction with derivatives."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from gearlib.run.translation import Compiled
 from gearlib.vibration.modes import modes
 
 Floats = NDArray[np.float64]
-START = "start("  # a name that begins so is that of a start value: start(load.w)
+START = "start("  # prefix of the names of start values: start(load.w)
 TIME = "time"
 MARGINS = ("gain_margin_db", "phase_margin", "delay_margin", "modulus_margin")
-STEP = 1e-5  # of a parameter: of central differences, where a run has no tangents
-TIGHT = 1e-11  # relative tolerance of runs that are subtracted from each other
+STEP = 1e-5  # relative step of central differences, for runs without tangents
+TIGHT = 1e-11  # relative tolerance of runs used in differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +35,12 @@ class MeasuredSeries:
     ----------
     name, unit : str
     x : array
-        Times, frequencies, or numbers.
+        Times, frequencies, or indices.
     along : str
-        What ``x`` is, for a plot's axis.
+        Label of ``x`` on plots.
     values : array, real or complex
     noise : float or None
-        Standard deviation of each value; of a complex one, of either part.
+        Standard deviation of each value; for a complex one, of each part.
     """
 
     name: str
@@ -52,21 +52,21 @@ class MeasuredSeries:
 
     @property
     def numbers(self) -> Floats:
-        """Real numbers, those of complex values part by part."""
+        """Real numbers; complex values as separate parts."""
         return as_real(self.values)
 
 
 def as_real(values: Any) -> Floats:
-    """Real parts and behind them imaginary parts, where values are complex; along the first axis."""
+    """Real parts followed by imaginary parts of complex values, along the first axis."""
     found = np.asarray(values)
     return np.asarray(np.concatenate([found.real, found.imag]) if np.iscomplexobj(found) else found, float)
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a system predicts, series after series, and its derivatives with respect to the free parameters.
+    """A system's predictions for all series, and their derivatives with respect to the free parameters.
 
-    ``approximate`` says why derivatives are differences; empty where they are exact.
+    ``approximate`` gives the reason why derivatives are finite differences; empty if they are exact.
     """
 
     values: list[Any]
@@ -81,15 +81,15 @@ class Measured(ABC):
 
     @abstractmethod
     def series(self, system: Compiled) -> list[MeasuredSeries]:
-        """What was measured."""
+        """The measured series."""
 
     @abstractmethod
     def predicted(self, system: Compiled, free: Mapping[str, float], exact: bool = True) -> Prediction:
-        """What a system predicts with some values of its free parameters; derivatives exact where they can be, and are asked to be."""
+        """Predictions for some values of the free parameters; derivatives are exact where possible and requested."""
 
 
 def checked_noise(noise: Any, names: Sequence[str]) -> dict[str, float]:
-    """Standard deviations by name; empty where they are not known."""
+    """Standard deviations by name; empty if unknown."""
     if noise is None:
         return {}
     given = {n: real("noise", noise) for n in names} if not isinstance(noise, Mapping) else by_name("noise", noise, "")
@@ -102,7 +102,7 @@ def checked_noise(noise: Any, names: Sequence[str]) -> dict[str, float]:
 
 
 def split(free: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
-    """Free parameters, and free start values by the path of their variable."""
+    """Free parameters, and free start values by path of their variable."""
     starts = {name[len(START) : -1]: value for name, value in free.items() if name.startswith(START)}
     return {name: value for name, value in free.items() if not name.startswith(START)}, starts
 
@@ -113,10 +113,10 @@ class MeasuredHistories(Measured):
     Parameters
     ----------
     data : pandas.DataFrame or mapping
-        A column for each variable, by path, and one called ``time`` (s); of a DataFrame without it, the index is the time. Values
-        that are NaN were not measured. A run begins at the first time.
+        One column per variable, by path, and one called ``time`` (s); for a DataFrame without it, the index is the time. NaN marks
+        missing values. Runs begin at the first time.
     inputs, start, parameters : mapping, optional
-        Of this experiment, as for `System.simulate`.
+        For this experiment, as for `System.simulate`.
     noise : float or mapping, optional
         Standard deviation of the noise, of all columns or by path.
 
@@ -174,7 +174,7 @@ class MeasuredHistories(Measured):
             try:
                 result = self._run(system, free, 1e-8, names)
             except GearlibError as problem:
-                reason = str(problem)  # the next run fails, too, where it is not the tangents that are at fault
+                reason = str(problem)  # the next run fails, too, unless the tangents are to blame
             else:
                 slopes = [np.column_stack([result.sensitivity(n, p) for p in names]) for n in self.columns]
                 return Prediction(self._kept([result[n] for n in self.columns]), self._kept(slopes))
@@ -206,14 +206,14 @@ class MeasuredHistories(Measured):
 
 
 class MeasuredResponse(Measured):
-    """A measured frequency response of one output to one input.
+    """A measured frequency response from one input to one output.
 
     Parameters
     ----------
     omega : array
-        Rad/s.
+        Angular frequencies, rad/s.
     values : complex array
-        Output per unit of input.
+        Output per unit input.
     input, output : str
         As for `frequency_response`.
     at, parameters
@@ -263,9 +263,9 @@ class MeasuredModes(Measured):
     frequencies : array
         Hz.
     damping : array, optional
-        Ratios, one for each frequency.
+        Ratios, one per frequency.
     numbers : sequence of int, optional
-        Which mode each is, counted from the lowest that vibrates; by default they follow each other from 0 on.
+        Index of each mode, counted from the lowest oscillating one; by default 0, 1, 2, ...
     at, parameters
         Operating point and parameters of this experiment, as for `modes`.
     noise : float or mapping, optional
@@ -320,7 +320,7 @@ class MeasuredModes(Measured):
 
 
 class MeasuredMargins(Measured):
-    """Measured margins of a loop, or such as a drawing states.
+    """Measured or specified stability margins of a loop.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ class MeasuredMargins(Measured):
     gain_margin_db, phase_margin, delay_margin, modulus_margin : float, optional
         Decibels, degrees, seconds, 1; at least one.
     gain : float
-        Of the feedback, as for `stability`.
+        Loop gain factor, as for `stability`.
     at, parameters
         Operating point and parameters of this experiment, as for `stability`.
     noise : float or mapping, optional

@@ -1,6 +1,6 @@
 """Description of an operating point in words: open meshes, and states without influence.
 
-Components say what their state means where they declare it, ``gl.Variable(..., words={0: "open: mesh {}"})``.
+Components declare the meaning of a state's values, ``gl.Variable(..., words={0: "open: mesh {}"})``.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Conditions:
-    """What is said of an operating point, and the paths of the components that are open there (whose words are those of 0)."""
+    """Descriptions of an operating point, and the paths of components that are open there (those described by the words for 0)."""
 
     said: tuple[str, ...] = ()
     open: frozenset[str] = frozenset()
 
 
 def conditions(scene: Scene, parameters: Floats, point: Point) -> Conditions:
-    """Sentences such as "open: mesh m1, m2", in the order of the model.
+    """Sentences such as "open: mesh m1, m2", in model order.
 
     Parameters
     ----------
     scene : Scene
-        With the states that the point knows.
+        With the states that are known at the point.
     parameters : array
     point : Point
     """
@@ -46,7 +46,8 @@ def conditions(scene: Scene, parameters: Floats, point: Point) -> Conditions:
     if not worded:
         return Conditions()
     known = set(scene.states)
-    if not set(needed_states(structure, [(v, 0) for v, _, _ in worded])) <= known:  # some have no effect on what was asked for
+    # Some have no effect on the requested outputs
+    if not set(needed_states(structure, [(v, 0) for v, _, _ in worded])) <= known:
         worded = [item for item in worded if set(needed_states(structure, [(item[0], 0)])) <= known]
     nodes = [(v, 0) for v, _, _ in worded]
     if not nodes:
@@ -67,7 +68,7 @@ def conditions(scene: Scene, parameters: Floats, point: Point) -> Conditions:
 
 
 def _worded(model: FlatModel) -> list[tuple[int, str, Variable]]:
-    """(variable, path of its component, declaration) of all that have words, but those that are constant."""
+    """(variable, path of its component, declaration) of all variables with words, except constant ones."""
     kinds = {i.kind for i in model.instances if any(d.words for d in i.variables.values())}
     if not kinds:
         return []
@@ -76,7 +77,8 @@ def _worded(model: FlatModel) -> list[tuple[int, str, Variable]]:
         if len(group.template.locals) > 1 or group.template.discretes:
             changing[group.variables[group.signs != 0]] = True
     return [
-        (int(model.representative[v]), instance.path, declared)  # never an alias with another sign: nothing else is called so
+        # Never an alias of opposite sign: the words belong to this name
+        (int(model.representative[v]), instance.path, declared)
         for instance in model.instances
         if instance.kind in kinds
         for v, declared in enumerate(instance.variables.values(), instance.first_variable)
@@ -85,7 +87,7 @@ def _worded(model: FlatModel) -> list[tuple[int, str, Variable]]:
 
 
 def described(structure: Structure, node: Node) -> str:
-    """A state with what it was declared as: "m.turned (mesh phase beyond phase0)"."""
+    """A state with its declared description: "m.turned (mesh phase beyond phase0)"."""
     v, k = node
     name = "der(" * k + structure.model.name(v) + ")" * k
     declared = structure.model.declaration(v)
@@ -93,6 +95,6 @@ def described(structure: Structure, node: Node) -> str:
 
 
 def matters_elsewhere(structure: Structure, states: tuple[Node, ...], node: Node) -> bool:
-    """Whether the rate of some other state can depend on this one, at another operating point."""
+    """Whether the rate of another state can depend on this one, at another operating point."""
     others = [(v, k + 1) for v, k in states if (v, k) != node]
     return node in needed_states(structure, others)

@@ -1,4 +1,4 @@
-"""Derivatives of eigenvalues with respect to parameters, by left and right eigenvectors; of repeated ones, of each branch.
+"""Derivatives of eigenvalues with respect to parameters, by left and right eigenvectors; for repeated ones, per branch.
 
 References
 ----------
@@ -19,17 +19,17 @@ from gearlib.errors import SolverError
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-REPEATED = 1e-8  # relative distance of eigenvalues that count as one
-DEFECTIVE = 1e-5  # of left and right eigenvectors of length 1: a product below means that eigenvalues meet with one vector only
+REPEATED = 1e-8  # relative distance at which eigenvalues count as equal
+DEFECTIVE = 1e-5  # product of unit left and right eigenvectors below which an eigenvalue is defective
 MOST_FULL = 500  # states up to which all eigenvectors are computed
-NEARBY = 6  # eigenvalues that are searched for around each of a large matrix
+NEARBY = 6  # eigenvalues computed around each one of a large matrix
 
 
 def eigenvalue_changes(A: Any, changes: Sequence[Any], values: Complexes) -> Complexes:
-    """Derivatives of eigenvalues of a matrix that changes, shape (changes, values).
+    """Derivatives of the eigenvalues of a matrix, shape (changes, values).
 
-    Of eigenvalues that are one (with as many independent eigenvectors) they are the derivatives of the branches into which the
-    change splits it, in the order of their real and imaginary parts.
+    For a repeated eigenvalue (with as many independent eigenvectors) they are the derivatives of the branches into which the change
+    splits it, sorted by real and imaginary parts.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def eigenvalue_changes(A: Any, changes: Sequence[Any], values: Complexes) -> Com
     changes : sequence of arrays or sparse matrices
         Derivatives of the matrix.
     values : complex array
-        Eigenvalues; those that are exactly 0 stay there.
+        Eigenvalues; those that are exactly 0 stay at 0.
 
     Raises
     ------
     SolverError
-        An eigenvalue has no derivative: it is repeated with too few eigenvectors.
+        A defective repeated eigenvalue, which has no derivative.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def eigenvalue_changes(A: Any, changes: Sequence[Any], values: Complexes) -> Com
 
 
 def _branches(inner: Complexes, count: int, value: complex) -> Complexes:
-    """Derivatives of as many branches of one eigenvalue as were asked for."""
+    """Derivatives of the requested number of branches of a repeated eigenvalue."""
     own: Any = np.linalg.eigvals(inner)
     own = own[np.lexsort((np.round(own.imag, 12), np.round(own.real, 12)))] if len(own) > 1 else own
     if len(own) > count:
@@ -91,7 +91,7 @@ def _branches(inner: Complexes, count: int, value: complex) -> Complexes:
 
 
 def _all_vectors(A: Any) -> tuple[Complexes, Complexes, Complexes]:
-    """Eigenvalues, left and right eigenvectors of length 1 of the balanced matrix, in the states' own order and units."""
+    """Eigenvalues, and unit left and right eigenvectors of the balanced matrix, in the original order and units of the states."""
     from scipy.linalg import eig, matrix_balance
 
     full = np.asarray(A.toarray() if hasattr(A, "toarray") else A, float)
@@ -103,7 +103,7 @@ def _all_vectors(A: Any) -> tuple[Complexes, Complexes, Complexes]:
 
 
 def _vectors_around(A: Any, value: complex) -> tuple[Complexes, Complexes, Complexes]:
-    """The same of the eigenvalues nearest to one, of a large matrix: inverse iteration of a few vectors on either side."""
+    """The same for the eigenvalues nearest to a given one of a large matrix, by subspace inverse iteration on both sides."""
     import scipy.sparse as sparse
     from scipy.sparse.linalg import splu
 
@@ -125,7 +125,7 @@ def _vectors_around(A: Any, value: complex) -> tuple[Complexes, Complexes, Compl
 
 
 def _row_scale(A: Any) -> Floats:
-    """Units of the states in which the entries of a sparse matrix and those of its transpose are of one size."""
+    """State scales under which corresponding entries of a sparse matrix and its transpose have equal magnitude."""
     import scipy.sparse as sparse
 
     size = abs(sparse.csr_matrix(A))

@@ -24,26 +24,26 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-MOST_DENSE = 400  # states up to which the matrix is handled as a full one
-AT_ONCE = 200_000  # entries of the matrices of frequencies that are solved at once
+MOST_DENSE = 400  # states up to which the matrix is treated as dense
+AT_ONCE = 200_000  # matrix entries, over frequencies, that are solved in one batch
 
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Complex amplitudes of outputs per unit amplitude of inputs.
+    """Complex output amplitudes per unit input amplitude.
 
     Attributes
     ----------
     omega : array (frequencies,)
-        Rad/s.
+        Angular frequencies, rad/s.
     values : complex array (outputs, inputs, frequencies)
     inputs, outputs : tuple of str
     units : tuple of str
-        Units of the outputs, where they are known.
+        Units of the outputs, where known.
     per : str
-        Unit of the inputs, where all have one.
+        Common unit of the inputs, if they share one.
     conditions : tuple of str
-        The operating point of a System in words, such as "open: mesh m" or "sliding: clutch c".
+        Operating point of a System in words, such as "open: mesh m" or "sliding: clutch c".
     """
 
     omega: Floats
@@ -56,15 +56,15 @@ class FrequencyResponse:
     _find_changes: Callable[[Sequence[str]], Complexes] | None = None  # (parameters, outputs, inputs, frequencies)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy for another process holds the numbers, and does not know the system that they came from."""
+        """Pickle the numbers only, without the reference to the system."""
         return FrequencyResponse, (
             self.omega, self.values, self.inputs, self.outputs, self.units, self.per, self.conditions,
         )  # fmt: skip
 
     def sensitivity(self, parameter: str) -> Complexes:
-        """Derivative of the response with respect to a parameter, per unit of it, by exact derivatives of the equations.
+        """Derivative of the response with respect to a parameter, from exact derivatives of the equations.
 
-        What is bound to the parameter changes with it, and so does the operating point.
+        Everything bound to the parameter changes with it, and so does the operating point.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class FrequencyResponse:
         Raises
         ------
         ArgumentError, NameLookupError
-            No such parameter, no derivative with respect to it, or a response that was not made from a System.
+            Unknown parameter, no derivative with respect to it, or a response that was not computed from a System.
 
         Examples
         --------
@@ -95,7 +95,7 @@ class FrequencyResponse:
         return found
 
     def sensitivities(self, parameters: Sequence[str]) -> Complexes:
-        """The same with respect to several parameters, shape (parameters, outputs, inputs, frequencies)."""
+        """Derivatives with respect to several parameters, shape (parameters, outputs, inputs, frequencies)."""
         if self._find_changes is None:
             raise ArgumentError("the response is not that of a System; the derivative with respect to a parameter is not known")
         return self._find_changes(name_list("parameters", parameters, "load.J"))
@@ -109,12 +109,12 @@ class FrequencyResponse:
 
     @property
     def frequencies(self) -> Floats:
-        """Hz."""
+        """Frequencies in Hz."""
         result: Floats = self.omega / (2 * np.pi)
         return result
 
     def __getitem__(self, key: str | tuple[str, str]) -> Complexes:
-        """Of an output (and an input, where there are several)."""
+        """Response of an output (to an input, if there are several)."""
         if isinstance(key, tuple) and len(key) != 2:
             raise ArgumentError(f"response[{shown(key)}]: expected response[output] or response[output, input]")
         output, given = key if isinstance(key, tuple) else (key, None)
@@ -127,7 +127,7 @@ class FrequencyResponse:
         return row
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Magnitudes and phases (degrees) over frequency (Hz)."""
+        """Magnitudes and phases (degrees) over frequency (Hz), as a pandas DataFrame."""
         pandas = optional("pandas")
 
         table: dict[tuple[str, str, str], Floats] = {}
@@ -138,7 +138,7 @@ class FrequencyResponse:
         return pandas.DataFrame(table, index=pandas.Index(self.frequencies, name="frequency, Hz"))
 
     def plot(self, *, axes: Any = None) -> Any:
-        """Draw magnitude and phase over frequency; returns the two matplotlib axes."""
+        """Plot magnitude and phase over frequency; returns the two matplotlib axes."""
         plt = optional("matplotlib.pyplot")
 
         if axes is None:
@@ -189,7 +189,7 @@ def frequency_response(
     Raises
     ------
     ArgumentError
-        A frequency at which an undamped model has a pole, or that is no finite number.
+        A frequency at which an undamped model has a pole, or that is not finite.
 
     Examples
     --------
@@ -269,12 +269,12 @@ def _dense(A: Floats, B: Floats, C: Floats, D: Floats, omega: Floats) -> Complex
 
 
 def _solutions(matrices: Complexes, b: Floats) -> tuple[Complexes, NDArray[np.bool_]]:
-    """Solutions for each of some matrices, and which of these are regular; 0 for the others."""
+    """Solutions for a stack of matrices (0 for singular ones), and the mask of regular matrices."""
     shape = (len(matrices), *b.shape)
     try:
         found: Any = np.linalg.solve(matrices, np.broadcast_to(b, shape))
         return found, np.ones(len(matrices), bool)
-    except np.linalg.LinAlgError:  # of one of them
+    except np.linalg.LinAlgError:  # one of them is singular
         if len(matrices) == 1:
             return np.zeros(shape, complex), np.zeros(1, bool)
         each = [_solutions(matrices[k : k + 1], b) for k in range(len(matrices))]
@@ -301,7 +301,7 @@ def transmission_error_response(
     system: Compiled, omega: ArrayLike, outputs: Sequence[str] | None = None, *,
     meshes: Mapping[str, complex] | Sequence[str] | None = None, at: Any = None, parameters: Mapping[str, float] | None = None,
 ) -> FrequencyResponse:  # fmt: skip
-    """Response to a transmission error of 1 m amplitude in some meshes at once.
+    """Response to a transmission error of 1 m amplitude, applied to several meshes simultaneously.
 
     Parameters
     ----------
@@ -311,14 +311,13 @@ def transmission_error_response(
     outputs : sequence of str, optional
         As for `System.linearize`.
     meshes : sequence of str, or mapping of str to complex, optional
-        Inputs that are transmission errors (unit m) or their rates (unit m/s), by path; a mapping gives each its amplitude
-        relative to the others, so that ``exp(1j * phase)`` is a mesh phase. By default all inputs named ``e_rate`` or ``e``, once
-        where several are one.
+        Inputs that are transmission errors (unit m) or their rates (unit m/s), by path; a mapping assigns relative complex amplitudes,
+        so that ``exp(1j * phase)`` is a mesh phase. By default all inputs named ``e_rate`` or ``e``, counting aliases once.
 
     Returns
     -------
     FrequencyResponse
-        With one input, ``"transmission error"``, in m.
+        With a single input, ``"transmission error"``, in m.
 
     Raises
     ------
@@ -344,7 +343,7 @@ def transmission_error_response(
 
 
 def _weights(meshes: Any) -> dict[str, complex]:
-    """Amplitudes by the path of the input."""
+    """Amplitudes by path of the input."""
     if not isinstance(meshes, Mapping):
         return dict.fromkeys(name_list("meshes", meshes, "mesh.e_rate"), 1.0)
     for name, weight in meshes.items():
@@ -354,7 +353,7 @@ def _weights(meshes: Any) -> dict[str, complex]:
 
 
 def _error_inputs(translation: Translation) -> list[str]:
-    """Paths of inputs that are transmission errors and enter an equation, the outermost of those that are one."""
+    """Paths of inputs that are transmission errors and enter an equation; of aliases, the outermost."""
     model = translation.model
     read = read_by_equations(model)
     found: dict[int, str] = {}

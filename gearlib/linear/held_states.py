@@ -1,12 +1,12 @@
-"""Held states: states fixed by a locked element, as the slip of a locked clutch, are eliminated from linear models.
+"""Elimination of held states from linear models: states fixed by a locked element, such as the slip of a locked clutch.
 
-A locked friction element says ``der(v) = 0``, and its torque is whatever keeps that true. The slip v is a state in every mode, and a
-linear model with it would have a pole at 0 that is no motion: in this mode nothing can move it. Where ``v = c x`` with
-``c A = 0`` and ``c B = 0``, the states with ``c x = 0`` are closed under the motion, and the model on them is that of the train with
-the element replaced by a rigid connection. The same holds for combinations of positions whose rate is a held speed.
+A locked friction element imposes ``der(v) = 0``, and its torque takes whatever value maintains that. The slip v is a state in every
+mode, and would add a pole at 0 to the linear model that is not a motion: in this mode nothing can move it. Where ``v = c x`` with ``c A
+= 0`` and ``c B = 0``, the subspace ``c x = 0`` is invariant, and the model restricted to it is that of the train with the element
+replaced by a rigid connection. The same holds for combinations of positions whose rate is a held speed.
 
-What distinguishes a held speed from one that merely does not change (a rotor that coasts has a true pole at 0) is a reaction: an
-unknown that the equation holds in another mode, not in this one, and that answers when the equation is disturbed.
+A held speed differs from one that merely stays constant (a coasting rotor has a true pole at 0) by a reaction: an unknown that occurs
+in the equation in another mode, but not in this one, and that responds when the equation is perturbed.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-REACTION = 1e-13  # of the largest answer in a block: what is less is rounding
+REACTION = 1e-13  # relative to the largest response in a block: smaller ones are rounding
 YIELDS = (
     1e-20  # of the largest coefficient: a held element may yield by so little where its reaction is not determined otherwise
 )
-CONSTANT = 1e-9  # of its terms: a rate below this is zero
-RANK = 1e-11  # of rows that were scaled to 1
+CONSTANT = 1e-9  # relative to its terms: a smaller rate is zero
+RANK = 1e-11  # of rows scaled to 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,24 +39,24 @@ class Remaining:
     """Remaining states of a linear model: ``x = basis @ x[keep]``."""
 
     keep: Integers
-    basis: Any  # (states, kept), sparse where A is
+    basis: Any  # (states, kept states), sparse where A is
 
 
 def remaining(
     structure: Structure, prepared: Prepared, t: float, slots: Floats, flags: Floats, A: Any, B: Any = None
 ) -> Remaining | None:
-    """The states without those that the mode at a point holds; None where it holds none.
+    """The states remaining after elimination of those held by the modes at a point; None if none is held.
 
     Parameters
     ----------
     structure : Structure
     prepared : Prepared
-        The program that computes the states' rates.
+        The program that computes the rates of the states.
     t : float
     slots, flags : arrays
         Values of the program's slots, and modes, at the point.
     A, B : arrays or sparse matrices
-        Derivatives of the rates by the states and by the inputs.
+        Derivatives of the rates with respect to the states and the inputs.
     """
     speeds = _held_speeds(prepared, t, slots, flags)
     if not speeds:
@@ -86,7 +86,7 @@ def _beside(A: Any, B: Any) -> Any:
 
 
 def _held_speeds(prepared: Prepared, t: float, slots: Floats, flags: Floats) -> list[Node]:
-    """Nodes v for which an equation says ``der(v) = 0`` in this mode, upheld by a reaction."""
+    """Nodes v for which an equation imposes ``der(v) = 0`` in this mode, maintained by a reaction."""
     blocks = [s for s in prepared.program.steps if isinstance(s, Newton)]
     if not blocks:
         return []
@@ -126,7 +126,7 @@ def _held_in(
 
 
 def _answers(matrix: Floats) -> Floats:
-    """How much each unknown of a block answers to a disturbance of each equation; elements side by side share it."""
+    """Response of each unknown of a block to a perturbation of each equation; elements in parallel share it."""
     try:
         answers: Floats = np.abs(np.linalg.inv(matrix))
     except np.linalg.LinAlgError:
@@ -137,7 +137,7 @@ def _answers(matrix: Floats) -> Floats:
 def _functionals(
     structure: Structure, prepared: Prepared, t: float, slots: Floats, flags: Floats, speeds: list[Node]
 ) -> Floats:
-    """Rows c with ``v = c x``; a speed that needs states which the program does not have is left out."""
+    """Rows c with ``v = c x``; a speed that needs states outside the program is omitted."""
     states = prepared.program.states
     place = {node: i for i, node in enumerate(states)}
     rows = [np.eye(len(states))[place[v]] for v in speeds if v in place]
@@ -157,7 +157,7 @@ def _functionals(
 
 
 def _vanishes(row: Floats, rates: Any) -> bool:
-    """Whether a combination of rates depends on nothing: that of a state is 0 by its equation, others may hold at one point only."""
+    """Whether a combination of rates is identically zero: a state's own rate by its equation; others may vanish at one point only."""
     if (row != 0).sum() == 1:
         return True
     largest = abs(rates).max(axis=0)
@@ -166,14 +166,14 @@ def _vanishes(row: Floats, rates: Any) -> bool:
 
 
 def _echelon(rows: Floats) -> tuple[list[int], Floats]:
-    """Independent rows, each with 1 at a pivot of its own where all others have 0; single states are taken first."""
+    """Row echelon form: each independent row has 1 at its pivot, where all others have 0; single states are preferred as pivots."""
     rows = rows / np.abs(rows).max(axis=1, keepdims=True)
     rows = rows[np.argsort((np.abs(rows) > RANK).sum(axis=1), kind="stable")]
     pivots: dict[int, int] = {}
     for i in range(len(rows)):
         size = np.abs(rows[i])
         if size.max() <= RANK:
-            continue  # follows from the others
+            continue  # dependent on the others
         p = pivots[i] = int(np.argmax(size))
         rows[i] /= rows[i, p]
         others = np.arange(len(rows)) != i
@@ -183,7 +183,7 @@ def _echelon(rows: Floats) -> tuple[list[int], Floats]:
 
 
 def _basis(n: int, pivots: list[int], rows: Floats, A: Any) -> tuple[Integers, Any]:
-    """The kept states, and the matrix that takes them to all."""
+    """Indices of the kept states, and the matrix that maps them to all states."""
     keep = np.setdiff1d(np.arange(n), pivots)
     if hasattr(A, "tocsr"):
         import scipy.sparse as sparse
@@ -199,7 +199,7 @@ def _basis(n: int, pivots: list[int], rows: Floats, A: Any) -> tuple[Integers, A
 def _held_positions(structure: Structure, states: tuple[Node, ...], A: Any, rates: Any, basis: Any) -> Floats:
     """Combinations of positions whose rates are held speeds, as rows over the states.
 
-    Positions are what declared speeds are derivatives of: energy that friction has turned to heat is none, and stays.
+    Positions are the integrals of declared speeds; frictional heat, for instance, is not one, and stays.
     """
     from scipy.linalg import svd
 
@@ -218,9 +218,9 @@ def _held_positions(structure: Structure, states: tuple[Node, ...], A: Any, rate
     before, after = before[chosen] / size[chosen, None], np.hstack([inside, extra])[chosen] / size[chosen, None]
     left, sizes, _ = svd(after)
     rank = int((sizes > RANK).sum())
-    null = left[:, rank:].T  # rates that vanish now
+    null = left[:, rank:].T  # rates that vanish on the remaining states
     turn, sizes, _ = svd(null @ before, full_matrices=False)
-    combined = turn[:, sizes > 1e-6].T @ null  # and did not before
+    combined = turn[:, sizes > 1e-6].T @ null  # but did not before
     rows = np.zeros((len(combined), len(states)))
     rows[:, np.array(places)[chosen]] = combined / size[chosen]
     return rows

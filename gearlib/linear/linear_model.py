@@ -1,4 +1,4 @@
-"""`LinearModel`: matrices with names, to and from python-control."""
+"""`LinearModel`: named state-space matrices, with conversion to and from python-control."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """A, B, C, D; or their derivatives with respect to a parameter."""
+    """State-space matrices A, B, C, D; or their derivatives with respect to a parameter."""
 
     A: Any
     B: Any
@@ -27,11 +27,11 @@ class Matrices:
 
 @dataclass(frozen=True)
 class LinearModel:
-    """dx/dt = A x + B u, y = C x + D u about an operating point; arrays, or sparse matrices where these would be large.
+    """dx/dt = A x + B u, y = C x + D u about an operating point; matrices are arrays, or sparse where these would be large.
 
-    ``conditions`` says in words what the operating point is, such as "open: mesh m" or "sliding: clutch c". ``whole`` are the matrices
-    before states that the mode holds were eliminated, and ``changes`` their derivatives with respect to parameters, by path; a model
-    that was not made from a system has none.
+    ``conditions`` describes the operating point in words, such as "open: mesh m" or "sliding: clutch c". ``whole`` holds the matrices
+    before the elimination of held states, and ``changes`` their derivatives with respect to parameters, by path; both are None for a
+    model that was not derived from a system.
     """
 
     A: Any
@@ -46,12 +46,12 @@ class LinearModel:
     changes: Callable[[Sequence[str]], list[Matrices]] | None = field(default=None, repr=False, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy for another process is a model of numbers, which does not know the system that it came from."""
+        """Pickle the numbers only, without the reference to the system."""
         return LinearModel, (self.A, self.B, self.C, self.D, self.states, self.inputs, self.outputs, self.conditions)
 
 
 def label(name: str) -> str:
-    """The name that python-control accepts for a signal: ``torque.tau`` becomes ``torque_tau``.
+    """A signal name that python-control accepts: ``torque.tau`` becomes ``torque_tau``.
 
     >>> label("shaft[2].tau")
     'shaft[2]_tau'
@@ -60,11 +60,11 @@ def label(name: str) -> str:
 
 
 def state_space(model: LinearModel, name: str | None = None) -> Any:
-    """The same as a ``control.StateSpace``; inputs and outputs have their paths with "_" for ".", states their paths.
+    """Convert to a ``control.StateSpace``; inputs and outputs are named by their paths with "_" for ".", states by their paths.
 
     Raises
     ------
-    ArgumentError
+    Two signals would have the same name.
         Two signals that would have one name.
     """
     import control
@@ -81,7 +81,7 @@ def state_space(model: LinearModel, name: str | None = None) -> Any:
                 raise ArgumentError(f"the {what} {path} is named twice" if other == path else alike)
             first[label(path)] = path
     B, D = array(model.B), array(model.D)
-    if not model.inputs:  # python-control takes such a model in some shapes only; an input is put in, and taken out again
+    if not model.inputs:  # python-control supports such models in some shapes only: add an input and remove it afterwards
         B, D = np.zeros((len(model.states), 1)), np.zeros((len(model.outputs), 1))
     result = control.ss(
         array(model.A), B, array(model.C), D, states=list(model.states), name=name,
@@ -105,7 +105,7 @@ def check_linear(model: Any) -> None:
 
 
 def matrices(model: Any) -> tuple[Floats, Floats, Floats, Floats, list[str], list[str]]:
-    """A, B, C, D as full arrays, and the names of inputs and outputs."""
+    """A, B, C, D as dense arrays, and the names of inputs and outputs."""
     check_linear(model)
     if not hasattr(model, "A"):
         import control

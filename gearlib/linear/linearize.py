@@ -26,11 +26,11 @@ from gearlib.run.scene import Scene, needed_states, node_name
 from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
-NEGLIGIBLE = 1e-12  # what rounding leaves where an open value has no effect
+NEGLIGIBLE = 1e-12  # rounding error of an undetermined value without effect
 
 
 def input_names(model: FlatModel) -> list[str]:
-    """Everything that can be an input of a linear model: unbound inputs, and bound ones."""
+    """Paths of all possible inputs of a linear model: unbound inputs, and bound ones."""
     unbound = [model.name(int(v)) for v in model.inputs]
     bound = []
     for group in model.groups:
@@ -44,7 +44,7 @@ def linearized(
     translation: Translation, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, at: Any = None,
     parameters: Mapping[str, float] | None = None, worded: bool = True,
 ) -> LinearModel:  # fmt: skip
-    """Linear model of a translation; `System.linearize` says what is given. With ``worded`` its conditions are found, too."""
+    """Linear model of a translation; arguments as for `System.linearize`. ``worded``: also determine its conditions."""
     translation = fitting(translation, at, parameters)
     default = translation.states if translation.outputs is None else translation.outputs
     chosen_inputs = name_list("inputs", translation.inputs if inputs is None else inputs, "torque.tau")
@@ -58,7 +58,7 @@ def linearized(
 
 
 def read_by_equations(model: FlatModel) -> frozenset[int]:
-    """Variables that some equation contains, other than the binding of an input that is itself in no other."""
+    """Variables in some equation other than the binding of an input that occurs in no other equation."""
     bound: dict[int, set[int]] = {}  # the variables of each input's own binding
     read: set[int] = set()
     for group in [*model.groups, *(u.equations for u in model.discretes.updates)]:
@@ -78,7 +78,7 @@ def read_by_equations(model: FlatModel) -> frozenset[int]:
 
 
 def _warn_of_unread(translation: Translation, inputs: Sequence[str]) -> None:
-    """Warn of inputs to which nothing can respond, since their values enter no equation."""
+    """Warn of inputs without any effect, since they enter no equation."""
     model = translation.model
     read = read_by_equations(model)
 
@@ -100,14 +100,14 @@ def _warn_of_unread(translation: Translation, inputs: Sequence[str]) -> None:
 def linearize(
     structure_scene: Scene, parameters: Floats, inputs: Sequence[str], outputs: Sequence[str], point: Point
 ) -> LinearModel:
-    """Linear model from ``inputs`` to ``outputs`` with the states that these need, but those that the mode holds.
+    """Linear model from ``inputs`` to ``outputs``, with the states that these need except held ones.
 
     Raises
     ------
     NameLookupError
         An input or output that the model does not have.
     ArgumentError
-        An output that needs the derivative of an input.
+        An output depends on the derivative of an input.
     """
     structure, model = structure_scene.structure, structure_scene.model
     targets, signs = [], []
@@ -116,7 +116,7 @@ def linearize(
         variable = model.variable(base, "output")
         targets.append((int(model.representative[variable]), order))
         signs.append(int(model.sign[variable]))
-    needed = [t for t, sign in zip(targets, signs, strict=True) if sign]  # the others are always zero
+    needed = [t for t, sign in zip(targets, signs, strict=True) if sign]  # the others are identically zero
     states = needed_states(structure, needed)
     scene = Scene(structure, states)
     program = build(structure, [*needed, *((v, k + 1) for v, k in states)], states, dynamic=True)
@@ -143,14 +143,14 @@ def linearize(
 
 @dataclass(frozen=True, eq=False)
 class _Signals:
-    """Where the inputs enter a program.
+    """Positions at which the inputs enter a program.
 
     Attributes
     ----------
     seeds, added : tuples of int
-        Slots of inputs that are given, and of such that are computed, to which something is added.
+        Slots of inputs, and computed slots to which a perturbation is added.
     columns : tuple of int
-        Of each input: the column of the derivatives behind those of the states, -1 where nothing responds to it.
+        Per input: the column of the derivatives behind those of the states, -1 if nothing depends on it.
     scale : array
     """
 
@@ -183,7 +183,7 @@ class _Signals:
         return cls(tuple(seeds), tuple(added), columns, np.array(scale))
 
     def matrices(self, d: Any, n: int, sign_out: Floats) -> Matrices:
-        """A, B, C, D of the derivatives of n rates and the outputs with respect to n states and the inputs."""
+        """A, B, C, D from the derivatives of n rates and the outputs with respect to n states and the inputs."""
         rates, rows = d[:n], d[n:]
         full = isinstance(d, np.ndarray)
         columns = [c if c < 0 else n + c for c in self.columns]
@@ -196,7 +196,7 @@ class _Signals:
 
 
 def _refuse_undetermined(scene: Scene, program: Program, open_: Floats) -> None:
-    """A rate that the equations leave open; torques that stuck elements share in any way are no matter."""
+    """Refuse rates that the equations leave undetermined; torques that locked elements share arbitrarily do no harm."""
     wanted = [(v, k + 1) for v, k in scene.states]
     rows = open_[[program.slots[node] for node in wanted]]
     if not rows.size:
@@ -219,7 +219,7 @@ def _input(model: FlatModel, name: str) -> int:
 
 
 def _refuse_derivatives(program: Program, variable: int, name: str, outputs: Sequence[str]) -> None:
-    """A program may compute with derivatives of an input: where a constraint on it, or what follows from it, is differentiated."""
+    """Refuse inputs whose derivatives a program uses, where a constraint on the input was differentiated."""
     if any(v == variable and k for v, k in program.slots):
         raise ArgumentError(
             f"the outputs {', '.join(outputs[:6])} need the derivative of the input {name}, for which dx/dt = A x + B u, y = C x + D u "

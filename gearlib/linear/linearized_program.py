@@ -1,4 +1,4 @@
-"""`LinearizedProgram`: a program at an operating point, its first derivatives, and how these change with parameters."""
+"""`LinearizedProgram`: a program at an operating point, its first derivatives, and their derivatives with respect to parameters."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class LinearizedProgram:
     Attributes
     ----------
     scene : Scene
-        With the states that the point knows, in the order of the program's.
+        With the states that are known at the point, in the order of the program's.
     prepared : Prepared
     point : Point
     seeds : tuple of int
-        Slots of states and inputs to differentiate with respect to, the states first.
+        Slots of states and inputs to differentiate with respect to, states first.
     added : tuple of (slot, seed, weight)
-        Slots of unknowns that multiples of further seeds are added to.
+        Perturbations added to the values of unknowns.
     wanted : tuple of int, optional
         Slots to differentiate; all by default.
     """
@@ -62,8 +62,8 @@ class LinearizedProgram:
 
     @cached_property
     def derivatives(self) -> Any:
-        """Derivatives of the slots, shape (wanted, seeds + added seeds); sparse where a full array would be large."""
-        if not self.prepared.program.n_slots:  # nothing has to be computed
+        """Derivatives of the slots, shape (wanted, seeds + added seeds); sparse where a dense array would be large."""
+        if not self.prepared.program.n_slots:  # nothing to compute
             return np.zeros((len(self.wanted or ()), self._width))
         return derivatives(self.prepared, self.point.t, self.slots, self.flags, self.seeds, self.added, self.wanted)
 
@@ -72,14 +72,14 @@ class LinearizedProgram:
         return len(self.seeds) + max((k + 1 for _, k, _ in self.added), default=0)
 
     def changes(self, names: Sequence[str], wanted: Sequence[int]) -> list[Any]:
-        """How the derivatives of some slots change with parameters, by path: a matrix as `derivatives` gives it for each.
+        """Derivatives, with respect to parameters by path, of the matrix that `derivatives` returns: one matrix each.
 
-        The operating point changes with the parameters, too: start values that are bound to them, and a steady state.
+        The operating point depends on the parameters, too: through start values bound to them, and in a steady state.
 
         Raises
         ------
         ArgumentError, NameLookupError, LoopError, StartError, SolverError
-            There is no such parameter, or no derivative with respect to it.
+            Unknown parameter, or no derivative with respect to it.
         """
         program, n = self.prepared.program, len(self.seeds)
         moved = self._moved(names)
@@ -88,7 +88,7 @@ class LinearizedProgram:
         table = np.zeros((len(self.prepared.parameters), len(names)))
         for p, k, weight in moved.parameters:
             table[p, k] = weight
-        # of a linear program no derivative depends on any slot
+        # no derivative of a linear program depends on any slot
         slots = np.zeros((program.n_slots, len(names))) if program.is_linear else self._slots_moved(moved, len(names))
         pairs = [*((slot, k) for k, slot in enumerate(self.seeds)), *((slot, n + k) for slot, k, _ in self.added)]
         plan = derivative_plan(program, pairs, wanted, self._width)
@@ -97,7 +97,7 @@ class LinearizedProgram:
         return [_matrix(values[:, k], plan.rows, plan.seeds, plan.shape) for k in range(len(names))]
 
     def slot_changes(self, names: Sequence[str]) -> Floats:
-        """How everything that the program computes changes with parameters, by path, shape (slots, parameters)."""
+        """Derivatives of all slots with respect to parameters by path, shape (slots, parameters)."""
         return self._slots_moved(self._moved(names), len(names))
 
     def _moved(self, names: Sequence[str]) -> PointChange:

@@ -1,4 +1,4 @@
-"""`operating_point`: a scene, numbers of its parameters and a point of its motion, which a linear model is made at."""
+"""`operating_point`: the scene, parameter values and point of motion for a linearisation."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Point:
-    """An operating point: time, and a value of every state of the structure that is known there.
+    """An operating point: time, and a value of every known state of the structure.
 
-    ``modes`` gives the relations and discrete variables of a program where a run knows them; otherwise they are as at a start.
-    ``change`` says how parameters and states change with some parameters, by path: (parameter, seed, weight), and a function of
-    the structure's states that gives the change of each, shape (seeds,).
+    ``modes`` holds the relations and discrete variables of a program where a run determines them; otherwise they are those of a start.
+    ``change`` returns the derivatives of parameters and states with respect to some parameters, by path: (parameter, seed, weight), and
+    a function that returns the derivative of each state of the structure, shape (seeds,).
     """
 
     t: float
@@ -42,14 +42,14 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class PointChange:
-    """How an operating point changes with some parameters.
+    """Derivatives of an operating point with respect to parameters.
 
     Attributes
     ----------
     parameters : list of (parameter, seed, weight)
-        Of the parameter table.
+        For the parameter table.
     find_states : callable
-        Changes of the states by node, each of shape (seeds,); where a model does not depend on its states, they are not asked for.
+        Returns the derivatives of the states by node, each of shape (seeds,); not called where a model does not depend on its states.
     """
 
     parameters: list[tuple[int, int, float]]
@@ -60,7 +60,7 @@ def operating_point(
     translation: Translation, states: tuple[Node, ...], at: Any = None, parameters: Mapping[str, float] | None = None,
     inputs: Mapping[str, float] | None = None,
 ) -> tuple[Scene, Floats, Point]:  # fmt: skip
-    """A scene with some states, the parameters' numbers, and the point that ``at`` stands for (see `System.linearize`)."""
+    """A scene with some states, the parameter values, and the point that ``at`` denotes (see `System.linearize`)."""
     if isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
         return _moment(translation, states, at[0], at[1], parameters)
     numbers = translation.parameter_values(parameters)
@@ -103,7 +103,7 @@ def _moment(
     part = result.segment_at(t)
     inputs = values(result.request.signals, np.array([t]))[:, 0]
     guess = part.guess.copy()
-    for v in result.scene.iterated:  # on the branch that the run is on
+    for v in result.scene.iterated:  # on the solution branch of the run
         guess[v] = result.history_of((v, 0))[sample]
 
     def change(names: Sequence[str]) -> PointChange:
@@ -121,7 +121,7 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
     now = np.array([point.t])
     if point.modes is not None:
         flags = point.modes(program)[:, None]
-    elif not scene.n_modes:  # saves the scene's own program, which a linear train does not need here
+    elif not scene.n_modes:  # avoids building the scene's own program, which a linear train does not need here
         flags = np.zeros((0, 1))
     else:
         flags = scene.modes(scene.numbers(parameters), now, x[:, None], u[:, None], start=point.guess)
@@ -130,7 +130,7 @@ def slots_at(scene: Scene, parameters: Floats, prepared: Prepared, point: Point)
 
 
 def fitting(translation: Translation, at: Any = None, parameters: Mapping[str, float] | None = None) -> Translation:
-    """The translation that fits the parameters, or those of the run that ``at`` is a moment of."""
+    """The translation that fits the parameters, or those of the run in ``at``."""
     if parameters is None and isinstance(at, tuple) and len(at) == 2 and isinstance(at[0], SimulatedResult):
         return translation.fitting(at[0].request.parameters)
     return translation.fitted(parameters)[0]

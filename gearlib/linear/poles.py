@@ -1,9 +1,9 @@
 """Poles of a linear model: exact zeros with their Jordan chains, the others with error bounds.
 
-A free-turning train has a pole at 0, and rounding would put it on either side of the imaginary axis. The zeros are therefore taken
-out first, by the ranks of the matrix on shrinking quotient spaces (the staircase of V. N. Kublanovskaya, "On a method of solving
-the complete eigenvalue problem for a degenerate matrix", USSR Comput. Math. Math. Phys. 6 (1966), doi
-10.1016/0041-5553(66)90001-8); of the others each is compared with the bound of its own rounding error.
+A freely rotating train has a pole at 0, which rounding would move to either side of the imaginary axis. The zeros are therefore
+deflated first, by the ranks of the matrix on successive quotient spaces (the staircase algorithm of V. N. Kublanovskaya, "On a method
+of solving the complete eigenvalue problem for a degenerate matrix", USSR Comput. Math. Math. Phys. 6 (1966), doi
+10.1016/0041-5553(66)90001-8); each of the others is compared with a bound of its own rounding error.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ MEANING: dict[Verdict, str] = {
 
 @dataclass(frozen=True, eq=False)
 class Poles:
-    """Eigenvalues of a matrix, by magnitude.
+    """Eigenvalues of a matrix, sorted by magnitude.
 
     Attributes
     ----------
     values : complex array
         Rad/s; poles at 0 are exactly 0, and so are the real parts of poles on the imaginary axis.
     tolerances : array
-        Bound of the rounding error of each.
+        Bound on the rounding error of each.
     chains : tuple of int
-        Ranks of the staircase at 0: ``(2, 1)`` means two independent motions that stand still, one of which can also drift.
+        Ranks of the staircase at 0: ``(2, 1)`` means two independent stationary motions, one of which can also drift.
     chained : tuple of float
-        Frequencies other than 0 (rad/s) of poles on the imaginary axis that are repeated without as many independent motions.
+        Nonzero frequencies (rad/s) of repeated, defective poles on the imaginary axis.
     """
 
     values: Complexes
@@ -62,7 +62,7 @@ class Poles:
 
     @cached_property
     def on_axis(self) -> Floats:
-        """Imaginary parts of the poles on the imaginary axis, each once, not negative."""
+        """Imaginary parts of the poles on the imaginary axis: distinct, nonnegative."""
         found: list[float] = []
         for value, tolerance in zip(self.values, self.tolerances, strict=True):
             w = float(value.imag)
@@ -72,7 +72,7 @@ class Poles:
 
     @property
     def verdict(self) -> Verdict:
-        """What the eigenvalues say: "stable", "marginal", "drifting" or "unstable"."""
+        """Stability by the eigenvalues: "stable", "marginal", "drifting" or "unstable"."""
         if self.right:
             return "unstable"
         if len(self.chains) > 1 or self.chained:
@@ -81,7 +81,7 @@ class Poles:
 
     @property
     def damping(self) -> Floats:
-        """Damping ratio of each: 1 for real poles in the left half-plane, 0 on the imaginary axis, NaN at 0."""
+        """Damping ratios: 1 for real poles in the left half-plane, 0 on the imaginary axis, NaN at 0."""
         size = np.abs(self.values)
         ratio: Floats = np.divide(0.0 - self.values.real, size, out=np.full(len(size), np.nan), where=size > 0)
         return ratio
@@ -101,7 +101,7 @@ def poles(A: Any) -> Poles:
     Raises
     ------
     ArgumentError
-        A matrix that is not square, or holds numbers that are not finite.
+        A matrix that is not square or not finite.
 
     Examples
     --------
@@ -135,9 +135,9 @@ def poles(A: Any) -> Poles:
 
 
 def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
-    """Orthonormal bases of the motions that belong to poles at 0 and of the rest, and the ranks of the staircase.
+    """Orthonormal bases of the generalised null space and its complement, and the ranks of the staircase.
 
-    With these bases the matrix is block triangular: its rest depends on nothing at 0.
+    In these bases the matrix is block triangular: the remainder does not depend on the motions at 0.
     """
     n = len(matrix)
     zero, others, rest = np.empty((n, 0)), np.eye(n), matrix
@@ -154,9 +154,9 @@ def deflate(matrix: Floats) -> tuple[Floats, Floats, tuple[int, ...]]:
 
 
 def _norm(matrix: Floats) -> float:
-    """About the largest singular value, from below: at least the largest row's norm.
+    """Lower estimate of the largest singular value, at least the norm of the largest row.
 
-    The iteration begins with that row, since the matrix of a train that turns freely takes equal speeds to zero.
+    Power iteration starts from that row, since the matrix of a freely rotating train maps equal speeds to zero.
     """
     x = matrix[int(np.argmax(np.linalg.norm(matrix, axis=1)))] if len(matrix) else np.ones(0)
     for _ in range(20):
@@ -165,10 +165,10 @@ def _norm(matrix: Floats) -> float:
 
 
 def _rows_and_null(matrix: Floats, limit: float) -> tuple[Floats, Floats]:
-    """Orthonormal bases of what a matrix does not take to zero, and of what it does: singular values up to ``limit``.
+    """Orthonormal bases of the row space and null space of a matrix, with singular values up to ``limit`` counted as zero.
 
-    An inverse, or a QR decomposition with column exchanges, bounds the singular values on both sides of the limit for a tenth of
-    the cost of computing them; only where the bounds leave the rank open they are computed.
+    An inverse, or a QR decomposition with column pivoting, bounds the singular values on both sides of the limit for a tenth of the
+    cost of computing them; they are computed only where the bounds leave the rank undecided.
     """
     from scipy.linalg import qr, solve_triangular, svd
 
@@ -195,7 +195,7 @@ def _rows_and_null(matrix: Floats, limit: float) -> tuple[Floats, Floats]:
 
 
 def _chained(matrix: Floats, values: Complexes, error: Floats) -> tuple[float, ...]:
-    """Frequencies of repeated poles on the imaginary axis that have too few eigenvectors."""
+    """Frequencies of repeated poles on the imaginary axis with too few eigenvectors."""
     found = []
     axis = (values.real == 0) & (values.imag > 0)
     done = np.zeros(len(values), bool)

@@ -1,4 +1,4 @@
-"""Derivatives of a transfer function with respect to parameters, or to the frequency."""
+"""Derivatives of a transfer function with respect to parameters or frequency."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gearlib.recent import recent
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-MOST_DENSE = 400  # states up to which the matrix is handled as a full one
+MOST_DENSE = 400  # states up to which the matrix is treated as dense
 
 
 def response_changes(model: Matrices, change: Matrices, s: Any) -> Complexes:
@@ -47,7 +47,7 @@ def response_changes(model: Matrices, change: Matrices, s: Any) -> Complexes:
 
 
 def frequency_direction(model: Matrices) -> Matrices:
-    """The change of the matrices that is one of s: that of A by minus the identity."""
+    """Change of the matrices equivalent to that of s: minus the identity for A."""
     import scipy.sparse as sparse
 
     zero = [np.zeros(m.shape) for m in (model.B, model.C, model.D)]

@@ -1,4 +1,4 @@
-"""`steady_state`: the values at which a system stays, and how they change with parameters."""
+"""`steady_state`: a system's steady operating point, with derivatives with respect to parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SteadyState:
-    """Values of variables where nothing accelerates, and nothing changes that an equation depends on.
+    """Values of variables in a steady state: nothing accelerates, and nothing changes that an equation depends on.
 
     Attributes
     ----------
@@ -40,20 +40,20 @@ class SteadyState:
     _find_changes: Callable[[str], Floats]
 
     def __getitem__(self, name: str) -> float:
-        """The value of a variable."""
+        """Value of a variable."""
         return float(self.values[self._place(name)])
 
     def sensitivity(self, name: str, parameter: str) -> float:
-        """How a variable's steady value changes with a parameter, by the implicit function theorem.
+        """Derivative of a variable's steady value with respect to a parameter, by the implicit function theorem.
 
-        What is bound to the parameter changes with it; what grows steadily, such as angles, keeps its start value.
+        Everything bound to the parameter changes with it; steadily growing states, such as angles, keep their start values.
 
         Parameters
         ----------
         name : str
             One of `names`.
         parameter : str
-            Path.
+            Its path.
 
         Returns
         -------
@@ -63,7 +63,7 @@ class SteadyState:
         Raises
         ------
         ArgumentError, NameLookupError, StartError
-            No such variable or parameter, or no derivative with respect to it; says why.
+            Unknown variable or parameter, or no derivative with respect to it; the message says why.
         """
         place = self._place(name)
         return float(self._find_changes(one_name("parameter", parameter, "brake.d"))[place])
@@ -84,17 +84,17 @@ def steady_state(
     system: Compiled, outputs: Sequence[str] | None = None, *, parameters: Mapping[str, float] | None = None,
     inputs: Mapping[str, Any] | None = None,
 ) -> SteadyState:  # fmt: skip
-    """The steady state that the motion from the start values goes to, and its derivatives with respect to parameters.
+    """The steady state that the motion from the start values reaches, with its derivatives with respect to parameters.
 
     Parameters
     ----------
     system : System
     outputs : sequence of str, optional
-        Variables; by default those that the system was compiled for, or its states.
+        Variables; by default the outputs that the system was compiled for, or its states.
     parameters : mapping, optional
         Values by path.
     inputs : mapping, optional
-        Of unbound inputs, at the time 0.
+        Values of unbound inputs, at time 0.
 
     Returns
     -------
@@ -103,9 +103,9 @@ def steady_state(
     Raises
     ------
     StartError
-        There is none, or the search does not find it; says what goes on changing.
+        There is none, or the search does not find it; the message says what keeps changing.
     ArgumentError, NameLookupError
-        Each names what was found and what was expected.
+        The message names what was found and what was expected.
 
     Examples
     --------

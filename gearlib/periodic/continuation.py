@@ -11,28 +11,28 @@ from numpy.typing import NDArray
 from gearlib.errors import SolverError
 
 Floats = NDArray[np.float64]
-# (z, w) -> residual, derivative by z, derivative by w
+# (z, w) -> residual, derivatives with respect to z and w
 Equations = Callable[[Floats, float], tuple[Floats, Floats, Floats]]
 CONVERGED = 1e-9
-GROWTH = 0.2  # share that a growth of z by its own size has in the length of the way
-LEAST = 0.05  # of the largest size so far: a smaller z is measured as if it were so large
-STRAIGHT = 0.9  # cosine of the angle between tangents at the ends of a step
-OFF = 0.3  # largest distance of a point from where it was expected, over the step
-SHORTEST = 1e-6  # of the largest step
+GROWTH = 0.2  # arclength of a growth of z by its own size, relative to the interval
+LEAST = 0.05  # relative to the largest size so far: lower limit of the scale of z
+STRAIGHT = 0.9  # minimum cosine of the angle between tangents at the ends of a step
+OFF = 0.3  # largest prediction error, relative to the step
+SHORTEST = 1e-6  # relative to the largest step
 
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A solution branch: its points in order.
+    """A solution branch as a sequence of points.
 
     Attributes
     ----------
     z : array (points, unknowns)
     w : array (points,)
     folds : tuple of int
-        Numbers of the points at which w turns back.
+        Indices of the points at which w turns back.
     complete : bool
-        Whether the branch left the interval; False where it ran out of points, or where one was not accepted.
+        Whether the branch left the interval; False if it ran out of points, or one was rejected.
     """
 
     z: Floats
@@ -43,12 +43,12 @@ class Path:
 
 @dataclass(frozen=True, eq=False)
 class _Spot:
-    """A solution, and the unit tangent of the branch there; w is measured from start to end, 0 to 1."""
+    """A solution with the branch's unit tangent; w is scaled to 0 at the start and 1 at the end."""
 
     y: Floats
     tangent: Floats
     iterations: int
-    largest: float  # size of z so far
+    largest: float  # largest size of z so far
 
 
 def follow(
@@ -57,8 +57,8 @@ def follow(
 ) -> Path:  # fmt: skip
     """Follow a branch from a solution ``z`` at ``start`` until ``w`` leaves the interval or ``points`` are found.
 
-    Steps grow and shrink with Newton's iterations and with the bend of the branch. Folds are located, and are points themselves.
-    The last point lies at ``end`` exactly (or at ``start``, where the branch comes back).
+    The step size adapts to Newton's iterations and to the curvature of the branch. Folds are located, and are points themselves. The
+    last point lies exactly at ``end`` (or at ``start``, if the branch returns).
 
     Parameters
     ----------
@@ -66,22 +66,22 @@ def follow(
     z : array (unknowns,)
     start, end : float
     step : float
-        Largest step; the whole interval counts 1, a growth of z by its own size 0.2.
+        Largest step, relative to the length of the whole interval; a growth of z by its own size counts 0.2.
     points : int
         Largest number of points.
     skipped : int
-        So many of the first unknowns do not count in lengths.
+        Number of leading unknowns that are excluded from arclength.
     accept : callable, optional
-        Told every point but the first, ``accept(z, w)``; where it says no, the branch ends after that point.
+        Called with every point but the first, ``accept(z, w)``; if it returns False, the branch ends after that point.
 
     Raises
     ------
     SolverError
-        Where even a tiny step does not converge.
+        Even a tiny step does not converge.
 
     Examples
     --------
-    Round the unit circle from (-0.6, -0.8), w being the second coordinate:
+    Around the unit circle from (-0.6, -0.8), with w as the second coordinate:
 
     >>> def circle(z, w):
     ...     return np.array([z[0] ** 2 + w**2 - 1]), np.array([[2 * z[0]]]), np.array([2 * w])
@@ -144,12 +144,12 @@ class _Continuation:
         return max(float(np.linalg.norm(y[self.skipped : -1])), LEAST * largest, 1e-300)
 
     def inner(self, a: Floats, b: Floats, spot: _Spot) -> float:
-        """Product in which the way is measured, about a spot."""
+        """Inner product that measures arclength near a point."""
         k = self.skipped
         return float((GROWTH / self.size(spot.y, spot.largest)) ** 2 * (a[k:-1] @ b[k:-1]) + a[-1] * b[-1])
 
     def strayed(self, spot: _Spot, new: _Spot, length: float) -> bool:
-        """Whether the branch bends so much that the new spot may lie on another one."""
+        """Whether the branch bends so strongly that the new point may lie on another one."""
         off = np.asarray(new.y - spot.y - length * spot.tangent, np.float64)
         turned = self.inner(new.tangent, spot.tangent, spot) / np.sqrt(self.inner(new.tangent, new.tangent, spot))
         return bool(turned < STRAIGHT or self.inner(off, off, spot) > (OFF * length) ** 2)
@@ -166,20 +166,20 @@ class _Continuation:
         return _Spot(y, direction / np.sqrt(self.inner(direction, direction, spot)), 0, self.size(y))
 
     def normal(self, spot: _Spot) -> Floats:
-        """Row whose product with a change is the way along the spot's tangent."""
+        """Row vector whose product with a change is its arclength along the tangent."""
         size = GROWTH / self.size(spot.y, spot.largest)
         row = np.append(size**2 * spot.tangent[:-1], spot.tangent[-1])
         row[: self.skipped] = 0.0
         return row
 
     def corrected(self, spot: _Spot, length: float) -> _Spot | None:
-        """Newton's method on the plane across the tangent, a length ahead."""
+        """Newton's method in the plane orthogonal to the tangent, at a given distance ahead."""
         return self.newton(spot.y + length * spot.tangent, self.normal(spot), spot)
 
     def newton(self, guess: Floats, normal: Floats, before: _Spot) -> _Spot | None:
         y = guess.copy()
         right = np.zeros((len(y), 2))
-        right[-1, 1] = 1.0  # the second column gives the tangent
+        right[-1, 1] = 1.0  # the second column yields the tangent
         for iteration in range(1, 13):
             try:
                 right[:-1, 0], gradient = self.extended(y)
@@ -196,7 +196,7 @@ class _Continuation:
         return None
 
     def at_border(self, spot: _Spot, beyond: _Spot, border: float) -> _Spot | None:
-        """Where the branch leaves the interval."""
+        """Point at which the branch leaves the interval."""
         share = (border - spot.y[-1]) / (beyond.y[-1] - spot.y[-1])
         guess = spot.y + share * (beyond.y - spot.y)
         guess[-1] = border
@@ -206,7 +206,7 @@ class _Continuation:
         return found
 
     def fold(self, spot: _Spot, beyond: _Spot, length: float) -> _Spot | None:
-        """Where w turns back between two spots: the w of the tangent vanishes (regula falsi, Illinois)."""
+        """Fold between two points, where the w-component of the tangent vanishes (regula falsi, Illinois)."""
         low, high = 0.0, length
         f_low, f_high = float(spot.tangent[-1]), float(beyond.tangent[-1])
         found = None

@@ -1,4 +1,4 @@
-"""Describing functions of backlash under preload, and the stiffness that a gear pair with backlash shows at an amplitude."""
+"""Describing functions of backlash under preload, and the amplitude-dependent stiffness of a gear pair with backlash."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _check_backlash(b: float) -> None:
 
 
 def _first(z: Floats) -> Floats:
-    """Mean of ``max(cos(u) - z, 0) cos(u)`` times two: share of the first harmonic beyond an edge at z."""
+    """Twice the mean of ``max(cos(u) - z, 0) cos(u)``: first harmonic beyond an edge at z."""
     x = np.clip(z, -1.0, 1.0)
     result: Floats = (np.arccos(x) - x * np.sqrt(1 - x**2)) / np.pi
     return result
@@ -45,16 +45,15 @@ def backlash_describing_function(
 ) -> tuple[Any, Any]:
     """Describing functions of a spring with backlash for a deflection ``mean + amplitude cos(w t)``.
 
-    The force is ``c (x - b/2)`` above the gap, ``c (x + b/2)`` below it and ``c_gap x`` inside (continued at the edges). Of the
-    force, the part that the two functions describe is ``F0 + N1 amplitude cos(w t)``; there is none in quadrature, because the
-    force has no memory.
+    The force is ``c (x - b/2)`` above the gap, ``c (x + b/2)`` below it and ``c_gap x`` inside (continued at the edges). The two
+    functions describe its part ``F0 + N1 amplitude cos(w t)``; there is no quadrature component, since the force has no memory.
 
     Parameters
     ----------
     amplitude : array
-        Of the deflection, > 0, m (rad).
+        Amplitude of the deflection, > 0, m (rad).
     mean : array
-        Its mean, which the preload makes, m (rad).
+        Mean deflection, caused by the preload, m (rad).
     c : float
         Stiffness in contact, N/m (N.m/rad).
     b : float
@@ -67,7 +66,7 @@ def backlash_describing_function(
     F0 : array
         Mean force, N (N.m).
     N1 : array
-        Force of the first harmonic over amplitude: the equivalent stiffness, N/m (N.m/rad).
+        First harmonic of the force over the amplitude: the equivalent stiffness, N/m (N.m/rad).
 
     References
     ----------
@@ -77,7 +76,7 @@ def backlash_describing_function(
 
     Examples
     --------
-    Never out of contact, then always inside the gap:
+    Permanently in contact, then permanently inside the gap:
 
     >>> F0, N1 = backlash_describing_function(0.5, 2.0, c=100.0, b=1.0)
     >>> float(F0), float(N1)
@@ -97,7 +96,7 @@ def backlash_describing_function(
         raise ArgumentError(
             f"amplitude and mean have the shapes {a.shape} and {m.shape}; expected one that fits both"
         ) from None
-    a = np.maximum(a, 1e-150 * (b + np.abs(m)))  # a smaller one is none beside the edges
+    a = np.maximum(a, 1e-150 * (b + np.abs(m)))  # a smaller amplitude is negligible beside the edges
     above, below = (b / 2 - m) / a, (b / 2 + m) / a
     N1 = c_gap + (c - c_gap) * (_first(above) + _first(below))
     F0 = c_gap * m + (c - c_gap) * a * (_mean(above) - _mean(below))
@@ -105,10 +104,10 @@ def backlash_describing_function(
 
 
 class PreloadedBacklash(control.DescribingFunctionNonlinearity):  # type: ignore[misc]
-    """The spring with backlash under a preload, for `control.describing_function_plot` and `control.describing_function`.
+    """Spring with backlash under preload, for `control.describing_function_plot` and `control.describing_function`.
 
-    Its input is the vibration about the mean deflection at which the spring carries the preload, and its output the force beyond
-    the preload. The mean moves with the amplitude so that the mean force stays the preload.
+    Its input is the vibration about the mean deflection at which the spring carries the preload, its output the force in excess of the
+    preload. The mean moves with the amplitude so that the mean force remains the preload.
 
     Parameters
     ----------
@@ -133,7 +132,7 @@ class PreloadedBacklash(control.DescribingFunctionNonlinearity):  # type: ignore
         self.c, self.b, self.preload = float(c), float(b), float(preload)
 
     def __call__(self, x: float) -> float:
-        """Force beyond the preload at a vibration, about the mean deflection at rest."""
+        """Force in excess of the preload during a vibration about the static deflection."""
         x = real("x", x)
         rest = self.preload / self.c + np.sign(self.preload) * self.b / 2
         q = x + rest
@@ -175,12 +174,12 @@ def mean_deflection(amplitude: float, preload: float, *, c: float, b: float) -> 
 
 
 def equivalent_stiffness(amplitude: ArrayLike, preload: float = 0.0, *, c: float, b: float) -> Floats:
-    """Stiffness of a gear pair with backlash as a function of the amplitude of its deflection.
+    """Stiffness of a gear pair with backlash as a function of its deflection amplitude.
 
     Parameters
     ----------
     amplitude : array
-        Of the deflection about its mean, m (rad).
+        Amplitude of the deflection about its mean, m (rad).
     preload : float
         Mean force, N (N.m).
     c, b : float
@@ -189,8 +188,8 @@ def equivalent_stiffness(amplitude: ArrayLike, preload: float = 0.0, *, c: float
     Returns
     -------
     array
-        N/m (N.m/rad). It is ``c`` while the vibration stays in contact (amplitude below ``preload / c``), then falls, and grows
-        again when the other flank is hit.
+        N/m (N.m/rad). It equals ``c`` while the contact is permanent (amplitude below ``preload / c``), then falls, and rises again
+        once the other flank is hit.
 
     Examples
     --------

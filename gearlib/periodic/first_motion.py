@@ -20,9 +20,9 @@ from gearlib.run.simulate import run
 from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
-SINGULAR = 1e-14  # of the largest singular value: a smaller one is rounding
-ROUNDING = 1e-12  # of the terms of a rate
-SETTLE = 100  # periods of a run that looks for a first motion
+SINGULAR = 1e-14  # relative to the largest singular value: a smaller one is rounding
+ROUNDING = 1e-12  # relative to the terms of a rate
+SETTLE = 100  # periods of a run from which the initial solution is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class First:
 
 @dataclass(frozen=True, eq=False)
 class Forced:
-    """Request for a branch: forcing, frequencies and harmonics."""
+    """Forcing, frequency range and harmonics of a requested branch."""
 
     translation: Translation
     frequency: str | None
@@ -45,12 +45,12 @@ class Forced:
     turning: dict[str, float]
 
     def scene(self, outputs: Sequence[str]) -> Scene:
-        """The states that the outputs need.
+        """Scene with the states that the outputs need.
 
         Raises
         ------
         ArgumentError
-            There are none, or some of them have a memory.
+            There are no states, or there is discrete state with memory.
         """
         translation = self.translation
         structure = translation.structure
@@ -73,7 +73,7 @@ class Forced:
 
     @cached_property
     def _in_hertz(self) -> bool:
-        """Whether the frequency's parameter is declared in Hz."""
+        """Whether the frequency parameter is declared in Hz."""
         for instance in self.translation.model.instances:
             for name, declared in instance.parameters.items():
                 if (f"{instance.path}.{name}" if instance.path else name) == self.frequency:
@@ -81,7 +81,7 @@ class Forced:
         return False
 
     def repeating(self) -> tuple[str, ...]:
-        """The states but those that only add up what others do: absolute angles and phases of meshes, which may grow."""
+        """All states except pure integrals: absolute angles and mesh phases, which may grow."""
         structure = self.translation.structure
         names = {node_name(structure.model, s): s for s in structure.states}
         left = []
@@ -94,7 +94,7 @@ class Forced:
         return tuple(left or [n for n in self.translation.states if n not in self.turning])
 
     def driven(self, scene: Scene) -> Callable[[float], Driven]:
-        """The scene at a frequency; the last ones are kept."""
+        """The scene at a frequency; the most recent ones are cached."""
         translation = self.translation
         self._check_inputs()
         given = [self.inputs.get(name, 0.0) for name in translation.inputs]
@@ -120,7 +120,7 @@ class Forced:
         return lambda omega: Driven(scene, *fixed, signals, omega, growth)
 
     def growth(self, scene: Scene) -> Floats:
-        """How far each state gets over one radian of phase."""
+        """Growth of each state per radian of phase."""
         for name, turns in self.turning.items():
             if name not in scene.state_names:
                 raise NameLookupError(f"the system has no state '{name}'; {nearest(name, scene.state_names)}")
@@ -149,7 +149,7 @@ class Forced:
         ]
         means = translation.start(scene, numbers, 0.0, dict(guess) if guess else None, now).states
         size = (2 * self.harmonics + 1, len(scene.states))
-        for tried in (omega, 1.2345678 * omega):  # forcing whose frequency is fixed may repeat at one by chance
+        for tried in (omega, 1.2345678 * omega):  # forcing with a fixed frequency may happen to be periodic at one of them
             _check_forcing(driven(tried), means, self.frequency)
         varies = self.frequency is not None or any(callable(g) for g in self.inputs.values())
         nominal = np.maximum(scene.nominal, 1e-300)
@@ -205,7 +205,7 @@ def _finite(name: str, value: Any) -> float:
 
 
 def _refuse_memory(scene: Scene) -> None:
-    """Discrete variables may follow from the states; what remembers has no place in a Fourier series."""
+    """Refuse discrete variables that have memory; those that follow from the states are admissible in a Fourier series."""
     relations = scene.relations
     if relations is None:
         return
@@ -219,18 +219,16 @@ def _refuse_memory(scene: Scene) -> None:
 
 
 def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None:
-    """The rates must change over a period, and repeat after it."""
-    phase = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # no round number, at which something may switch
+    """Check that the rates vary over a period, and repeat after it."""
+    phase = 2 * np.pi * np.arange(16) / 16 + 0.1234567  # irregular points, at which nothing is likely to switch
     x = means[:, None] + driven.growth[:, None] * phase
     once, slopes = driven.linear_rates(phase, x, driven.modes(phase, x))
-    terms = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # forces that balance leave their rounding
+    terms = np.abs(slopes).max(axis=0) @ np.abs(x).max(axis=1)  # balanced forces leave rounding errors
     x = x + 2 * np.pi * driven.growth[:, None]
     again = driven.rates(phase + 2 * np.pi, x, driven.modes(phase + 2 * np.pi, x))
     size = np.abs(once).max(axis=1)
     nominal = driven.scene.nominal
-    size = np.maximum(
-        size, 1e-9 * nominal * float((size / nominal).max()) + 1e-300
-    )  # what should cancel does so but for rounding
+    size = np.maximum(size, 1e-9 * nominal * float((size / nominal).max()) + 1e-300)  # tolerance for rounding
     names = driven.scene.state_names
     if not np.isfinite(once).all():
         bad = names[int(np.flatnonzero(~np.isfinite(once).all(axis=1))[0])]
@@ -255,7 +253,7 @@ def _check_forcing(driven: Driven, means: Floats, frequency: str | None) -> None
 
 
 def _refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) -> None:
-    """A motion whose mean nothing determines, such as the place of an unloaded wheel in its gap, is none that could be followed."""
+    """Refuse a motion whose mean is undetermined, such as the position of an unloaded wheel in its gap: it cannot be continued."""
     _, matrix, _ = balance.equations(z, omega)
     _, sizes, directions = np.linalg.svd(matrix)
     if sizes[-1] > SINGULAR * sizes[0]:
@@ -269,7 +267,7 @@ def _refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) ->
 
 
 def _newton(balance: HarmonicEquations, z: Floats, omega: float) -> Floats | None:
-    """Newton's method at a fixed frequency, halving steps that do not help."""
+    """Newton's method at a fixed frequency, with step halving."""
     rest, matrix, _ = balance.equations(z, omega)
     for _ in range(60):
         try:
@@ -291,7 +289,7 @@ def _newton(balance: HarmonicEquations, z: Floats, omega: float) -> Floats | Non
 
 
 def _rescaled(balance: HarmonicEquations, z: Floats, driven: Driven, nominal: Floats) -> First:
-    """The same motion, states measured by how far they vibrate there."""
+    """The same motion, with states scaled by their vibration."""
     c = balance.coefficients(z)
     spread = np.abs(c[1:]).max(axis=0)
     largest = float((spread / nominal).max())

@@ -13,10 +13,10 @@ Floats = NDArray[np.float64]
 def multipliers(
     driven: Driven, coefficients: Floats, found: Moments, cuts: Cuts | None, samples: int
 ) -> NDArray[np.complex128]:
-    """Eigenvalues of the matrix that takes a disturbance over one period.
+    """Eigenvalues of the monodromy matrix, which propagates a perturbation over one period.
 
-    Between switches the linear equations are integrated by Magnus' expansion to fourth order with a Padé approximant of the
-    exponential; where the rates jump, the disturbance jumps as well.
+    Between switches the variational equations are integrated by Magnus expansion to fourth order with a Padé approximant of the
+    exponential; where the rates jump, the perturbation jumps as well (saltation).
 
     References
     ----------
@@ -55,7 +55,7 @@ def multipliers(
 
 
 def _product(steps: Floats) -> Floats:
-    """Of matrices, the first one rightmost; pair by pair."""
+    """Product of matrices, the first one rightmost, computed pairwise."""
     while len(steps) > 1:
         odd = steps[-1:] if len(steps) % 2 else steps[:0]
         even = steps[: len(steps) - len(odd)]

@@ -1,4 +1,4 @@
-"""Equations of harmonic balance: Fourier coefficients of the states, residuals of their rates, and the Jacobian."""
+"""Harmonic balance equations: Fourier coefficients of the states, residuals of their rates, and the Jacobian."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from gearlib.periodic.floquet import multipliers
 from gearlib.periodic.periods import Cuts, Driven, Moments, fourier, jumps, moments, turn
 
 Floats = NDArray[np.float64]
-RIGID = 1e-9  # relative singular value of a motion that nothing holds back
-SMALL = 1e-3  # of its scale: a state that vibrates less counts as if it did so much
-KEPT = 1e-6  # of a unit direction: what a kept quantity says less of, it does not determine
-UNBALANCED = 1e-7  # of the sizes of the rates: a mean that nothing can balance
+RIGID = 1e-9  # relative singular value of an unrestrained motion
+SMALL = 1e-3  # relative to its scale: lower limit of a state's vibration amplitude
+KEPT = 1e-6  # of a unit direction: a conserved quantity with a smaller component does not determine it
+UNBALANCED = 1e-7  # relative to the rates: a mean that nothing can balance
 
 
 @dataclass(frozen=True, eq=False)
 class Rigid:
-    """Rigid-body motions: sums of rates that no state influences, and the conditions that determine their means instead.
+    """Rigid-body motions: combinations of rates that no state affects, and the conditions that determine their means instead.
 
-    Such a sum is a quantity that the train keeps: the momentum of one that turns freely, the preload of a loop of meshes. Its mean
-    stays as it starts. Where that does not determine the means (an angle, the phase of a mesh), the motion that nothing holds back
-    stays where it starts.
+    Each such combination is a conserved quantity of the train: the momentum of a freely rotating train, the preload of a loop of
+    meshes. Its mean remains at the start value. Where that does not determine the means (an angle, the phase of a mesh), the
+    unrestrained motion remains where it starts.
 
     Attributes
     ----------
     sums : array (states, number)
         Orthonormal, in scaled rates.
     rows : array (number, states)
-        Combinations of the scaled means that stay as they are in ``means``.
+        Combinations of the scaled means that stay as in ``means``.
     chained : int
-        How many of them are motions: these are multipliers of 1 besides those of the sums.
+        Number of these that are motions: they add multipliers of 1 to those of the sums.
     means : array (states,)
-        Of the states.
+        Means of the states.
     """
 
     sums: Floats
@@ -52,13 +52,13 @@ class HarmonicEquations:
     Attributes
     ----------
     driven : callable
-        The scene at a frequency.
+        Returns the scene at a frequency.
     harmonics, samples : int
     scale : array (states,)
-        Of the states; unknowns ``z`` are the coefficients over it, residuals the rates over it and over w.
+        Scale of each state; unknowns ``z`` are scaled coefficients, residuals are rates divided by the scale and by w.
     rigid : Rigid
     varies : bool
-        Whether the frequency enters otherwise than through the phase.
+        Whether the frequency enters other than through the phase.
     """
 
     driven: Callable[[float], Driven]
@@ -77,7 +77,7 @@ class HarmonicEquations:
         return result
 
     def equations(self, z: Floats, omega: float) -> tuple[Floats, Floats, Floats]:
-        """Residual, and its derivatives by the unknowns and by the frequency."""
+        """Residual, and its derivatives with respect to the unknowns and the frequency."""
         driven, c = self.driven(omega), self.coefficients(z)
         found = moments(driven, c, self.samples)
         cuts = jumps(driven, c, found, self._step(c))
@@ -98,18 +98,18 @@ class HarmonicEquations:
         return size
 
     def _back(self, phase: Floats, weights: Floats, basis: Floats) -> Floats:
-        """The matrix that takes values at the moments to Fourier coefficients."""
+        """Matrix that maps values at the collocation points to Fourier coefficients."""
         result: Floats = (basis * (2 * weights)[:, None]).T
         result[0] /= 2
         return result
 
     def _blocks(self, basis: Floats, back: Floats, slopes: Floats, cuts: Cuts | None) -> Floats:
-        """Derivative of the mean rates by the unknowns."""
+        """Derivative of the mean rates with respect to the unknowns."""
         n, size = len(self.scale), basis.shape[1]
         scaled = slopes * self.scale / self.scale[:, None]
         pairs = (back[:, None, :] * basis.T).reshape(size * size, -1)
         blocks = (pairs @ scaled.reshape(-1, n * n)).reshape(size, size, n, n).transpose(0, 2, 1, 3)
-        if cuts is not None:  # a cut moves with the unknowns
+        if cuts is not None:  # cuts move with the unknowns
             at = fourier(cuts.phase, self.harmonics)
             there = self._back(cuts.phase, np.full(len(at), 1 / (2 * np.pi)), at)
             moved = cuts.gradient * self.scale / cuts.slope[:, None]
@@ -117,7 +117,7 @@ class HarmonicEquations:
         return np.asarray(blocks.reshape(size * n, size * n))
 
     def _explicit(self, found: Moments, c: Floats, omega: float) -> Floats:
-        """Derivative of the mean rates by the frequency, at fixed phases."""
+        """Derivative of the mean rates with respect to the frequency, at fixed phases."""
         if not self.varies:
             return np.zeros((len(c), len(self.scale)))
         h = 1e-6 * omega
@@ -129,7 +129,7 @@ class HarmonicEquations:
         return result
 
     def _check(self, first: Floats, mean: Floats, omega: float) -> None:
-        """Mean rates that no state can balance must vanish by themselves."""
+        """Check that mean rates which no state can balance vanish."""
         if not self.rigid.sums.shape[1]:
             return
         rest = -omega * self.rigid.sums @ (self.rigid.sums.T @ first)
@@ -146,7 +146,7 @@ class HarmonicEquations:
             )
 
     def _held(self, z: Floats, rest: Floats, by_z: Floats, by_w: Floats) -> tuple[Floats, Floats, Floats]:
-        """Replace the equations that are redundant by ones that keep what the train keeps."""
+        """Replace redundant equations by conservation conditions."""
         rows, sums = self.rigid.rows, self.rigid.sums
         if len(rows):
             n = len(self.scale)
@@ -158,10 +158,10 @@ class HarmonicEquations:
         return rest.ravel(), by_z, by_w.ravel()
 
     def error(self, z: Floats, omega: float) -> tuple[float, float]:
-        """How far the motion is off in time, over a state's vibration: at its own harmonics, and with those left out.
+        """Error of the motion in time relative to a state's vibration: at its own harmonics, and at the truncated ones.
 
-        The rates are evaluated at other moments, and transformed to more harmonics than the motion has. What the train, linearised
-        about its mean, would make of the difference is the correction that is missing.
+        The rates are evaluated at other points, and transformed to more harmonics than the motion has. The response to the difference
+        of the train linearised about its mean is the missing correction.
         """
         driven, c = self.driven(omega), self.coefficients(z)
         many = 2 * self.harmonics + 8
@@ -188,7 +188,7 @@ class HarmonicEquations:
         return float((np.abs(low) / size).max()), float((np.abs(low + high) / size).max())
 
     def multipliers(self, z: Floats, omega: float) -> NDArray[np.complex128]:
-        """Floquet multipliers of the motion; those of rigid motions and of the phase (1) are left out."""
+        """Floquet multipliers of the motion, without those of rigid motions and of the phase (1)."""
         driven, c = self.driven(omega), self.coefficients(z)
         found = moments(driven, c, self.samples)
         cuts = jumps(driven, c, found, self._step(c))
@@ -200,9 +200,9 @@ class HarmonicEquations:
 
 
 def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats) -> Rigid:
-    """Find them: combinations of rates that depend on no state, wherever the states are.
+    """Find combinations of rates that depend on no state, anywhere in state space.
 
-    The states are drawn at random over many decades, so that a coupling that has play at one of them is closed at others.
+    States are sampled at random over many decades, so that a coupling inside its gap at one sample is closed at others.
     """
     n = len(scale)
     random = np.random.default_rng(1)
@@ -216,13 +216,13 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
     if not len(slopes):
         return Rigid(np.empty((n, 0)), np.empty((0, n)), 0, means)
     sums = _kernel(np.swapaxes(slopes, 1, 2).reshape(-1, n))
-    turning = np.eye(n)[:, driven.growth != 0]  # where in its period a mesh starts is a matter of choice
+    turning = np.eye(n)[:, driven.growth != 0]  # the initial phase of a mesh is arbitrary
     if sums.shape[1] < turning.shape[1]:
         raise _other_speed(driven)
-    # With everything in contact the means are left open along as few directions as they ever are.
+    # With everything in contact, the means are undetermined in as few directions as possible.
     rest = min((_kernel(slope) for slope in slopes), key=lambda directions: directions.shape[1])
     rows, chained = np.empty((0, n)), 0
-    # The frequency tells how fast a mesh turns, so that its phase is what is open; a kept quantity comes before what is merely held.
+    # The frequency determines the mesh speed, so that only its phase is free; conserved quantities take precedence over held ones.
     for candidates, kept in ((turning, False), (sums, True), (_kernel(slopes.reshape(-1, n)), False)):
         left, sizes, right = np.linalg.svd(candidates.T @ rest)
         rank = min(int((sizes > KEPT).sum()), sums.shape[1] - len(rows))
@@ -239,7 +239,7 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
 
 
 def _kernel(matrix: Floats) -> Floats:
-    """Orthonormal basis of what a matrix takes to zero."""
+    """Orthonormal basis of the null space of a matrix."""
     row = np.abs(matrix).max(axis=1)
     matrix = matrix[row > 0] / row[row > 0, None]
     if not len(matrix):

@@ -1,4 +1,4 @@
-"""Harmonic balance of a periodically forced train, continued over frequency through folds onto unstable branches."""
+"""Harmonic balance of a periodically forced train, continued in frequency through folds and unstable branches."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from gearlib.run.scene import Scene
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
 
-HARMONICS = (4, 8, 16, 32, 64)  # numbers that are tried
-OFF = 1e-2  # of the vibration: an error at the motion's own harmonics that is none of the harmonics left out
+HARMONICS = (4, 8, 16, 32, 64)  # numbers of harmonics, tried in turn
+OFF = 1e-2  # relative to the vibration: an error at the retained harmonics that truncation does not explain
 Input = float | Callable[[float, float], float]
 
 
@@ -30,46 +30,46 @@ def harmonic_balance(
     parameters: Mapping[str, float] | None = None, guess: Mapping[str, float] | None = None, step: float = 0.02,
     points: int = 2000, accuracy: float = 5e-3,
 ) -> HarmonicBalance:  # fmt: skip
-    """Follow the periodic response of a forced system over its forcing frequency.
+    """Continue the periodic response of a forced system in its forcing frequency.
 
-    States are taken as Fourier series, ``x = c_0 + sum(c_k cos(k w t) + s_k sin(k w t))``, means included. The model's rates are
-    evaluated over a period and transformed back (alternating frequency and time); where a relation switches, the period is cut, so
-    that backlash costs no accuracy. The branch is followed by pseudo-arclength continuation. Stability is told by the
-    Floquet multipliers of the motion found.
+    States are Fourier series, ``x = c_0 + sum(c_k cos(k w t) + s_k sin(k w t))``, means included. The rates are evaluated over a period
+    and transformed back (alternating frequency/time method); where a relation switches, the period is split, so that backlash costs no
+    accuracy. The branch is followed by pseudo-arclength continuation. Stability is determined by the Floquet multipliers of each
+    motion.
 
     Parameters
     ----------
     system : System
-        Without memory in its discrete variables (no sticking clutch). A free-turning train keeps the mean speed that it starts with.
+        Its discrete variables must have no memory (no sticking clutch). A freely rotating train keeps the mean speed of its start
+        values.
     start, end : float
-        Frequencies at which to start and to end, rad/s; the branch goes round folds in between. Start where the
-        response is small or linear.
+        First and last frequency, rad/s; in between the branch may turn back at folds. Start where the response is small or linear.
     frequency : str, optional
-        A parameter that is the forcing's angular frequency, where the forcing is written in the model; all functions of time must
-        repeat with it.
+        Parameter that is the angular frequency of the forcing, if the forcing is part of the model; all functions of time must be
+        periodic with it.
     harmonics : int, optional
-        Number of harmonics. By default as many as the accuracy takes at every point; what was reached is in the result's ``error``.
-        A number that is given is taken as it is: one harmonic is the describing function, which may be far off.
+        Number of harmonics. By default as many as the accuracy requires at every point; the achieved one is in the result's ``error``.
+        A given number is fixed: one harmonic is the describing function, which may be far off.
     samples : int, optional
-        Moments of a period at which the system is evaluated (at least 64, and 8 for each harmonic; 256 where something switches).
+        Number of collocation points per period (at least 64, and 8 per harmonic; 256 where something switches).
     outputs : sequence of str, optional
         Variables; by default the system's outputs, or its states.
     inputs : mapping, optional
-        Of unbound inputs: a number, or a function of phase (rad, ``w t``) and frequency (rad/s), 2 pi periodic in the phase.
+        Unbound inputs: a number, or a function of phase (rad, ``w t``) and frequency (rad/s), 2 pi periodic in the phase.
     turning : mapping, optional
-        States in rad that grow, by path, and how many times 2 pi each grows in one period: ``{"mesh.turned": 1.0}`` where the phase
-        of a mesh excites the train, ``frequency`` being not needed then. The mean speed follows from the frequency, so that the
-        torques that drive and load the train must be constant and balance.
+        Growing states in rad, by path, with the multiple of 2 pi by which each grows per period: ``{"mesh.turned": 1.0}`` where the
+        phase of a mesh excites the train (``frequency`` is then not needed). The mean speed follows from the frequency, so the torques
+        that drive and load the train must be constant and balanced.
     parameters : mapping, optional
         Values by path.
     guess : mapping, optional
-        Start values by path: where to look for the means at ``start``, and the mean speed of a free-turning train.
+        Start values by path: initial means at ``start``, and the mean speed of a freely rotating train.
     step : float
-        Largest step of the continuation, over the length of the interval.
+        Largest continuation step, relative to the length of the interval.
     points : int
         Largest number of points.
     accuracy : float
-        Where the number of harmonics is not given: largest error of a state's waveform over its vibration.
+        With automatic harmonics: largest error of a state's waveform relative to its vibration.
 
     Returns
     -------
@@ -78,10 +78,10 @@ def harmonic_balance(
     Raises
     ------
     ArgumentError
-        What is forced does not repeat with the frequency, or nothing is forced; a system with memory.
+        The forcing is not periodic with the frequency, or absent; or the system has memory.
     SolverError
-        No periodic motion was found at ``start`` (or there is none, because a free-turning train speeds up), or a step became too
-        small; the mean of a state is undetermined; or the equations do not hold in time to the accuracy asked for.
+        No periodic motion was found at ``start`` (or there is none, since a freely rotating train accelerates), or the step became too
+        small; or the mean of a state is undetermined; or the motion does not satisfy the equations in time to the requested accuracy.
 
     References
     ----------
@@ -143,7 +143,7 @@ def _samples(samples: int | None, harmonics: int, switching: bool) -> int:
 
 
 class _Watch:
-    """Accepts points whose motion obeys the equations in time."""
+    """Acceptance test: the motion at a point must satisfy the equations in time."""
 
     def __init__(self, balance: HarmonicEquations, accuracy: float) -> None:
         self.balance, self.accuracy = balance, accuracy
@@ -215,7 +215,7 @@ def _result(task: Forced, scene: Scene, balance: HarmonicEquations, path: Path, 
 def _check_repeating(
     names: Sequence[str], once: Floats, driven: Driven, x: Floats, prepared: Prepared, rows: Sequence[int]
 ) -> None:
-    """Outputs must not grow with the mesh phase."""
+    """Refuse outputs that grow with the mesh phase."""
     phase = 2 * np.pi * (1 + np.arange(x.shape[1]) / x.shape[1])
     later = x + 2 * np.pi * driven.growth[:, None]
     slots = evaluate(prepared, phase / driven.omega, later, driven.inputs(phase, driven.omega), driven.modes(phase, later))

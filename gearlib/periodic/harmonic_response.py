@@ -26,19 +26,19 @@ class HarmonicBalance:
     Attributes
     ----------
     omega : array (points,)
-        Forcing frequency in the order of the branch, rad/s; it turns back at folds.
+        Forcing frequency along the branch, rad/s; it turns back at folds.
     coefficients : array (points, 2 harmonics + 1, outputs)
         Mean, then cosine and sine of each harmonic, in the outputs' units.
     multipliers : complex array (points, states)
-        Floquet multipliers of one period, without those of rigid motions.
+        Floquet multipliers of each motion, without those of rigid motions.
     folds : tuple of int
-        Numbers of the points at which the branch turns back: where the response jumps. See `fold_omega`.
+        Indices of the points at which the branch turns back, where the response jumps. See `fold_omega`.
     outputs, units : tuple of str
     complete : bool
-        Whether the branch reached the end of the interval (or came back to its start).
+        Whether the branch reached the end of the interval (or returned to its start).
     error : array (points,)
-        How far the waveform is off for the harmonics that were left out, over the vibration of the state where it is most: the
-        residual in time, passed through the train linearised about its mean.
+        Truncation error of the waveform, relative to the vibration of the state where it is largest: the residual in time, filtered by
+        the train linearised about its mean.
     """
 
     omega: Floats
@@ -61,7 +61,7 @@ class HarmonicBalance:
 
     @property
     def frequencies(self) -> Floats:
-        """Hz."""
+        """Frequencies in Hz."""
         result: Floats = self.omega / (2 * np.pi)
         return result
 
@@ -72,13 +72,13 @@ class HarmonicBalance:
 
     @property
     def reached(self) -> str:
-        """Number of harmonics, and the largest error that they leave, in words."""
+        """Number of harmonics, and the largest truncation error, in words."""
         harmonics = f"{self.harmonics} harmonic{'s' if self.harmonics > 1 else ''}"
         return f"{harmonics}, waveform within {self.error.max():.1g}" if len(self) else harmonics
 
     @property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether small disturbances die out: all Floquet multipliers lie inside the unit circle."""
+        """Whether small perturbations decay: all Floquet multipliers lie inside the unit circle."""
         result: NDArray[np.bool_] = np.abs(self.multipliers).max(axis=1, initial=0.0) < 1.0
         return result
 
@@ -115,7 +115,7 @@ class HarmonicBalance:
         return np.angle(self._complex(output, harmonic))
 
     def rms(self, output: str) -> Floats:
-        """Root mean square of an output about its mean, along the branch."""
+        """Root mean square of an output's deviation from its mean, along the branch."""
         result: Floats = np.sqrt((self.coefficients[:, 1:, self._column(output)] ** 2).sum(axis=1) / 2)
         return result
 
@@ -130,7 +130,7 @@ class HarmonicBalance:
         return phase / self.omega[point], fourier(phase, self.harmonics) @ series
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Frequency (rad/s), stability, and mean and amplitudes of all outputs, a row per point."""
+        """Frequency (rad/s), stability, and mean and amplitudes of all outputs, one row per point."""
         pandas = optional("pandas")
 
         table: dict[str, Any] = {"omega": self.omega, "stable": self.stable, "error": self.error}
@@ -140,7 +140,7 @@ class HarmonicBalance:
         return pandas.DataFrame(table)
 
     def plot(self, output: str | None = None, *, harmonic: int = 1, ax: Any = None) -> Any:
-        """Draw the amplitude of an output (the first, by default) over frequency.
+        """Plot the amplitude of an output (by default the first) over frequency.
 
         Unstable motions are dashed, folds are marked. Returns the matplotlib axes.
         """

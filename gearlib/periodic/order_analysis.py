@@ -23,7 +23,7 @@ RPM = 30 / np.pi
 
 @dataclass(frozen=True, eq=False)
 class OrderSpectrum:
-    """Amplitudes over orders (events for each revolution of the reference shaft).
+    """Amplitudes over orders (events per revolution of the reference shaft).
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class OrderSpectrum:
     unit: str
 
     def at(self, order: float) -> float:
-        """The amplitude at the nearest line; above the highest one an error, since the samples do not show what is there."""
+        """Amplitude at the nearest spectral line; orders above the highest line, which sampling cannot resolve, are refused."""
         highest = float(self.orders[-1])
         if not 0 <= real("order", order) <= highest + 0.5 * float(self.orders[1] if len(self.orders) > 1 else 0.0):
             raise ArgumentError(
@@ -54,7 +54,7 @@ class OrderSpectrum:
         return pandas.DataFrame({self.name: self.amplitudes}, index=pandas.Index(self.orders, name="order"))
 
     def plot(self, *, axes: Any = None) -> Any:
-        """Draw the spectrum; returns the matplotlib axes."""
+        """Plot the spectrum; returns the matplotlib axes."""
         plt = optional("matplotlib.pyplot")
 
         if axes is None:
@@ -70,12 +70,12 @@ class OrderSpectrum:
 
 @dataclass(frozen=True, eq=False)
 class OrderWaterfall:
-    """Order spectra of successive pieces of a run.
+    """Order spectra of successive blocks of a run.
 
     Attributes
     ----------
     times, speeds : arrays (pieces,)
-        Middle of each piece, s, and its mean speed, rad/s.
+        Midpoint of each block (s), and its mean speed (rad/s).
     orders : array (orders,)
     amplitudes : array (pieces, orders)
     """
@@ -89,7 +89,7 @@ class OrderWaterfall:
     unit: str
 
     def plot(self, *, axes: Any = None, decibels: float = 80.0) -> Any:
-        """Draw amplitudes as colours over order and speed (over time where the speed does not grow); returns the axes."""
+        """Plot amplitudes as colours over order and speed (or time, if the speed does not increase); returns the axes."""
         plt = optional("matplotlib.pyplot")
 
         expected = "a positive range, dB, up to 1000"
@@ -119,21 +119,21 @@ def order_spectrum(
 ) -> OrderSpectrum:  # fmt: skip
     """Order spectrum of a variable of a run.
 
-    The signal is taken over equal steps of angle, by quintic splines, through a Hann window over as many whole revolutions as
-    the interval holds; two orders are told apart where they differ by more than 2 over the number of revolutions.
+    The signal is resampled at equal angle steps by quintic splines, and transformed with a Hann window over as many whole revolutions
+    as the interval contains; two orders are resolved if they differ by more than 2 over the number of revolutions.
 
     Parameters
     ----------
     result : Result
-        Sampled several times as fast as the highest order of interest.
+        Sampled at several times the highest order of interest.
     name : str
         The variable.
     reference : str
-        Angle (rad) or speed (rad/s) of the shaft that orders refer to; it must turn in one direction.
+        Angle (rad) or speed (rad/s) of the reference shaft, which must turn in one direction.
     t_start, t_end : float, optional
         Interval, s.
     max_order : float, optional
-        Highest order kept; by default, and at most, half the samples of a revolution where the shaft turns fastest.
+        Highest order to keep; by default, and at most, half the samples per revolution at the highest speed.
 
     Returns
     -------
@@ -142,7 +142,7 @@ def order_spectrum(
     Raises
     ------
     ArgumentError
-        Less than one revolution, or a reference that turns back.
+        Less than one revolution, or a reference shaft that reverses.
     """
     time, angle, signal = _prepared(result, name, reference, t_start, t_end)
     revolutions = int((angle[-1] - angle[0]) / (2 * np.pi) * (1 + 1e-12))
@@ -157,16 +157,16 @@ def order_spectrum(
 def order_waterfall(
     result: Result, name: str, reference: str, *, revolutions: int = 8, overlap: float = 0.5, max_order: float | None = None
 ) -> OrderWaterfall:
-    """Order spectra of successive pieces of a run, each of some revolutions.
+    """Order spectra of successive blocks of a run, each a number of revolutions long.
 
     Parameters
     ----------
     result, name, reference, max_order
         As for `order_spectrum`.
     revolutions : int
-        Length of a piece.
+        Block length.
     overlap : float
-        Part of a piece that the next one shares, 0 .. 0.95.
+        Fraction of a block that overlaps the next one, 0 .. 0.95.
 
     Returns
     -------
@@ -189,7 +189,7 @@ def order_waterfall(
 def _prepared(
     result: Result, name: str, reference: str, t_start: float | None, t_end: float | None
 ) -> tuple[Floats, Floats, Floats]:
-    """Time, growing angle, and signal in the interval."""
+    """Time, increasing angle, and signal in the interval."""
     from scipy.interpolate import make_interp_spline
 
     check_result(result)
@@ -216,7 +216,7 @@ def _prepared(
 def _spectra(
     time: Floats, angle: Floats, signal: Floats, starts: list[float], revolutions: int, max_order: float | None
 ) -> tuple[Floats, Floats]:
-    """Orders, and the spectrum of each piece that begins at ``starts`` revolutions."""
+    """Orders, and the spectrum of each block beginning at ``starts`` revolutions."""
     from scipy.interpolate import make_interp_spline
 
     step = float(np.diff(angle).max())
@@ -226,7 +226,7 @@ def _spectra(
     n = per_revolution * revolutions
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
     orders = np.arange(n // 2 + 1) / revolutions
-    highest = np.pi / step  # two samples for each wave where it turns fastest
+    highest = np.pi / step  # two samples per wave at the highest speed
     if max_order is not None:
         highest = min(real("max_order", max_order, "a positive order"), highest)
         if not highest > 0:

@@ -1,8 +1,8 @@
 """Collocation points within a period, and the quadrature weights of Fourier integrals, piecewise between switches.
 
-Where nothing switches, the moments are equidistant, which is exact up to the harmonics that they resolve. Where a flank lifts off or
-touches, the period is cut there and each piece is integrated by itself (Gauss and Legendre), so that neither kinks nor jumps of a
-force limit the accuracy.
+Where nothing switches, the points are equidistant, which is exact up to the harmonics that they resolve. Where a flank separates or
+makes contact, the period is split and each piece is integrated separately (Gauss-Legendre), so that neither kinks nor jumps of a force
+limit the accuracy.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from gearlib.run.scene import Numbers, Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-GAUSS = 8  # moments per panel
+GAUSS = 8  # points per panel
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)
-JUMP = 1e-9  # of the largest rate: a smaller jump is rounding
+JUMP = 1e-9  # relative to the largest rate: a smaller jump is rounding
 
 
 def fourier(phase: Floats, harmonics: int) -> Floats:
@@ -33,7 +33,7 @@ def fourier(phase: Floats, harmonics: int) -> Floats:
 
 
 def turn(harmonics: int) -> Floats:
-    """The matrix that takes Fourier coefficients to those of the derivative by the phase."""
+    """Matrix that maps Fourier coefficients to those of the derivative with respect to phase."""
     result = np.zeros((2 * harmonics + 1, 2 * harmonics + 1))
     for k in range(1, harmonics + 1):
         result[2 * k - 1, 2 * k], result[2 * k, 2 * k - 1] = k, -k
@@ -42,14 +42,14 @@ def turn(harmonics: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A scene at one frequency: rates over phase."""
+    """A scene at one frequency: rates as functions of phase."""
 
     scene: Scene
     numbers: Numbers
     evaluator: Evaluator
     inputs: Callable[[Floats, float], Floats]  # (phases, frequency) -> (inputs, phases)
     omega: float
-    growth: Floats  # of the states over one radian of phase: mesh phases grow, everything else repeats
+    growth: Floats  # growth of the states per radian of phase: mesh phases grow, everything else is periodic
 
     def states(self, phase: Floats, coefficients: Floats) -> Floats:
         """Values of the states, shape (states, phases)."""
@@ -67,12 +67,12 @@ class Driven:
         return result
 
     def linear_rates(self, phase: Floats, x: Floats, modes: Floats) -> tuple[Floats, Floats]:
-        """Rates, and their derivatives by the states, shape (phases, states, states)."""
+        """Rates, and their derivatives with respect to the states, shape (phases, states, states)."""
         slots, slopes = self.evaluator.derivatives(phase / self.omega, x, self.inputs(phase, self.omega), modes)
         return slots[self.scene.program.output_slots], slopes
 
     def roots(self, phase: Floats, x: Floats, modes: Floats) -> Floats:
-        """What the relations compare with zero, by number of the relation, shape (modes, phases)."""
+        """Expressions that the relations compare with zero, by relation number, shape (modes, phases)."""
         relations, prepared = self.scene.relations, self.numbers.relations
         result = np.zeros((self.scene.n_modes, len(phase)))
         if relations is None or prepared is None:
@@ -98,7 +98,7 @@ class Moments:
     before, after : arrays (modes, pieces)
         Flags on either side of a cut.
     relation : array (pieces,)
-        What switches there.
+        Relation that switches there.
     """
 
     phase: Floats
@@ -119,7 +119,7 @@ class Moments:
 
 
 def moments(driven: Driven, coefficients: Floats, samples: int) -> Moments:
-    """Moments at which the rates along a Fourier series should be known; ``samples`` or somewhat more."""
+    """Collocation points for the rates along a Fourier series: ``samples`` or slightly more."""
     grid = 2 * np.pi * np.arange(samples) / samples
     x = driven.states(grid, coefficients)
     flags = driven.modes(grid, x)
@@ -147,7 +147,7 @@ def moments(driven: Driven, coefficients: Floats, samples: int) -> Moments:
 
 
 def _crossing(values: Floats, changed: Integers, k: int) -> tuple[float, int]:
-    """Where between samples k and k + 1 something switches (a share of the step), by the cubic through four samples; and what."""
+    """Position (fraction of the step) of the switch between samples k and k + 1, by a cubic through four samples; and its relation."""
     around = values[np.ix_(changed, (k + np.arange(-1, 3)) % values.shape[1])]
     crosses = np.flatnonzero(around[:, 1] * around[:, 2] <= 0)
     rise = np.abs(around[:, 2] - around[:, 1])
@@ -155,7 +155,7 @@ def _crossing(values: Floats, changed: Integers, k: int) -> tuple[float, int]:
     if not len(crosses):
         return 0.5, int(changed[0])
     rough = np.abs(around @ np.array([1.0, -3.0, 3.0, -1.0]))[crosses] / rise[crosses]
-    i = int(crosses[np.argmin(rough)])  # the smoothest of those that switch together
+    i = int(crosses[np.argmin(rough)])  # the smoothest of those that switch simultaneously
     cubic = np.linalg.solve(np.vander([-1.0, 0.0, 1.0, 2.0]), around[i])
     low, high = 0.0, 1.0
     share = float(around[i, 1] / (around[i, 1] - around[i, 2]))
@@ -178,13 +178,13 @@ class Cuts:
     ----------
     phase : array (jumps,)
     jump : array (jumps, states)
-        Rates after it less rates before it.
+        Rates after it minus rates before it.
     gradient : array (jumps, states)
-        Derivative of what crosses zero by the states.
+        Derivative of the switching function with respect to the states.
     slope : array (jumps,)
-        Its derivative by the phase along the Fourier series.
+        Its derivative with respect to phase along the Fourier series.
     rate : array (jumps,)
-        Its derivative by time as the rates before the cut have it; the series, which is smooth, does not know these.
+        Its time derivative along the rates before the cut, which the smooth series does not represent.
     """
 
     phase: Floats

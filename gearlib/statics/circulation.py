@@ -1,4 +1,4 @@
-"""Circulating power: cycles of the directed graph of power flow between shafts and components."""
+"""Circulating power: cycles in the directed graph of power flow between shafts and components."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class PowerEdge:
-    """Power that a component takes from a shaft (negative: that it gives), W."""
+    """Power (W) that a component takes from a shaft (negative: delivers)."""
 
     component: str
     shaft: int
@@ -18,18 +18,18 @@ class PowerEdge:
 
 @dataclass(frozen=True)
 class Circulation:
-    """A power that returns to where it came from, W, and the components that it flows through."""
+    """A circulating power (W), and the components that it flows through."""
 
     power: float
     components: tuple[str, ...]
 
 
 def circulations(branches: Sequence[PowerEdge]) -> tuple[Circulation, ...]:
-    """Take cycles out of the power flow until none is left; each carries the smallest power on its way.
+    """Remove cycles from the power flow until none is left; each carries the smallest power along its path.
 
-    Power flows from a shaft into a component and out at another shaft. In a train with one closed loop there is at most one
-    cycle, and its power is the circulating power of that loop; with several loops the sum depends on how cycles are told apart,
-    and shortest ones are taken first.
+    Power flows from a shaft into a component and out at another shaft. In a train with one closed loop there is at most one cycle, and
+    its power is the circulating power of that loop; with several loops the sum depends on the decomposition, and shortest cycles are
+    removed first.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def circulations(branches: Sequence[PowerEdge]) -> tuple[Circulation, ...]:
 
 
 def _shortest_cycle(graph: Any) -> list[tuple[str, Any]] | None:
-    """A shortest cycle. Only nodes with a choice of ways are tried, as a cycle without one is its whole component."""
+    """A shortest cycle. Only branching nodes are tried as starts: a cycle without one is its whole component."""
     import networkx as nx
 
     best: list[tuple[str, Any]] | None = None
@@ -70,7 +70,7 @@ def _shortest_cycle(graph: Any) -> list[tuple[str, Any]] | None:
         if len(group) < 2:
             continue
         inside = graph.subgraph(group)
-        # Sorted, since the order of sets of names changes from process to process.
+        # Sorted, since the order of sets of strings changes from process to process.
         starts = sorted((node for node in group if inside.out_degree(node) > 1), key=str) or [min(group, key=str)]
         for u in starts:
             for v in sorted(inside.successors(u), key=str):

@@ -1,8 +1,8 @@
-"""Gaps that a steady motion takes up: which side of a gap is in contact where a speed is given and a torque is found.
+"""Gaps closed in steady motion: contact sides where a speed is prescribed and a torque is unknown.
 
-An open gap leaves its two sides free of each other. A motion in which they turn at different speeds does not last: the gap closes.
-One in which a side is loaded has no balance of torques before it has. Each such gap is tried closed on either side; a contact counts
-if it presses, which the conditions of the gap's own equations say.
+An open gap decouples its two sides. A motion in which they turn at different speeds is not permanent: the gap closes. With a load on
+one side there is no torque balance until it has. Each such gap is tried closed on either side; a contact is valid if it is compressed,
+according to the conditions in the gap's own equations.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from gearlib.statics.mesh_turn import apply
 from gearlib.statics.steady_motion import CONTRADICTION, Given, Motion, newton
 
 Floats = NDArray[np.float64]
-STILL = 1e-9  # of the fastest rate: rounding
-STEADY = 1e-6  # relative: how evenly a relation's value must grow for it to change sides some day
-APART = 1.0  # rad or m: sides further apart than any gap
+STILL = 1e-9  # relative to the fastest rate: rounding
+STEADY = 1e-6  # relative: how evenly a relation's value must grow to be sure to change sign
+APART = 1.0  # rad or m: distance larger than any gap
 MOST_TRIALS = 64
 
 
 def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given], motion: Motion) -> Motion:
-    """The motion itself where it lasts, else one with gaps closed, else the motion itself again."""
+    """The motion itself if it is permanent, else one with gaps closed, else the motion itself again."""
     if not drifting(model, parameters, motion) and not (motion.residual > CONTRADICTION).any():
         return motion
     n = model.n_variables
@@ -46,7 +46,7 @@ def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given
 
 
 def refuse_drift(model: FlatModel, parameters: Floats, motion: Motion, given: Sequence[Given]) -> None:
-    """Raise an error where a condition, of a gap, say, will change sides as the train turns on."""
+    """Raise an error where a condition, such as that of a gap, will change as the train turns on."""
     passing = drifting(model, parameters, motion)
     if passing:
         raise ArgumentError(
@@ -57,7 +57,7 @@ def refuse_drift(model: FlatModel, parameters: Floats, motion: Motion, given: Se
 
 
 def drifting(model: FlatModel, parameters: Floats, motion: Motion) -> list[str]:
-    """Components with a relation that does not hold its side for ever: its value grows evenly away from it."""
+    """Components with a relation that will change eventually: its value grows evenly towards zero."""
     a, b, found = motion.constants, _moving(motion.rates), []
     if not b.any():
         return []
@@ -75,18 +75,18 @@ def drifting(model: FlatModel, parameters: Floats, motion: Motion) -> list[str]:
 
 
 def _moving(rates: Floats) -> Floats:
-    """The rates without those that are rounding."""
+    """The rates with rounding set to zero."""
     moving: Floats = np.where(np.abs(rates) > STILL * np.abs(rates).max(initial=0.0), rates, 0.0)
     return moving
 
 
 def _groups(model: FlatModel) -> list[EquationGroup]:
-    """The equations, and the updates of discrete variables."""
+    """Groups of equations, and of updates of discrete variables."""
     return [*model.groups, *(u.equations for u in model.discretes.updates)]
 
 
 def _places(model: FlatModel) -> list[tuple[int, int]]:
-    """Group and number of every relation that compares variables."""
+    """Group and column of every relation that compares variables."""
     return [
         (g, c)
         for g, group in enumerate(_groups(model))
@@ -104,7 +104,7 @@ def _compared(model: FlatModel, g: int, c: int) -> list[int]:
 
 
 def _flags(model: FlatModel, g: int, c: int) -> NDArray[np.int64]:
-    """Where the flags of a relation are among the modes."""
+    """Indices of the flags of a relation among the modes."""
     group = _groups(model)[g]
     places: NDArray[np.int64] = model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c
     return places

@@ -1,8 +1,9 @@
 """Load sharing of parallel paths in steady motion, where equilibrium alone leaves it undetermined.
 
-With several planets each mesh may carry a preload that the others balance. A train that was put together without preload has none: of all
-deflections with the given loads it takes those in which self-balanced forces do no work (the theorem of Castigliano and Menabrea), which
-shares the load by stiffness, equally among equal planets. Rigid parallel paths take the smallest torques.
+With several planets each mesh may carry a preload that the others balance. A train assembled without preload has none: among all
+deflections in equilibrium with the loads, it takes the one in which self-equilibrated forces do no work (Castigliano's and Menabrea's
+theorem), so that the load is shared by stiffness, equally among equal planets. For rigid parallel paths the torques of smallest norm
+are taken.
 
 References
 ----------
@@ -26,13 +27,13 @@ from gearlib.structure.sparse_elimination import Factors
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CONJUGATE = {"N": "m", "N.m": "rad"}
-MOVES = 1e-8  # smallest change of a scaled unknown in a direction of about 1
+MOVES = 1e-8  # smallest change of a scaled unknown in a direction of norm about 1
 
 
 def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion: Motion, torques: Integers) -> Motion:
-    """The motion with the load shared among parallel paths; ``torques`` are all torques and forces of flanges.
+    """The motion with the load shared among parallel paths; ``torques`` are all torques and forces at flanges.
 
-    Where losses depend on which side drives, the sharing and the side that drives are found in turn.
+    Where losses depend on the direction of power, the load sharing and that direction are determined alternately.
     """
     n = model.n_variables
     for _ in range(20):
@@ -47,7 +48,7 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
 
 
 def _self_balanced(factors: Factors, places: Integers) -> Floats:
-    """A basis of the free motions that change the unknowns at ``places``, shape (unknowns, how many), in their own units."""
+    """Basis of the free motions that change the unknowns at ``places``, shape (unknowns, how many), in original units."""
     looks = 8
     while True:
         found = factors.directions(looks)
@@ -60,7 +61,7 @@ def _self_balanced(factors: Factors, places: Integers) -> Floats:
 
 
 def _balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats, torques: Integers) -> Floats:
-    """Constants for which the self-balanced forces ``free`` do no work."""
+    """Constant parts for which the self-equilibrated forces ``free`` do no work."""
     constants = motion.constants.copy()
     deflection, force = _elastic(model, parameters, motion)
     stretched = deflection @ free
@@ -76,7 +77,7 @@ def _balanced(model: FlatModel, parameters: Floats, motion: Motion, free: Floats
 
 
 def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any, Any]:
-    """Matrices that give the deflection, and the force conjugate to it, of every equation that ties a force to a deflection."""
+    """Matrices for the deflection, and the conjugate force, of every equation that relates a force to a deflection."""
     import scipy.sparse as sparse
 
     entries: tuple[list[Any], list[Any]] = ([], [])
@@ -113,7 +114,7 @@ def _elastic(model: FlatModel, parameters: Floats, motion: Motion) -> tuple[Any,
 
 
 def _kind(model: FlatModel, variable: int, order: int) -> str:
-    """Unit of a deflection or a force; empty for what is neither."""
+    """Unit of a deflection or a force; empty for anything else."""
     if order:
         return ""
     units = {d.unit for v in np.flatnonzero(model.representative == variable) if (d := model.declaration(int(v))) is not None}

@@ -1,9 +1,10 @@
 """Averages of equations over one period of the mesh phases.
 
-A mesh's phase grows for ever, and its transmission error, stiffness and friction repeat with every turn of it. The speeds and torques
-of a steady motion are the means over that turn. An equation rarely holds the phase itself: a table holds the phase within its period,
-friction the sliding speed of a pair, which follows from that. What follows from the phases and the speeds alone is carried through the
-turn, in the order in which it follows; a deflection is none of it, since it adapts so that its force stays what the torques ask for.
+The phase of a mesh grows without bound, and its transmission error, stiffness and friction are periodic in it. The speeds and torques
+of a steady motion are averages over that period. An equation rarely contains the phase itself: a table depends on the phase within its
+period, friction on the sliding speed of a pair, which follows from it. Variables that follow from the phases and the speeds alone are
+evaluated along the period, in dependency order; a deflection is not among them, since it adapts so that its force stays what the
+torques require.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from gearlib.flatten.model import EquationGroup, FlatModel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-PARTS = 4096  # of a turn: a cubic spline's slope is averaged to 1e-11 of its size, what jumps to a part in 4096 of the jump
-REPEATS = 1e-9  # of the change over a part of a turn: what is left after the whole of it is rounding
+PARTS = 4096  # points per period: the slope of a cubic spline is averaged to 1e-11 of its size, a jump to 1/4096 of its size
+REPEATS = 1e-9  # relative to the change over one point: a smaller remainder after a full period is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Turn:
         return bool((self.place[group.variables[:, group.template.locals.index(name)]] >= 0).any())
 
     def argument(self, group: EquationGroup, name: str, order: int, a: Floats, b: Floats) -> Floats:
-        """Values of a column, shape (equations, parts), or (equations, 1) where nothing moves it."""
+        """Values of a column, shape (equations, points), or (equations, 1) if it does not depend on the phases."""
         plain = argument(group, name, order, a, b)[:, None]
         if order or not self.moves(group, name):
             return plain
@@ -46,7 +47,7 @@ class Turn:
 
 
 def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) -> Floats:
-    """Values of a column of a group in the motion at t = 0."""
+    """Values of a group's column in the motion at t = 0."""
     j = group.template.locals.index(name)
     source = a if order == 0 else b
     values: Floats = source[group.variables[:, j]] * group.signs[:, j] if order < 2 else np.zeros(len(group))
@@ -56,7 +57,7 @@ def argument(group: EquationGroup, name: str, order: int, a: Floats, b: Floats) 
 def apply(
     model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats
 ) -> Floats:
-    """Values of a kernel of one group at t = 0, with the flags of events as they are."""
+    """Values of a group's kernel at t = 0, with the flags of events unchanged."""
     return group.values(
         kernel, 0.0, lambda name, order: argument(group, name, order, a, b), parameters,
         lambda c: _flag(model, kernel.template, g, group, c, modes),
@@ -64,7 +65,7 @@ def apply(
 
 
 def generic(a: Floats) -> Floats:
-    """Constants near by at which nothing vanishes by chance."""
+    """Generic nearby constants, at which nothing vanishes by coincidence."""
     return a + np.random.default_rng(1).uniform(0.5, 1.5, len(a))
 
 
@@ -72,16 +73,16 @@ def mean(
     model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats,
     over: Turn | None,
 ) -> Floats:  # fmt: skip
-    """Mean of a kernel over a turn; a linear equation holds for the means."""
+    """Mean of a kernel over a period; a linear equation holds for the means."""
     if over is None or group.template.linear or not _depends(kernel, group, over):
         return apply(model, kernel, g, group, parameters, a, b, modes)
     return np.asarray(_through(model, kernel, g, group, parameters, a, b, modes, over).mean(axis=1), float)
 
 
 def repeating_columns(model: FlatModel, parameters: Floats, a: Floats, b: Floats, modes: Floats) -> dict[int, tuple[int, ...]]:
-    """Per group of equations the columns that these are periodic in: phases of meshes, which grow while what follows repeats.
+    """Columns, by group of equations, in which these are periodic: phases of meshes, which grow while the equations repeat.
 
-    The other variables have arbitrary values there, so that none of them hides what depends on the phase.
+    The other variables get arbitrary values, so that none of them hides a dependence on the phase.
     """
     found = {}
     elsewhere = generic(a)
@@ -97,7 +98,7 @@ def repeating_columns(model: FlatModel, parameters: Floats, a: Floats, b: Floats
 
 @memoised
 def _bounded(template: Template) -> tuple[int, ...]:
-    """Columns that may repeat: no derivatives, and none that the equation is linear in."""
+    """Columns that may be periodic: neither derivatives, nor columns in which the equation is linear."""
     kernel = residual_kernel(template)
     return tuple(
         c for c, (_, order) in enumerate(template.columns)
@@ -127,7 +128,7 @@ def _repeats(
 def turn(
     model: FlatModel, parameters: Floats, repeating: Mapping[int, Sequence[int]], a: Floats, b: Floats, modes: Floats
 ) -> Turn | None:
-    """What the phases move over a turn of them all; every value has the mean that it has in the motion."""
+    """Variation of phase-dependent variables over a common period; each value has the same mean as in the motion."""
     n = model.n_variables
     phases = [
         model.groups[g].variables[:, _local(model.groups[g].template, c)] for g, found in repeating.items() for c in found
@@ -145,7 +146,7 @@ def turn(
     while followers:
         ready = [(g, c, i) for g, c, i in followers if not open_[_others(model.groups[g], c, i)].any()]
         if not ready:
-            return over  # they follow from each other: taken at their means
+            return over  # algebraic loop: their means are used
         for g, c in dict.fromkeys((g, c) for g, c, _ in ready):
             rows = np.array([i for other, _, i in ready if other == g], np.int64)
             group = model.groups[g]
@@ -162,7 +163,7 @@ def turn(
 
 
 def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-    """(group, column, row) of equations that give a variable from phases, speeds and what follows from these."""
+    """(group, column, row) of equations that determine a variable from phases, speeds and their followers."""
     n = model.n_variables
     differentiated, rates = np.zeros(n, bool), np.zeros(n, bool)
     for group in model.groups:
@@ -195,7 +196,7 @@ def _followers(model: FlatModel, moved: NDArray[np.bool_]) -> list[tuple[int, in
 
 @memoised
 def _given(template: Template) -> int | None:
-    """The column that an equation without derivatives gives: the only one that stands in it alone, times 1 or -1."""
+    """The column that a derivative-free equation determines: the only one with coefficient 1 or -1."""
     if any(order for _, order in (*template.columns, *template.relation_columns)):
         return None
     alone = [c for c, p in enumerate(template.partials) if p.number is not None and abs(p.number) == 1.0]
@@ -204,7 +205,7 @@ def _given(template: Template) -> int | None:
 
 
 def _others(group: EquationGroup, c: int, i: int) -> Integers:
-    """The variables of an equation but the one that it gives."""
+    """The variables of an equation except the determined one."""
     return np.delete(group.variables[i], _local(group.template, c))
 
 
@@ -217,7 +218,7 @@ def _place(template: Template, name: str) -> int:
 
 
 def _depends(kernel: Kernel, group: EquationGroup, over: Turn) -> bool:
-    """Whether what the phases move has an effect on a kernel, also through its conditions."""
+    """Whether phase-dependent variables affect a kernel, including through its conditions."""
     template = kernel.template
     columns = [*template.columns, *template.relation_columns]
     names = {columns[c][0] for c in kernel.columns if columns[c][1] == 0}
@@ -230,7 +231,7 @@ def _through(
     model: FlatModel, kernel: Kernel, g: int, group: EquationGroup, parameters: Floats, a: Floats, b: Floats, modes: Floats,
     over: Turn,
 ) -> Floats:  # fmt: skip
-    """Values of a kernel over a turn, shape (equations, parts); conditions on what is moved are as they are at each part."""
+    """Values of a kernel over a period, shape (equations, points), with phase-dependent conditions evaluated at each point."""
     template, shape = kernel.template, (len(group), PARTS)
     columns = [*template.columns, *template.relation_columns]
     arguments = [over.argument(group, *columns[c], a, b) for c in kernel.columns]
@@ -251,7 +252,7 @@ def _through(
 
 
 def _flag(model: FlatModel, template: Template, g: int, group: EquationGroup, c: int, modes: Floats) -> Floats:
-    """What a relation (or, beyond these, a discrete variable) of a group is."""
+    """Value of a relation (or, beyond these, a discrete variable) of a group."""
     n = len(template.relations)
     if c < n:
         return np.asarray(modes[model.first_relations[g] + np.arange(len(group)) * n + c], float)

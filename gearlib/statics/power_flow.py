@@ -1,4 +1,4 @@
-"""`PowerFlow`: speed, torque and power at every flange of a train, efficiency and circulating power."""
+"""`PowerFlow`: speed, torque and power at every flange of a train; efficiency and circulating power."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from gearlib.language.component import Component
 
 RPM = 30 / 3.141592653589793
-NAME, SLIDES = 42, "  (m/s, N)"  # columns of a table's names; what stands behind flanges that slide
-NOTHING = 1e-12  # of the largest torque or speed: rounding
+NAME, SLIDES = 42, "  (m/s, N)"  # width of the name column; suffix of sliding flanges
+NOTHING = 1e-12  # relative to the largest torque or speed: rounding
 
 
 @dataclass(frozen=True)
 class FlangePower:
-    """Speed (rad/s), torque (N.m) and power (W) at one flange; torque and power are positive into the component.
+    """Speed (rad/s), torque (N.m) and power (W) at a flange; torque and power are positive into the component.
 
-    At flanges that slide these are m/s and N, and ``sliding`` is True.
+    For sliding flanges the units are m/s and N, and ``sliding`` is True.
     """
 
     component: str
@@ -42,8 +42,8 @@ class FlangePower:
     speed: float
     torque: float
     power: float
-    shaft: int  # flanges on one rigid shaft have the same number
-    leaf: bool  # False for the flanges of a composite, which repeat those of its parts
+    shaft: int  # flanges on one rigid shaft share a number
+    leaf: bool  # False for flanges of a composite, which repeat those of its parts
     sliding: bool = False
 
     @property
@@ -54,19 +54,19 @@ class FlangePower:
 
 @dataclass(frozen=True)
 class PowerFlow:
-    """Torque and power in a train that turns steadily.
+    """Speeds, torques and powers of a train in steady motion.
 
     Attributes
     ----------
     flanges : tuple of FlangePower
     mobility : int
-        Independent speeds of the train.
+        Number of independent speeds of the train.
     name : str
-        Of the model.
+        Name of the model.
     shared : tuple of str
-        Flanges whose torque equilibrium leaves open, since parallel paths (planets) could be preloaded against each other. They have
-        the torques of a train that was put together without preload: shared by stiffness, equally by equal planets (load sharing
-        factor 1); rigid paths take the smallest torques.
+        Flanges whose torque is not determined by equilibrium, since parallel paths (planets) could be preloaded against each other.
+        Their torques are those of a train assembled without preload: shared by stiffness, equally by equal planets (load sharing factor
+        1); for rigid paths the torques of smallest norm.
     """
 
     flanges: tuple[FlangePower, ...]
@@ -76,7 +76,7 @@ class PowerFlow:
     component: Component | None = field(default=None, repr=False, compare=False)
 
     def __getitem__(self, name: str) -> FlangePower:
-        """A flange by its path."""
+        """A flange, by its path."""
         found = self._by_name.get(one_name("the flange", name, "motor.flange_b"))
         if found is None:
             raise NameLookupError(f"the model has no flange '{name}'; {nearest(str(name), self._by_name)}")
@@ -103,7 +103,7 @@ class PowerFlow:
 
     @cached_property
     def absorbed(self) -> dict[str, float]:
-        """Power that each basic component takes up, W: negative for a drive, positive for a load, the loss of a gear."""
+        """Net power into each basic component (W): negative for a drive, positive for a load, the loss of a gear."""
         total: dict[str, float] = {}
         for f in self.flanges:
             if f.leaf:
@@ -120,17 +120,17 @@ class PowerFlow:
 
     @property
     def input_power(self) -> float:
-        """What the drives deliver, W."""
+        """Power delivered by the drives, W."""
         return -sum(min(self.absorbed[c], 0.0) for c in self.outer)
 
     @property
     def output_power(self) -> float:
-        """What the loads take, W."""
+        """Power consumed by the loads, W."""
         return sum(max(self.absorbed[c], 0.0) for c in self.outer)
 
     @property
     def efficiency(self) -> float:
-        """Power of the loads over power of the drives; NaN where nothing drives."""
+        """Output power over input power; NaN if there is no drive."""
         return self.output_power / self.input_power if self.input_power else float("nan")
 
     @property
@@ -141,13 +141,13 @@ class PowerFlow:
 
     @property
     def imbalance(self) -> float:
-        """Sum of the power at all basic flanges over the largest of them: rounding, since connections pass on all power."""
+        """Sum of the power at all basic flanges relative to the largest: only rounding, since connections conserve power."""
         total = sum(f.power for f in self.flanges if f.leaf)
         return abs(total) / self.largest if self.largest else 0.0
 
     @cached_property
     def circulating(self) -> tuple[Circulation, ...]:
-        """Power that flows in a circle, and through which components."""
+        """Circulating powers, with the components that each flows through."""
         return circulations(self._branches)
 
     @property
@@ -156,7 +156,7 @@ class PowerFlow:
         return sum(c.power for c in self.circulating)
 
     def willis(self, sun: str, ring: str, carrier: str) -> tuple[float, float]:
-        """Basic ratio of a planetary set from its speeds, and from its torques; without losses they are equal.
+        """Basic ratio (Willis) of a planetary set from its speeds, and from its torques; they are equal without losses.
 
         Parameters
         ----------
@@ -166,8 +166,8 @@ class PowerFlow:
         Returns
         -------
         tuple of float
-            ``(w_sun - w_carrier) / (w_ring - w_carrier)`` and ``-tau_ring / tau_sun``; NaN where the set turns as a block or
-            carries no torque.
+            ``(w_sun - w_carrier) / (w_ring - w_carrier)`` and ``-tau_ring / tau_sun``; NaN if the set turns as a block or carries no
+            torque.
         """
         s, r, c = self[sun], self[ring], self[carrier]
         relative = r.speed - c.speed
@@ -175,39 +175,39 @@ class PowerFlow:
         return (s.speed - c.speed) / relative if turning else float("nan"), -r.torque / s.torque if s.torque else float("nan")
 
     def sankey(self) -> Picture:
-        """Sankey diagram: bands as wide as the power, from drives to loads; what circulates flows back below."""
+        """Sankey diagram: band widths are proportional to power, from drives to loads; circulating power flows back below."""
         flows, joints = _flows(self._branches)
         return sankey([Band(*flow) for flow in flows], self.losses, self._title, joints)
 
     def scheme(self) -> Scheme:
-        """Stick diagram of the train with speeds, torques and powers: bands as wide as the power that a shaft carries.
+        """Stick diagram of the train with speeds, torques and powers; band widths are proportional to the power in a shaft.
 
-        Numbers at the shafts are those of the table below them.
+        Numbers at the shafts refer to the table below the drawing.
 
         Raises
         ------
         ModelError
-            Nothing turns that a stick diagram shows (`Component.scheme`).
+            Nothing rotates that a stick diagram could show (see `Component.scheme`).
         """
         loads = {(f.component, f.flange): Load(f.speed, f.torque, f.power) for f in self.flanges if not f.sliding}
         return Scheme(self._train, loads)
 
     def speed_ladder(self, name: str | None = None, other: Mapping[str, PowerFlow] | None = None) -> Picture:
-        """Speeds of the planetary sets as straight lines across the rails of their shafts (the plan of Ravigneaux and Kutzbach).
+        """Speed ladder of the planetary sets: speeds as straight lines across the rails of their shafts (Ravigneaux, Kutzbach).
 
         Parameters
         ----------
         name : str, optional
-            Of this motion, such as ``"1st gear"``.
+            Label of this motion, such as ``"1st gear"``.
         other : mapping of str to PowerFlow, optional
-            Motions of the same train to compare, by name.
+            Other motions of the same train for comparison, by label.
 
         Raises
         ------
         ModelError
             The train has no planetary set.
         ArgumentError
-            Something else than power flows.
+            Something other than power flows.
         """
         own = "" if name is None else one_name("name", name, "1st gear")
         flows = {own: self} if other is None else {own: self, **by_name("other", other, "power flows by name", "2nd gear")}
@@ -226,7 +226,7 @@ class PowerFlow:
         return train_in(self.component)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row per flange."""
+        """One row per flange, as a pandas DataFrame."""
         pandas = optional("pandas")
 
         table = [(f.name, f.speed, f.torque, f.power) for f in self.flanges]
@@ -237,7 +237,7 @@ class PowerFlow:
         return fitted("\n".join(lines))
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the flanges as a table, the balance below it."""
+        """Notebook representation: a table of the flanges, followed by the balance."""
         rows: list[list[str | float]] = [
             [f.name, f.speed, "" if f.sliding else f.speed * RPM, f.torque, f.power] for f in self._shown
         ]
@@ -257,7 +257,7 @@ class PowerFlow:
 
     @cached_property
     def _shown(self) -> list[FlangePower]:
-        """Flanges worth a line: not of bodies that pass a torque on as it is, nor of components that carry none."""
+        """Flanges worth a line: not those of bodies that merely pass on a torque, nor of components without torque."""
         own: dict[str, list[FlangePower]] = {}
         for f in self.flanges:
             if f.leaf:
@@ -310,7 +310,7 @@ class PowerFlow:
 
 
 def _flows(branches: Sequence[PowerEdge]) -> tuple[list[tuple[str, str, float]], list[str]]:
-    """Power from component to component; where more than two share a shaft, over a joint.
+    """Power from component to component; via a node where more than two share a shaft.
 
     >>> shaft = [PowerEdge("gear", 1, -5.0), PowerEdge("a", 1, 2.0), PowerEdge("b", 1, 3.0)]
     >>> _flows([PowerEdge("motor", 0, -5.0), PowerEdge("gear", 0, 5.0), *shaft])

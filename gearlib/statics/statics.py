@@ -1,4 +1,4 @@
-"""Mobility, speed ratios and power flow of a train from its equations, without a simulation."""
+"""Mobility, speed ratios and power flow of a train from its equations, without simulation."""
 
 from __future__ import annotations
 
@@ -30,35 +30,34 @@ from gearlib.statics.steady_motion import (
 )
 
 Floats = NDArray[np.float64]
-SAME = 1e-6  # of the fastest speed: motions that differ by less are one
-REST = 1e-9  # rad/s or m/s: slower than that a train stands still, and its speeds are rounding
-UNDETERMINED = 1e-8  # of a free motion of about 1, scaled; such motions are exact to about 1e-13
+SAME = 1e-6  # relative to the fastest speed: motions that differ by less are equal
+REST = 1e-9  # rad/s or m/s: below it a train stands still, and its speeds are rounding
+UNDETERMINED = 1e-8  # of a scaled free motion of about 1; such motions are accurate to about 1e-13
 
 
 def power_flow(
     system: Compiled, speeds: Mapping[str, float] | None = None, torques: Mapping[str, float] | None = None, *,
     parameters: Mapping[str, float] | None = None,
 ) -> PowerFlow:  # fmt: skip
-    """Speeds, torques and powers of a train that turns steadily.
+    """Speeds, torques and powers of a train in steady motion.
 
-    Nothing accelerates, so inertia takes no torque; springs and meshes turn with their deflections constant, as if rigid. Unbound
-    inputs that are not given are found: give the speed of the drive and the torque of the load, and the drive's torque follows.
-    A bound input that is a function of time counts as zero unless it is given. What varies over the mesh phase is averaged over
-    a turn of it. Where loads that depend on speed allow several motions, it is the one that the
-    train comes to from its start values, or the one near these. Parallel paths that could be preloaded against each
-    other, such as planets with meshes of their own, share the load by their stiffness, equal planets equally (`PowerFlow.shared`).
-    Where all torques are given, gaps are closed, or open, as they are in the steady state that the train comes to; where a speed is
-    given, they are closed on the side that the torques press together.
+    Nothing accelerates, so inertias take no torque; springs and meshes turn with constant deflections, as if rigid. Unbound inputs that
+    are not given are solved for: given the speed of the drive and the torque of the load, the drive's torque follows. A bound input
+    that is a function of time counts as zero unless it is given. Quantities that vary with the mesh phase are averaged over its period.
+    Where speed-dependent loads allow several motions, the result is the one that the train reaches from its start values, or the one
+    closest to these. Parallel paths that could be preloaded against each other, such as planets with separate meshes, share the load by
+    stiffness, equal planets equally (`PowerFlow.shared`). If all torques are given, gaps are closed or open as in the steady state that
+    the train reaches; if a speed is given, they are closed on the side that the torques press together.
 
     Parameters
     ----------
     system : System
-    speeds : mapping, optional
+    Speeds (rad/s or m/s), by the path of a variable or of a flange.
         Speeds by the path of a variable or of a flange, rad/s (m/s).
-    torques : mapping, optional
+    Values of inputs by path (torques, but also others); these replace bindings.
         Values of inputs by path (torques, also others); these replace bindings.
     parameters : mapping, optional
-        Values by path; a gap is closed by setting its backlash to 0.
+        Values by path; setting its backlash to 0 closes a gap.
 
     Returns
     -------
@@ -67,7 +66,7 @@ def power_flow(
     Raises
     ------
     ArgumentError
-        Too much is given (no steady motion has these values), or too little (says what stays open).
+        Too much is given (no steady motion has these values), or too little (the message says what remains undetermined).
     NameLookupError
         A name that the model does not have.
 
@@ -109,7 +108,7 @@ def power_flow(
 
 
 def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -> Translation:
-    """The translation that fits the parameters, for the steady state; where nothing accelerates a train may do without one."""
+    """The translation that fits the parameters, for the steady state; if nothing accelerates, a train may do without one."""
     try:
         return translation.fitted(parameters)[0]
     except ModelError:
@@ -117,10 +116,10 @@ def _fitting(translation: Translation, parameters: Mapping[str, float] | None) -
 
 
 def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) -> Motion:
-    """The motion that the train comes to, where loads that depend on the speed allow several.
+    """The motion that the train reaches, where speed-dependent loads allow several.
 
-    Where all that drives the train is given, that is the one which it comes to from its start values. Where a speed is given, or
-    the start values say which motion is meant, it is the one near these; several that nothing tells apart are refused.
+    If everything that drives the train is given, it is the motion reached from the start values. If a speed is given, or the start
+    values indicate which motion is meant, it is the closest one; ambiguous cases are refused.
     """
     model = translation.model
     motion = solve(model, numbers, given)
@@ -155,7 +154,7 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
 
 
 def _steady_state(translation: Translation, numbers: Floats, inputs: Sequence[float]) -> tuple[list[Given], list[Given]]:
-    """The speeds in the steady state that the train comes to, and the deflections, which say where gaps are closed."""
+    """Speeds in the steady state that the train reaches, and deflections, which tell where gaps are closed."""
     scene, model = translation.scene, translation.model
     begin = translation.start(scene, numbers, 0.0, "steady", list(inputs))
     speeds, deflections = [], []
@@ -174,7 +173,7 @@ def _agree(motion: Motion, speeds: Sequence[Given]) -> bool:
 
 
 def mobility(system: Compiled, *, parameters: Mapping[str, float] | None = None) -> int:
-    """Independent speeds of a train: its degrees of freedom with springs and meshes taken as rigid.
+    """Number of independent speeds of a train: its degrees of freedom with springs and meshes taken as rigid.
 
     Prescribed motions (`gp.Speed`, `gp.Fixed`) count as constraints; dampers, brakes and clutches do not.
 
@@ -201,7 +200,7 @@ def _mobility(model: FlatModel, parameters: Floats) -> int:
         return 0
     _, factors, _ = kinematics(model, parameters, speeds)
     looks = 8
-    while True:  # random free motions: more than are independent show how many are
+    while True:  # random free motions: once they are dependent, their rank is known
         rank = int(np.linalg.matrix_rank(factors.directions(looks)[speeds], tol=1e-8))
         if rank < looks:
             return rank
@@ -211,7 +210,7 @@ def _mobility(model: FlatModel, parameters: Floats) -> int:
 def speed_ratio(
     system: Compiled, driving: str, driven: str, *, held: Sequence[str] = (), parameters: Mapping[str, float] | None = None
 ) -> float:
-    """Speed of ``driving`` over speed of ``driven``, from the kinematics alone.
+    """Ratio of the speed of ``driving`` to the speed of ``driven``, from the kinematics alone.
 
     Parameters
     ----------
@@ -219,15 +218,15 @@ def speed_ratio(
     driving, driven : str
         Paths of speeds or flanges.
     held : sequence of str, optional
-        Speeds or flanges that stand still, for trains with several degrees of freedom; with the carrier held this is the basic
-        ratio of Willis.
+        Speeds or flanges at standstill, for trains with several degrees of freedom; with the carrier held, the result is Willis' basic
+        ratio.
     parameters : mapping, optional
         Values by path.
 
     Raises
     ------
     ArgumentError
-        The ratio is not determined (more must be held), infinite, or ``driving`` cannot turn.
+        The ratio is undetermined (more must be held) or infinite, or ``driving`` cannot turn.
 
     Examples
     --------
@@ -321,7 +320,7 @@ def _given(model: FlatModel, speeds: Mapping[str, float] | None, torques: Mappin
 
 
 def _refuse_open(model: FlatModel, motion: Motion) -> None:
-    """Raise an error where a speed, or the torque of a drive or load, stays open. Torques inside the train may: they are shared."""
+    """Raise an error where a speed, or the torque of a drive or load, is undetermined. Internal torques may be: they are shared."""
     n = model.n_variables
     ports = _mechanical(model)
     alone = Counter(i for i, _, _, _ in ports)  # components with one flange drive, load or hold the train
@@ -342,7 +341,7 @@ def _refuse_open(model: FlatModel, motion: Motion) -> None:
 
 
 def _shared_names(model: FlatModel, torques: set[int]) -> tuple[str, ...]:
-    """Flanges of basic components whose torque equilibrium alone leaves open."""
+    """Flanges of basic components whose torque is not determined by equilibrium alone."""
     composite = {i.path.rsplit(".", depth)[0] for i in model.instances for depth in range(1, i.path.count(".") + 1)}
     found = []
     for i, _, flow, flange in _mechanical(model):

@@ -1,8 +1,8 @@
 """Steady motion: every variable is ``a + b t``, with coefficients from the model's own equations.
 
-A linear equation then splits into one for the constant part and one for the part that grows with time. Torques must not grow.
-With that, a spring that carries a constant torque keeps its deflection, so elastic trains turn as rigid ones do; derivatives of
-speeds vanish, so inertia takes no torque; what is left is kinematics and statics, coupled as in the model.
+A linear equation then splits into one for the constant part and one for the part that grows with time; torques must not grow. So a
+spring with constant torque keeps its deflection, and elastic trains turn like rigid ones; derivatives of speeds vanish, so inertias
+take no torque; what remains are kinematics and statics, coupled as in the model.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ from gearlib.structure.sparse_elimination import Factors, factorise
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-CONTRADICTION = 1e-8  # relative residual of an equation that cannot be met
+CONTRADICTION = 1e-8  # relative residual of an equation that cannot be satisfied
 SPEED, VALUE = 1, 0
 
 
 @dataclass(frozen=True)
 class Given:
-    """A prescribed value: of a variable (order 0), or of its rate (order 1)."""
+    """A prescribed value of a variable (order 0) or of its rate (order 1)."""
 
     name: str
-    variable: int  # representative
+    variable: int  # number of the representative
     order: int
     value: float
 
 
 @dataclass(frozen=True, eq=False)
 class MotionEquations:
-    """Linear equations between the ``2 n`` unknowns: constants ``a``, then rates ``b``."""
+    """Linear equations in the ``2 n`` unknowns: constants ``a``, then rates ``b``."""
 
     matrix: Any  # sparse
     residual: Floats
     kinematic: NDArray[np.bool_]  # rows without torques
-    owner: Callable[[int], str]  # which component wrote a row
+    owner: Callable[[int], str]  # path of the component that a row comes from
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A steady motion, and a measure of how undetermined each unknown is (0: determined)."""
+    """A steady motion, with a measure of indeterminacy for each unknown (0: determined)."""
 
     constants: Floats
     rates: Floats
@@ -68,7 +68,7 @@ class MatrixAssembly:
         self._parts: list[tuple[Integers, Integers, Floats]] = []
 
     def put(self, rows: Any, columns: Any, values: Any) -> None:
-        """Entries at rows counted from those that are being added."""
+        """Add entries, with rows counted from the first of the current block."""
         rows = np.asarray(rows, np.int64) + self.count
         shape = np.broadcast_shapes(rows.shape, np.shape(columns), np.shape(values))
         self._parts.append(tuple(np.broadcast_to(np.asarray(x), shape) for x in (rows, columns, values)))  # type: ignore[arg-type]
@@ -83,12 +83,12 @@ class MatrixAssembly:
 def assemble(
     model: FlatModel, parameters: Floats, given: Sequence[Given], a: Floats, b: Floats, modes: Floats
 ) -> MotionEquations:
-    """The equations of a steady motion, linearised about ``a + b t``. A binding to a function of time stands for zero."""
+    """Equations of a steady motion, linearised about ``a + b t``. Bindings to functions of time count as zero."""
     n = model.n_variables
     entries = MatrixAssembly()
     rest: list[Floats] = []
     kinematic: list[NDArray[np.bool_]] = []
-    writers: list[tuple[int, Integers]] = []  # group, and its row of each line
+    writers: list[tuple[int, Integers]] = []  # group, and the row in it of each line
     repeating = repeating_columns(model, parameters, a, b, modes)
     over = turn(model, parameters, repeating, a, b, modes)
     replaced = np.array([g.variable for g in given if g.order == VALUE], np.int64)
@@ -126,7 +126,7 @@ def _group(
     model: FlatModel, entries: MatrixAssembly, g: int, keep: Integers, parameters: Floats, a: Floats, b: Floats, modes: Floats,
     repeating: Sequence[int], over: Turn | None,
 ) -> tuple[Floats, NDArray[np.bool_]]:  # fmt: skip
-    """Rows of one group: the constant parts, then those that grow with time. Gives the residuals, and which rows hold torques."""
+    """Rows of one group: constant parts, then growing parts. Returns the residuals, and the mask of rows with torques."""
     group, n, count = model.groups[g], model.n_variables, len(keep)
     template = group.template
     torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
@@ -139,7 +139,7 @@ def _group(
         if not template.linear:
             p = np.where(model.potential[v] & (order == 0), 0.0, p)  # frozen at the angle
         if c in repeating:
-            p = np.zeros(len(group))  # what repeats with every turn does not grow
+            p = np.zeros(len(group))  # periodic terms do not grow
         if order < 2 and not on_time:
             entries.put(rows, v[keep] + order * n, p[keep])
         if order == 0:
@@ -150,7 +150,7 @@ def _group(
                     apply(model, partial_kernel(template, c), g, group, parameters, deflected, b, modes) * group.signs[:, j]
                 )
                 hardens = (p == 0) & np.isfinite(elsewhere) & ~model.potential[v]
-                p = np.where(hardens, elsewhere, p)  # a spring without a slope at rest: its deflection may not grow, either
+                p = np.where(hardens, elsewhere, p)  # a spring without stiffness at rest: its deflection may not grow, either
             entries.put(rows + count, v[keep] + n, p[keep])
             growth += p * b[v]
             torques |= model.flow[v] & (p != 0)
@@ -168,13 +168,13 @@ def _group(
 
 
 def _forces(model: FlatModel, g: int, name: str) -> NDArray[np.bool_]:
-    """Whether a variable of a group's components is a torque or a force, also where nothing is connected and it is always zero."""
+    """Whether a variable of a group's components is a torque or a force, even an identically zero one of an unconnected port."""
     owners = [model.instances[i].variables.get(name) if i >= 0 else None for i in model.groups[g].owners.tolist()]
     return np.array([d is not None and (isinstance(d, Flow) or d.unit in ("N.m", "N")) for d in owners], bool)
 
 
 def solve(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given] = ()) -> Motion:
-    """The steady motion by Newton's method: near some speeds if there are any, else from rest, or from the guesses of the model."""
+    """The steady motion by Newton's method: near given speeds if there are any, else from rest, or from the model's guesses."""
     n = model.n_variables
     if near:
         return newton(model, parameters, given, speeds_near(model, parameters, given, near))
@@ -187,7 +187,7 @@ def solve(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Se
 
 
 def guesses(model: FlatModel, parameters: Floats) -> list[Given]:
-    """The speeds that the model gives start values or guesses for."""
+    """The speeds for which the model has start values or guesses."""
     starts, found = model.starts, []
     for v, slot in zip(starts.variables.tolist(), starts.slots.tolist(), strict=True):
         rep, sign = int(model.representative[v]), int(model.sign[v])
@@ -197,14 +197,14 @@ def guesses(model: FlatModel, parameters: Floats) -> list[Given]:
 
 
 def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given]) -> Floats:
-    """Speeds that agree with each other and, as far as they can, with those that are wanted."""
+    """Consistent speeds, as close as possible to the wanted ones."""
     zero = np.zeros(model.n_variables)
     rows = assemble(model, parameters, [*given, *near], zero, zero, initial_modes(model))
     return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
 
 
 def newton(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
-    """Newton's method for the unknowns, inside an iteration for the flags of events (which side of a lossy gear drives)."""
+    """Newton's method for the unknowns, inside an iteration for the flags of events (such as the driving side of a lossy gear)."""
     n = model.n_variables
     modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else initial_modes(model)
     last: Factors | None = None
@@ -227,7 +227,7 @@ def newton(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floa
 
 
 def _factors(matrix: Any, last: Factors | None) -> Factors:
-    """Factors of a matrix, those at hand if it is the same."""
+    """Factors of a matrix; the previous ones if it is unchanged."""
     if last is not None and matrix.nnz == last.matrix.nnz and (matrix.data == last.matrix.data).all():
         same = (matrix.indices == last.matrix.indices).all() and (matrix.indptr == last.matrix.indptr).all()
         if same:
@@ -238,10 +238,10 @@ def _factors(matrix: Any, last: Factors | None) -> Factors:
 def kinematics(
     model: FlatModel, parameters: Floats, wanted: Integers, given: Sequence[Given] = ()
 ) -> tuple[MotionEquations, Factors, Integers]:
-    """The equations between speeds alone, whatever the torques are: those rows that the wanted unknowns depend on."""
+    """The equations between speeds alone, independent of torques: the rows on which the wanted unknowns depend."""
     rows = _kinematic_rows(model, parameters, given, initial_modes(model))
     found = _connected(rows, wanted)
-    if model.n_relations:  # play is taken up: a mesh inside its gap turns its wheels as soon as it has crossed it
+    if model.n_relations:  # backlash is taken up: a mesh inside its gap turns its wheels as soon as it has crossed it
         touching = initial_modes(model)
         touching[: model.n_relations] = 1.0
         rows_closed = _kinematic_rows(model, parameters, given, touching)
@@ -252,7 +252,7 @@ def kinematics(
 
 
 def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given], modes: Floats) -> MotionEquations:
-    """The equations, linearised where what follows without torques (a stiffness, say) has its value."""
+    """The kinematic equations, linearised about the values that follow without torques (a stiffness, for instance)."""
     n = model.n_variables
     x = np.zeros(2 * n)
     rows = assemble(model, parameters, given, x[:n], x[n:], modes)
@@ -261,11 +261,11 @@ def _kinematic_rows(model: FlatModel, parameters: Floats, given: Sequence[Given]
         x = x - factorise(rows.matrix[still]).solve(rows.residual[still])
         x[n:] = 0.0
         rows = assemble(model, parameters, given, x[:n], x[n:], modes)
-    return replace(rows, residual=rows.residual - rows.matrix @ x)  # of unknowns that are all zero
+    return replace(rows, residual=rows.residual - rows.matrix @ x)  # residual at zero unknowns
 
 
 def _connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Integers]:
-    """Factors of the kinematic rows that the wanted unknowns depend on, and these rows."""
+    """Factors of the kinematic rows on which the wanted unknowns depend, and these rows."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -290,7 +290,7 @@ def initial_modes(model: FlatModel) -> Floats:
 
 
 def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) -> Floats:
-    """Relations and discrete variables of a run that is started in this motion."""
+    """Relations and discrete variables of a run that starts in this motion."""
     modes = initial_modes(model)
     groups = [*model.groups, *(u.equations for u in model.discretes.updates)]
     first, d = model.n_relations, len(model.discretes)
@@ -320,7 +320,7 @@ def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) ->
 
 
 def refuse_contradiction(motion: Motion, given: Sequence[Given]) -> None:
-    """Raise an error that names the components whose equations contradict each other or what is given."""
+    """Raise an error that names the components whose equations contradict each other or the given values."""
     bad = np.flatnonzero(motion.residual > CONTRADICTION)
     if len(bad):
         worst = int(bad[np.argmax(motion.residual[bad])])

@@ -16,9 +16,9 @@ BODY, SLIDER = "#cfd8e3", "#66a61e"
 
 
 def animate_mode(mode: ModePicture, frames: int = 48, degrees: float = 40.0) -> Any:
-    """A matplotlib animation over one period; the body that swings most does so by ``degrees`` (a slider, by half its cell).
+    """A matplotlib animation over one period; the body with the largest swing turns by ``degrees`` (a slider: half its cell).
 
-    Discs turn, squares slide. The amplitude is kept over the period, also where the mode is damped.
+    Discs rotate, squares slide. The amplitude is constant over the period, even for damped modes.
     """
     plt = optional("matplotlib.pyplot")
     FuncAnimation = optional("matplotlib.animation").FuncAnimation
@@ -44,7 +44,7 @@ def animate_mode(mode: ModePicture, frames: int = 48, degrees: float = 40.0) -> 
         ax.text(x, y - 1.3, _short(name), ha="center", va="top", fontsize=7)
         if unit == "rad":
             ax.add_patch(patches.Circle((x, y), 1.0, facecolor=BODY, edgecolor=MOTION))
-            ax.plot([x, x], [y + 1.0, y + 1.25], color="0.7", lw=1)  # where the spoke stands at rest
+            ax.plot([x, x], [y + 1.0, y + 1.25], color="0.7", lw=1)  # rest position of the spoke
             mark: Any = ax.plot([x, x], [y, y + 1.0], color="black", lw=2.5, solid_capstyle="round")[0]
         else:
             ax.plot([x - 1.2, x + 1.2], [y - 0.5, y - 0.5], color="0.7", lw=1)
@@ -66,7 +66,7 @@ def animate_mode(mode: ModePicture, frames: int = 48, degrees: float = 40.0) -> 
 
 
 def _short(name: str) -> str:
-    """A path in lines of bearable length."""
+    """A path split into lines of moderate length."""
     parts, lines = name.split("."), [""]
     for part in parts:
         joined = f"{lines[-1]}.{part}" if lines[-1] else part

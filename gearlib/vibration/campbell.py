@@ -1,4 +1,4 @@
-"""Campbell diagram: natural frequencies over speed, excitation orders, critical speeds."""
+"""Campbell diagrams: natural frequencies over speed, excitation orders, critical speeds."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ RPM = 30 / np.pi
 
 @dataclass(frozen=True)
 class Crossing:
-    """A critical speed: an excitation order meets a natural frequency.
+    """A critical speed, where an excitation order meets a natural frequency.
 
     Attributes
     ----------
     speed : float
-        Of the reference shaft, rad/s.
+        Speed of the reference shaft, rad/s.
     order : str
         Name of the excitation.
     mode : int
-        Which mode, as `modes` numbers them at the operating point of that speed, free motions included: ``modes.draw(mode)`` shows it.
+        Index of the mode in `modes` at the operating point of that speed, counting free motions: ``modes.draw(mode)`` shows it.
     frequency : float
         Hz.
     damping : float
@@ -53,22 +53,22 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class Campbell:
-    """Natural frequencies over speed, and where excitation orders cross them.
+    """Natural frequencies over speed, and their crossings with excitation orders.
 
     Attributes
     ----------
     speeds : array (speeds,)
-        Of the reference shaft, rad/s.
+        Speeds of the reference shaft, rad/s.
     frequencies, damping : arrays (speeds, modes)
-        Hz, and ratios; modes are followed by the likeness of their shapes.
+        Hz, and ratios; modes are tracked by the similarity of their shapes.
     modes : array of int (speeds, modes)
-        Numbers of these modes in `modes` at each speed; free motions have numbers, too, and are left out here.
+        Indices of these modes in `modes` at each speed, where free motions are counted, too; they are omitted here.
     conditions : tuple of str
-        The operating points in words, such as "open: mesh m".
+        Operating points in words, such as "open: mesh m".
     orders : dict of str to float
-        Events for each revolution of the reference shaft.
+        Events per revolution of the reference shaft.
     crossings : tuple of Crossing
-        By speed.
+        Sorted by speed.
     """
 
     speeds: Floats
@@ -80,7 +80,7 @@ class Campbell:
     conditions: tuple[str, ...] = ()
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The crossings."""
+        """The crossings as a pandas DataFrame."""
         pandas = optional("pandas")
 
         rows = [(c.speed, c.speed * RPM, c.order, c.mode, c.frequency, c.damping) for c in self.crossings]
@@ -99,13 +99,13 @@ class Campbell:
 
     @property
     def highest(self) -> float:
-        """Upper end of the diagram, Hz: what the excitations reach, and one natural frequency at least."""
+        """Upper limit of the diagram (Hz): the range of the excitations, and at least one natural frequency."""
         excited = max((order * float(self.speeds[-1]) / (2 * np.pi) for order in self.orders.values()), default=np.inf)
         lowest = float(self.frequencies.min(axis=0).min(initial=np.inf))
         return 1.1 * min(max(excited, lowest), float(self.frequencies.max(initial=0.0))) or 1.0
 
     def plot(self, *, axes: Any = None) -> Any:
-        """Draw the diagram; returns the matplotlib axes."""
+        """Plot the diagram; returns the matplotlib axes."""
         plt = optional("matplotlib.pyplot")
 
         if axes is None:
@@ -155,13 +155,13 @@ def campbell(
     speeds : array
         Speeds of the reference shaft, rad/s, increasing.
     orders : mapping of str to float, or sequence of float
-        Events for each revolution of the reference shaft: 1 for unbalance, the number of teeth for a mesh on that shaft, times
-        its speed ratio for another one.
+        Events per revolution of the reference shaft: 1 for unbalance, the number of teeth for a mesh on that shaft, multiplied by the
+        speed ratio for a mesh on another shaft.
     count : int, optional
-        How many modes that oscillate, from the lowest.
+        Number of oscillating modes, from the lowest.
     at, parameters
-        Operating point and parameters as for `System.linearize`, or functions of the speed that give them: where natural
-        frequencies depend on speed or load, they are computed at every speed.
+        Operating point and parameters as for `System.linearize`, or functions of the speed that return them: where natural frequencies
+        depend on speed or load, they are then computed at every speed.
 
     Returns
     -------
@@ -204,7 +204,7 @@ def campbell(
 
 
 def _at(speed: float, name: str, given: Any) -> Any:
-    """What holds at a speed; a function of the user's may fail."""
+    """Value at a speed; a user's function may fail."""
     if not callable(given):
         return given
     try:
@@ -216,7 +216,7 @@ def _at(speed: float, name: str, given: Any) -> Any:
 
 
 def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
-    """The orders by name."""
+    """The orders, keyed by name."""
     if isinstance(orders, Mapping):
         named = by_name("orders", orders, "orders by name, such as {'mesh': 21}", "mesh")
         return {name: real(f"order {name}", order) for name, order in named.items()}
@@ -228,7 +228,7 @@ def _named(orders: Mapping[str, float] | Sequence[float]) -> dict[str, float]:
 
 
 def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
-    """Numbers of the modes at each speed, with each mode in its own column."""
+    """Indices of the modes at each speed, with each tracked mode in its own column."""
     n = min(len(r) - r.free for r in runs)
     places = np.empty((len(runs), n), np.int64)
     places[0] = runs[0].free + np.arange(n)
@@ -251,7 +251,7 @@ def _crossing(
     at_speed: Callable[[float], Modes] | None, grid: Floats, frequencies: Floats, damping: Floats,
     places: NDArray[np.int64], i: int, k: int, name: str, order: float,
 ) -> Crossing:  # fmt: skip
-    """Between two speeds: exact where frequencies are constant, otherwise by iteration with the modes at each speed."""
+    """Crossing between two speeds: exact for constant frequencies, otherwise iterated with the modes at each speed."""
     gap = frequencies[i : i + 2, k] - order * grid[i : i + 2] / (2 * np.pi)
     speed = float(grid[i] + (grid[i + 1] - grid[i]) * gap[0] / (gap[0] - gap[1]))
     f, ratio, mode = float(frequencies[i, k]), float(damping[i, k]), int(places[i, k])

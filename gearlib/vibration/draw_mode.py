@@ -1,4 +1,4 @@
-"""Drawing of a mode: amplitudes of the bodies and distribution of energy."""
+"""Drawing of a mode: amplitudes of the bodies and energy distribution."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ NAMES = {"rad": "turning", "m": "displacement"}
 
 @dataclass(frozen=True)
 class ModePicture:
-    """What is drawn of a mode.
+    """Data for drawing a mode.
 
     Attributes
     ----------
     number : int
     frequency, damping : float
-        Hz (0 for a free motion), and the damping ratio.
+        Frequency in Hz (0 for a free motion), and damping ratio.
     motions : list of (str, str, complex)
         Body, "rad" or "m", and amplitude.
     shares : list of (str, float, float)
-        Component, and its shares of the kinetic and of the potential energy, percent.
+        Component, and its shares of kinetic and potential energy, percent.
     not_given : str or None
         Why there are no shares.
     """
@@ -41,7 +41,7 @@ class ModePicture:
 
 
 def draw_mode(mode: ModePicture, axes: Any = None) -> Any:
-    """Bars of amplitudes (relative to the largest of their kind) and of shares of energy; returns two axes."""
+    """Bars of amplitudes (relative to the largest of their kind) and of energy shares; returns two axes."""
     plt = optional("matplotlib.pyplot")
 
     motions, left_out = largest(mode.motions, lambda m: abs(m[2]))
@@ -69,7 +69,7 @@ def draw_mode(mode: ModePicture, axes: Any = None) -> Any:
 
 
 def largest(items: list[Any], size: Any) -> tuple[list[Any], int]:
-    """The items worth a bar, in their order, and how many are left out."""
+    """The items large enough for a bar, in their order, and the number of items left out."""
     ranked = sorted(range(len(items)), key=lambda i: -size(items[i]))[:MOST_BARS]
     top = max((size(items[i]) for i in ranked), default=0.0)
     kept = sorted(i for i in ranked if size(items[i]) > 1e-6 * top)
@@ -77,7 +77,7 @@ def largest(items: list[Any], size: Any) -> tuple[list[Any], int]:
 
 
 def aligned(motions: list[tuple[str, str, complex]]) -> list[tuple[str, str, complex]]:
-    """Amplitudes over the largest of their kind, turned so that they are as real as possible, and the largest positive.
+    """Amplitudes relative to the largest of their kind, rotated to be as real as possible, with the largest one positive.
 
     >>> [round(m[2].real, 9) for m in aligned([("a", "rad", 1j), ("b", "rad", -2j), ("c", "m", 3j)])]
     [-0.5, 1.0, -1.0]
@@ -126,7 +126,7 @@ def _energy_bars(ax: Any, shares: list[tuple[str, float, float]], left_out: int)
 
 
 def _legend_below(ax: Any) -> None:
-    """Under the label of the axis, by a distance that does not depend on how high the axes are."""
+    """Place the legend below the axis label, at a fixed distance independent of the height of the axes."""
     ScaledTranslation = optional("matplotlib.transforms").ScaledTranslation
 
     down = ax.transAxes + ScaledTranslation(0, -34 / 72, ax.figure.dpi_scale_trans)

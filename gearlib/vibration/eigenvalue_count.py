@@ -1,7 +1,7 @@
 """Count of the eigenvalues of a sparse matrix in a disc, by the argument principle.
 
-The phase of det(z - A), from a sparse LU decomposition, turns by as many whole turns along the edge of the disc as there are eigenvalues
-inside. With the eigenvalues that are known divided out it changes slowly, and what is left counts those that are missing.
+The phase of det(z - A), from a sparse LU decomposition, changes along the edge of the disc by one full turn per eigenvalue inside. With
+the known eigenvalues divided out it changes slowly, and the remaining turns count the missing ones.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Complexes = NDArray[np.complex128]
-WIDEST = 0.04  # step along the edge of a disc, rad
+WIDEST = 0.04  # largest step along the edge of a disc, rad
 
 
 def missing_inside(S: Any, radius: float, values: Complexes, at_zero: int) -> int | None:
-    """How many eigenvalues within a radius are neither among ``values`` (in conjugate pairs) nor the ``at_zero`` ones at 0.
+    """Number of eigenvalues within a radius besides ``values`` (with their conjugates) and the ``at_zero`` ones at 0.
 
-    None where an eigenvalue lies so near the edge that the phase cannot be followed.
+    None where an eigenvalue is so close to the edge that the phase cannot be tracked.
     """
     import scipy.sparse as sparse
     from scipy.sparse.linalg import splu
@@ -40,7 +40,7 @@ def missing_inside(S: Any, radius: float, values: Complexes, at_zero: int) -> in
 
 
 def _cycles(permutation: Any) -> int:
-    """Number of cycles; with the length it gives the sign."""
+    """Number of cycles, whose parity together with the length gives the sign."""
     import scipy.sparse as sparse
     from scipy.sparse.csgraph import connected_components
 
@@ -50,7 +50,7 @@ def _cycles(permutation: Any) -> int:
 
 
 def _follow(phase: Callable[[float], float], step: float) -> float | None:
-    """Change of a phase, known up to whole turns, from 0 to pi: each sample must lie near what the last three lead to expect."""
+    """Change from 0 to pi of a phase known modulo whole turns: each sample must be close to the extrapolation of the last three."""
     angles, phases = [0.0], [phase(0.0)]
     while angles[-1] < np.pi:
         angle = min(angles[-1] + step, np.pi)

@@ -1,4 +1,4 @@
-"""`same_modes`: which modes of one operating point are those of another, by the likeness of their shapes and frequencies."""
+"""`same_modes`: matching of modes between operating points, by similarity of shapes and frequencies."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ Integers = NDArray[np.int64]
 
 
 def same_modes(before: Any, frequencies_before: Floats, now: Any, frequencies_now: Floats) -> tuple[Integers, Integers]:
-    """Pair modes with the same modes elsewhere: those that are most alike, on the whole.
+    """Match modes with the same modes elsewhere, maximising total similarity.
 
-    Likeness is the modal assurance criterion (its root, over states that are scaled to the same size) less the distance of the
-    frequencies (their ratio's logarithm), so that modes whose shapes say little are told apart by frequency.
+    Similarity is the square root of the modal assurance criterion (over states scaled to equal size) minus the distance of the
+    frequencies (logarithm of their ratio), so that modes with indistinct shapes are matched by frequency.
 
     Parameters
     ----------
     before, now : complex arrays (states, modes)
-        Shapes.
+        Mode shapes.
     frequencies_before, frequencies_now : arrays (modes,)
         Hz.
 
     Returns
     -------
     arrays of int
-        Numbers of modes before, and of the same modes now; of fewer modes where one side has fewer.
+        Indices of modes before, and of the same modes now; as many as the smaller of the two sets.
 
     References
     ----------

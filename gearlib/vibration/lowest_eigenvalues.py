@@ -1,8 +1,9 @@
 """Lowest eigenvalues of a large sparse matrix: block Krylov iteration, with an independent count against missed ones.
 
-The search works on ``(A - s)^-1 (A - s)^-1 A`` with a real shift s, whose eigenvalues ``x / (x - s)^2`` are 0 for poles at 0 and fall as
-1/x beyond s; where that leaves some out, on ``A (A^2 + w^2)^-1``, which is largest near the frequency w. Several vectors at once start
-it, so that repeated eigenvalues are found as often as they are repeated. The result counts only if a disc holds just those found.
+The search applies ``(A - s)^-1 (A - s)^-1 A`` with a real shift s, whose eigenvalues ``x / (x - s)^2`` are 0 for poles at 0 and decay
+like 1/x beyond s; where that misses some, ``A (A^2 + w^2)^-1``, which is largest near the frequency w. It starts from several vectors
+at once, so that repeated eigenvalues are found with their multiplicity. The result is accepted only if a disc contains exactly the
+eigenvalues found.
 """
 
 from __future__ import annotations
@@ -17,34 +18,34 @@ from gearlib.vibration.eigenvalue_count import missing_inside
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-BLOCK = 6  # vectors that the search starts from
-EXACT = 1e-10  # residual of an eigenpair over the eigenvalue, in scaled states
-ROUNDING = 100 * np.finfo(float).eps  # the same over the highest frequency
-NOTHING = 1e-11  # of the highest frequency: what is below counts as 0
-REAL = 1e-9  # imaginary part of what does not oscillate, over the magnitude
-FULL = 800  # states up to which the full matrix takes no longer than a second search
+BLOCK = 6  # block size
+EXACT = 1e-10  # residual of an eigenpair relative to the eigenvalue, in scaled states
+ROUNDING = 100 * np.finfo(float).eps  # the same relative to the highest frequency
+NOTHING = 1e-11  # relative to the highest frequency: a smaller eigenvalue counts as 0
+REAL = 1e-9  # imaginary part relative to the magnitude below which an eigenvalue is real
+FULL = 800  # states up to which the dense matrix takes no longer than a second search
 WINDOWS = 25  # frequencies to search near, at most
-SWEEP = (0.08, 0.17, 0.27, 0.38, 0.49, 0.6, 0.7, 0.8, 0.9, 1.0)  # of a radius: frequencies to search about
+SWEEP = (0.08, 0.17, 0.27, 0.38, 0.49, 0.6, 0.7, 0.8, 0.9, 1.0)  # frequencies to search about, as fractions of a radius
 SWEEP_SIZE = 180  # dimension of each of these searches
 
 
 @dataclass(frozen=True, eq=False)
 class Lowest:
-    """All eigenvalues with magnitudes up to a radius, but those at 0, by magnitude, and their vectors (states, eigenvalues)."""
+    """All nonzero eigenvalues with magnitudes up to a radius, sorted by magnitude, and their vectors (states, eigenvalues)."""
 
     values: Complexes
     vectors: Complexes
 
 
 def lowest(A: Any, count: int, at_zero: int) -> Lowest | None:
-    """All eigenvalues up to at least the ``count``-th with a positive imaginary part; None where these cannot be made sure of.
+    """All eigenvalues up to at least the ``count``-th with a positive imaginary part; None if completeness cannot be verified.
 
     Parameters
     ----------
     A : sparse matrix
     count : int
     at_zero : int
-        How many eigenvalues are 0.
+        Number of eigenvalues that are 0.
 
     Examples
     --------
@@ -58,7 +59,7 @@ def lowest(A: Any, count: int, at_zero: int) -> Lowest | None:
 
     scale = similarity(A)
     S = sparse.csc_matrix(sparse.diags(1 / scale) @ A @ sparse.diags(scale))
-    size = float(abs(S).sum(axis=1).max())  # no eigenvalue is larger
+    size = float(abs(S).sum(axis=1).max())  # bound on the eigenvalues
     known, radius, missing = _first(S, size, count, at_zero)
     if missing != 0:
         radius = radius or _enough(S, size, count, known, at_zero)
@@ -72,7 +73,7 @@ def lowest(A: Any, count: int, at_zero: int) -> Lowest | None:
         if missing == 0 and (known.values[inside].imag > REAL * np.abs(known.values[inside])).sum() >= count:
             inside = inside[np.argsort(np.abs(known.values[inside]), kind="stable")]
             return Lowest(known.values[inside], scale[:, None] * known.vectors[:, inside])
-        if not missing:  # decays take places, or the edge of the disc cuts through an eigenvalue
+        if not missing:  # real eigenvalues take places, or the edge of the disc cuts through an eigenvalue
             radius *= 1.5 if missing == 0 else 1.003
         else:
             window = _where_missing(S, size, radius, known, at_zero, missing)
@@ -88,7 +89,7 @@ def lowest(A: Any, count: int, at_zero: int) -> Lowest | None:
 
 
 def _first(S: Any, size: float, count: int, at_zero: int) -> tuple[Lowest, float, int | None]:
-    """Converged eigenpairs, the radius up to which they were counted (0: too few) and how many are missing (None: not known)."""
+    """Converged eigenpairs, the radius up to which they were counted (0: too few) and the number missing (None: unknown)."""
     space = _Space(S, size / S.shape[0])
     wanted = 2 * count + 8
     most = min(S.shape[0] // 2, 6 * wanted + 40)
@@ -116,7 +117,7 @@ def _first(S: Any, size: float, count: int, at_zero: int) -> tuple[Lowest, float
 
 
 def _swept(S: Any, size: float, radius: float, known: Lowest) -> Lowest:
-    """Searches about frequencies all over a disc: cheap beside a count."""
+    """Searches about frequencies spread over a disc: cheap compared with a count."""
     slowest = radius
     for part in SWEEP:
         space = _Space(S, 1j * part * radius)
@@ -128,7 +129,7 @@ def _swept(S: Any, size: float, radius: float, known: Lowest) -> Lowest:
 
 
 def _slower(S: Any, size: float, slowest: float) -> Lowest:
-    """What has converged in small searches about ever slower rates."""
+    """Eigenpairs converged in small searches about ever slower rates."""
     found = Lowest(np.empty(0, complex), np.empty((S.shape[0], 0), complex))
     for rate in (slowest / 4, slowest / 30, slowest / 1e3, slowest / 3e4):
         if rate > NOTHING * size:
@@ -139,7 +140,7 @@ def _slower(S: Any, size: float, slowest: float) -> Lowest:
 
 
 def _radius(values: Complexes, count: int) -> float:
-    """A radius in the widest gap beyond the ``count``-th oscillation; 0 where there is none."""
+    """A radius in the widest gap beyond the ``count``-th oscillating mode; 0 if there is none."""
     sizes = np.sort(np.abs(values))
     ringing = np.sort(np.abs(values[values.imag > REAL * np.abs(values)]))
     if len(ringing) < count:
@@ -153,7 +154,7 @@ def _radius(values: Complexes, count: int) -> float:
 
 
 def _enough(S: Any, size: float, count: int, known: Lowest, at_zero: int) -> float:
-    """A radius that holds as many eigenvalues as are wanted, but not many more; 0 where there is none."""
+    """A radius that contains the required number of eigenvalues, but not many more; 0 if there is none."""
     low, high, radius = 0.0, size, size / S.shape[0]
     for _ in range(40):
         missing = missing_inside(S, radius, known.values, at_zero)
@@ -173,7 +174,7 @@ def _enough(S: Any, size: float, count: int, known: Lowest, at_zero: int) -> flo
 def _where_missing(
     S: Any, size: float, radius: float, known: Lowest, at_zero: int, total: int
 ) -> tuple[float, float, int] | None:
-    """A narrow ring (inner, outer radius, how many) with eigenvalues that were not found; None where they are at 0."""
+    """A narrow ring (inner and outer radius, number) with missing eigenvalues; None where they are at 0."""
     low, high, below = 0.0, radius, 0
     if total < 0:
         return None
@@ -194,7 +195,7 @@ def _where_missing(
 
 
 def _joined(known: Lowest, values: Complexes, vectors: Complexes) -> Lowest:
-    """Those found before and those that are new: repeated eigenvalues have independent vectors."""
+    """Merge known and new eigenpairs: repeated eigenvalues have independent vectors."""
     new = []
     for k, value in enumerate(values):
         near = np.flatnonzero(np.abs(known.values - value) < 1e-6 * abs(value))
@@ -208,7 +209,7 @@ def _joined(known: Lowest, values: Complexes, vectors: Complexes) -> Lowest:
 
 
 class _Space:
-    """A block Krylov space of the mapped matrix; full orthogonalisation, no restart."""
+    """Block Krylov space of the mapped matrix, with full orthogonalisation and without restarts."""
 
     def __init__(self, S: Any, shift: complex) -> None:
         import scipy.sparse as sparse
@@ -226,7 +227,7 @@ class _Space:
         self.refresh()
 
     def refresh(self) -> None:
-        """Go on from other random vectors: what the first ones did not hold comes in."""
+        """Add new random vectors, to reach components missing from the first ones."""
         self._next = self._map(self._random.normal(size=(self.S.shape[0], BLOCK)))
 
     def _map(self, x: Floats) -> Floats:
@@ -234,14 +235,14 @@ class _Space:
         return result
 
     def grow(self, dimension: int) -> None:
-        """Add blocks up to a dimension, or until nothing new comes."""
+        """Add blocks up to a dimension, or until the space is invariant."""
         while self._basis.shape[1] < dimension:
             block = self._next / np.maximum(np.linalg.norm(self._next, axis=0), 1e-300)
             for _ in range(2):
                 block = block - self._basis @ (self._basis.T @ block)
             q, triangle = np.linalg.qr(block)
             fresh = np.abs(np.diag(triangle)) > 1e-13
-            if not fresh.all():  # the space holds all that this block leads to
+            if not fresh.all():  # invariant with respect to this block
                 q = np.linalg.qr(np.hstack([q[:, fresh], self._random.normal(size=(len(q), BLOCK - fresh.sum()))]))[0]
                 q = np.linalg.qr(q - self._basis @ (self._basis.T @ q))[0]
             mapped = self._map(q)
@@ -249,7 +250,7 @@ class _Space:
             self._next = mapped
 
     def pairs(self) -> tuple[Complexes, Complexes]:
-        """Eigenpairs that have converged, but those at 0."""
+        """Converged eigenpairs except those at 0."""
         images, inner = np.linalg.eig(self._basis.T @ self._mapped)
         order = np.argsort(-np.abs(images), kind="stable")
         vectors = self._mapped @ inner[:, order].astype(complex)
@@ -262,9 +263,9 @@ class _Space:
 
 
 def similarity(A: Any) -> Floats:
-    """Scales of the states for which the entries ``a_ij`` and ``a_ji`` are alike in size, as far as they can be.
+    """State scales under which the entries ``a_ij`` and ``a_ji`` have similar magnitude, as far as possible.
 
-    Where energy is kept, the matrix of the scaled states is then skew, so that it amplifies no rounding.
+    For a conservative system the scaled matrix is skew, so that rounding is not amplified.
     """
     import scipy.sparse as sparse
     from scipy.sparse.linalg import spsolve
@@ -283,7 +284,7 @@ def similarity(A: Any) -> Floats:
         degree = np.asarray(graph.sum(axis=1)).ravel()
         right = np.bincount(j, step, n) - np.bincount(i, step, n)
         log = spsolve(sparse.csc_matrix(2 * (sparse.diags(degree + 1e-9) - graph)), right)
-    for _ in range(30):  # what has no partner: rows and columns of one size
+    for _ in range(30):  # entries without a partner: equilibrate rows and columns
         scaled = sparse.diags(np.exp(-log)) @ size @ sparse.diags(np.exp(log))
         rows, columns = np.asarray(scaled.sum(axis=1)).ravel(), np.asarray(scaled.sum(axis=0)).ravel()
         used = (rows > 0) & (columns > 0)

@@ -1,17 +1,17 @@
 """Kinetic and potential energy of each component in a mode, from the component's own equations.
 
-Nothing but the equations is asked for, so that every component that has mechanical connectors takes part, also a user's own. With
-``x`` the amplitudes of its positions and ``f(s)`` those of the forces that its linearised equations then demand at its
-connectors, the component's dynamic stiffness along the mode is ``d(s) = x* f(s) = m s^2 + c s + k``. Its value and its derivative at
-``s = i w``, w being the mode's natural frequency, give the three numbers::
+Only the equations are used, so that every component with mechanical connectors is covered, including user-defined ones. With ``x`` the
+amplitudes of its positions and ``f(s)`` those of the forces that its linearised equations then require at its connectors, the
+component's dynamic stiffness along the mode is ``d(s) = x* f(s) = m s^2 + c s + k``. Its value and its derivative at ``s = i w``, w
+being the mode's natural frequency, determine the three coefficients::
 
     m = Im(d') / (2 w)        c = Re(d')        k = Re(d) + m w^2
 
-and with them the kinetic energy ``m w^2 / 4`` and the potential energy ``k / 4`` (means over a period). For a component with
-motions of its own inside, the same two formulas are the energy theorem of reactance networks: exact without damping, and of second
-order in it otherwise. What a component with both stores cannot be told from its flanges: a spring and a damper in series would get
-a negative mass. Such motions show in the second derivative, which is ``2 m`` without them, and with the share of what is lost
-it tells how far the two energies may be off. A constraint does no work, so gears, grounds and kinematics come out as zero.
+and with them the kinetic energy ``m w^2 / 4`` and the potential energy ``k / 4`` (means over a period). For a component with internal
+dynamics the same two formulas are the energy theorem of reactance networks: exact without damping, and of second order in it otherwise.
+What a component with both kinds of storage does inside cannot be seen from its flanges: a spring and a damper in series would get a
+negative mass. Internal motion shows in the second derivative, which is ``2 m`` without it; together with the share of dissipation it
+bounds the error of the two energies. A constraint does no work, so gears, grounds and kinematics have zero energy.
 
 References
 ----------
@@ -41,17 +41,17 @@ WORK = {("rad", "N.m"), ("m", "N")}  # units of potential and flow whose product
 
 @dataclass(frozen=True)
 class Family:
-    """Components whose linearised equations have one pattern, with the numbers of each.
+    """Components whose linearised equations share a sparsity pattern, with the values of each.
 
     Attributes
     ----------
     instances : tuple of int
     unknown, given : arrays (components, columns)
-        Variables that the component determines, and those that it is given: positions of connectors, and inputs.
+        Variables that the component determines, and those given to it: connector positions, and inputs.
     L : array (orders, components, rows, columns)
-        Partial derivatives with respect to each order of derivative; unknowns first.
+        Partial derivatives with respect to each derivative order; unknowns first.
     pairs : tuple of (int, int, float)
-        For each connector: column of its flow, column of its potential, product of their signs.
+        Per connector: column of its flow, column of its potential, product of their signs.
     """
 
     instances: tuple[int, ...]
@@ -62,7 +62,7 @@ class Family:
 
 
 def families(structure: Structure, prepared: Prepared, slots: Floats, flags: Floats, t: float) -> list[Family]:
-    """The linearised equations of every component that has mechanical connectors and no parts, by pattern."""
+    """Linearised equations of every component with mechanical connectors and no parts, grouped by pattern."""
     model = structure.model
     rows = _rows(structure, prepared, slots, flags, t)
     found: dict[Any, list[tuple[int, list[int], list[int], list[tuple[int, int, int, float]]]]] = defaultdict(list)
@@ -101,7 +101,7 @@ def _family(members: Any, pairs: tuple[tuple[int, int, float], ...]) -> Family:
 def _rows(
     structure: Structure, prepared: Prepared, slots: Floats, flags: Floats, t: float
 ) -> dict[int, list[tuple[int, int, int, float]]]:
-    """Of each instance the entries (row, variable, order, value) of its linearised equations."""
+    """Per instance, the entries (row, variable, order, value) of its linearised equations."""
     model, program = structure.model, prepared.program
     builder = Builder(structure, (), program.states)
     top = 1 + max([1, *(k for _, k in program.slots)])
@@ -132,7 +132,7 @@ def _rows(
 
 
 def _silent(model: FlatModel, group: EquationGroup) -> Any:
-    """Numbers below 0 for forces that are zero because nothing is connected; they are what would hold the connector."""
+    """Negative placeholder numbers for forces that are zero at unconnected ports; they stand for the force that would hold the port."""
     result = np.zeros(group.variables.shape, np.int64)
     for j, name in enumerate(group.template.locals):
         for i in np.flatnonzero(group.signs[:, j] == 0).tolist():
@@ -143,7 +143,7 @@ def _silent(model: FlatModel, group: EquationGroup) -> Any:
 
 
 def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]:
-    """(potential, flow, sign of their product) of each mechanical pair of an instance's connectors."""
+    """(potential, flow, sign of their product) of each mechanical pair in an instance's connectors."""
     halves: dict[str, tuple[list[int], list[int]]] = defaultdict(lambda: ([], []))
     units: dict[str, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
     for offset, (name, declared) in enumerate(instance.variables.items()):
@@ -162,7 +162,7 @@ def _ports(model: FlatModel, instance: Instance) -> list[tuple[int, int, float]]
 
 
 def _given(model: FlatModel, instance: Instance) -> set[int]:
-    """What a component does not determine: potentials of its connectors, and its inputs."""
+    """Variables that a component does not determine: potentials of its connectors, and its inputs."""
     return {
         int(model.representative[instance.first_variable + offset])
         for offset, declared in enumerate(instance.variables.values())
@@ -171,7 +171,7 @@ def _given(model: FlatModel, instance: Instance) -> set[int]:
 
 
 def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats, Floats, Floats]:
-    """Kinetic and potential energy (J, means over a period) of a family's components, and how far they may be off.
+    """Kinetic and potential energy (J, means over a period) of a family's components, and their error bounds.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats
     s = 1j * omega
     n = family.unknown.shape[1]
     L, slope, bend = family.L[-1].astype(complex), np.zeros(family.L.shape[1:], complex), np.zeros(family.L.shape[1:], complex)
-    for part in family.L[-2::-1]:  # Horner's scheme for the polynomial, its derivative and half of its second one
+    for part in family.L[-2::-1]:  # Horner's scheme for the polynomial, its derivative and half its second derivative
         bend = bend * s + slope
         slope = slope * s + L
         L = L * s + part
@@ -210,7 +210,7 @@ def energies(family: Family, amplitude: Complexes, omega: float) -> tuple[Floats
 
 
 def _pseudo_inverse(L: Complexes) -> tuple[Complexes, tuple[Floats, Floats]]:
-    """Pseudo-inverses with rows and columns scaled; a torque that does no work stays undetermined and is taken as small."""
+    """Pseudo-inverses with scaled rows and columns; a torque that does no work is undetermined, and its minimum-norm value is taken."""
     row = np.abs(L).max(axis=2, initial=0.0)
     row = np.where(row > 0, row, 1.0)
     scaled = L / row[:, :, None]

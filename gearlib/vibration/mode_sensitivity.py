@@ -1,4 +1,4 @@
-"""`ModeSensitivity`: how eigenvalues, natural frequencies and damping ratios change with a parameter."""
+"""`ModeSensitivity`: derivatives of eigenvalues, natural frequencies and damping ratios with respect to a parameter."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class ModeSensitivity:
-    """Derivatives of the modes of a system with respect to a parameter, per unit of the parameter.
+    """Derivatives of a system's modes with respect to a parameter, per unit of the parameter.
 
     Attributes
     ----------
     parameter : str
     unit : str
-        Of the parameter.
+        Unit of the parameter.
     value : float
-        Of the parameter.
+        Value of the parameter.
     eigenvalues : complex array (modes,)
         1/s per unit; 0 for free motions.
     frequencies : array (modes,)
         Hz per unit.
     damping : array (modes,)
-        Of the damping ratios, per unit.
+        Derivatives of the damping ratios, per unit.
     relative : array (modes,)
-        Relative change of the natural frequency over that of the parameter: 0.5 where one spring and one mass make the mode. 0 for
+        Relative change of the natural frequency over that of the parameter: 0.5 where a mode consists of one spring and one mass. 0 for
         free motions.
     """
 
@@ -51,7 +51,7 @@ class ModeSensitivity:
 
 
 def mode_sensitivity(parameter: str, unit: str, value: float, eigenvalues: Complexes, changes: Complexes) -> ModeSensitivity:
-    """Of modes with some eigenvalues, from the derivatives of these.
+    """From some eigenvalues and their derivatives.
 
     >>> found = mode_sensitivity("c", "N/m", 4.0, np.array([2j]), np.array([0.25j]))     # omega = sqrt(c / m), m = 1
     >>> float(found.relative[0]), float(2 * np.pi * found.frequencies[0])

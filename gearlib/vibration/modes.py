@@ -42,14 +42,14 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 MOST_DENSE = 500  # states up to which all eigenvalues are computed
-COLUMN = 33  # where the energies stand in what is printed
-UNSURE = 1e-3  # of a mode's energy: shares that may be off by more are not given
-NEGATIVE = 1e-6  # of a mode's energy: an energy below is no rounding
+COLUMN = 33  # column at which energies are printed
+UNSURE = 1e-3  # of a mode's energy: shares with a larger error bound are not reported
+NEGATIVE = 1e-6  # of a mode's energy: a more negative energy is not rounding
 
 
 @dataclass(frozen=True, eq=False)
 class _Shares:
-    """Of the components that keep energy in some mode: shares in percent, which of them move, and why modes have none."""
+    """Energy shares (percent) of the components that store energy in some mode, which of them move, and why modes have no shares."""
 
     numbers: list[int]
     kinetic: Floats
@@ -60,7 +60,7 @@ class _Shares:
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes of a system about an operating point: free motions first, then by natural frequency.
+    """Modes of a system about an operating point: free motions first, then sorted by natural frequency.
 
     Attributes
     ----------
@@ -70,17 +70,17 @@ class Modes:
         Amplitudes of the states.
     states : tuple of str
     free : int
-        Free motions: ways to turn with no spring strained.
+        Number of free motions (rigid-body motions), in which no spring is strained.
     preloads : int or None
-        Poles at 0 that are no motion but a constant preload locked into a loop of meshes (not counted for large systems).
+        Poles at 0 that are not motions but constant preloads locked into a loop of meshes (not counted for large systems).
     positions : tuple of str
-        States on which nothing depends, each a pole at 0 that is neither: the phase of a mesh, a place inside an open gap.
+        States on which nothing depends, each a pole at 0 of neither kind: the phase of a mesh, a position inside an open gap.
     gaps : dict of int to str
-        Free motions that are relative motions across something open, and across what.
+        Free motions that are relative motions across something open, with the description of that.
     conditions : tuple of str
-        The operating point in words, such as "open: mesh m".
+        Operating point in words, such as "open: mesh m".
     decays : array
-        Poles (1/s) of motions that die away without oscillating; for large systems those that are not much faster than the modes.
+        Poles (1/s) of non-oscillating, decaying motions; for large systems those not much faster than the modes.
     """
 
     eigenvalues: Complexes
@@ -94,9 +94,9 @@ class Modes:
     conditions: tuple[str, ...]
     _model: FlatModel
     _rows: Any  # (variables, states): amplitude of each representative variable ...
-    _orders: Any  # ... in this order of its derivative, -1 where it is not known
+    _orders: Any  # ... in this derivative order, -1 where unknown
     _find_families: Callable[[], list[Family]]
-    _preloaded: bool  # whether the free motions hold preloads, too
+    _preloaded: bool  # whether the free motions include preloads
     _find_changes: Callable[[Sequence[str]], list[ModeSensitivity]]
 
     def __len__(self) -> int:
@@ -109,13 +109,13 @@ class Modes:
 
     @property
     def frequencies(self) -> Floats:
-        """Natural frequencies, Hz: magnitude of the eigenvalue over 2 pi (the undamped ones where damping is proportional)."""
+        """Natural frequencies (Hz): magnitude of the eigenvalue over 2 pi (the undamped ones where damping is proportional)."""
         result: Floats = self.omega / (2 * np.pi)
         return result
 
     @property
     def damped_frequencies(self) -> Floats:
-        """Frequencies at which the modes ring, Hz."""
+        """Damped frequencies, Hz."""
         result: Floats = np.abs(self.eigenvalues.imag) / (2 * np.pi)
         return result
 
@@ -126,13 +126,13 @@ class Modes:
         return np.divide(0.0 - self.eigenvalues.real, size, out=np.zeros(len(size)), where=size > 0)
 
     def amplitudes(self, mode: int) -> Complexes:
-        """Complex amplitude of every representative variable; of free motions, the rates are real and finite."""
+        """Complex amplitude of every representative variable; for free motions, rates are real and finite."""
         self._check(mode)
         s = self._s(mode)
         known = np.asarray(self._rows @ self.shapes[:, mode]).ravel()
         with np.errstate(all="ignore"):
             value = known / s ** np.maximum(self._orders, 0)
-        if self.eigenvalues[mode] == 0 and self._preloaded:  # what is no rate is a preload
+        if self.eigenvalues[mode] == 0 and self._preloaded:  # anything but a rate is a preload
             value = np.where(self._orders == 0, 0.0, value)
         return np.where(self._orders < 0, 0.0, value)
 
@@ -146,9 +146,9 @@ class Modes:
         return float(moving.min()) if len(moving) else 1.0
 
     def shape(self, mode: int, *names: str) -> Complexes:
-        """Complex amplitudes of variables (or of derivatives, ``"der(load.w)"``) in a mode.
+        """Complex amplitudes of variables (or derivatives, ``"der(load.w)"``) in a mode.
 
-        Of a free motion these are the amplitudes over those of a slow oscillation, so that ratios of speeds are right.
+        For a free motion these are the limits for a slow oscillation, so that ratios of speeds are right.
         """
         self._check(mode)
         amplitude, s = self.amplitudes(mode), self._s(mode)
@@ -172,7 +172,7 @@ class Modes:
 
     @cached_property
     def components(self) -> tuple[str, ...]:
-        """Components that keep energy in some mode, in the order of the model."""
+        """Components that store energy in some mode, in model order."""
         return tuple(self._model.instances[i].path for i in self._energies.numbers)
 
     @cached_property
@@ -187,10 +187,10 @@ class Modes:
                 potential[mode] *= bool(value)
         unknown = self._unknown_shares(numbers, kinetic, potential, off)
         for shares in (kinetic, potential):
-            np.maximum(shares, 0.0, out=shares)  # what is less is rounding, or is not given
+            np.maximum(shares, 0.0, out=shares)  # smaller values are rounding, or are not reported
             total = shares.sum(axis=1, keepdims=True)
             np.divide(100 * shares, total, out=shares, where=total > 0)
-            shares[:, shares.max(axis=0, initial=0.0) < 1e-5] = 0.0  # percent: rounding of components that keep none
+            shares[:, shares.max(axis=0, initial=0.0) < 1e-5] = 0.0  # percent: rounding in components without energy
         order = [k for k in np.argsort(numbers) if kinetic[:, k].any() or potential[:, k].any()]
         kinetic, potential = kinetic[:, order], potential[:, order]
         bodies = np.asarray(kinetic.any(axis=0), bool)
@@ -199,7 +199,7 @@ class Modes:
         return _Shares([numbers[k] for k in order], kinetic, potential, bodies, unknown)
 
     def _unknown_shares(self, numbers: list[int], kinetic: Floats, potential: Floats, off: Floats) -> dict[int, str]:
-        """Modes of which no shares can be given, and why."""
+        """Modes without energy shares, with the reasons."""
         unknown: dict[int, str] = {}
         if not numbers:
             return unknown
@@ -221,21 +221,21 @@ class Modes:
 
     @property
     def kinetic(self) -> Floats:
-        """Share of each component in the mode's kinetic energy, 0 to 100 percent, shape (modes, components); NaN where `not_given`."""
+        """Percentage of each component in the mode's kinetic energy, shape (modes, components); NaN where `not_given`."""
         return self._energies.kinetic
 
     @property
     def potential(self) -> Floats:
-        """Share of each component in the mode's potential energy, 0 to 100 percent; 0 for free motions, NaN where `not_given`."""
+        """Percentage of each component in the mode's potential energy; 0 for free motions, NaN where `not_given`."""
         return self._energies.potential
 
     @property
     def not_given(self) -> dict[int, str]:
-        """Modes of which no shares of energy are given, and the reason."""
+        """Modes for which no energy shares are reported, with the reasons."""
         return self._energies.unknown
 
     def motions(self, mode: int) -> list[tuple[str, str, complex]]:
-        """Amplitudes of the bodies: (component, "rad" or "m", amplitude) of those that keep kinetic energy in some mode."""
+        """Amplitudes of the bodies: (component, "rad" or "m", amplitude) for those with kinetic energy in some mode."""
         self._check(mode)
         result = []
         for number, moves in zip(self._energies.numbers, self._energies.bodies, strict=True):
@@ -250,10 +250,10 @@ class Modes:
         return result
 
     def sensitivity(self, parameter: str) -> ModeSensitivity:
-        """How eigenvalues, frequencies and damping ratios change with a parameter, by exact derivatives of the equations.
+        """Derivatives of eigenvalues, frequencies and damping ratios with respect to a parameter, from exact derivatives.
 
-        What is bound to the parameter changes with it, and so does the operating point: start values, or the steady state. Of modes with
-        one frequency these are the derivatives of the branches into which the change splits it.
+        Everything bound to the parameter changes with it, and so does the operating point: start values, or the steady state. For modes
+        of equal frequency these are the derivatives of the branches into which the change splits it.
 
         Parameters
         ----------
@@ -267,7 +267,7 @@ class Modes:
         Raises
         ------
         ArgumentError, NameLookupError, SolverError
-            No such parameter, or no derivative with respect to it; says why.
+            Unknown parameter, or no derivative with respect to it; the message says why.
 
         Examples
         --------
@@ -284,7 +284,7 @@ class Modes:
         return self._find_changes([one_name("parameter", parameter, "shaft.c")])[0]
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """A row for each mode: frequencies, damping, and the shares of energy as columns ``("kinetic", component)``."""
+        """One row per mode: frequencies, damping, and energy shares in columns ``("kinetic", component)``, as a pandas DataFrame."""
         pandas = optional("pandas")
 
         table = {
@@ -308,7 +308,7 @@ class Modes:
         return fitted("\n".join([*lines, *self._remarks]))
 
     def _below_each_other(self) -> list[str]:
-        """Long names: the potential energy of a mode stands below its kinetic energy."""
+        """Layout for long names: a mode's potential energy is printed below its kinetic energy."""
         lines = [f"{'mode  frequency, Hz    damping':{COLUMN}}kinetic energy, and potential energy below it"]
         for k in range(len(self)):
             kinetic, potential = (self._largest(shares[k], 26) for shares in (self.kinetic, self.potential))
@@ -318,7 +318,7 @@ class Modes:
 
     @property
     def _remarks(self) -> list[str]:
-        """What is to be said besides the modes."""
+        """Notes printed below the modes."""
         lines = [f"Shares of energy of mode {k} are not given: {why}." for k, why in self.not_given.items()]
         lines += [f"Mode {k} is a free relative motion across {across}." for k, across in self.gaps.items()]
         if self.positions:
@@ -335,7 +335,7 @@ class Modes:
         return lines
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a line for each mode, and the remarks below it."""
+        """Notebook representation: one line per mode, followed by the notes."""
         rows: list[list[str | float]] = [
             [
                 float(k),
@@ -353,11 +353,11 @@ class Modes:
         return ", ".join(f"{shortened(self.components[i], longest)} {shares[i]:.0f} %" for i in best)
 
     def draw(self, mode: int, *, axes: Any = None) -> Any:
-        """Draw a mode: amplitudes of the bodies, and the shares of energy. Returns the matplotlib axes."""
+        """Draw a mode: amplitudes of the bodies, and energy shares. Returns the matplotlib axes."""
         return draw_mode(self._picture(mode), axes)
 
     def _picture(self, mode: int) -> ModePicture:
-        """What is drawn of a mode."""
+        """Data for drawing a mode."""
         self._check(mode)
         k, why = int(mode) % len(self), self.not_given.get(int(mode) % len(self))
         named = enumerate([] if why else self.components)
@@ -365,15 +365,15 @@ class Modes:
         return ModePicture(k, float(self.frequencies[k]), float(self.damping[k]), self.motions(k), shares, why)
 
     def animate(self, mode: int, *, frames: int = 48, degrees: float = 40.0) -> Any:
-        """Animate a mode over one period: every body swings about its place. Returns a matplotlib ``FuncAnimation``.
+        """Animate a mode over one period: every body swings about its rest position. Returns a matplotlib ``FuncAnimation``.
 
-        Keep it in a variable, and show it or save it: ``animation.save("mode.gif", writer="pillow")``.
+        Keep a reference to it, and show or save it: ``animation.save("mode.gif", writer="pillow")``.
 
         Parameters
         ----------
         mode : int
         frames : int
-            Pictures of a period.
+            Frames per period.
         degrees : float
             Swing of the body that turns most.
         """
@@ -389,7 +389,7 @@ def modes(
     ----------
     system : System
     count : int, optional
-        How many modes that oscillate, from the lowest; all by default (20 above 500 states, where sparse matrices are used).
+        Number of oscillating modes, from the lowest; by default all (20 above 500 states, where sparse matrices are used).
     at : None, "steady", mapping, or (Result, time)
         Operating point, as for `System.linearize`.
     parameters : mapping, optional
@@ -401,7 +401,7 @@ def modes(
 
     Notes
     -----
-    Of a repeated frequency the shapes are one choice out of many, and so are the shares of energy of each; their sums are not.
+    For a repeated frequency the shapes are one choice of basis, and so are the energy shares of each mode; their sums are unique.
 
     Examples
     --------
@@ -449,7 +449,7 @@ def modes(
     eigenvalues = np.concatenate([np.zeros(spectrum.free.shape[1]), spectrum.values])
 
     def find_changes(names: Sequence[str]) -> list[ModeSensitivity]:
-        """Those of the whole matrix: states that the mode holds have poles at 0 of their own, and change no other."""
+        """Derivatives for the whole matrix: held states have poles at 0 of their own, and affect no other mode."""
         found = eigenvalue_changes(whole, linearized.changes(names, rates), eigenvalues)
         table, units = structure.model.parameters, translation.parameter_units
         return [
@@ -467,7 +467,7 @@ def modes(
 
 
 def _forces(model: FlatModel, orders: Any) -> Any:
-    """Variables that are flows of connectors, as far as their amplitudes are known."""
+    """Variables that are connector flows, as far as their amplitudes are known."""
     flows = [
         int(model.representative[v])
         for instance in model.instances
@@ -479,7 +479,7 @@ def _forces(model: FlatModel, orders: Any) -> Any:
 
 
 def _unused(A: Any, speeds: Any, forces: Any) -> list[int]:
-    """States that no rate, speed or force depends on."""
+    """States on which no rate, speed or force depends."""
     total = sum(np.asarray(abs(m).sum(axis=0)).ravel() for m in (A, speeds, forces))
     return np.flatnonzero(total == 0).tolist()
 
@@ -509,13 +509,13 @@ def _spectrum(A: Any, speeds: Any, forces: Any, count: int | None, angles: bool)
 
 
 def _moving_states(structure: Structure) -> tuple[Node, ...]:
-    """All states but absolute angles that nothing depends on."""
+    """All states except irrelevant absolute angles."""
     wanted = [s for s in structure.states if s not in structure.angles]
     return tuple(sorted({*wanted, *needed_states(structure, [(v, k + 1) for v, k in wanted])}))
 
 
 def _amplitude_nodes(structure: Structure) -> dict[int, int]:
-    """For each variable an order of derivative whose amplitude is known without integrating absolute angles."""
+    """Per variable, a derivative order whose amplitude is known without integrating absolute angles."""
     choice, model = structure.choice, structure.model
     states = set(structure.states) - set(structure.angles)
     solved = set(choice.solved_by)

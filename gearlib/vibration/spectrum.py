@@ -1,8 +1,8 @@
 """Eigenvalues and eigenvectors of the state matrix: all of a small one, the lowest of a large sparse one.
 
-A train has poles at 0 in three ways: it turns freely, a loop of meshes carries a constant preload, or nothing depends on a position (the
-phase of a mesh, a place inside an open gap). They are told apart by whether anything moves, and by whether a force acts. In
-large trains there may be hundreds of them, so they are counted beforehand, and the search passes them by.
+A train has poles at 0 for three reasons: it turns freely, a loop of meshes carries a constant preload, or nothing depends on a position
+(the phase of a mesh, a position inside an open gap). They are distinguished by whether anything moves, and whether a force acts. Large
+trains may have hundreds of them, so they are counted in advance, and the search avoids them.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from gearlib.vibration.lowest_eigenvalues import lowest
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-ACTING = 1e-9  # of the largest speed or force: what is less is rounding
-MOST_FULL = 4000  # states up to which all eigenvalues are computed where the lowest alone cannot be made sure of
+ACTING = 1e-9  # relative to the largest speed or force: smaller ones are rounding
+MOST_FULL = 4000  # states up to which the dense matrix is used where the lowest eigenvalues cannot be verified
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Oscillating modes, free motions, decays.
+    """Oscillating modes, free motions and decays.
 
     Attributes
     ----------
     values, vectors : complex arrays (modes,), (states, modes)
-        By magnitude, positive imaginary parts.
+        Sorted by magnitude, with positive imaginary parts.
     free : array (states, free motions)
     preloads : int or None
     decays : array
@@ -46,7 +46,7 @@ class Spectrum:
 
 
 def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats | None = None) -> Spectrum:
-    """All eigenvalues; ``speeds`` (variables, states) tells free motions from what rests, and ``forces`` preloads from positions."""
+    """All eigenvalues; ``speeds`` (variables, states) separates free motions from rest, ``forces`` preloads from positions."""
     from scipy.linalg import eig, matrix_balance
 
     n = len(A)
@@ -59,24 +59,25 @@ def dense_spectrum(A: Floats, speeds: Floats, count: int | None, forces: Floats 
     full = np.zeros((n, len(values)), complex)
     for k, value in enumerate(values):
         if value.imag <= 0:
-            continue  # a decay, which is given without a shape, or the other of a pair
+            continue  # a decay, which has no shape here, or the conjugate
         w = vectors[:, k]
         at_zero = np.linalg.solve(inner - value * np.eye(len(inner)), -coupling @ w) if len(inner) else np.empty(0)
         full[:, k] = others @ w + zero @ at_zero
     zero_ = zero
     full, zero = _unscaled(full, scale, permutation), _unscaled(zero, scale, permutation)
     free = _free(zero, speeds)
-    still = zero_[:, : chains[0]] if chains else zero_  # with no rate at all; in a chain a motion is a place and a speed
+    # With zero rates; in a chain a motion consists of a position and a speed
+    still = zero_[:, : chains[0]] if chains else zero_
     rates, acting = (np.asarray(rows)[:, permutation] * scale for rows in (speeds, speeds if forces is None else forces))
     preloads = None if forces is None else _preloads(still, rates, acting)
     return _ordered(values, full, free, preloads, count)
 
 
 def _preloads(still: Floats, speeds: Floats, forces: Floats) -> int:
-    """How many independent directions among those that stay for ever have forces and no speeds."""
+    """Number of independent permanent directions with forces and no speeds."""
 
     def seen(rows: Floats) -> tuple[int, Floats]:
-        """How many directions the rows tell apart, and the directions, those told apart first."""
+        """Rank of the rows on the directions, and the directions sorted so that the observable ones come first."""
         size = np.abs(rows).max(initial=0.0)
         if not size or not still.shape[1]:
             return 0, still
@@ -89,21 +90,21 @@ def _preloads(still: Floats, speeds: Floats, forces: Floats) -> int:
 
 
 def _unscaled(vectors: Any, scale: Floats, permutation: Any) -> Any:
-    """Vectors of the balanced matrix in the states' own order and units."""
+    """Vectors of the balanced matrix in the original order and units of the states."""
     result = np.empty_like(vectors)
     result[permutation] = vectors * scale[:, None]  # scale is in the new order
     return result
 
 
 def _free(zero: Floats, speeds: Any) -> Complexes:
-    """Those combinations of motions at 0 in which something turns."""
+    """Combinations of motions at 0 in which something turns."""
     if not zero.shape[1]:
         return np.empty((len(zero), 0), complex)
     moving = np.asarray(speeds @ zero)
     size = np.abs(moving).max(initial=0.0)
     if not size:
         return np.empty((len(zero), 0), complex)
-    # A unit of preload and a unit of speed differ by orders of magnitude; what counts is whether anything turns at all.
+    # Units of preload and speed differ by orders of magnitude; what counts is whether anything turns at all.
     per_column = np.abs(moving).max(axis=0)
     moving = np.where(per_column > 1e-9 * np.abs(zero).max(axis=0), moving, 0.0)
     _, sizes, rows = np.linalg.svd(moving / size, full_matrices=False)
@@ -119,7 +120,7 @@ def _ordered(values: Complexes, vectors: Complexes, free: Complexes, preloads: i
     ringing = np.flatnonzero(~real & (values.imag > 0))
     ringing = ringing[np.argsort(np.abs(values[ringing]), kind="stable")][:count]
     chosen = values[ringing]
-    # What rounding leaves of a damping that is not there.
+    # Rounding of zero damping.
     chosen = np.where(np.abs(chosen.real) < 1e-11 * np.abs(values).max(initial=0.0), 1j * chosen.imag, chosen)
     shapes = vectors[:, ringing]
     peak = np.abs(shapes).max(axis=0, initial=1e-300)
@@ -127,12 +128,12 @@ def _ordered(values: Complexes, vectors: Complexes, free: Complexes, preloads: i
 
 
 def sparse_spectrum(A: Any, speeds: Any, count: int, chained: bool = True) -> Spectrum:
-    """The lowest modes of a large matrix, and the decays that are not faster; ``chained`` where angles are states.
+    """The lowest modes of a large matrix, and the decays that are not faster; ``chained`` if angles are states.
 
     Raises
     ------
     SolverError
-        The lowest modes could not be told for sure, and the matrix is too large for a full one.
+        The lowest modes could not be verified, and the matrix is too large for a dense method.
     """
     import scipy.sparse as sparse
 
@@ -150,13 +151,13 @@ def sparse_spectrum(A: Any, speeds: Any, count: int, chained: bool = True) -> Sp
 
 
 def _free_motions(A: Any, speeds: Any, chained: bool) -> tuple[Complexes, int]:
-    """Free motions of a large matrix, and the number of its poles at 0, from its sparse elimination: chains have up to two if chained."""
+    """Free motions of a large matrix and its number of poles at 0; Jordan chains have length up to two if ``chained``."""
     import scipy.sparse as sparse
 
     n = A.shape[0]
     found = factorise(sparse.bmat([[A, -sparse.identity(n)], [None, A]]) if chained else A)  # x and A x, with A (A x) = 0
     scale, looks, most = found.column[:n], 8, found.matrix.shape[0] - found.rank
-    while True:  # random motions at 0: more than are independent show how many are
+    while True:  # random motions at 0: once they are dependent, their rank is known
         zero = np.linalg.qr(found.directions(min(looks, most))[:n])[0]
         free = scale[:, None] * _free(zero, speeds @ sparse.diags(scale))
         if free.shape[1] < looks:
@@ -165,9 +166,9 @@ def _free_motions(A: Any, speeds: Any, chained: bool) -> tuple[Complexes, int]:
 
 
 def without_preloads(A: Any, speeds: Any, free: Complexes) -> tuple[Complexes, bool]:
-    """Free motions without the preloads that are mixed into them, and whether these could be left out.
+    """Free motions with the preloads mixed into them removed, and whether that was possible.
 
-    A preload is in states that no speed depends on: without them it must still be a motion at 0.
+    A preload lies in states that no speed depends on: without them the remainder must still be a motion at 0.
     """
     alone = free * (np.asarray(abs(speeds).sum(axis=0)).ravel() > 0)[:, None]
     size = abs(A)
