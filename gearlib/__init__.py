@@ -1,6 +1,6 @@
 """gearlib: equation-based dynamics of gear trains.
 
-Everything public is here; nothing is imported before it is used.
+All public names are here; modules are imported on first use.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(_HOME[name]), name)
         globals()[name] = value
         return value
-    if name.startswith("_"):  # asked by Python itself: __path__, __wrapped__, ...
+    if name.startswith("_"):  # looked up by Python itself: __path__, __wrapped__, ...
         raise AttributeError(f"module 'gearlib' has no attribute '{name}'")
     from gearlib.errors import nearest
 

@@ -1,6 +1,6 @@
 """Validation of users' arguments: numbers, sequences, names and mappings.
 
-Each function returns what was given in one form, or raises an error that says what it is called, what was found and what was
+Each function returns its argument in a canonical form, or raises an error that gives the argument's name, what was found and what was
 expected.
 """
 
@@ -20,20 +20,20 @@ from gearlib.errors import ArgumentError, NameLookupError
 from gearlib.optional import optional
 
 Floats = NDArray[np.float64]
-LONG = 100  # characters of a value in an error message
+LONG = 100  # characters of a value quoted in an error message
 
 
 def shown(value: Any) -> str:
-    """A value in an error message, cut short where it is long."""
+    """A value for an error message, truncated if it is long."""
     try:
         text = " ".join(repr(value).split())
-    except Exception:  # the object's own fault; and Python writes no number of more than 4300 digits
+    except Exception:  # a failing repr(); or an integer of more than 4300 digits, which Python refuses to print
         return "a number of very many digits" if isinstance(value, int) else f"a {type(value).__name__} that cannot be printed"
     return text if len(text) <= LONG else f"{text[: LONG - 20]} ..."
 
 
 def finite(said: Callable[[], str], value: Any) -> float:
-    """The value as a float, or an `ArgumentError` that begins with what is ``said`` of it, where it is no finite number.
+    """The value as a float; `ArgumentError` if it is not a finite number, with a message that begins with ``said()``.
 
     >>> finite(lambda: "the function returned", 2)
     2.0
@@ -42,7 +42,7 @@ def finite(said: Callable[[], str], value: Any) -> float:
         number = float(value)
     except OverflowError:
         raise ArgumentError(f"{said()} {shown(value)}; expected a number of ordinary size") from None
-    except Exception:  # whatever an object of the user's makes of float()
+    except Exception:  # a user's object may have a failing float()
         raise ArgumentError(f"{said()} {shown(value)}; expected a number") from None
     if not math.isfinite(number):
         raise ArgumentError(f"{said()} {number}; expected a finite number")
@@ -50,7 +50,7 @@ def finite(said: Callable[[], str], value: Any) -> float:
 
 
 def real(name: str, value: Any, expected: str = "a finite number") -> float:
-    """The value as a float, or an `ArgumentError` where it is no finite real number.
+    """The value as a float; `ArgumentError` if it is not a finite real number.
 
     >>> real("gain", 2)
     2.0
@@ -61,7 +61,7 @@ def real(name: str, value: Any, expected: str = "a finite number") -> float:
 
 
 def is_real(value: Any) -> bool:
-    """Whether a value is a finite real number that a float holds: no truth value, no text, no length of time.
+    """Whether a value is a finite real number representable as a float; Booleans, strings and durations are not.
 
     >>> [is_real(value) for value in (1, 2.5, float("inf"), True, "3", None, 10**400)]
     [True, True, False, False, False, False, False]
@@ -70,12 +70,12 @@ def is_real(value: Any) -> bool:
         return False
     try:
         return math.isfinite(value)
-    except Exception:  # a whole number too large for a float; an object of the user's
+    except Exception:  # an integer too large for a float; a user's object
         return False
 
 
 def whole(name: str, value: Any, least: int, expected: str = "") -> int:
-    """The value as an int, or an `ArgumentError` where it is no whole number from ``least`` on.
+    """The value as an int; `ArgumentError` if it is not an integer of at least ``least``.
 
     >>> whole("frames", 24, 2)
     24
@@ -86,7 +86,7 @@ def whole(name: str, value: Any, least: int, expected: str = "") -> int:
 
 
 def flag(name: str, value: Any) -> bool:
-    """The value as a bool, or an `ArgumentError` where it is neither True nor False.
+    """The value as a bool; `ArgumentError` if it is neither True nor False.
 
     >>> flag("sparse", True)
     True
@@ -97,7 +97,7 @@ def flag(name: str, value: Any) -> bool:
 
 
 def reals(name: str, values: Any, expected: str) -> Floats:
-    """The values as an array, or an `ArgumentError` where they are no finite real numbers.
+    """The values as an array; `ArgumentError` if they are not finite real numbers.
 
     >>> reals("omega", [1, 10], "a sequence of numbers")
     array([ 1., 10.])
@@ -105,9 +105,9 @@ def reals(name: str, values: Any, expected: str) -> Floats:
     try:
         found = np.asarray(values)
         whole_or_real = found.dtype.kind in "iuf" or (found.dtype.kind == "O" and all(map(is_real, found.ravel().tolist())))
-        with np.errstate(over="ignore"):  # of longer numbers
+        with np.errstate(over="ignore"):  # of extended-precision numbers
             result = found.astype(float) if whole_or_real else np.array(np.nan)
-    except Exception:  # whatever an object of the user's makes of being an array
+    except Exception:  # a user's object may fail to convert to an array
         result = np.array(np.nan)
     if not np.isfinite(result).all():
         raise ArgumentError(f"{name} is {shown(values)}; expected {expected}")
@@ -115,7 +115,7 @@ def reals(name: str, values: Any, expected: str) -> Floats:
 
 
 def increasing(name: str, values: Any, least: int, unit: str = "") -> Floats:
-    """The values as an array, or an `ArgumentError` where they do not increase, or are fewer than ``least``.
+    """The values as an array; `ArgumentError` if they do not increase, or are fewer than ``least``.
 
     >>> increasing("gains", (0, 1), 1)
     array([0., 1.])
@@ -128,14 +128,14 @@ def increasing(name: str, values: Any, least: int, unit: str = "") -> Floats:
 
 
 def one_name(what: str, value: Any, example: str) -> str:
-    """The name, or an `ArgumentError` where it is no text."""
+    """The name; `ArgumentError` if it is not a string."""
     if not isinstance(value, str):
         raise ArgumentError(f"{what} is {shown(value)}; expected a name, such as '{example}'")
     return value
 
 
 def one_of(what: str, value: Any, valid: Sequence[str]) -> str:
-    """The name, or an `ArgumentError` where it is none of the valid ones.
+    """The name; `ArgumentError` if it is not among the valid ones.
 
     >>> one_of("side", "left", ("left", "right"))
     'left'
@@ -146,7 +146,7 @@ def one_of(what: str, value: Any, valid: Sequence[str]) -> str:
 
 
 def as_path(what: str, path: Any, example: str = "r.mat") -> Path:
-    """The path, or an `ArgumentError` where it is none.
+    """The path; `ArgumentError` if it is not one.
 
     >>> as_path("path", "run/r.mat").suffix
     '.mat'
@@ -157,7 +157,7 @@ def as_path(what: str, path: Any, example: str = "r.mat") -> Path:
 
 
 def name_list(what: str, values: Any, example: str) -> list[str]:
-    """The names as a list, or an `ArgumentError` where they are no list of names.
+    """The names as a list; `ArgumentError` if they are not a list of names.
 
     >>> name_list("held", ("unit.ring",), "unit.carrier")
     ['unit.ring']
@@ -167,7 +167,7 @@ def name_list(what: str, values: Any, example: str) -> list[str]:
         raise ArgumentError(f"{what} is {shown(values)}; expected a list of names, such as {suggested}")
     try:
         found = list(values)
-    except Exception:  # an iterable of the user's that fails
+    except Exception:  # a user's iterable may fail
         raise ArgumentError(f"{what} is {shown(values)}; expected a list of names, such as {[example]}") from None
     for name in found:
         if not isinstance(name, str):
@@ -176,7 +176,7 @@ def name_list(what: str, values: Any, example: str) -> list[str]:
 
 
 def by_name(what: str, values: Any, expected: str, example: str = "load.w") -> dict[str, Any]:
-    """The values by name, empty where there are none, or an `ArgumentError` where they are no mapping.
+    """The values by name (empty if None); `ArgumentError` if they are not a mapping.
 
     >>> by_name("torques", None, "a mapping of paths to numbers")
     {}
@@ -185,7 +185,7 @@ def by_name(what: str, values: Any, expected: str, example: str = "load.w") -> d
         return {}
     try:
         found = dict(values) if isinstance(values, Mapping) else None
-    except Exception:  # a mapping of the user's that fails
+    except Exception:  # a user's mapping may fail
         found = None
     if found is None:
         raise ArgumentError(f"{what} is {shown(values)}; expected {expected}")
@@ -196,12 +196,12 @@ def by_name(what: str, values: Any, expected: str, example: str = "load.w") -> d
 
 
 def check_axes(axes: Any, count: int, name: str = "axes") -> None:
-    """Raise `ArgumentError` for anything but that many matplotlib Axes."""
+    """Raise `ArgumentError` unless ``axes`` are that many matplotlib Axes."""
     Axes = optional("matplotlib.axes").Axes
 
     try:
         given = list(axes) if isinstance(axes, (Sequence, np.ndarray)) and count > 1 else [axes]
-    except Exception:  # a sequence of the user's that fails
+    except Exception:  # a user's sequence may fail
         given = []
     if len(given) != count or not all(isinstance(one, Axes) for one in given):
         expected = "matplotlib Axes" if count == 1 else f"{count} matplotlib Axes, such as those of plt.subplots({count})"

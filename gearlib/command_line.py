@@ -1,4 +1,4 @@
-"""The command `gearlib`: models in files are described, run and analysed without a script."""
+"""The command `gearlib`: describes, runs and analyses models in files without a script."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ EXAMPLES = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Carry out a command.
+    """Execute a command.
 
     Parameters
     ----------
     arguments : sequence of str, optional
-        Of the command line, without the program's name; by default those of the process.
+        Command line without the program's name; by default that of the process.
 
     Returns
     -------
     int
-        0; 2 where the user is at fault, after one line on the standard error stream; 130 after an interrupt.
+        0; 2 after an error of the user, with one line on standard error; 130 after an interrupt.
     """
     asked = _parser().parse_args(arguments)
 
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             warnings.showwarning = warned  # type: ignore[assignment]
             asked.command(asked)
         sys.stdout.flush()
-    except BrokenPipeError:  # who read the output has seen enough; nothing more can be written there, at the exit either
+    except BrokenPipeError:  # the reader has closed the pipe; nothing more can be written, not even at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except GearlibError as problem:
@@ -154,7 +154,7 @@ def _run(asked: argparse.Namespace) -> None:
     from gearlib.system import compile
 
     if asked.out not in (None, "-"):
-        format_of(as_path("--out", asked.out))  # before the run
+        format_of(as_path("--out", asked.out))  # checked before the run
     outputs = None if asked.outputs is None else asked.outputs.split(",")
     system = compile(_component(asked.model), outputs)
     result = system.simulate(
@@ -270,11 +270,11 @@ def _shown(axes: Any, path: str | None) -> None:
         raise FileError(f"{path} cannot be written: {problem}") from None
 
 
-# ---------------------------------------------------------------- what the arguments stand for
+# ---------------------------------------------------------------- interpretation of arguments
 
 
 def _component(model: str, **values: Any) -> Any:
-    """An instance of the class that a model's name stands for."""
+    """An instance of the class that a model's name denotes."""
     from gearlib.language.component import Component
 
     place, colon, name = model.rpartition(":")
@@ -292,7 +292,7 @@ def _component(model: str, **values: Any) -> Any:
         module = _module(place)
     except GearlibError:
         raise
-    except Exception as problem:  # whatever the user's file does
+    except Exception as problem:  # whatever the user's file raises
         raise ArgumentError(f"{place} cannot be loaded: {type(problem).__name__}: {problem}") from None
     classes = {n: c for n, c in vars(module).items() if isinstance(c, type) and issubclass(c, Component) and c is not Component}
     found = classes.get(name) or (getattr(module, name) if name in getattr(module, "__all__", ()) else None)
@@ -308,7 +308,7 @@ def _module(place: str) -> Any:
     path = Path(place).resolve()
     if not path.is_file():
         raise FileError(f"{place} cannot be read: there is no such file")
-    sys.path.insert(0, str(path.parent))  # what it imports may lie beside it
+    sys.path.insert(0, str(path.parent))  # its imports may lie beside it
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
         raise FileError(f"{place} cannot be read as a Python module")

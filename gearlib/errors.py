@@ -1,4 +1,4 @@
-"""Everything that gearlib raises on purpose, and what it warns of.
+"""Exceptions and warnings of gearlib.
 
 GearlibError
 ├── ModelError             the model as written cannot be right
@@ -38,15 +38,15 @@ __all__ = [
 
 
 class GearlibError(Exception):
-    """Base of all errors that gearlib raises on purpose."""
+    """Base of all errors that gearlib raises deliberately."""
 
 
 class ModelError(GearlibError):
-    """The model as written cannot be right."""
+    """The model is incorrect as written."""
 
 
 class DeclarationError(ModelError):
-    """A component class is declared wrongly."""
+    """An invalid declaration in a component class."""
 
 
 class BindingError(ModelError, TypeError):
@@ -62,7 +62,7 @@ class ConnectionError(ModelError):
 
 
 class BalanceError(ModelError):
-    """There are too many or too few equations."""
+    """Too many or too few equations."""
 
 
 class LoopError(ModelError):
@@ -70,11 +70,11 @@ class LoopError(ModelError):
 
 
 class SingularError(ModelError):
-    """Equations that the numerical values make singular."""
+    """Equations that are singular for the given numerical values."""
 
 
 class ModelicaError(ModelError):
-    """Modelica text that is not understood, or a model that cannot be written in Modelica."""
+    """Modelica text that is not supported, or a model that cannot be expressed in Modelica."""
 
 
 class StartError(GearlibError, ValueError):
@@ -82,30 +82,30 @@ class StartError(GearlibError, ValueError):
 
 
 class NameLookupError(GearlibError, KeyError):
-    """No variable, parameter, input or output has that name."""
+    """Unknown name of a variable, parameter, input or output."""
 
     def __str__(self) -> str:
         return str(self.args[0]) if self.args else ""
 
 
 class AttributeNameError(NameLookupError, AttributeError):
-    """A component or connector has nothing of that name."""
+    """Unknown attribute of a component or connector."""
 
 
 class ArgumentError(GearlibError, ValueError):
-    """A bad argument of a public function."""
+    """Invalid argument of a public function."""
 
 
 class FileError(GearlibError, ValueError):
-    """A file cannot be read or written, is of another kind, cut off or damaged."""
+    """A file that cannot be read or written, or is of another kind, truncated or damaged."""
 
 
 class MissingPackageError(GearlibError, ImportError):
-    """A table or a plot needs a package that is not installed."""
+    """An optional package is needed that is not installed."""
 
 
 class WorkerError(GearlibError, RuntimeError):
-    """Another process that was to carry out runs of a sweep was lost, or cannot."""
+    """A worker process of a sweep was lost, or cannot do its work."""
 
 
 class SolverError(GearlibError, RuntimeError):
@@ -113,17 +113,17 @@ class SolverError(GearlibError, RuntimeError):
 
 
 class GearlibWarning(UserWarning):
-    """Base of the warnings that have a name."""
+    """Base of the warnings with a category of their own."""
 
 
 class InputWarning(GearlibWarning):
-    """Inputs that nobody gave, which a run took as 0; an input of a linear analysis that no equation contains."""
+    """Inputs that were not given and so taken as 0, or an input of a linear analysis that occurs in no equation."""
 
 
 def warn(message: str, category: type[Warning]) -> None:
     """Warn at the line outside gearlib that made the call, every time.
 
-    `warnings.warn` shows a message once for each line, so that of many runs in a loop only the first would be told of.
+    `warnings.warn` shows a message once per line, so that in a loop over runs only the first one would be reported.
     """
     frame = inspect.currentframe()
     assert frame is not None  # CPython has frames
@@ -133,7 +133,7 @@ def warn(message: str, category: type[Warning]) -> None:
     warnings.warn_explicit(message, category, frame.f_code.co_filename, frame.f_lineno, module, registry={})
 
 
-USUAL = {  # what others call what is called so here
+USUAL = {  # common names elsewhere, and their equivalents here
     "omega": "w", "speed": "w", "angle": "phi", "theta": "phi", "alpha": "a", "torque": "tau", "inertia": "J", "stiffness": "c",
     "damping": "d", "k": "c", "model": "Component", "block": "Component", "real": "Variable", "equation": "Eq", "equations": "Eq",
     "planetarygear": "PlanetaryUnit", "gear": "IdealGear", "shaft": "TorsionalShaft", "motor": "Torque", "mass": "Mass",
@@ -142,7 +142,7 @@ USUAL = {  # what others call what is called so here
 
 
 def nearest(name: str, valid: Iterable[str], limit: int = 12) -> str:
-    """Advice for a misspelt ``name``: the closest of the ``valid`` ones, and all of them where they are few.
+    """Advice for a misspelt ``name``: the closest of the ``valid`` ones, and all of them if there are few.
 
     >>> nearest("w_loda", ["w_load", "phi"])
     "did you mean 'w_load'? Valid names: phi, w_load"

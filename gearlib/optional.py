@@ -9,17 +9,17 @@ from gearlib.errors import MissingPackageError
 
 
 def optional(module: str) -> Any:
-    """A module of a package that gearlib does not require, imported where it is first needed.
+    """Import a module of an optional package on first use.
 
     Parameters
     ----------
     module : str
-        Such as ``"matplotlib.pyplot"``.
+        For example ``"matplotlib.pyplot"``.
 
     Raises
     ------
     MissingPackageError
-        The package is not installed, or cannot be imported; says how to install it.
+        The package is not installed, or cannot be imported; the message says how to install it.
 
     Examples
     --------
@@ -38,5 +38,5 @@ def optional(module: str) -> Any:
         raise MissingPackageError(
             f"this needs {package}, which does not find {problem.name}: pip install {problem.name}"
         ) from None
-    except ImportError as problem:  # installed, but broken: two versions mixed, a library of the system that is not there
+    except ImportError as problem:  # installed but broken: mixed versions, or a missing system library
         raise MissingPackageError(f"this needs {package}, which cannot be imported: {problem}") from problem

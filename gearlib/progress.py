@@ -1,4 +1,4 @@
-"""Progress of long calls: a bar on a terminal, or a function of the user's that is told the fraction done and the time."""
+"""Progress of long calls: a bar on a terminal, or a user's callback that receives the fraction done and the elapsed time."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from gearlib.arguments import shown
 from gearlib.errors import ArgumentError, GearlibError
 
 Told = Callable[[float, float], None]
-APART = 0.05  # s, between two reports
+APART = 0.05  # s, minimum interval between reports
 
 
 def check_progress(progress: Any) -> Any:
-    """What a user gives: True, False, or a function of the fraction done (0 to 1) and the time.
+    """Validate ``progress``: True, False, or a callback of the fraction done (0 to 1) and the time.
 
     Raises
     ------
@@ -31,14 +31,14 @@ def check_progress(progress: Any) -> Any:
 
 @contextmanager
 def reporting(progress: Any, label: str) -> Iterator[Told | None]:
-    """What to tell the fraction done and the time, or None where nobody listens.
+    """A callback for the fraction done and the time, or None if progress is not wanted.
 
     Parameters
     ----------
     progress : bool or callable
-        True shows a bar where the standard error is a terminal: that of tqdm where it is installed, a line of text otherwise.
+        True shows a bar if standard error is a terminal: tqdm's if that is installed, otherwise a line of text.
     label : str
-        What is going on, in front of the bar.
+        Label in front of the bar.
     """
     if callable(progress):
         yield _guarded(progress)
@@ -86,13 +86,13 @@ def _line(label: str) -> Iterator[Told]:
 
 
 class Ticker:
-    """Says when it is time for a report: never more often than every 50 ms."""
+    """Limits the rate of reports to one per 50 ms."""
 
     def __init__(self) -> None:
         self._next = time.perf_counter() + APART
 
     def due(self) -> bool:
-        """Whether it is time again."""
+        """Whether a report is due."""
         now = time.perf_counter()
         if now < self._next:
             return False

@@ -1,4 +1,4 @@
-"""`System.report`: one HTML file with what is known of a model, which needs no network and no other file."""
+"""`System.report`: a self-contained HTML report of a model."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def write_report(
     names: Sequence[str] | None = None, campbell: Campbell | None = None, power_flow: PowerFlow | None = None,
     units: Mapping[str, str] | None = None, depth: int = 2,
 ) -> Path:  # fmt: skip
-    """Write the report of a system, as `System.report` describes it."""
+    """Write the report of a system; arguments as for `System.report`."""
     target = as_path("path", path, "train.html")
     if target.suffix.lower() not in (".html", ".htm"):
         raise ArgumentError(f"report({shown(str(path))}): a report is a page of HTML; name it ....html")
@@ -101,7 +101,7 @@ def _states(system: Any, model: FlatModel, run: Result | None) -> str:
 
 
 def _histories(runs: Mapping[str, Result], names: Sequence[str] | None, units: Mapping[str, str] | None) -> str:
-    """A chart for each unit; several runs have the same colours and other dashes."""
+    """One chart per unit; several runs share colours and differ in dashes."""
     chosen = list(next(iter(runs.values()))) if names is None else name_list("names", names, "load.w")
     found = [run.history(name, label) for label, run in runs.items() for name in chosen]
     shown_as = shown_units(found, units)

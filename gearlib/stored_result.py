@@ -1,4 +1,4 @@
-"""`StoredResult`: a result that was read from a file."""
+"""`StoredResult`: a result read from a file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 def load_result(path: str | os.PathLike[str]) -> StoredResult:
-    """Read a result that `Result.save` wrote, or one that Dymola or OpenModelica wrote as ``.mat``.
+    """Read a result written by `Result.save`, or a ``.mat`` result of Dymola or OpenModelica.
 
     Parameters
     ----------
@@ -33,27 +33,27 @@ def load_result(path: str | os.PathLike[str]) -> StoredResult:
     Returns
     -------
     StoredResult
-        A `Result` of all that was saved.
+        A `Result` with everything that was saved.
 
     Raises
     ------
     FileError
-        The file cannot be read, is no result, or is cut off or damaged.
+        The file cannot be read, is not a result, or is truncated or damaged.
     """
     return StoredResult(load_record(as_path("path", path)))
 
 
 class StoredResult(Result):
-    """A result that was read from a file: what was saved can be asked for, nothing can be run again.
+    """A result read from a file: it has the variables that were saved, and cannot be run again.
 
     Attributes
     ----------
     model : str
-        Name of the model's class; "" where the file does not tell.
+        Class name of the model; "" if the file does not give it.
     parameters : dict
-        Their values in the run, by path.
+        Parameter values of the run, by path.
     options, versions : dict
-        Settings of the run, and the versions of what computed it.
+        Settings of the run, and versions of the software that computed it.
     """
 
     def __init__(self, record: Record) -> None:
@@ -103,7 +103,7 @@ class StoredResult(Result):
         )  # fmt: skip
 
     def energy_balance(self) -> EnergyBalance:
-        """Refused: the run would have to be done again.
+        """Refused, since the run would have to be repeated.
 
         Raises
         ------
@@ -113,7 +113,7 @@ class StoredResult(Result):
         raise ArgumentError("a result that was read from a file has no model to do the run again; ask the result of simulate()")
 
     def sensitivity(self, name: str, parameter: str) -> Floats:
-        """Refused: files hold histories only.
+        """Refused, since files contain histories only.
 
         Raises
         ------

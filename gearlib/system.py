@@ -1,4 +1,4 @@
-"""`compile` turns a component into a `System`; a system is simulated, linearised, and says what it is made of."""
+"""`compile` turns a component into a `System`, the public interface to simulation and analysis."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ if TYPE_CHECKING:
 
 
 def compile(component: Component, outputs: Sequence[str] | None = None) -> System:
-    """Flatten a component, reduce its index, choose its states.
+    """Compile a component: flatten it, reduce its index, select its states.
 
     Parameters
     ----------
     component : Component
-        The outermost one.
+        The root of the model.
     outputs : sequence of str, optional
-        Variables that are wanted. What none of them depends on is not computed. By default everything can be asked for later;
-        absolute angles that nothing depends on are then integrated only if they are asked for.
+        Variables of interest; whatever none of them depends on is not computed. By default everything is available later; absolute
+        angles that nothing depends on are then integrated only on request.
 
     Returns
     -------
@@ -70,7 +70,7 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
 
 
 def simulate(component: Component, t_end: float, **options: Any) -> SimulatedResult:
-    """`compile` and `System.simulate` in one call; ``outputs`` goes to the first, all other options to the second.
+    """`compile` and `System.simulate` in one call; ``outputs`` is passed to the former, all other options to the latter.
 
     Examples
     --------
@@ -92,13 +92,13 @@ class System(Compiled):
     Attributes
     ----------
     translation : Translation
-        What analyses and runs work on.
+        The compiled model that runs and analyses work on.
     name : str
-        Class of the component.
+        Class name of the component.
     states : tuple of str
-        What is integrated.
+        Paths of the integrated states.
     outputs : tuple of str or None
-        What was asked for.
+        The requested outputs.
     """
 
     def __init__(self, translation: Translation) -> None:
@@ -114,32 +114,33 @@ class System(Compiled):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Paths and default values of all parameters."""
+        """Default values of all parameters, by path."""
         table = self.translation.model.parameters
         return dict(zip(table.names, table.defaults.tolist(), strict=True))
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """Paths and units of the parameters that components declare."""
+        """Units of the declared parameters, by path."""
         return dict(self.translation.parameter_units)
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Inputs that nothing is bound to."""
+        """Paths of the unbound inputs."""
         return self.translation.open_inputs
 
     def summary(self, form: str = "ode") -> str:
-        """What came in, what each phase did, and what is integrated.
+        """Summary of the model: its size, the result of each phase, and the integrated states.
 
         Parameters
         ----------
         form : {"ode", "torn", "dae"}
-            As in `simulate`: what IDA is handed. With ``"dae"`` all differential and algebraic unknowns are listed by name.
+            As in `simulate`: the form of the equations for IDA. With ``"dae"`` all differential and algebraic unknowns are listed by
+            name.
 
         Raises
         ------
         ArgumentError
-            No such form.
+            Unknown form.
 
         Examples
         --------
@@ -167,17 +168,17 @@ class System(Compiled):
         Parameters
         ----------
         reduced : bool
-            False: the bipartite graph of the flat equations and their variables, as they were written, aliases eliminated. True: the
-            index-reduced equations that the states' derivatives and the outputs need: an arc goes from a variable to the equations
-            that it stands in, and from an equation to the variable that it determines.
+            False: the bipartite graph of the flat equations and their variables, as written, after alias elimination. True: the
+            index-reduced equations that the states' derivatives and the outputs need: an arc leads from a variable to the equations
+            that contain it, and from an equation to the variable matched to it.
 
         Returns
         -------
         networkx.Graph or networkx.DiGraph
             Nodes are ``("equation", e, k)`` and ``("variable", v, k)``, the k-th derivative of an equation or a variable, with the
-            attributes ``bipartite`` (0 and 1) and ``path``. An equation has a ``label``; reduced, it is ``differentiated`` so many times
-            and belongs to a ``block``. A variable is ``given`` or not; reduced, it is a ``state`` or not, and belongs to a ``block``,
-            unless it is known. ``graph.graph["blocks"]`` has the variables of each block, in the order of computation.
+            attributes ``bipartite`` (0 and 1) and ``path``. An equation has a ``label``; in the reduced graph also ``differentiated``,
+            the number of differentiations, and its ``block``. A variable has ``given``; in the reduced graph also ``state`` and its
+            ``block`` (None if it is known). ``graph.graph["blocks"]`` lists the variables of each block, in evaluation order.
 
         Raises
         ------
@@ -204,10 +205,10 @@ class System(Compiled):
         return reduced_graph(scene.structure, [*((v, k + 1) for v, k in scene.states), *scene.outputs])
 
     def draw_structure(self) -> IncidencePicture:
-        """The incidence matrix of the index-reduced equations in block lower triangular form: an SVG picture that notebooks show.
+        """Incidence matrix of the index-reduced equations in block lower triangular form: an SVG picture that notebooks display.
 
-        Rows are equations in the order of computation, those that are differentiated marked; columns are the states, then the unknowns in
-        the same order.
+        Rows are equations in evaluation order, with differentiated ones marked; columns are the states, followed by the unknowns in the
+        same order.
 
         Returns
         -------
@@ -240,7 +241,7 @@ class System(Compiled):
 
     @property
     def source(self) -> str:
-        """The generated source of the derivatives."""
+        """Generated source code of the derivatives."""
         return self.translation.scene.source
 
     def simulate(
@@ -256,15 +257,15 @@ class System(Compiled):
         Parameters
         ----------
         t_end, t_start : float
-            Interval, s. It begins at 0 unless given, or where a run that goes on had got to.
+            Interval, s. ``t_start`` is 0 unless given; a continued run starts where the earlier one stopped.
         samples : int, optional
             Number of equidistant output times (501).
         times : array, optional
-            Output times instead, s, increasing, from ``t_start`` on or later.
+            Output times instead of ``samples``, s, increasing, not before ``t_start``.
         method : {"auto", "exact", "ida", "rk", "rk5", "rk8"} or Method
             ``"exact"``: matrix exponential of a linear scene. ``"ida"``: SUNDIALS IDA. ``"rk"``: explicit Runge-Kutta, order by
-            tolerance. ``"auto"`` picks, and ``result.stats`` says why. A `Method` of one's own, or the name under which it was
-            registered (`register_method`).
+            tolerance. ``"auto"`` chooses, and ``result.stats`` gives the reason. Or a user-defined `Method`, or the name under which it
+            was registered (`register_method`).
         rtol : float
             Relative tolerance, 1e-13 .. 0.1.
         atol : float or array, optional
@@ -272,32 +273,31 @@ class System(Compiled):
         parameters : mapping, optional
             Values for this run, by path.
         start : mapping, "steady", Result or (Result, float), optional
-            Start values for this run, by path, of discrete variables, too; a search for a steady state; or a run that goes on from
-            its last sample or from a time, with all of its state: integrated states, discrete variables, the modes of clutches
-            and friction. Its parameters and inputs stay as well, unless ``parameters`` or ``inputs`` are given.
+            Start values for this run, by path, including those of discrete variables; a steady state; or an earlier run to continue
+            from its last sample or from a time, with its complete state: integrated states, discrete variables, the modes of clutches
+            and friction. Its parameters and inputs are kept as well, unless ``parameters`` or ``inputs`` are given.
         inputs : mapping, optional
-            Of unbound inputs: a number, a function of time, a `Table`, or what makes one: times and values ``(t, y)``, a pandas
-            Series. Those that are not given are 0: ``stats["zero_inputs"]`` names them, and a run warns (`InputWarning`) of those
-            that its outputs depend on, once for all of them. Without ``outputs`` anything may be asked of a run, and it warns of
-            all.
+            Values of unbound inputs: a number, a function of time, a `Table`, or data that converts to one: times and values ``(t,
+            y)``, a pandas Series. Inputs not given are 0: they are listed in ``stats["zero_inputs"]``, and one warning (`InputWarning`)
+            names those that the outputs depend on. Without ``outputs`` every variable is available, and the warning names all of them.
         max_step : float, optional
-            Longest step, s. No event that lasts longer is stepped over, and no pulse. By default a hundredth of the run where there are
-            comparisons of variables; where time drives the scene, that or two sample intervals, whichever is less.
+            Maximum step size, s. No event or pulse that lasts longer is stepped over. By default a hundredth of the run if there are
+            event functions; if time drives the scene, that or two sample intervals, whichever is shorter.
         progress : bool
-            Whether to print what is done.
+            Whether to show progress; or a callback.
         audit : bool
-            Whether to check the run's energies at once: ``result.stats["energy_residual"]`` is the largest residual of
-            `Result.energy_balance` over the energy that was exchanged, and a warning says if the tolerance does not explain it.
-            By default that is done when this number is read, since it costs several runs.
+            Whether to check the energy balance at once: ``result.stats["energy_residual"]`` is the largest residual of
+            `Result.energy_balance` relative to the energy exchanged, and a warning is given if the tolerance does not explain it. By
+            default this is computed when the number is first read, since it costs several runs.
         form : {"ode", "torn", "dae"}
-            What ``method="ida"`` is handed. ``"ode"``: the states; all other unknowns are computed from them in each evaluation.
-            ``"torn"``: also the tearing variables of nonlinear blocks. ``"dae"``: the index-reduced equations F(t, y, y') = 0 as they
-            are, with every algebraic unknown that is needed; `summary` names them.
+            Form of the equations for ``method="ida"``. ``"ode"``: the states only; all other unknowns are computed from them in each
+            evaluation. ``"torn"``: also the tearing variables of nonlinear blocks. ``"dae"``: the index-reduced equations F(t, y, y') =
+            0, with every algebraic unknown that is needed; `summary` names them.
         backend : {"native", "sksundae"}
-            How ``method="ida"`` is driven: by compiled callbacks, or through scikit-sundae's Python interface.
+            Backend of ``method="ida"``: compiled callbacks, or scikit-sundae's Python interface.
         sensitivities : sequence of str, optional
-            Paths of parameters, and start values as ``"start(load.w)"``, that the run is differentiated with respect to: their tangents
-            are integrated with the states, to the same tolerances. ``result.sensitivity("load.w", "shaft.c")`` gives them.
+            Paths of parameters, and start values as ``"start(load.w)"``, to differentiate with respect to: their tangents are
+            integrated with the states, to the same tolerances. ``result.sensitivity("load.w", "shaft.c")`` returns them.
 
         Returns
         -------
@@ -306,7 +306,7 @@ class System(Compiled):
         Raises
         ------
         ArgumentError, NameLookupError, BoundError, StartError, SolverError
-            Each names what was found and what was expected.
+            The message names what was found and what was expected.
         """
         audit = flag("audit", audit)
         translation, asked = request(
@@ -328,46 +328,47 @@ class System(Compiled):
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None, executor: Any = None,
         threads: int | None = None, to: str | os.PathLike[str] | None = None, progress: Any = False,
     ) -> Runs:  # fmt: skip
-        """Simulate many times, with other parameters, start values or inputs each time; each run is as `simulate` would make it.
+        """Simulate many times, varying parameters, start values or inputs; each run equals that of `simulate`.
 
         Parameters
         ----------
         parameters : mapping, Grid, DataFrame or array
-            What varies, by path: sequences of equal length, which run together (a single number is the same in all runs); all
-            combinations as `grid` makes them; a table with a column for each path; or an array with a row for each run, as
-            `scipy.stats.qmc` gives it, with ``names``. A path is that of a parameter or of an unbound input (then numbers or a
-            `Table` for each run), or that of a start value: ``"start(load.w)"``.
+            Varied values, by path: sequences of equal length, which vary together (a single number is the same in all runs); all
+            combinations, made by `grid`; a table with one column per path; or an array with one row per run, as from `scipy.stats.qmc`,
+            with ``names``. A path is that of a parameter or of an unbound input (numbers, or one `Table` per run), or that of a start
+            value: ``"start(load.w)"``.
         t_end, t_start, samples, times, method, rtol, atol, start, inputs, max_step
             As in `simulate`, for all runs.
         names : sequence of str, optional
-            Names of the columns of an array.
+            Column names of an array.
         outputs : sequence of str, optional
-            Variables whose histories are kept; by default those that the system was compiled for, or the states; none if there is
-            a ``reduce``.
+            Variables whose histories are kept; by default those that the system was compiled for, or the states; none if ``reduce`` is
+            given.
         reduce : mapping of str to callable, optional
-            What is kept of each run: functions of its `Result` that return a number or an array.
+            Quantities kept from each run: functions of its `Result` that return a number or an array.
         executor : concurrent.futures.Executor, optional
-            Who carries the runs out: a pool of processes or threads, ``client.get_executor()`` of dask. By default this process does.
+            Executes the runs: a pool of processes or threads, or ``client.get_executor()`` of dask. By default the runs are executed in
+            this process.
         threads : int, optional
-            Or so many threads of this process.
+            Alternatively, the number of threads in this process.
         to : path, optional
-            A file to write results to as they come, ``.zarr`` or ``.nc``. A sweep that was interrupted goes on with the same call:
-            nothing that is in the file is done again.
+            A file for results as they come, ``.zarr`` or ``.nc``. An interrupted sweep is resumed by the same call: runs already in the
+            file are not repeated.
         progress : bool or callable
-            True shows a bar on a terminal; a function is told the fraction done and the seconds that have passed.
+            True shows a bar on a terminal; a callback receives the fraction done and the elapsed seconds.
 
         Returns
         -------
         Runs
-            ``runs["load.w"]`` has a row for each run, or an axis for each parameter of a grid. A run that fails is NaN and stands in
+            ``runs["load.w"]`` has one row per run, or one axis per parameter of a grid. A failed run is NaN and listed in
             ``runs.errors``; an interrupt (Ctrl-C) ends the sweep with the runs so far.
 
         Raises
         ------
         ArgumentError, NameLookupError
-            Each names what was found and what was expected.
+            The message names what was found and what was expected.
         FileError
-            ``to`` is a file of another sweep.
+            ``to`` belongs to another sweep.
         GearlibError
             Every run failed: the error of the first one.
 
@@ -399,20 +400,20 @@ class System(Compiled):
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None,
     ) -> SteppedRun:  # fmt: skip
-        """Begin a run that is advanced from outside: to control it, to couple it with another program, to watch and stop it.
+        """Begin a run that is advanced from outside: for closed-loop control, coupling with other programs, monitoring and stopping.
 
         Parameters
         ----------
         t_start : float, optional
-            s; 0 unless given, or where a run that goes on had got to.
+            Start time, s; 0 unless given, or where the continued run stopped.
         method : {"auto", "ida", "rk", "rk5", "rk8"} or Method
-            As in `simulate`; ``"auto"`` takes Runge-Kutta, and IDA where that gets on faster.
+            As in `simulate`; ``"auto"`` uses Runge-Kutta, and IDA where that makes faster progress.
         rtol, atol, parameters, start
             As in `simulate`.
         inputs : mapping, optional
-            Of unbound inputs to begin with: numbers, functions of time, or tables; 0 unless given. They can be set between two steps.
+            Initial unbound inputs: numbers, functions of time, or tables; 0 unless given. They can be changed between steps.
         max_step : float, optional
-            Longest step, s: no event that lasts longer is stepped over, and no pulse. By default a step may be as long as an advance.
+            Maximum step size, s: no event or pulse that lasts longer is stepped over. By default a step may be as long as an advance.
 
         Returns
         -------
@@ -421,11 +422,11 @@ class System(Compiled):
         Raises
         ------
         ArgumentError, NameLookupError, BoundError, StartError, SolverError
-            Each names what was found and what was expected.
+            The message names what was found and what was expected.
 
         Examples
         --------
-        A torque that depends on what has been measured:
+        Control with feedback from the run:
 
         >>> import gearlib as gl, gearparts as gp
         >>> class Drive(gl.Component):
@@ -464,28 +465,28 @@ class System(Compiled):
         Parameters
         ----------
         inputs : sequence of str, optional
-            Unbound inputs (all, by default); bound ones may be named too, their binding is the operating point.
+            Unbound inputs (by default all); bound ones may be named as well, with their binding as the operating point.
         outputs : sequence of str, optional
             Variables; by default the system's outputs, or its states.
         at : None, "steady", mapping, or (Result, time)
-            The start values, a steady state (absolute angles may grow), values of states by path, or a moment of a run, with its
-            inputs and parameters. Unbound inputs are 0 in the first three; ``simulate(start="steady", inputs=...)`` gives a run
-            that begins in the steady state under others.
+            The start values, a steady state (absolute angles may grow), values of states by path, or a moment of a run, with its inputs
+            and parameters. Unbound inputs are 0 in the first three; for a steady state under other inputs, use a run with
+            ``simulate(start="steady", inputs=...)``.
         parameters : mapping, optional
             Values by path.
         sparse : bool
-            Return a `LinearModel` instead, whose matrices are sparse where full ones would be large.
+            Whether to return a `LinearModel` instead, with sparse matrices where dense ones would be large.
 
         Returns
         -------
         control.StateSpace
-            With the states that the outputs need and the mode does not hold. States are named by path, inputs and outputs too, but
-            with "_" for "." (``linear["load_w", "torque_tau"]``), since python-control refuses dots in names of signals.
+            With the states that the outputs need, except held ones. States are named by path, and so are inputs and outputs, but with
+            "_" for "." (``linear["load_w", "torque_tau"]``), since python-control does not allow dots in signal names.
 
         Raises
         ------
         NameLookupError, ArgumentError, StartError
-            No such input or output, two with one name, or no steady state.
+            Unknown input or output, two with the same name, or no steady state.
         """
         from gearlib.linear.linear_model import state_space
         from gearlib.linear.linearize import linearized
@@ -498,7 +499,7 @@ class System(Compiled):
         self, speeds: Mapping[str, float] | None = None, torques: Mapping[str, float] | None = None, *,
         parameters: Mapping[str, float] | None = None,
     ) -> PowerFlow:  # fmt: skip
-        """Speeds, torques and powers when the train turns steadily, without a simulation: `gearlib.power_flow`."""
+        """Speeds, torques and powers of the train in steady motion, without simulation: `gearlib.power_flow`."""
         from gearlib.statics.statics import power_flow
 
         return power_flow(self, speeds, torques, parameters=parameters)
@@ -508,30 +509,30 @@ class System(Compiled):
         names: Sequence[str] | None = None, campbell: Campbell | None = None, power_flow: PowerFlow | None = None,
         units: Mapping[str, str] | None = None, depth: int = 2,
     ) -> Path:  # fmt: skip
-        """Write a page of HTML with the diagram, parameters, states, histories that can be zoomed, modes, and more.
+        """Write an HTML report with the diagram, parameters, states, zoomable histories, modes, and more.
 
-        The file needs no network and no other file.
+        The file is self-contained.
 
         Parameters
         ----------
         path : path
-            Such as ``"train.html"``.
+            For example ``"train.html"``.
         result : Result or mapping of str to Result, optional
             Runs whose histories are shown.
         names : sequence of str, optional
             Variables to show; by default the outputs.
         campbell : Campbell, optional
-            Critical speeds, as `gearlib.campbell` gives them.
+            Critical speeds, from `gearlib.campbell`.
         power_flow : PowerFlow, optional
         units : mapping of str to str, optional
             Units of the histories, as for `Result.plot`.
         depth : int
-            Levels of parts within parts in the diagram.
+            Nesting depth of parts in the diagram.
 
         Returns
         -------
         Path
-            Of the file.
+            Path of the file.
         """
         from gearlib.report import write_report
 
@@ -546,40 +547,40 @@ class System(Compiled):
         inputs: Sequence[str] | Mapping[str, float] | None = None, outputs: Sequence[str] | None = None, stop_time: float = 1.0,
         rtol: float = 1e-6,
     ) -> Path:  # fmt: skip
-        """Write the model as an FMU, which other tools simulate without gearlib and without Python.
+        """Export the model as an FMU, which other tools simulate without gearlib and without Python.
 
         Parameters
         ----------
         path : path
-            Such as ``"train.fmu"``.
+            For example ``"train.fmu"``.
         version : {"3.0", "2.0"}
-            Of FMI.
+            FMI version.
         kind : {"me", "cs"} or both
-            Model exchange (the tool integrates) and co-simulation (the FMU does, with gearlib's Runge-Kutta methods).
+            Model exchange (the tool integrates) or co-simulation (the FMU integrates, with gearlib's Runge-Kutta methods).
         platforms : sequence of str
             ``"native"``, ``"all"``, or some of ``"x86_64-linux"``, ``"aarch64-linux"``, ``"x86_64-windows"``, ``"aarch64-windows"``,
-            ``"x86_64-darwin"``, ``"aarch64-darwin"``. Others than the native one need the extra ``gearlib[fmu]``.
+            ``"x86_64-darwin"``, ``"aarch64-darwin"``. Platforms other than the native one need the extra ``gearlib[fmu]``.
         parameters : mapping, optional
-            Values that the FMU begins with, by path.
+            Default values in the FMU, by path.
         inputs : sequence of str or mapping of str to float, optional
-            Unbound inputs that the tool gives, or their start values; by default all. The others stay 0.
+            Unbound inputs that the tool provides, or their start values; by default all. The others stay 0.
         outputs : sequence of str, optional
             By default those that the system was compiled for, or its states.
         stop_time : float
-            s; what a tool simulates unless it is told otherwise. Co-simulation takes no step longer than a tenth of the run, where there
-            are events a hundredth.
+            s; default length of a simulation. Co-simulation takes no step longer than a tenth of it, or a hundredth if there are
+            events.
         rtol : float
-            Relative tolerance of co-simulation unless the tool gives one.
+            Relative tolerance of co-simulation unless the tool provides one.
 
         Returns
         -------
         Path
-            Of the file.
+            Path of the file.
 
         Raises
         ------
         ArgumentError, NameLookupError
-            What cannot be exported, by name.
+            The message names what cannot be exported.
         MissingPackageError
             No C compiler links for a platform.
         FileError
@@ -593,7 +594,7 @@ class System(Compiled):
         )  # fmt: skip
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the summary."""
+        """Notebook representation: the summary."""
         from gearlib.drawing.page import paragraph, preformatted
         from gearlib.drawing.printed import fitted
 

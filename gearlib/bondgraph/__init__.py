@@ -1,4 +1,4 @@
-"""Bond graphs: elements, causality and explicit state equations, a way that shares no code with the other phases."""
+"""Bond graphs: elements, causality and explicit state equations; independent of the other phases."""
 
 from gearlib.bondgraph.causality import Causality, assign_causality
 from gearlib.bondgraph.draw import draw

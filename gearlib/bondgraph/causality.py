@@ -1,8 +1,8 @@
-"""Causality: who sets the effort and who sets the flow of each bond, by the sequential causality assignment procedure.
+"""Sequential causality assignment procedure (SCAP): which side of each bond sets the effort and which the flow.
 
-Sources come first, then the storage elements one after the other in an order of preference, each with all that follows from it;
-then resistances, then what is left. A storage element whose causality was settled by earlier ones, against its integral form,
-gets derivative causality: it does not store a state of its own.
+Sources come first, then the storage elements in order of preference, each with all its consequences; then resistances, then what is
+left. A storage element whose causality has been determined by earlier ones, against its integral form, gets derivative causality: it
+contributes no state.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ class Causality:
     Parameters
     ----------
     effort_to : mapping
-        Bond to the element that receives its effort (where the causal stroke stands); the other end receives its flow.
+        Maps each bond to the element that receives its effort (at the causal stroke); the other end receives its flow.
     integral, derivative : tuple of int
         Bonds of the storage elements with integral and with derivative causality.
     chosen : tuple of int
-        Bonds whose causality nothing required, so that it was chosen.
+        Bonds whose causality was arbitrary.
     loops : tuple of tuple of int
-        Algebraic loops, each by the bonds of its resistances, or by all its bonds if it holds none.
+        Algebraic loops, each given by the bonds of its resistances, or all its bonds if it contains none.
     tears : tuple of Quantity
-        Efforts and flows which, once known, open all algebraic loops.
+        Efforts and flows which, once known, break all algebraic loops.
     """
 
     effort_to: Mapping[int, Element]
@@ -67,14 +67,14 @@ class Causality:
 
 
 class _ConflictError(Exception):
-    """Two decisions contradict each other; the bonds at fault, and what they both set where."""
+    """Contradictory decisions, with the bonds involved and the variable that they both set."""
 
     def __init__(self, bonds: tuple[int, ...], what: str) -> None:
         self.bonds, self.what = bonds, what
 
 
 class _Assignment:
-    """Strokes set so far, and the bond whose choice led to each."""
+    """Causal strokes set so far, and the bond whose choice led to each."""
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
@@ -87,7 +87,7 @@ class _Assignment:
         return twin
 
     def choose(self, bond: Bond, effort_to: Element) -> None:
-        """Set one stroke and all that follows; raises :class:`_ConflictError`."""
+        """Set one stroke and propagate its consequences; raises :class:`_ConflictError`."""
         queue = deque([(bond, effort_to, bond.number)])
         while queue:
             bond, end, cause = queue.popleft()
@@ -111,7 +111,7 @@ class _Assignment:
         return []
 
     def _at_junction(self, junction: Junction) -> list[tuple[Bond, Element]]:
-        """A 0-junction is told its effort by exactly one bond, a 1-junction its flow."""
+        """A 0-junction receives its effort from exactly one bond, a 1-junction its flow."""
         bonds, zero = self.graph.at(junction), isinstance(junction, Zero)
         known = [bond for bond in bonds if bond.number in self.effort_to]
         setters = [bond for bond in known if (self.effort_to[bond.number] is junction) == zero]
@@ -133,7 +133,7 @@ class _Assignment:
 
 
 def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
-    """Causality of every bond, by the sequential procedure.
+    """Assign causality to every bond by the sequential procedure.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
     Raises
     ------
     BalanceError
-        Sources fight each other, or no causality fits the graph.
+        Sources conflict, or no causality fits the graph.
     ArgumentError
         ``prefer`` names a bond without a storage element.
 
@@ -163,7 +163,7 @@ def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
     expected = "numbers of bonds with a storage element, such as [2, 6]"
     try:
         first = tuple(dict.fromkeys(whole("prefer", bond, 0) for bond in prefer))
-    except Exception:  # no sequence of numbers, or one of the user's that fails
+    except Exception:  # not a sequence of numbers; a user's object may fail
         raise ArgumentError(f"{graph.name}: prefer is {shown(prefer)}; expected {expected}") from None
     storage = graph.of_kind(I, C)
     if wrong := [bond for bond in first if bond not in storage]:
@@ -180,9 +180,9 @@ def assign_causality(graph: BondGraph, prefer: Iterable[int] = ()) -> Causality:
 
 
 def _sequence(graph: BondGraph, order: Iterable[int], *, look_ahead: bool) -> tuple[_Assignment, tuple[int, ...]]:
-    """All strokes, and the bonds whose causality was free; with ``look_ahead`` no step is taken that dooms a later one.
+    """All strokes, and the bonds whose causality was free; ``look_ahead`` avoids steps that make later ones impossible.
 
-    Without, what a step entails is followed from bond to bond only. In loops of rigid gears that may miss a later conflict.
+    Otherwise consequences are propagated from bond to bond only, which may miss a later conflict in loops of rigid gears.
     """
     state = _Assignment(graph)
     for number in graph.of_kind(Se, Sf):
@@ -205,7 +205,7 @@ def _sequence(graph: BondGraph, order: Iterable[int], *, look_ahead: bool) -> tu
 
 
 def _settle(state: _Assignment, bond: Bond, wished: Element, look_ahead: bool) -> _Assignment:
-    """The assignment after ``bond`` got the wished stroke, or the other one where that leads to a conflict."""
+    """The assignment after giving ``bond`` the preferred stroke, or the other one if that leads to a conflict."""
     conflict: _ConflictError | None = None
     for end in (wished, bond.other(wished)):
         trial = state.copy()
@@ -222,12 +222,12 @@ def _settle(state: _Assignment, bond: Bond, wished: Element, look_ahead: bool) -
 
 
 def _has_one_direction(element: Element) -> bool:
-    """Whether a resistance has a nonlinear law that is given as e(f) or as f(e) only."""
+    """Whether a resistance has a nonlinear law that is given only as e(f) or only as f(e)."""
     return isinstance(element, R) and (element.law is None) != (element.conductance is None)
 
 
 def _wished(bond: Bond) -> Element:
-    """Where the effort of a free bond should go: away from a resistance with a law e(f), into one with f(e)."""
+    """Preferred direction of a free bond's effort: away from a resistance with a law e(f), into one with f(e)."""
     for end in (bond.tail, bond.head):
         if isinstance(end, R):
             return end if end.conductance is not None and end.law is None else bond.other(end)
@@ -246,7 +246,7 @@ def _result(graph: BondGraph, state: _Assignment, storage: tuple[int, ...], chos
 
 
 def dependencies(graph: BondGraph, effort_to: Mapping[int, Element]) -> dict[Quantity, tuple[Quantity, ...]]:
-    """For every effort and flow, those from which the element that sets it computes it; storage and sources need none."""
+    """For every effort and flow, the quantities from which its element computes it; storage elements and sources need none."""
     needs: dict[Quantity, tuple[Quantity, ...]] = {}
     for bond in graph.bonds.values():
         for letter, receiver in (("e", effort_to[bond.number]), ("f", bond.other(effort_to[bond.number]))):
@@ -277,7 +277,7 @@ def _needs(
 def _algebraic_loops(
     graph: BondGraph, effort_to: Mapping[int, Element]
 ) -> tuple[tuple[tuple[int, ...], ...], tuple[Quantity, ...]]:
-    """The cycles among efforts and flows, and what to tear; a resistance's output is preferred as the tear."""
+    """The cycles among efforts and flows, and the tearing variables; outputs of resistances are preferred."""
     needs = dependencies(graph, effort_to)
     net = nx.DiGraph([(source, target) for target, sources in needs.items() for source in sources])
     resistive = set(graph.of_kind(R))
@@ -296,9 +296,9 @@ def _algebraic_loops(
 
 
 def evaluation_order(graph: BondGraph, causality: Causality, wanted: Iterable[Quantity] | None = None) -> tuple[Quantity, ...]:
-    """Efforts and flows, each after those that it is computed from; the tears are known beforehand.
+    """Efforts and flows in evaluation order; tearing variables are given.
 
-    All of them, or the ``wanted`` ones with what they need.
+    All of them, or the ``wanted`` ones with their prerequisites.
     """
     needs = dependencies(graph, causality.effort_to)
     net = nx.DiGraph()

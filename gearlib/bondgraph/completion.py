@@ -1,8 +1,8 @@
-"""Whether an unfinished assignment of causality can be finished.
+"""Feasibility of completing a partial causality assignment.
 
-Every junction is told its common variable by exactly one of its bonds. A bond between a 0- and a 1-junction tells both or neither,
-one between two alike tells exactly one of them, and so on through transformers and gyrators. So a complete assignment is a
-matching that covers all junctions; bonds to storage, resistances and the like may be in it or not.
+Every junction receives its common variable from exactly one of its bonds. A bond between a 0- and a 1-junction serves both or neither,
+one between two junctions of a kind serves exactly one of them, and likewise through transformers and gyrators. So a complete assignment
+is a matching that covers all junctions; bonds to storage elements, resistances and the like are optional.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ __all__ = ["can_be_completed"]
 
 
 def can_be_completed(graph: BondGraph, effort_to: Mapping[int, Element]) -> bool:
-    """Whether strokes that were set so far, with all that follows from each, are part of a complete assignment.
+    """Whether the strokes set so far, with their consequences, are part of a complete assignment.
 
     Parameters
     ----------
     graph : BondGraph
         The graph.
     effort_to : mapping
-        Bond to the end that receives its effort, for the bonds that are settled.
+        Maps each settled bond to the end that receives its effort.
 
     Returns
     -------
     bool
-        True if the rest can be settled.
+        True if the rest can be assigned.
 
     Examples
     --------
-    Two shafts that two gears join cannot move, unless the ratios are equal; each gear sets the speed of one shaft. A third gear is
-    one too many:
+    Two shafts joined by two gears cannot move, unless the ratios are equal; each gear sets the speed of one shaft. A third gear is one
+    too many:
 
     >>> from gearlib.bondgraph import TF, BondGraph, I, One
     >>> a, b, gears = One("a"), One("b"), [TF(2), TF(3), TF(4)]
@@ -73,12 +73,12 @@ def _is_told(graph: BondGraph, junction: Junction, effort_to: Mapping[int, Eleme
 
 
 def _follow(graph: BondGraph, bond: Bond, end: Element, seen: set[int]) -> tuple[Element, bool]:
-    """Where a bond leads through transformers and gyrators, and whether the effort goes in there if it goes to the bond's head."""
+    """The element that a bond leads to through transformers and gyrators, and whether effort towards the bond's head enters it."""
     effort_in = end is bond.head
     seen.add(bond.number)
     while isinstance(end, TF | GY):
         (bond,) = (b for b in graph.at(end) if b is not bond)
-        if bond.number in seen:  # transformers in a ring, with no junction
+        if bond.number in seen:  # a ring of transformers without a junction
             break
         seen.add(bond.number)
         effort_in = effort_in != isinstance(end, GY)

@@ -1,4 +1,4 @@
-"""Drawings of bond graphs with half arrows, causal strokes and bond numbers, through matplotlib."""
+"""Drawing of bond graphs with half arrows, causal strokes and bond numbers, using matplotlib."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ def draw(
     graph : BondGraph
         The graph.
     positions : mapping, optional
-        Where the elements stand, about two units of length apart; a spring layout otherwise.
+        Positions of the elements, about two units apart; by default a spring layout.
     routes : mapping, optional
-        Bond number to points that the bond goes through, from tail to head; straight otherwise.
+        Points that a bond passes through, from tail to head, by bond number; by default straight.
     causality : Causality, optional
-        Draws the causal strokes: the end with the stroke receives the effort. Elements with derivative causality are in
-        the colour of the strokes.
+        Causal strokes to draw: the end with the stroke receives the effort. Elements with derivative causality are drawn in the colour
+        of the strokes.
     ax : matplotlib.axes.Axes, optional
-        Where to draw; a new figure of fitting size otherwise.
+        Axes to draw into; by default a new figure of suitable size.
     scale : float
-        Size of a unit of length, in inches, in a new figure.
+        Inches per unit of length, in a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
-        The drawing; ``ax.figure.savefig(...)`` writes it to a file.
+        Use ``ax.figure.savefig(...)`` to write it to a file.
     """
     check_graph(graph)
     layout = {e: [xy] for e, xy in _layout(graph).items()} if positions is None else positions
@@ -88,7 +88,7 @@ def draw(
             _draw_name(ax, element, xy, [_leaving(lines[b.number], b.tail is element) for b in graph.at(element)])
     ax.set_aspect("equal")
     ax.set_axis_off()
-    # text does not count for the limits of the axes: half a unit round the elements holds it
+    # text does not affect axis limits: half a unit around the elements makes room for it
     ends = np.array(list(place.values()))
     ax.update_datalim([ends.min(axis=0) - 0.5, ends.max(axis=0) + 0.5])
     ax.margins(0.01)
@@ -97,11 +97,11 @@ def draw(
 
 
 def _points(name: str, given: Any, single: bool = False) -> dict[Any, Any]:
-    """Points, shape (n, 2), of elements or bonds; ``single`` ones are given without a list around them."""
+    """Points, shape (n, 2), of elements or bonds; ``single`` ones are given without an enclosing list."""
     expected = "points (x, y) by element" if name == "positions" else "lists of points (x, y) by number of bond"
     try:
         found = {key: reals(name, [value] if single else value, expected) for key, value in dict(given).items()}
-    except Exception:  # no mapping of points, or one of the user's that fails
+    except Exception:  # not a mapping of points; a user's object may fail
         found = {None: np.empty(0)}
     if any(points.ndim != 2 or points.shape[1] != 2 for points in found.values()):
         raise ArgumentError(f"{name} is {shown(given)}; expected {expected}")
@@ -117,9 +117,9 @@ def _label(element: Element, graph: BondGraph) -> str:
 
 
 def _room(element: Element, graph: BondGraph) -> tuple[float, float]:
-    """Half width and height that an element takes at a bond's end, in units of length.
+    """Half width and height reserved for an element at a bond's end, in units of length.
 
-    Round a junction it grows with the number of bonds, so that the causal strokes of neighbours do not meet.
+    Around a junction it grows with the number of bonds, so that the causal strokes of neighbours do not overlap.
     """
     if isinstance(element, Junction):
         crowd = max(1.0, len(graph.at(element)) / 4)
@@ -128,7 +128,7 @@ def _room(element: Element, graph: BondGraph) -> tuple[float, float]:
 
 
 def _gap(room: tuple[float, float], direction: Any) -> float:
-    """Distance of a bond's end from the middle of its element."""
+    """Distance of a bond's end from the centre of its element."""
     return float(1 / np.hypot(direction[0] / room[0], direction[1] / room[1]))
 
 
@@ -139,7 +139,7 @@ def _leaving(points: list[Any], from_tail: bool) -> float:
 
 
 def _draw_name(ax: Any, junction: Junction, xy: Any, angles: list[float]) -> None:
-    """A junction's name where its bonds leave most room; beside it rather than above or below."""
+    """Place a junction's name where its bonds leave most room; preferably beside it rather than above or below."""
     choices = np.radians([45, 135, 225, 315, 90, 270, 0, 180])
     free = [min(abs((choice - angle + np.pi) % (2 * np.pi) - np.pi) for angle in angles) for choice in choices]
     best = choices[int(np.argmax(np.round(free, 1)))]
@@ -170,12 +170,12 @@ def _direction(start: Any, stop: Any) -> Any:
 
 
 def _turned(direction: Any) -> Any:
-    """The direction turned left by a right angle."""
+    """The direction rotated left by a right angle."""
     return np.array([-direction[1], direction[0]])
 
 
 def _layout(graph: BondGraph) -> dict[Element, tuple[float, float]]:
-    """Positions that keep bonds about equally long."""
+    """Layout with bonds of similar length."""
     net = nx.Graph()
     net.add_nodes_from(graph.elements)
     net.add_edges_from((bond.tail, bond.head) for bond in graph.bonds.values())

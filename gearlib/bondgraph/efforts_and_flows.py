@@ -1,4 +1,4 @@
-"""Efforts and flows of a bond graph as expressions: causality read backwards, from each quantity to what determines it."""
+"""Efforts and flows of a bond graph as expressions, by traversing causality from each quantity to its determinants."""
 
 from __future__ import annotations
 
@@ -40,34 +40,34 @@ def rate_of(variable: Any) -> Any:
 
 
 class Walk:
-    """Efforts and flows as expressions, found by walking against the causal direction.
+    """Efforts and flows as expressions, found by traversal against the causal direction.
 
-    With ``own_law`` the common variable of a junction that carries a storage element of derivative causality is expressed by
-    that element's own p or q, as the paper does it (f = p_17 / I_17); without, by the independent ones that determine it.
+    With ``own_law`` the common variable of a junction with a storage element of derivative causality is expressed by that element's own
+    p or q, as in the paper (f = p_17 / I_17); otherwise by the independent variables that determine it.
     """
 
     def __init__(self, graph: BondGraph, causality: Causality, order: Sequence[Quantity], *, own_law: bool) -> None:
         self.graph, self.causality, self.own_law = graph, causality, own_law
         self.known: dict[Quantity, Any] = {}
-        for quantity in order:  # so that no expression is reached through many nested calls
+        for quantity in order:  # avoids deep recursion for any expression
             self(quantity)
 
     def energy(self, number: int) -> Any:
-        """The symbol of what is stored on a bond."""
+        """Symbol of the energy variable stored on a bond."""
         return energy_symbol("p" if isinstance(self.graph.element(number, I, C), I) else "q", number)
 
     def tear(self, quantity: Quantity) -> Any:
-        """The symbol of an effort or flow that an algebraic loop leaves unknown."""
+        """Symbol of an effort or flow that is unknown because of an algebraic loop."""
         return symbol(f"{quantity[0]}_{quantity[1]}")
 
     def __call__(self, quantity: Quantity) -> Any:
-        """The expression of an effort or flow."""
+        """Expression for an effort or flow."""
         if quantity not in self.known:
             self.known[quantity] = self.tear(quantity) if quantity in self.causality.tears else self.set_value(quantity)
         return self.known[quantity]
 
     def set_value(self, quantity: Quantity) -> Any:
-        """What the element that sets the effort or flow makes it, also where it is a tear."""
+        """The value given to an effort or flow by the element that sets it, even if it is a tearing variable."""
         letter, number = quantity
         bond = self.graph.bonds[number]
         receiver = self.causality.effort_to[number]
@@ -86,7 +86,7 @@ class Walk:
         raise DeclarationError(f"{self.graph.name}: {self.graph.label(setter)} has no law")
 
     def stored(self, number: int) -> Any:
-        """What a storage element holds, from the flow or effort imposed on it."""
+        """The energy variable of a storage element, as a function of the flow or effort imposed on it."""
         element = self.graph.element(number, I, C)
         assert isinstance(element, Storage)
         imposed = self(("f" if isinstance(element, I) else "e", number))

@@ -1,8 +1,8 @@
-"""What a bond graph is made of: sources, storage, dissipation, transformers and junctions.
+"""Elements of bond graphs: sources, storage, dissipation, transformers and junctions.
 
-An element is made once and named by the bonds that end on it; two elements with the same contents are different elements.
-A parameter is a number, the name of a symbol, or a sympy expression; where it is left out, it is the paper's letter with the
-bond's number: ``I()`` on bond 17 is the inertia I_17.
+An element is made once and identified by the bonds that end on it; two elements with equal contents are distinct. A parameter is a
+number, the name of a symbol, or a sympy expression; if omitted, it is named by the paper's letter and the bond number: ``I()`` on bond
+17 is the inertia I_17.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ time: Any = sp.Symbol("t", real=True)
 
 
 def symbol(name: str) -> Any:
-    """A real symbol of that name."""
+    """A real symbol with a given name."""
     return sp.Symbol(name, real=True)
 
 
 def energy_symbol(kind: str, bond: int) -> Any:
-    """The momentum ``p`` or displacement ``q`` that is stored on a bond, as modulated elements name it.
+    """The momentum ``p`` or displacement ``q`` stored on a bond, for use in modulated elements.
 
     >>> energy_symbol("q", 6)
     q_6
@@ -50,7 +50,7 @@ def expression(value: Any, default: str) -> Any:
 
 
 def checked(value: Any, name: str, expected: str = "a number or an expression") -> Any:
-    """A number or an expression in sympy's form; text, which sympy would execute, is refused."""
+    """A number or an expression in sympy's form; strings, which sympy would execute, are refused."""
     if isinstance(value, Fraction):
         value = sp.Rational(value.numerator, value.denominator)
     if not isinstance(value, sp.Expr) and not is_real(value):
@@ -64,7 +64,7 @@ def checked(value: Any, name: str, expected: str = "a number or an expression") 
 
 
 def by_law(law: Callable[[Any], Any], argument: Any, said: str) -> Any:
-    """What a law of the user's makes of an argument."""
+    """Result of a user-defined law."""
     try:
         value = law(argument)
     except Exception as problem:
@@ -122,10 +122,10 @@ class Storage(Element):
     value : number, str or expression, optional
         Inertia or compliance of the linear law.
     law : callable, optional
-        Constitutive law in place of the linear one: f = law(p) for an inertia, e = law(q) for a compliance. It is called
-        with a sympy symbol and returns an expression.
+        Constitutive law replacing the linear one: f = law(p) for an inertia, e = law(q) for a compliance. It is called with a sympy
+        symbol and returns an expression.
     inverse : callable, optional
-        The law solved for p or q, needed where a nonlinear storage gets derivative causality.
+        The law solved for p or q, required if a nonlinear storage element gets derivative causality.
     """
 
     value: Any = None
@@ -143,22 +143,22 @@ class I(Storage):  # noqa: E742  (the letter of the field)
 
 @dataclass(frozen=True, eq=False)
 class C(Storage):
-    """Compliance: e = q / C, or e = law(q). ``C(law=lambda q: 0)`` stores a displacement and nothing else."""
+    """Compliance: e = q / C, or e = law(q). ``C(law=lambda q: 0)`` merely integrates a displacement."""
 
 
 @dataclass(frozen=True, eq=False)
 class R(Element):
     """Resistance: e = R f, or e = law(f), or f = conductance(e).
 
-    A nonlinear law is evaluated in the direction in which it is written, if the causality can be chosen so.
+    A nonlinear law is evaluated in the direction in which it is given, if causality permits.
 
     Parameters
     ----------
     value : number, str or expression, optional
         Resistance of the linear law.
     law, conductance : callable, optional
-        Nonlinear law as effort of the flow, or flow of the effort, called with a sympy symbol. Where both are given, they
-        must be each other's inverse.
+        Nonlinear law for the effort as a function of the flow, or vice versa, called with a sympy symbol. If both are given, they must
+        be inverses.
     """
 
     value: Any = None
@@ -202,7 +202,7 @@ class Junction(Element):
     Parameters
     ----------
     name : str
-        What messages and drawings call it.
+        Name in messages and drawings.
     """
 
     name: str = ""
@@ -218,7 +218,7 @@ class Zero(Junction):
 
     @property
     def kind(self) -> str:
-        """The digit of a drawing."""
+        """Digit in a drawing."""
         return "0"
 
 
@@ -228,5 +228,5 @@ class One(Junction):
 
     @property
     def kind(self) -> str:
-        """The digit of a drawing."""
+        """Digit in a drawing."""
         return "1"

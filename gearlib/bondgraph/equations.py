@@ -1,10 +1,9 @@
-"""Explicit state equations of a bond graph with its causality, in symbols.
+"""Explicit state equations of a bond graph with assigned causality, in symbolic form.
 
-Two forms are made. The *printed* form is the one papers show: p' and q' of the storage elements with integral causality, in
-terms of all p and q, of the rates of those with derivative causality, and of the sources. The *solved* form eliminates the
-latter: with the dependent p = g(x, u, t), so that p' = dg/dx x' + dg/du u' + dg/dt, all x' and the outputs z of resistances in
-algebraic loops solve residual(x', z; x, u, u', t) = 0, which is linear, M y = b with y = (x', z), unless a loop holds a
-nonlinear resistance.
+There are two forms. The *printed* form is the one found in papers: p' and q' of the storage elements with integral causality, in terms
+of all p and q, of the rates of those with derivative causality, and of the sources. The *solved* form eliminates the latter: with the
+dependent p = g(x, u, t), so that p' = dg/dx x' + dg/du u' + dg/dt, all x' and the outputs z of resistances in algebraic loops solve
+residual(x', z; x, u, u', t) = 0, which is linear, M y = b with y = (x', z), unless a loop contains a nonlinear resistance.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class StateEquations:
     Parameters
     ----------
     graph, causality : BondGraph, Causality
-        What they were derived from.
+        The graph and causality from which they were derived.
     states, dependent : tuple of Symbol
         p and q with integral and with derivative causality, by bond.
     inputs : tuple of Symbol
@@ -43,15 +42,15 @@ class StateEquations:
     parameters : tuple of Symbol
         All other symbols, by name.
     tears : tuple of Symbol
-        Efforts and flows that are unknown because of algebraic loops.
+        Tearing variables: efforts and flows that are unknown because of algebraic loops.
     printed : mapping
-        Each state's rate as an expanded expression of states, dependent p and q, their rates, inputs and tears.
+        Rate of each state as an expanded expression of states, dependent p and q, their rates, inputs and tears.
     dependent_values : mapping
         Each dependent p or q in terms of the states and the inputs.
     tear_values : mapping
-        Each tear in terms of the same as ``printed``: one equation for each.
+        One equation for each tear, in terms of the same symbols as ``printed``.
     efforts, flows : mapping
-        Effort and flow of every bond, in terms of the same as ``printed``.
+        Effort and flow of every bond, in terms of the same symbols as ``printed``.
     """
 
     graph: BondGraph
@@ -74,7 +73,7 @@ class StateEquations:
 
     @cached_property
     def elimination(self) -> Mapping[Any, Any]:
-        """What replaces the dependent p and q and their rates: expressions of states, inputs and unknowns."""
+        """Substitutions for the dependent p and q and their rates: expressions of states, inputs and unknowns."""
         values: dict[Any, Any] = dict(self.dependent_values)
         for variable, value in self.dependent_values.items():
             total = sp.diff(value, time)
@@ -85,13 +84,13 @@ class StateEquations:
 
     @cached_property
     def residual(self) -> tuple[Any, ...]:
-        """What must be zero: unknowns less their values, with the dependent p and q eliminated."""
+        """Residuals: unknowns minus their values, with the dependent p and q eliminated."""
         values = [*self.printed.values(), *self.tear_values.values()]
         return tuple(y - value.xreplace(dict(self.elimination)) for y, value in zip(self.unknowns, values, strict=True))
 
     @cached_property
     def mass_matrix(self) -> Any:
-        """M of M y = b; of a nonlinear system, the Jacobian of the residual."""
+        """M of M y = b; for a nonlinear system, the Jacobian of the residual."""
         return sp.Matrix([[sp.expand(sp.diff(r, y)) for y in self.unknowns] for r in self.residual])
 
     @cached_property
@@ -102,19 +101,19 @@ class StateEquations:
 
     @cached_property
     def is_linear_in_unknowns(self) -> bool:
-        """Whether one linear solution gives x'."""
+        """Whether a single linear solve gives x'."""
         return not (self.mass_matrix.free_symbols & set(self.unknowns))
 
     def explicit(self) -> dict[Any, Any]:
         """Each state's rate as an expression of states, inputs and their rates: the solved form, in symbols.
 
-        The mass matrix is solved block by block, and the sums in it are kept as they are: :meth:`latex` prints each
-        subexpression that several rates share once.
+        The mass matrix is solved block by block, without expanding the sums in it: :meth:`latex` prints each subexpression shared by
+        several rates once.
 
         Raises
         ------
         SingularError
-            The mass matrix has no inverse, or a loop holds a nonlinear resistance.
+            The mass matrix is singular, or a loop contains a nonlinear resistance.
 
         >>> from gearlib.bondgraph import BondGraph, I, One, Se, state_equations
         >>> v = One("v")
@@ -130,15 +129,15 @@ class StateEquations:
         return dict(zip(map(rate_of, self.states), solution, strict=False))
 
     def latex(self, *, solved: bool = False, terms: int = 5) -> str:
-        r"""The equations as LaTeX, in one ``aligned`` block, with dots for rates and the bonds' numbers.
+        r"""The equations as LaTeX, in one ``aligned`` block, with dots for rates and the bond numbers.
 
         Parameters
         ----------
         solved : bool
-            The solved form instead of the printed one: see :meth:`explicit`. Sums that occur more than once are printed
-            once, first, as :math:`s_1, s_2, \ldots`
+            Print the solved form instead of the printed one: see :meth:`explicit`. Sums that occur more than once are printed once,
+            first, as :math:`s_1, s_2, \ldots`
         terms : int
-            Terms on a line of the printed form, where each variable stands once, with its coefficient.
+            Terms per line of the printed form, in which each variable occurs once, with its coefficient.
 
         >>> from gearlib.bondgraph import BondGraph, C, I, One, Se, state_equations
         >>> v = One("v")
@@ -170,7 +169,7 @@ class StateEquations:
 
 
 def _with_shared_sums(values: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
-    """The values as equations of which each sum that occurs twice is one, before what uses it."""
+    """The values as equations, preceded by equations for sums that occur at least twice."""
     replaced, reduced = sp.cse([*values.values()], symbols=sp.numbered_symbols("s_", start=0, cls=sp.Dummy))
     inlined: dict[Any, Any] = {}
     sums: list[tuple[Any, Any]] = []
@@ -209,9 +208,9 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
     graph : BondGraph
         The graph.
     prefer : iterable of int
-        Bonds of storage elements that become states first: see :func:`~gearlib.bondgraph.assign_causality`.
+        Bonds of storage elements to be preferred as states: see :func:`~gearlib.bondgraph.assign_causality`.
     causality : Causality, optional
-        An assignment made before, in place of ``prefer``.
+        An existing assignment, instead of ``prefer``.
 
     Returns
     -------
@@ -223,9 +222,9 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
     BalanceError
         No causality fits the graph.
     DeclarationError
-        A nonlinear law is needed in the direction in which it is not given and cannot be solved.
+        A nonlinear law is needed in the direction in which it is not given, and cannot be inverted.
     SingularError
-        With these moduli a rigid loop is locked, or the preferred states depend on each other.
+        With these moduli a rigid loop is locked, or the preferred states are dependent.
 
     Examples
     --------
@@ -266,13 +265,13 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
 def _without_tears(dependent: dict[Any, Any], straight: Walk) -> dict[Any, Any]:
     """Dependent p and q in terms of states and inputs alone.
 
-    In a rigid loop flows depend on each other all round, and are solved for here. There is no resistance in such a loop: the
-    procedure would have given the storage integral causality and let the resistance follow.
+    In a rigid loop the flows depend on each other cyclically, and are solved for here. Such a loop contains no resistance: the
+    procedure would have given the storage element integral causality and let the resistance follow.
     """
     name, tears = straight.graph.name, {straight.tear(q): q for q in straight.causality.tears}
     values: dict[Any, Any] = {}
     used = [symbol for value in dependent.values() for symbol in sorted(value.free_symbols & tears.keys(), key=str)]
-    for z in used:  # grows on the way
+    for z in used:  # grows during iteration
         if z not in values:
             values[z] = sp.expand(straight.set_value(tears[z]))
             used += sorted(values[z].free_symbols & tears.keys(), key=str)
@@ -294,7 +293,7 @@ def _without_tears(dependent: dict[Any, Any], straight: Walk) -> dict[Any, Any]:
 
 
 def _vanishes(value: Any) -> bool:
-    """Whether a pivot is zero, up to rounding where it is a number."""
+    """Whether a pivot is zero, up to rounding if it is a number."""
     return bool(abs(value) < 1e-12) if value.is_number else bool(sp.simplify(value) == 0)
 
 

@@ -1,4 +1,4 @@
-"""A bond graph: numbered bonds between elements, checked when it is made."""
+"""Bond graphs: numbered bonds between elements, validated at construction."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ __all__ = ["Bond", "BondGraph"]
 
 @dataclass(frozen=True)
 class Bond:
-    """A bond; its half arrow points from ``tail`` to ``head``, the direction in which power counts as positive."""
+    """A bond; its half arrow points from ``tail`` to ``head``, the direction of positive power."""
 
     number: int
     tail: Element
     head: Element
 
     def other(self, end: Element) -> Element:
-        """The end that is not ``end``."""
+        """The opposite end."""
         return self.tail if end is self.head else self.head
 
     def sign(self, end: Element) -> int:
@@ -40,16 +40,16 @@ class BondGraph:
     *bonds : tuple
         (number, tail, head) of each bond. The half arrow points from tail to head: into I, C and R, through TF and GY.
     name : str
-        What messages call the graph.
+        Name of the graph in messages.
 
     Raises
     ------
     ConnectionError
-        An element has too few or too many bonds, a bond number is used twice, or half arrows point the wrong way.
+        An element has too few or too many bonds, a bond number is duplicated, or half arrows point the wrong way.
 
     Examples
     --------
-    A mass on a spring, pushed by a force:
+    A mass on a spring, driven by a force:
 
     >>> from gearlib.bondgraph import BondGraph, C, I, One, Se
     >>> v = One("v")
@@ -89,7 +89,7 @@ class BondGraph:
 
     @property
     def elements(self) -> tuple[Element, ...]:
-        """All elements, in the order of their lowest bonds."""
+        """All elements, ordered by their lowest bonds."""
         return tuple(self._ends)
 
     def at(self, element: Element) -> tuple[Bond, ...]:
@@ -106,7 +106,7 @@ class BondGraph:
             )
 
     def element(self, number: int, *kinds: type[Element]) -> Element:
-        """The source, storage or resistance at an end of bond ``number``, of one of these kinds where some are named.
+        """The source, storage element or resistance at an end of a bond, restricted to some kinds if these are given.
 
         >>> from gearlib.bondgraph import BondGraph, C, Se
         >>> graph = BondGraph((1, Se(), C()))
@@ -123,13 +123,13 @@ class BondGraph:
         raise ArgumentError(f"{self.name}: bond {number} joins {self.label(bond.tail)} and {self.label(bond.head)}")
 
     def of_kind(self, *kinds: type[Element]) -> tuple[int, ...]:
-        """Bonds on which the one-port elements of these kinds stand, by number."""
+        """Bonds of the one-port elements of these kinds, by number."""
         _check_kinds(kinds)
         found = (bonds[0].number for element, bonds in self._ends.items() if isinstance(element, kinds) and len(bonds) == 1)
         return tuple(sorted(found))
 
     def label(self, element: Element) -> str:
-        """What messages call an element: its kind, and its name or its bonds."""
+        """Label of an element in messages: its kind, and its name or its bonds."""
         self._check_element(element)
         if isinstance(element, Junction):
             where = f" '{element.name}'" if element.name else f" of bonds {_numbers(self._ends.get(element, ()))}"

@@ -1,4 +1,4 @@
-"""State equations of a bond graph as functions of numbers: right-hand side, linear model, efforts and flows of all bonds."""
+"""Numerical state equations of a bond graph: right-hand side, linear model, efforts and flows of all bonds."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ NEWTON_ACCURACY = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class RunTime:
-    """Numerical form of state equations. It is made once; states, inputs and parameters are numbers of each call.
+    """Numerical form of state equations, generated once; states, inputs and parameters are arguments of each call.
 
     Parameters
     ----------
     equations : StateEquations
-        What :func:`~gearlib.bondgraph.state_equations` returned.
+        Result of :func:`~gearlib.bondgraph.state_equations`.
 
     Examples
     --------
@@ -62,11 +62,11 @@ class RunTime:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order in which a sequence of them is taken."""
+        """Names of the parameters, in the order of a sequence of values."""
         return tuple(map(str, self.equations.parameters))
 
     def rhs(self, t: float, x: Any, u: Values = (), parameters: Values = (), u_rate: Values = ()) -> Array:
-        """dx/dt at the time t (s).
+        """dx/dt at time t.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class RunTime:
         BindingError
             A parameter is missing or unknown.
         SingularError
-            These values make the mass matrix singular.
+            The mass matrix is singular for these values.
         SolverError
             Newton's method found no solution of a nonlinear loop.
         """
@@ -98,21 +98,21 @@ class RunTime:
     def bind(
         self, parameters: Values = (), inputs: Mapping[str, Input] | None = None, rates: Mapping[str, Input] | None = None
     ) -> Callable[[float, Any], Array]:
-        """The right-hand side f(t, x) for given parameters and inputs, as SciPy's and other integrators take it.
+        """The right-hand side f(t, x) for given parameters and inputs, for SciPy and other integrators.
 
         Parameters
         ----------
         parameters : mapping or sequence
             Values of :attr:`parameters`.
         inputs : mapping, optional
-            Number, function of time, or sympy expression of :data:`~gearlib.bondgraph.time`, for each input; zero otherwise.
+            Number, function of time, or sympy expression of :data:`~gearlib.bondgraph.time`, per input; zero if omitted.
         rates : mapping, optional
             Time derivatives of inputs that are Python functions, where derivative causality needs them.
 
         Returns
         -------
         callable
-            f(t, x) that returns dx/dt.
+            f(t, x), which returns dx/dt.
         """
         theta = self._vector(parameters, self.parameters, "parameter")
         u_of, du_of = self._signals(
@@ -130,7 +130,7 @@ class RunTime:
         return lambda t, x: self._unknowns(t, x, u_of(t), du_of(t), theta)[:count]
 
     def matrices(self, parameters: Values = (), *, t: float = 0.0, x: Any = None, u: Values = ()) -> tuple[Array, Array]:
-        """A and B of the linear model about (t, x, u): d(x')/dx and d(x')/du, the rates of the inputs being zero."""
+        """A and B of the linear model about (t, x, u): d(x')/dx and d(x')/du, with zero rates of the inputs."""
         x = np.zeros(len(self.states)) if x is None else x
         arguments = self._arguments(t, x, u, (), parameters)
         y = self._unknowns(*arguments) if self._bends else np.zeros(len(self.equations.unknowns))
@@ -144,7 +144,7 @@ class RunTime:
     def bond_variables(
         self, t: float, x: Any, u: Values = (), parameters: Values = (), u_rate: Values = ()
     ) -> dict[int, tuple[float, float]]:
-        """Effort and flow of every bond, by number, computed one by one from the elements that set them.
+        """Effort and flow of every bond, by number, computed individually from the elements that set them.
 
         The arguments are those of :meth:`rhs`.
         """
@@ -213,7 +213,7 @@ class RunTime:
         function = sp.lambdify(arguments, values, modules="numpy", cse=True)
 
         def quiet(*numbers: Any) -> Any:
-            with np.errstate(divide="ignore", invalid="ignore"):  # what is not finite is reported where it is used
+            with np.errstate(divide="ignore", invalid="ignore"):  # non-finite values are reported where they are used
                 return function(*numbers)
 
         return quiet
@@ -241,7 +241,7 @@ class RunTime:
 
     @cached_property
     def _bends(self) -> bool:
-        """Whether the derivatives depend on the unknowns, so that these must be found before."""
+        """Whether the derivatives depend on the unknowns, so that these must be solved for first."""
         unknowns = set(self.equations.unknowns)
         return any(slope.free_symbols & unknowns for slope in self._slopes)
 
@@ -257,7 +257,7 @@ class RunTime:
 
     def _solve(self, M: Array, right: Array) -> Array:
         try:
-            if np.isfinite(M).all():  # it is not where a rigid loop is locked by the values
+            if np.isfinite(M).all():  # it is not finite if the values lock a rigid loop
                 return np.asarray(np.linalg.solve(M, right), dtype=np.float64)
             raise np.linalg.LinAlgError
         except np.linalg.LinAlgError:
@@ -280,7 +280,7 @@ class RunTime:
         return self._newton(arguments)
 
     def _newton(self, arguments: tuple[Any, ...]) -> Array:
-        """Newton's method from zero, with steps halved until the residual shrinks."""
+        """Newton's method from zero, with step halving until the residual decreases."""
         y = np.zeros(len(self.equations.unknowns))
         r = self._residual(*arguments, y)
         for _ in range(NEWTON_STEPS):

@@ -1,7 +1,7 @@
-"""Linear equations in symbols, solved block by block along the strongly connected components of their matrix.
+"""Symbolic linear equations, solved block by block along the strongly connected components of their matrix.
 
-A block's solution is Cramer's rule on its entries as they stand: sums are not multiplied out, so that the answer is as long as
-the equations are, and the determinant is one subexpression that all of a block's unknowns share. Short values are simplified.
+A block is solved by Cramer's rule without expanding its entries, so that the solution is as compact as the equations, and the
+determinant is one subexpression shared by all unknowns of a block. Short results are simplified.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def solved_by_blocks(matrix: Any, right_side: Any) -> list[Any]:
     Raises
     ------
     ZeroDivisionError
-        The matrix has no inverse.
+        The matrix is singular.
 
     >>> a, b, c = sp.symbols("a b c")
     >>> solved_by_blocks(sp.Matrix([[a, 0], [b, c]]), sp.Matrix([1, 1]))
@@ -37,7 +37,7 @@ def solved_by_blocks(matrix: Any, right_side: Any) -> list[Any]:
     uses.add_edges_from((i, j) for (i, j), entry in matrix.todok().items() if entry != 0)
     condensed = nx.condensation(uses)
     solution: list[Any] = [None] * size
-    for component in reversed(list(nx.lexicographical_topological_sort(condensed))):  # what a block uses comes first
+    for component in reversed(list(nx.lexicographical_topological_sort(condensed))):  # prerequisites come first
         block = sorted(condensed.nodes[component]["members"])
         known = sorted({j for i in block for j in uses.successors(i)} - set(block))
         sides = [right_side[i] - sum(matrix[i, j] * solution[j] for j in known) for i in block]
@@ -47,7 +47,7 @@ def solved_by_blocks(matrix: Any, right_side: Any) -> list[Any]:
 
 
 def _solved(matrix: Any, sides: list[Any]) -> list[Any]:
-    """One block's unknowns, its entries and right-hand sides as they stand."""
+    """Unknowns of one block, with entries and right-hand sides unexpanded."""
     if _is_singular(matrix):
         raise ZeroDivisionError
     stands_for = {sp.Dummy(): entry for entry in matrix if entry != 0}
@@ -58,7 +58,7 @@ def _solved(matrix: Any, sides: list[Any]) -> list[Any]:
 
 
 def _is_singular(matrix: Any) -> bool:
-    """Whether the determinant vanishes, also where its terms cancel; numbers count as zero up to rounding."""
+    """Whether the determinant vanishes, possibly by cancellation; numbers count as zero up to rounding."""
     if not matrix.free_symbols:
         size = abs(sp.Matrix(matrix).evalf())
         return bool(abs(sp.Matrix(matrix).evalf().det()) <= 1e-12 * sp.prod(max(size[i, :]) for i in range(size.rows)))

@@ -1,1 +1,1 @@
-"""Files: histories, parameter sets and columns of numbers, in the formats that other programs read and write."""
+"""File formats for histories, parameter sets and numeric columns, shared with other programs."""

@@ -1,4 +1,4 @@
-"""Columns of numbers by name, out of the files that measurements and other programs come in."""
+"""Named numeric columns read from files of measurements and of other programs."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from gearlib.files.formats import FORMATS, load_record
 from gearlib.optional import optional
 
 Floats = NDArray[np.float64]
-SEPARATORS = (";", "\t", ",")  # in the order in which they are looked for: a comma may be a decimal sign
+SEPARATORS = (";", "\t", ",")  # in order of precedence: a comma may be a decimal sign
 
 
 def read_columns(path: Path, names: tuple[str, ...]) -> tuple[Floats, ...]:
-    """Some columns of a file.
+    """Read some columns of a file.
 
     Parameters
     ----------
     path : Path
-        A result file, or any Parquet file, or a text with a line of names and lines of numbers, separated by commas, semicolons (the
-        decimal sign may be a comma then), tabs or blanks; lines that begin with "#" are passed over.
+        A result file, any Parquet file, or a text file with a header line and lines of numbers, separated by commas, semicolons (the
+        decimal sign may then be a comma), tabs or spaces; lines that begin with "#" are ignored.
     names : tuple of str
-        The columns wanted.
+        The columns to read.
 
     Raises
     ------
     FileError
-        The file cannot be read, or a field is no number; says in which line.
+        The file cannot be read, or a field is not a number; the message gives the line.
     NameLookupError
-        It has no such column.
+        The file lacks a column.
     """
     try:
         if path.suffix.lower() == ".parquet":

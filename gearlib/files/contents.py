@@ -1,4 +1,4 @@
-"""`Record`: histories and what made them, as every result file holds them."""
+"""`Record`: histories with their provenance, the content of every result file."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from gearlib.errors import FileError
 
 Floats = NDArray[np.float64]
 KIND = "gearlib result"
-VERSION = 1  # of the header; files of a later one are refused
+VERSION = 1  # of the header; files of a later version are refused
 
 
 COMPUTING = ("numpy", "scipy", "llvmlite", "sksundae")
 
 
 def versions() -> dict[str, str]:
-    """Of gearlib, Python and the packages in use that compute."""
+    """Versions of gearlib, Python and the numerical packages in use."""
     used = {name: sys.modules[name] for name in ("gearlib", *COMPUTING) if name in sys.modules}
     return {"python": platform.python_version(), **{name: str(module.__version__) for name, module in used.items()}}
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Histories, and what made them.
+    """Histories with their provenance.
 
     Attributes
     ----------
@@ -43,21 +43,21 @@ class Record:
     names : tuple of str
         Variables.
     columns, signs : tuple of int
-        For each name the column of ``data`` that holds its history, and +1 or -1, which it is multiplied by.
+        For each name, the column of ``data`` that holds its history, and its sign (+1 or -1).
     units, descriptions : tuple of str
         For each name.
     model : str
-        Name of the model's class; "" where it is not known.
+        Class name of the model; "" if unknown.
     parameters : mapping
         Value of every parameter, by path.
     stats : mapping
-        What the solver did.
+        Solver statistics.
     events : sequence of (float, str)
-        When, and where.
+        Times and locations.
     options : mapping
         Tolerances and other settings of the run.
     versions : mapping
-        Of gearlib and of the packages that computed the histories.
+        Versions of gearlib and of the packages that computed the histories.
     """
 
     time: Floats
@@ -76,18 +76,18 @@ class Record:
 
     @cached_property
     def place(self) -> dict[str, int]:
-        """Where each name stands."""
+        """Index of each name."""
         return {name: i for i, name in enumerate(self.names)}
 
     def history(self, name: str) -> Floats:
-        """The history of a variable."""
+        """History of a variable."""
         i = self.place[name]
         history: Floats = self.signs[i] * self.data[:, self.columns[i]]
         return history
 
     @cached_property
     def spread(self) -> Record:
-        """The same with a column of its own for each name, for formats that know no aliases."""
+        """The same with a separate column per name, for formats without aliases."""
         data = np.ascontiguousarray(self.data[:, list(self.columns)] * np.array(self.signs, float))
         return replace(self, data=data, columns=tuple(range(len(self.names))), signs=(1,) * len(self.names))
 
@@ -97,7 +97,7 @@ class Record:
         return zlib.crc32(self.data.astype("<f8").tobytes(), zlib.crc32(self.time.astype("<f8").tobytes()))
 
     def header(self) -> str:
-        """Everything but the numbers, as one line of ASCII (JSON; values that are not finite as NaN and Infinity).
+        """Everything but the numbers, as one line of ASCII (JSON with NaN and Infinity for values that are not finite).
 
         Examples
         --------
@@ -123,19 +123,19 @@ class Record:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON knows, of numpy's numbers and of what else a run may tell."""
+    """Convert numpy numbers and other values to JSON types."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     return dict(value) if isinstance(value, Mapping) else str(value)
 
 
 def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
-    """A record from its `Record.header` and its numbers: an array with the columns as they were, or histories by name.
+    """Reconstruct a record from its `Record.header` and its numbers: the original columns, or histories by name.
 
     Raises
     ------
     FileError
-        The header is none of gearlib's, or the numbers are not those that were written with it.
+        The header was not written by gearlib, or the numbers do not belong to it.
     """
     try:
         found = json.loads(header)
@@ -166,10 +166,10 @@ def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
 
 
 def not_ours(path: Any) -> FileError:
-    """A file of another kind."""
+    """The error for a file of another kind."""
     return FileError(f"{path} is no result file of gearlib; expected what result.save(...) wrote")
 
 
 def damaged(path: Any, why: str) -> FileError:
-    """A file that was a result once."""
+    """The error for a damaged result file."""
     return FileError(f"{path} is cut off or damaged: {why}")

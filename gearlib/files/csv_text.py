@@ -1,4 +1,4 @@
-"""Result files as comma-separated values: a comment with what made them, a line of names, a line for each sample."""
+"""Result files as comma-separated values: a comment with the provenance, a header line, one line per sample."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MARK = "# gearlib "
 
 
 def write(record: Record, path: Path) -> None:
-    """Write a record; the numbers with all their digits, in any locale with a point and in UTF-8."""
+    """Write a record in UTF-8, with numbers at full precision and a decimal point in any locale."""
     spread = record.spread
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(f"{MARK}{spread.header()}\n")
@@ -23,7 +23,7 @@ def write(record: Record, path: Path) -> None:
 
 
 def write_columns(record: Record, file: TextIO) -> None:
-    """The line of names and the samples, to a file that is open."""
+    """Write the header line and the samples to an open file."""
     spread = record.spread
     csv.writer(file, lineterminator="\n").writerow(["time", *spread.names])
     rows = np.column_stack([spread.time, spread.data]).tolist()

@@ -1,4 +1,4 @@
-"""`xarray.Dataset` of a record, and zarr, which xarray writes and reads: a variable for each history over the coordinate time."""
+"""Conversion of a record to `xarray.Dataset`, and zarr files through xarray: one variable per history over time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from gearlib.optional import optional
 if TYPE_CHECKING:
     import xarray
 
-HEADER = "gearlib_header"  # the variable with what made the histories
+HEADER = "gearlib_header"  # the variable with the provenance
 
 
 def dataset(record: Record) -> xarray.Dataset:
-    """A record as an `xarray.Dataset`: units and descriptions are attributes of its variables, what made it is one of its own."""
+    """A record as an `xarray.Dataset`: units and descriptions are attributes of variables, the provenance is a variable."""
     made, spread = optional("xarray").Dataset, record.spread
     if taken := {"time", HEADER} & set(record.names):
         raise ArgumentError(
@@ -32,7 +32,7 @@ def dataset(record: Record) -> xarray.Dataset:
 
 
 def write(record: Record, path: Path) -> None:
-    """Write a record as a folder of zarr's format 2."""
+    """Write a record as a folder in zarr format 2."""
     optional("zarr")
     dataset(record).assign({HEADER: ((), record.spread.header())}).to_zarr(path, zarr_format=2)
 
@@ -49,6 +49,6 @@ def read(path: Path) -> Record:
             columns = {str(name): found[name].to_numpy() for name in found.variables}
     except FileError:
         raise
-    except Exception as problem:  # whatever the library makes of files that are missing
+    except Exception as problem:  # whatever the library raises for missing files
         raise damaged(path, f"{type(problem).__name__}: {problem}") from None
     return from_header(str(columns.pop(HEADER)), columns.pop("time"), columns, path)

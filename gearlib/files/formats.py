@@ -1,4 +1,4 @@
-"""Which format a result file has: its suffix says so."""
+"""Result file formats, selected by suffix."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gearlib.files.replacing import replacing
 
 @dataclass(frozen=True)
 class Format:
-    """How a record is written to a path and read from one."""
+    """Writer and reader of a format."""
 
     write: Callable[[Record, Path], None]
     read: Callable[[Path], Record]
@@ -30,7 +30,7 @@ FORMATS = {
 
 
 def format_of(path: Path) -> Format:
-    """The format that a path's suffix names, or an `ArgumentError` where none has it."""
+    """The format selected by a path's suffix; `ArgumentError` if there is none."""
     found = FORMATS.get(path.suffix.lower())
     if found is None:
         raise ArgumentError(f"{path} has the suffix {path.suffix!r}; expected {', '.join(FORMATS)}")
@@ -38,14 +38,14 @@ def format_of(path: Path) -> Format:
 
 
 def save_record(record: Record, path: Path) -> None:
-    """Write a record in the format that the suffix names; what was there stays until all is written.
+    """Write a record in the format selected by the suffix; an existing file is replaced atomically.
 
     Raises
     ------
     ArgumentError
         No format has that suffix.
     FileError
-        The file cannot be written there.
+        The file cannot be written.
     """
     form = format_of(path)
     with replacing(path) as beside:
@@ -60,7 +60,7 @@ def load_record(path: Path) -> Record:
     ArgumentError
         No format has that suffix.
     FileError
-        There is no such file, it is of another kind, cut off or damaged.
+        The file does not exist, or is of another kind, truncated or damaged.
     """
     form = format_of(path)
     try:

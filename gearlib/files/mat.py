@@ -1,8 +1,8 @@
-"""Dymola's and OpenModelica's result file: MATLAB's format 4 with the matrices of a trajectory.
+"""Result files of Dymola and OpenModelica: MATLAB format 4 with the matrices of a trajectory.
 
-``name``, ``description`` and ``dataInfo`` say of each variable in which of two blocks it is, in which column and with which sign: an
-alias costs a name. ``data_1`` holds the parameters at the start and the end, ``data_2`` the samples. Another matrix, ``gearlib``,
-follows with what those programs have no place for; they do not look at it.
+``name``, ``description`` and ``dataInfo`` tell for each variable which of two blocks, which column and which sign it has: an alias
+costs a name only. ``data_1`` holds the parameters at the start and the end, ``data_2`` the samples. Another matrix, ``gearlib``, holds
+what those programs have no place for; they ignore it.
 """
 
 from __future__ import annotations
@@ -50,21 +50,21 @@ def write(record: Record, path: Path) -> None:
 
 
 def _characters(lines: Sequence[str]) -> NDArray[np.bytes_]:
-    """A matrix of characters with a line in each row, in UTF-8, one byte a character."""
+    """A character matrix with one line per row, in UTF-8, one byte per character."""
     coded = [line.encode() for line in lines]
     width = max(1, *map(len, coded))
     return np.array([line.ljust(width) for line in coded], f"S{width}").view("S1").reshape(len(coded), width)
 
 
 def _lines(characters: Any, transposed: bool = False) -> list[str]:
-    """The lines of a matrix of characters."""
+    """The lines of a character matrix."""
     matrix = np.asarray(characters)
     matrix = matrix.T if transposed else matrix
     return ["".join(row).rstrip(" \0").encode("latin-1").decode(errors="replace") for row in matrix]
 
 
 def read(path: Path) -> Record:
-    """Read a record, or what Dymola or OpenModelica wrote; those tell of no model, and mark units in the descriptions."""
+    """Read a record, or a result of Dymola or OpenModelica; the latter have no provenance, and units are part of the descriptions."""
     from scipy.io import loadmat
 
     with path.open("rb") as file:
@@ -72,7 +72,7 @@ def read(path: Path) -> Record:
         file.seek(0)
         try:
             found = loadmat(file, chars_as_strings=False)
-        except Exception as problem:  # whatever the library makes of bytes that are missing
+        except Exception as problem:  # whatever the library raises for missing bytes
             raise (damaged(path, str(problem)) if begins else not_ours(path)) from None
     if "Aclass" not in found or _lines(found["Aclass"])[:1] != [CLASS[0]]:
         raise not_ours(path)

@@ -1,4 +1,4 @@
-"""Result files as netCDF 3 with 64-bit offsets, which every netCDF library reads: a variable for each history over time."""
+"""Result files in netCDF 3 with 64-bit offsets, readable by every netCDF library: one variable per history over time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from gearlib.errors import ArgumentError, FileError
 from gearlib.files.contents import Record, damaged, from_header, not_ours
 
-HEADER = "gearlib_header"  # the attribute with what made the histories
+HEADER = "gearlib_header"  # the attribute with the provenance
 MAGIC = b"CDF"
 
 
@@ -26,7 +26,8 @@ def write(record: Record, path: Path) -> None:
         file.createDimension("time", len(spread.time))
         told = zip(["time", *spread.names], ["s", *spread.units], ["time", *spread.descriptions], strict=True)
         for (name, unit, description), history in zip(told, (spread.time, *spread.data.T), strict=True):
-            variable = file.createVariable(name.encode().decode("latin-1"), "d", ("time",))  # it writes one byte a character
+            # The library writes one byte per character
+            variable = file.createVariable(name.encode().decode("latin-1"), "d", ("time",))
             variable[:] = history
             if unit:
                 variable.units = unit.encode()
@@ -51,7 +52,7 @@ def read(path: Path) -> Record:
             columns = {n.encode("latin-1").decode(): np.array(v.data, float) for n, v in file.variables.items()}
     except FileError:
         raise
-    except Exception as problem:  # whatever the library makes of bytes that are missing
+    except Exception as problem:  # whatever the library raises for missing bytes
         raise damaged(path, f"{type(problem).__name__}: {problem}") from None
     if "time" not in columns:
         raise damaged(path, "it has no time")

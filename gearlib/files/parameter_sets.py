@@ -1,4 +1,4 @@
-"""Parameter sets: values by path, in TOML, in CSV and in SSV (System Structure Parameter Values of the SSP standard)."""
+"""Parameter sets: values by path, in TOML, CSV and SSV (System Structure Parameter Values of the SSP standard)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EXPECTED = "a mapping of paths to numbers"
 def save_parameters(
     path: str | os.PathLike[str], parameters: Mapping[str, float], units: Mapping[str, str] | None = None
 ) -> None:
-    """Write values of parameters to a file.
+    """Write parameter values to a file.
 
     Parameters
     ----------
@@ -37,14 +37,14 @@ def save_parameters(
     parameters : mapping
         Values by path, SI.
     units : mapping, optional
-        Their units, such as ``system.parameter_units``; the file tells them beside the values.
+        Their units, such as ``system.parameter_units``, written beside the values.
 
     Raises
     ------
     ArgumentError
-        No format has that suffix, or a value is no number.
+        No format has that suffix, or a value is not a number.
     FileError
-        The file cannot be written there.
+        The file cannot be written.
 
     Examples
     --------
@@ -69,23 +69,23 @@ def save_parameters(
 
 
 def load_parameters(path: str | os.PathLike[str]) -> dict[str, float]:
-    """Read values of parameters, for ``simulate(parameters=...)``.
+    """Read parameter values, for ``simulate(parameters=...)``.
 
     Parameters
     ----------
     path : path
-        ``.toml``: ``"load.J" = 3.0``, or tables: ``[load]``, ``J = 3.0``. ``.csv``: columns ``name`` and ``value``, and ``unit``
-        where there is one. ``.ssv``: Real and Integer parameters.
+        ``.toml``: ``"load.J" = 3.0``, or tables: ``[load]``, ``J = 3.0``. ``.csv``: columns ``name`` and ``value``, and optionally
+        ``unit``. ``.ssv``: Real and Integer parameters.
 
     Returns
     -------
     dict
-        Values by path, SI. Units that are not SI are refused, but where an SSV file defines them: those are converted.
+        Values by path, SI. Other units are refused, except those defined in an SSV file, which are converted.
 
     Raises
     ------
     FileError
-        The file cannot be read, or holds something else than names and numbers.
+        The file cannot be read, or contains something other than names and numbers.
     """
     source = as_path("path", path)
     read = _format(source)[1]

@@ -1,4 +1,4 @@
-"""Result files as Apache Parquet: a column for each history, with its unit and description, and what made them."""
+"""Result files as Apache Parquet: one column per history, with its unit and description, and the provenance."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from gearlib.errors import FileError
 from gearlib.files.contents import Record, damaged, from_header, not_ours
 from gearlib.optional import optional
 
-HEADER = b"gearlib"  # among the metadata of the schema
+HEADER = b"gearlib"  # key in the metadata of the schema
 MAGIC = b"PAR1"
 
 
 def write(record: Record, path: Path) -> None:
-    """Write a record, by pyarrow."""
+    """Write a record, using pyarrow."""
     pyarrow, parquet, spread = optional("pyarrow"), optional("pyarrow.parquet"), record.spread
     names = ["time", *spread.names]
     told = [("s", "time"), *zip(spread.units, spread.descriptions, strict=True)]
@@ -41,6 +41,6 @@ def read(path: Path) -> Record:
         time, *histories = (column.to_numpy() for column in table.columns)
     except FileError:
         raise
-    except Exception as problem:  # whatever the library makes of bytes that are missing
+    except Exception as problem:  # whatever the library raises for missing bytes
         raise damaged(path, f"{type(problem).__name__}: {problem}") from None
     return from_header(header.decode(), time, dict(zip(table.column_names[1:], histories, strict=True)), path)

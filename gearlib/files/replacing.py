@@ -1,4 +1,4 @@
-"""`replacing`: a file is written beside the place where it belongs, and then renamed."""
+"""`replacing`: atomic replacement of files by writing to a temporary path and renaming."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from gearlib.errors import FileError
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A path to write a file or a folder to; it takes its place when all is written, and vanishes if writing fails.
+    """Temporary path for a file or folder, renamed to its target on success and removed on failure.
 
     Parameters
     ----------
     path : path
-        Where the file belongs. What is there stays whole until the new one is.
+        Target. Existing content stays intact until the new one is complete.
 
     Raises
     ------
     FileError
-        The folder does not exist, or the system refuses to write there.
+        The folder does not exist, or is not writable.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def _put(beside: Path, target: Path, aside: Path) -> None:
-    """Rename to the target; a folder that is there is moved aside first, since one takes the place of an empty one only."""
+    """Rename to the target; an existing folder is moved aside first, since only empty folders can be replaced."""
     if not (beside.is_dir() and target.exists()):
         os.replace(beside, target)
         return

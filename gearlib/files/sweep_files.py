@@ -1,7 +1,7 @@
-"""Files that many runs are written into as they come, and that a sweep which was interrupted goes on with: zarr and netCDF.
+"""Files of sweeps, written as runs come in and resumable after an interrupt: zarr and netCDF.
 
-Every value is an array whose first axis is the run. A run counts as done when its numbers are written: what ends the process in
-between costs that run only. What failed is told in a file beside, ``sweep.zarr.failures``, a line of JSON for each run.
+Every value is an array whose first axis is the run. A run counts as done once its numbers are written: a crash in between costs that
+run only. Failures are stored in a separate file, ``sweep.zarr.failures``, one line of JSON per run.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from gearlib.files.replacing import replacing
 from gearlib.optional import optional
 
 Integers = NDArray[np.int64]
-HEADER = "gearlib_sweep"  # the attribute that says which sweep it is
+HEADER = "gearlib_sweep"  # the attribute that identifies the sweep
 DONE = "gearlib_done"  # 1 for each run that is done
 RUN = "run"
-ROOM = 4_000_000_000  # bytes of a variable in netCDF's format with 64-bit offsets
-PIECE = 4_000_000  # bytes of a piece of a zarr array
+ROOM = 4_000_000_000  # bytes of a variable in netCDF with 64-bit offsets
+PIECE = 4_000_000  # bytes of a chunk of a zarr array
 
 
 @dataclass(frozen=True)
 class StoredArray:
-    """An array of a file: names of its axes, their lengths, the kind of its numbers, and its attributes."""
+    """An array in a file: names and lengths of its axes, data type, and attributes."""
 
     dimensions: tuple[str, ...]
     shape: tuple[int, ...]
@@ -42,7 +42,7 @@ class StoredArray:
 
 @dataclass(frozen=True)
 class SweepLayout:
-    """What is in a file: values with a row for each run, coordinates, and which sweep it is."""
+    """Contents of a file: values with one row per run, coordinates, and the identity of the sweep."""
 
     runs: int
     values: Mapping[str, StoredArray]
@@ -51,20 +51,20 @@ class SweepLayout:
 
     @property
     def header(self) -> str:
-        """Its attributes and the shapes of its values, as one line of JSON."""
+        """Attributes and shapes of the values, as one line of JSON."""
         told = {name: [v.dimensions, v.shape, v.kind, dict(v.attributes)] for name, v in self.values.items()}
         return json.dumps({**self.attributes, "runs": self.runs, "values": told})
 
 
 class SweepFile(ABC):
-    """A file that the runs of a sweep are written into.
+    """A file that receives the runs of a sweep.
 
     Attributes
     ----------
     done : bool array (runs,)
-        Which runs are in it.
+        Which runs it contains.
     batch : int
-        Runs that are best written together.
+        Number of runs that are best written together.
     """
 
     done: NDArray[np.bool_]
@@ -75,11 +75,11 @@ class SweepFile(ABC):
 
     @property
     def failures_path(self) -> Path:
-        """Of the file with the failures."""
+        """Path of the file with the failures."""
         return self.path.with_name(self.path.name + ".failures")
 
     def write(self, runs: Integers, values: Mapping[str, NDArray[Any]], failures: Mapping[int, tuple[str, str]]) -> None:
-        """Write some runs, and say that they are done; ``failures`` are kinds of errors and messages by run."""
+        """Write some runs and mark them done; ``failures`` are error types and messages by run."""
         if failures:
             with self.failures_path.open("a", encoding="utf-8") as file:
                 file.writelines(json.dumps([int(run), *told]) + "\n" for run, told in failures.items())
@@ -88,14 +88,14 @@ class SweepFile(ABC):
             self.done[runs] = True
 
     def failures(self) -> dict[int, tuple[str, str]]:
-        """Kinds of errors and messages of the runs that failed."""
+        """Error types and messages of the failed runs."""
         found: dict[int, tuple[str, str]] = {}
         if self.failures_path.exists():
             for line in self.failures_path.read_text(encoding="utf-8").splitlines():
                 try:
                     run, kind, message = json.loads(line)
                 except ValueError:
-                    continue  # cut off when the process ended
+                    continue  # truncated when the process ended
                 if self.done[run]:
                     found[run] = kind, message
         return found
@@ -109,7 +109,7 @@ class SweepFile(ABC):
 
 
 def sweep_path(path: Any) -> Path:
-    """The path of a sweep's file, or an `ArgumentError` where its suffix is none of those known."""
+    """Path of a sweep's file; `ArgumentError` for an unknown suffix."""
     found = as_path("to", path)
     if found.suffix.lower() not in (".zarr", ".nc"):
         raise ArgumentError(f"to is {shown(path)}; expected a path that ends in .zarr or .nc")
@@ -117,19 +117,19 @@ def sweep_path(path: Any) -> Path:
 
 
 def found_header(path: Path) -> dict[str, Any] | None:
-    """What a file that is there says of itself; None where there is none.
+    """Header of an existing file; None if there is none.
 
     Raises
     ------
     FileError
-        It is no file of a sweep.
+        Not a file of a sweep.
     """
     if not path.exists():
         return None
     try:
         header = _zarr_header(path) if path.suffix.lower() == ".zarr" else _netcdf_header(path)
         return dict(json.loads(header))
-    except Exception:  # whatever a library makes of another file
+    except Exception:  # whatever a library raises for another file
         raise FileError(f"{path} is there and is no file of a sweep; give another path, or remove it") from None
 
 
@@ -143,12 +143,12 @@ def create(path: Path, layout: SweepLayout) -> SweepFile:
 
 
 def reopen(path: Path, layout: SweepLayout) -> SweepFile:
-    """A file that is there, to go on with."""
+    """An existing file, to be resumed."""
     return ZarrFile(path, layout) if path.suffix.lower() == ".zarr" else NetcdfFile(path, layout)
 
 
 def layout_of(header: Mapping[str, Any], coordinates: Mapping[str, Any]) -> SweepLayout:
-    """The layout of a file from what it says of itself."""
+    """The layout of a file, from its header."""
     values = {
         name: StoredArray(tuple(axes), tuple(shape), kind, told) for name, (axes, shape, kind, told) in header["values"].items()
     }
@@ -160,7 +160,7 @@ def layout_of(header: Mapping[str, Any], coordinates: Mapping[str, Any]) -> Swee
 
 
 class ZarrFile(SweepFile):
-    """A folder of zarr's format 2, which xarray opens."""
+    """A folder in zarr format 2, which xarray opens."""
 
     def __init__(self, path: Path, layout: SweepLayout) -> None:
         super().__init__(path, layout)
@@ -186,7 +186,7 @@ class ZarrFile(SweepFile):
                 array(name, (RUN, *v.dimensions), v.attributes, shape=shape, dtype=v.kind, chunks=chunks, fill_value=empty)
             known = {name: (axes, np.asarray(numbers), told) for name, (axes, numbers, told) in layout.coordinates.items()}
             known[DONE] = ((RUN,), np.zeros(layout.runs, "i1"), {})
-            for name, (axes, numbers, told) in known.items():  # without a value for what is missing: 0 is a value
+            for name, (axes, numbers, told) in known.items():  # without a fill value: 0 is a value
                 one = tuple(max(1, n) for n in numbers.shape)
                 array(name, axes, told, shape=numbers.shape, dtype=numbers.dtype, chunks=one, fill_value=None)[...] = numbers
             zarr.consolidate_metadata(beside)
@@ -207,7 +207,7 @@ class ZarrFile(SweepFile):
 
 
 def _piece(layout: SweepLayout, name: str) -> int:
-    """Runs in a piece of an array."""
+    """Runs per chunk of an array."""
     v = layout.values[name]
     row = (16 if v.kind == "c16" else 8) * max(1, int(np.prod(v.shape)))
     return max(1, min(layout.runs, PIECE // row))
@@ -291,7 +291,7 @@ def _attributes(told: Mapping[str, str]) -> bytes:
 
 
 def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, ...], int]], int]:
-    """The head of a file, the kind, shape and place of each variable, and the size of the file."""
+    """Header of a file; type, shape and offset of each variable; and the size of the file."""
     sizes: dict[str, int] = {RUN: layout.runs}
     variables: list[tuple[str, tuple[str, ...], tuple[int, ...], str, Mapping[str, str]]] = []
     for name, (axes, numbers, told) in layout.coordinates.items():

@@ -1,4 +1,4 @@
-"""Shared libraries of an FMU: object code of gearlib's compiler, linked with the wrapper in C by a compiler that is at hand."""
+"""Shared libraries of an FMU: object code from gearlib's compiler, linked with a C wrapper by an available C compiler."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ FLAGS = ("-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off",
 
 
 def chosen_platforms(names: Sequence[str]) -> list[Platform]:
-    """Platforms by name; ``"native"`` is the one that this process runs on, ``"all"`` are all of them.
+    """Platforms by name; ``"native"`` is the host platform, ``"all"`` all of them.
 
     Raises
     ------
     ArgumentError
-        No such platform.
+        Unknown platform.
     """
     found: dict[str, Platform] = {}
     for name in names:
@@ -51,16 +51,16 @@ def shared_library(target: Platform, source: str, tables: Mapping[str, str], fac
     ----------
     target : Platform
     source : str
-        The model's functions, in the small language.
+        Source of the model's functions, in the small language.
     tables : mapping of str to str
         Generated C files.
     faces : sequence of str
-        Files of the wrapper besides its core.
+        Files of the wrapper in addition to its core.
 
     Raises
     ------
     ArgumentError
-        An expression that is not compiled.
+        An expression that cannot be compiled.
     MissingPackageError
         No C compiler links for the platform.
     """
@@ -94,7 +94,7 @@ def shared_library(target: Platform, source: str, tables: Mapping[str, str], fac
 
 
 def _linker(target: Platform) -> list[str]:
-    """The compiler that links for a platform: the system's own where it is the native one, else zig's."""
+    """The command that links for a platform: the system's compiler for the native one, zig's otherwise."""
     native = target.name == own_platform()
     chosen = os.environ.get("CC")
     if native and chosen and shutil.which(chosen.split()[0]):

@@ -1,4 +1,4 @@
-"""`export_fmu`: a compiled model as an FMU, which other tools simulate without gearlib and without Python."""
+"""`export_fmu`: exports a compiled model as an FMU, which other tools simulate without gearlib and without Python."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ VERSIONS = ("3.0", "2.0")
 KINDS = ("me", "cs")
 DESCRIPTIONS = {"3.0": description_3, "2.0": description_2}
 FACES = {"3.0": ("fmi3.c",), "2.0": ("fmi2.c",)}
-DATE = (1980, 1, 1, 0, 0, 0)  # of the files in the archive: the same model gives the same bytes
+DATE = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, fixed so that equal models give equal bytes
 
 
 def export_fmu(
     translation: Translation, path: Any, *, version: str = "3.0", kind: Any = KINDS, platforms: Any = ("native",),
     parameters: Any = None, inputs: Any = None, outputs: Any = None, stop_time: float = 1.0, rtol: float = 1e-6,
 ) -> Path:  # fmt: skip
-    """Write an FMU; `System.export_fmu` says what the arguments are."""
+    """Write an FMU; arguments as for `System.export_fmu`."""
     target = as_path("export_fmu", path, "train.fmu")
     if target.suffix.lower() != ".fmu":
         raise ArgumentError(f"export_fmu(): path is {shown(str(path))}; name the file ....fmu")
@@ -81,7 +81,7 @@ def _archive(entries: dict[str, bytes]) -> bytes:
 
 
 def _summary(translation: Translation) -> str:
-    """The first line of the component's description."""
+    """First line of the component's description."""
     lines: Sequence[str] = (type(translation.component).__doc__ or "").strip().splitlines()
     return lines[0] if lines else translation.name
 

@@ -1,4 +1,4 @@
-"""`ExportedModel`: what of a compiled model goes into an FMU, and what cannot."""
+"""`ExportedModel`: the part of a compiled model that an FMU contains, and refusal of what it cannot contain."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-PERTURBED = 1.0 + 2.0**-6  # times a parameter: whether a redundant loop still closes with it
-MOST_DENSE = 1500  # unknowns of a linear block whose matrix an FMU factorises
+PERTURBED = 1.0 + 2.0**-6  # factor on a parameter to test whether a redundant loop still closes
+MOST_DENSE = 1500  # unknowns of a linear block whose matrix an FMU can factorise
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Output:
     ----------
     name : str
     variable : int
-        Of the model, -1 for a discrete variable.
+        Number in the model, -1 for a discrete variable.
     order : int
-        Of the derivative.
+        Derivative order.
     slot : int
-        Place among what the observed program gives; -1 where it is a discrete variable, or always zero.
+        Index among the values of the observed program; -1 for a discrete variable, or one that is identically zero.
     mode : int
-        Place in the discrete state; -1 where it is none.
+        Index in the discrete state; -1 for a continuous variable.
     sign : int
     """
 
@@ -67,15 +67,15 @@ class ExportedModel:
     ----------
     translation : Translation
     numbers : array
-        Of all parameters: their values unless the importing tool gives others.
+        Values of all parameters unless the importing tool sets others.
     scene : Scene
         Its states are the FMU's.
     inputs : tuple of int
-        Those that the importing tool gives, by number among the model's; the others are parameters.
+        Those that the importing tool provides, by number among the model's; the others are parameters.
     input_starts : array
         A value for each of the model's inputs.
     names : tuple of str
-        Of the outputs.
+        Names of the outputs.
     """
 
     translation: Translation
@@ -91,7 +91,7 @@ class ExportedModel:
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
-        """What is computed for the outputs: all that are neither discrete nor always zero."""
+        """The nodes computed for the outputs: all that are neither discrete nor identically zero."""
         found = [self._node(name) for name in self.names if name not in self.model.discretes.names]
         return tuple(dict.fromkeys(node for node, sign in found if sign))
 
@@ -100,13 +100,13 @@ class ExportedModel:
 
     @cached_property
     def observed(self) -> Program:
-        """Computes the derivatives of the states, then what the outputs need."""
+        """Computes the derivatives of the states, followed by what the outputs need."""
         rates = [(v, k + 1) for v, k in self.scene.states]
         return build(self.scene.structure, [*rates, *self.nodes], self.scene.states, dynamic=False)
 
     @cached_property
     def outputs(self) -> tuple[Output, ...]:
-        """The outputs that are neither states nor derivatives of states by name, in the order asked for."""
+        """The outputs that are neither states nor named derivatives of states, in the requested order."""
         known, model, found = list(self.observed.outputs), self.model, []
         own = {node_name(model, (v, order)) for v, k in self.scene.states for order in (k, k + 1)}
         for name in self.names:
@@ -122,7 +122,7 @@ class ExportedModel:
 
     @cached_property
     def all_relations(self) -> Relations | None:
-        """What changes at events, for the states and for the outputs."""
+        """Update rules of the discrete state, for the states and the outputs."""
         if not self.scene.n_modes:
             return None
         found = relations_of(self.scene.structure, self.observed, self.scene.wanted)
@@ -130,12 +130,12 @@ class ExportedModel:
 
     @cached_property
     def timed(self) -> tuple[Timed, ...]:
-        """Conditions of time whose switching times follow from the parameters by a formula."""
+        """Time conditions whose switching times are given by a formula in the parameters."""
         return tuple(t for t in time_switches(self.all_relations).timed if t.terms is not None or t.wave is not None)
 
     @cached_property
     def relations(self) -> Relations | None:
-        """The same relations; conditions of time that follow no formula are searched for like those of variables."""
+        """The same relations; time conditions without such a formula are located by root search."""
         found = self.all_relations
         if found is None:
             return None
@@ -158,12 +158,12 @@ class ExportedModel:
 
     @cached_property
     def dependent(self) -> frozenset[int]:
-        """Parameters that follow from others."""
+        """Parameters computed from others."""
         return frozenset(int(t) for d in self.model.parameters.dependents for t in d.targets)
 
     @cached_property
     def constants(self) -> dict[int, str]:
-        """Parameters that keep their values in the FMU, and why."""
+        """Parameters that are constant in the FMU, with the reasons."""
         found = {p: "its value is part of the equations" for p, _ in self.translation.put_in}
         if self.computed_starts is not None:
             for p in self._leading_to(self.computed_starts):
@@ -173,7 +173,7 @@ class ExportedModel:
         return found
 
     def _leading_to(self, slots: frozenset[int]) -> set[int]:
-        """The parameters that some entries of the table follow from, and these."""
+        """The parameters from which some entries of the table are computed, including these."""
         reached = set(slots)
         for d in reversed(self.model.parameters.dependents):
             for target, arguments in zip(d.targets.tolist(), d.arguments.tolist(), strict=True):
@@ -183,11 +183,11 @@ class ExportedModel:
 
     @property
     def given(self) -> dict[int, float]:
-        """The parameters that do not follow from others, with their values."""
+        """Independent parameters, with their values."""
         return {p: float(self.numbers[p]) for p in range(len(self.numbers)) if p not in self.dependent}
 
     def _closing(self) -> list[int]:
-        """Parameters that cannot change by themselves, since a redundant loop would not close."""
+        """Parameters that cannot change on their own, since a redundant loop would no longer close."""
         structure, table = self.scene.structure, self.model.parameters
         if not structure.redundant:
             return []
@@ -205,7 +205,7 @@ class ExportedModel:
 
     @cached_property
     def computed_starts(self) -> frozenset[int] | None:
-        """Parameters that start values are computed from, where these are no states' own; else None."""
+        """Parameters that start values depend on, where these are not those of the states themselves; else None."""
         scene = self.scene
         if scene.unfixed is not None:
             return None
@@ -218,7 +218,7 @@ class ExportedModel:
 
     @cached_property
     def own_starts(self) -> tuple[bool, ...]:
-        """Of each state: whether its start value may be given, rather than follow from parameters."""
+        """For each state, whether its start value may be set rather than computed from parameters."""
         model = self.model
         if self.computed_starts is not None:
             return (True,) * len(self.scene.states)
@@ -233,7 +233,7 @@ class ExportedModel:
 
     @cached_property
     def start(self) -> Floats:
-        """The states at the start, unless parameters are changed."""
+        """The states at the start for the default parameters."""
         inputs = np.concatenate([self.input_starts, np.zeros(len(self.scene.program.inputs) - len(self.input_starts))])
         return start_values(self.scene, self.numbers, inputs, 0.0, {}).states
 
@@ -255,22 +255,22 @@ def used_parameters(program: Program) -> set[int]:
 
 
 def exported_model(translation: Translation, parameters: Any, inputs: Any, outputs: Any) -> ExportedModel:
-    """What goes into an FMU.
+    """Determine what goes into an FMU.
 
     Parameters
     ----------
     translation : Translation
     parameters : None or mapping of str to float
-        Values that the FMU begins with.
+        Default values in the FMU.
     inputs : None, sequence of str, or mapping of str to float
-        Unbound inputs that the importing tool gives, or their start values; all of them by default.
+        Unbound inputs that the importing tool provides, or their start values; by default all.
     outputs : None or sequence of str
         By default those that the model was compiled for, or its states.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        What cannot be exported, by name.
+        The message names what cannot be exported.
     """
     refuse_controllers(translation.component, "an FMU")
     translation, values = translation.fitted(parameters)
@@ -319,7 +319,7 @@ def _inputs(translation: Translation, inputs: Any) -> tuple[tuple[int, ...], Flo
 
 
 def _refuse(found: ExportedModel) -> None:
-    """Raise for what an FMU cannot hold."""
+    """Raise an error for anything that an FMU cannot contain."""
     scene, name = found.scene, found.translation.name
     for step in (*scene.program.steps, *found.observed.steps):
         if isinstance(step, Linear) and len(step.unknowns) > MOST_DENSE:

@@ -1,4 +1,4 @@
-"""The variables of an FMU: names, value references, units, start values; both versions of the description are written from them."""
+"""Variables of an FMU: names, value references, units, start values; the source of both versions of the model description."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class FmuVariable:
     reference : int
         Its value reference.
     causality, variability, initial : str
-        As in FMI; ``initial`` is empty where FMI wants none.
+        As in FMI; ``initial`` is empty where FMI does not allow it.
     unit, description : str
     start : float or None
     lower, upper, nominal : float
     derivative : int or None
-        The value reference of the state that it is the derivative of.
+        Value reference of the state that it is the derivative of.
     """
 
     name: str
@@ -48,7 +48,7 @@ class FmuVariable:
 
 @dataclass(frozen=True)
 class FmuVariables:
-    """All variables of an FMU, with those that its structure names.
+    """All variables of an FMU, with those listed in its model structure.
 
     Attributes
     ----------
@@ -56,11 +56,11 @@ class FmuVariables:
     states, derivatives : tuple of int
         Value references, in the order of the states.
     outputs : tuple of int
-        Value references of all outputs, states among them.
+        Value references of all outputs, including states.
     inputs : tuple of int
     indicators : tuple of int
     observed : mapping of int to int
-        Row of the derivatives' pattern of each derivative and output that has one.
+        For each derivative and output: its row in the sparsity pattern of the derivatives, if it has one.
     columns : tuple of int
         Value references of the pattern's columns.
     """
@@ -76,7 +76,7 @@ class FmuVariables:
 
 
 def fmu_variables(exported: ExportedModel, n_indicators: int) -> FmuVariables:
-    """Describe the variables of an exported model; ``wrapper/model.h`` says how value references follow each other."""
+    """Describe the variables of an exported model; the numbering of value references is defined in ``wrapper/model.h``."""
     found = [FmuVariable("time", 0, "independent", "continuous", unit="s", description="time")]
     found += _parameters(exported)
     at = 1 + len(exported.parameters)
@@ -150,7 +150,7 @@ def _states(exported: ExportedModel, references: Sequence[int]) -> Iterator[FmuV
 
 
 def _followed(exported: ExportedModel, count: int) -> dict[int, int]:
-    """Of each state: the place of its derivative among the states, -1 where that is no state."""
+    """For each state the index of its derivative among the states, -1 if that is not a state."""
     scene = exported.scene
     return {
         i: scene.place_of.get((scene.states[i][0], scene.states[i][1] + 1), -1) if scene.states else -1 for i in range(count)
@@ -158,7 +158,7 @@ def _followed(exported: ExportedModel, count: int) -> dict[int, int]:
 
 
 def _rates(exported: ExportedModel, states: Sequence[int], first: int) -> dict[int, FmuVariable]:
-    """The derivatives of states that are no states themselves, by place."""
+    """Derivatives of states that are not states themselves, by index."""
     scene, model = exported.scene, exported.model
     found = {}
     for i, higher in _followed(exported, len(states)).items():
@@ -175,7 +175,7 @@ def _rates(exported: ExportedModel, states: Sequence[int], first: int) -> dict[i
 
 
 def _spelled(name: str) -> str:
-    """A name as FMI spells it: ``der(x,2)`` for ``der(der(x))``.
+    """A name in FMI syntax: ``der(x,2)`` for ``der(der(x))``.
 
     >>> _spelled("der(der(load.phi))"), _spelled("load.w")
     ('der(load.phi,2)', 'load.w')
@@ -185,7 +185,7 @@ def _spelled(name: str) -> str:
 
 
 def differentiated_unit(unit: str, order: int) -> str:
-    """The unit of a derivative.
+    """Unit of a derivative.
 
     >>> differentiated_unit("rad/s", 1), differentiated_unit("N.m", 1), differentiated_unit("N/m", 1)
     ('rad/s2', 'N.m/s', 'N/(m.s)')

@@ -1,4 +1,4 @@
-"""`ImportedFmu`: an FMU of any tool, stepped in co-simulation through FMPy."""
+"""`ImportedFmu`: an FMU from any tool, stepped in co-simulation through FMPy."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ TYPES = ("Real", "Float64")
 
 
 class ImportedFmu:
-    """A co-simulation FMU as a function of time and its inputs, with a memory: each call goes on from the one before.
+    """A co-simulation FMU as a stateful function of time and inputs: each call continues from the previous one.
 
-    A call at a time no later than the last one begins anew there, as a new run does.
+    A call at a time not later than the last one restarts the FMU, as a new run does.
 
     Parameters
     ----------
     path : path
         Of the file.
     inputs, outputs : sequence of str
-        Names of its variables, in the order of the values that it is given and gives.
+        Names of its variables, in the order of the values passed in and out.
     values : mapping of str to float, optional
-        Of its parameters, and start values.
+        Values of its parameters, and start values.
 
     Raises
     ------
     FileError
-        There is no such file, or it is no FMU.
+        The file does not exist, or is not an FMU.
     ArgumentError, NameLookupError
-        It is none for co-simulation, or has no such variables.
+        The FMU does not support co-simulation, or lacks the variables.
     MissingPackageError
         FMPy is not installed.
     """
@@ -80,7 +80,7 @@ class ImportedFmu:
         return [known[name].valueReference for name in names]
 
     def __call__(self, t: float, values: Sequence[float]) -> list[float]:
-        """The outputs at a time, s, with the inputs that the unit had since the last one; these are its inputs from now on."""
+        """Outputs at a time (s), with the inputs of the previous call held up to now; ``values`` are the inputs from now on."""
         if self._fmu is None or t <= self._t:
             self._begin(t, values)
         else:
@@ -132,7 +132,7 @@ class ImportedFmu:
 
 
 def _freed(fmu: Any, folder: str) -> None:
-    """Free an instance, and what was unpacked for it."""
+    """Free an instance with its unpacked files."""
     try:
         fmu.terminate()
         fmu.freeInstance()

@@ -19,22 +19,22 @@ CATEGORIES = {"logStatusError": "what went wrong", "logEvents": "events in co-si
 
 @dataclass(frozen=True)
 class Description:
-    """What a description says besides variables.
+    """Contents of a model description besides its variables.
 
     Attributes
     ----------
     name, identifier, token : str
-        Of the model, of its binaries, and what both have in common.
+        Names of the model and of its binaries, and the token that both share.
     text : str
-        What the model is.
+        Description of the model.
     tool : str
     kinds : tuple of str
         ``"me"``, ``"cs"``.
     tolerance, stop_time : float
-        By default; s.
+        Defaults; stop time in s.
     variables : FmuVariables
     pattern : Pattern
-        Which derivatives and outputs depend on which states and inputs.
+        Sparsity pattern: dependence of derivatives and outputs on states and inputs.
     """
 
     name: str
@@ -60,13 +60,13 @@ class Description:
 
     @property
     def naming(self) -> str:
-        """The naming convention that all names keep to."""
+        """Naming convention satisfied by all names."""
         named = all(_STRUCTURED.fullmatch(v.name) for v in self.variables.listed)
         return "structured" if named else "flat"
 
     @property
     def initial_unknowns(self) -> list[int]:
-        """Value references of what follows from start values, but event indicators."""
+        """Value references that depend on start values, except event indicators."""
         known = self.variables
         unknown = {v.reference for v in known.listed if v.initial == "calculated"} - set(known.indicators)
         wanted = {*known.outputs, *known.states, *known.derivatives}
@@ -75,7 +75,7 @@ class Description:
 
 
 def description_3(d: Description) -> bytes:
-    """The description for FMI 3.0."""
+    """The model description for FMI 3.0."""
     known = d.variables
     root = Element(
         "fmiModelDescription", fmiVersion="3.0", modelName=d.name, description=d.text, instantiationToken=d.token,
@@ -116,7 +116,7 @@ def description_3(d: Description) -> bytes:
 
 
 def description_2(d: Description) -> bytes:
-    """The description for FMI 2.0, which has no variables for event indicators and none for time that are needed."""
+    """The model description for FMI 2.0, in which neither event indicators nor time need variables."""
     known = d.variables
     listed = [v for v in known.listed if v.reference not in set(known.indicators)]
     place = {v.reference: i for i, v in enumerate(listed, 1)}
@@ -163,7 +163,7 @@ def description_2(d: Description) -> bytes:
 
 
 def _heads(root: Element, d: Description) -> None:
-    """Units, categories of messages, and what to simulate by default."""
+    """Units, log categories, and the default experiment."""
     units = SubElement(root, "UnitDefinitions")
     unit_definitions(units, (v.unit for v in d.variables.listed))
     categories = SubElement(root, "LogCategories")

@@ -1,4 +1,4 @@
-"""The functions of an FMU's model in the small language, and the two blocks of numbers that they work on.
+"""The functions of an FMU's model in the small language, with their data and index blocks.
 
 They have the signature of all native functions, ``int32 f(double t, double *x, double *values, double *data, int64 *index)``::
 
@@ -12,7 +12,7 @@ They have the signature of all native functions, ``int32 f(double t, double *x, 
     begin      start values: ``x``
     next_time  when a condition of time switches next
 
-``prepare`` and ``begin`` return 0, or which check has failed, counted from 1.
+``prepare`` and ``begin`` return 0, or the number of the failed check, counted from 1.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ NAMES = ("rhs", "observe", "jac", "roots", "update", "settle", "prepare", "begin
 
 @dataclass(frozen=True, eq=False)
 class ModelSource:
-    """Source and numbers.
+    """Source and data of an FMU's model.
 
     Attributes
     ----------
     text : str
-        Of all functions.
+        Source of all functions.
     shared : Shared
-        Where parameters, discrete state and inputs stand in ``data``.
+        Offsets of parameters, discrete state and inputs in ``data``.
     data : array
-        Before `prepare`.
+        State before `prepare`.
     index : array of int
     pattern : Pattern
-        Of the nonzeros that ``jac`` gives.
+        Sparsity pattern of the nonzeros that ``jac`` computes.
     n_roots : int
     checks : tuple of str
-        What is wrong where ``prepare`` or ``begin`` returns so much.
+        Error messages for the nonzero return values of ``prepare`` and ``begin``.
     """
 
     text: str
@@ -67,7 +67,7 @@ class ModelSource:
 
 
 def model_source(exported: ExportedModel) -> ModelSource:
-    """Generate the functions of a model that is exported."""
+    """Generate the functions of an exported model."""
     scene, model, relations, observed = exported.scene, exported.model, exported.relations, exported.observed
     names = model.parameters.names
     shared = Shared(len(names), scene.n_modes, len(scene.program.inputs))

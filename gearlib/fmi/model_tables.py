@@ -1,4 +1,4 @@
-"""C source of an FMU's tables: the numbers that the wrapper in ``wrapper/`` works with."""
+"""C source of an FMU's tables: the constants for the wrapper in ``wrapper/``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gearlib.native.events import root_numbers
 from gearlib.run.scene import relation_names
 from gearlib.solvers.rungekutta.record import LoopRecord
 
-LINE = 12  # numbers in a line
+LINE = 12  # numbers per line
 
 
 def record_header() -> str:
@@ -26,16 +26,16 @@ def record_header() -> str:
 
 
 def model_tables(exported: ExportedModel, source: ModelSource, token: str, tolerance: float, stop_time: float) -> str:
-    """The file ``model.c``.
+    """Contents of the file ``model.c``.
 
     Parameters
     ----------
     exported : ExportedModel
     source : ModelSource
     token : str
-        By which an importing tool finds out whether binary and description belong together.
+        Identifies matching binaries and model descriptions.
     tolerance, stop_time : float
-        Where the importing tool gives none; s.
+        Defaults where the importing tool provides none; stop time in s.
     """
     scene, table, shared = exported.scene, exported.model.parameters, source.shared
     n = len(scene.states)
@@ -61,7 +61,7 @@ def model_tables(exported: ExportedModel, source: ModelSource, token: str, toler
         "rows": ("int64_t", source.pattern.indices),
         "checks": ("const char *", source.checks),
         "indicator_names": ("const char *", names),
-        "data": ("double", [*source.data, 0.0]),  # the last one is the wrapper's own
+        "data": ("double", [*source.data, 0.0]),  # the last one is private to the wrapper
         "index": ("int64_t", source.index),
     }
     numbers = {
@@ -97,5 +97,5 @@ def _value(kind: str, value: Any) -> str:
 
 
 def _text(value: str) -> str:
-    """A string literal of C, in which no byte is mistaken for anything else."""
+    """A C string literal, with all special bytes escaped."""
     return '"' + "".join(chr(b) if 32 <= b < 127 and b not in b'"\\?' else f"\\{b:03o}" for b in value.encode()) + '"'

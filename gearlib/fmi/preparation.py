@@ -1,4 +1,4 @@
-"""Generated code for what is computed before a run: bound parameters, factorised blocks, start values, switching times.
+"""Generated code for everything computed before a run: bound parameters, factorised blocks, start values, switching times.
 
 `gearlib.program.interpret.prepare`, `gearlib.run.start_values` and `gearlib.run.time_switches` do the same in Python.
 """
@@ -22,7 +22,7 @@ from gearlib.reduce.rows import some
 from gearlib.run.start_values import ROUNDING
 
 Integers = NDArray[np.int64]
-NEVER = 1e300  # s: a time that does not come
+NEVER = 1e300  # s: a time that is never reached
 
 INVERT = '''
 def invert(data: floats, a: int, n: int, b: int, m: int) -> int:
@@ -81,7 +81,7 @@ def invert(data: floats, a: int, n: int, b: int, m: int) -> int:
 
 @dataclass(frozen=True)
 class Part:
-    """A program's part of ``data``; the coefficients of runs stand behind the layout's end."""
+    """A program's section of ``data``; coefficients of unit-stride runs follow its end."""
 
     program: Program
     layout: Layout
@@ -89,7 +89,7 @@ class Part:
 
 
 def preparation_body(exported: ExportedModel, parts: Sequence[Part], end: int, checks: list[str]) -> tuple[Body, int]:
-    """The body of ``prepare``, and how large ``data`` must be for it; what can go wrong is added to ``checks``."""
+    """The body of ``prepare``, and the size of ``data`` that it needs; its error messages are appended to ``checks``."""
     structure, table = exported.scene.structure, exported.model.parameters
     rows = sum(len(b) for p in parts for g in (*p.program.constant_groups, p.coefficients) for b in g)
     body = Body(literal=rows + sum(len(d.targets) for d in table.dependents) <= LONGEST)
@@ -129,7 +129,7 @@ def preparation_body(exported: ExportedModel, parts: Sequence[Part], end: int, c
 
 
 def begin_body(exported: ExportedModel, parts: Sequence[Part], checks: list[str]) -> Body:
-    """The body of ``begin``: start values of the states, and where iterations start."""
+    """The body of ``begin``: start values of the states, and initial guesses of iterations."""
     scene, model = exported.scene, exported.model
     representatives, signs, slots = model.guessed
     value = {int(v): (int(sign), int(slot)) for v, sign, slot in zip(representatives, signs, slots, strict=True) if sign}
@@ -150,7 +150,7 @@ def begin_body(exported: ExportedModel, parts: Sequence[Part], checks: list[str]
 
 
 def _copied(body: Body, target: str, triples: Sequence[tuple[int, int, int]]) -> None:
-    """Numbers of ``data``, with signs, to places: (place, sign, where in data)."""
+    """Copy entries of ``data``, with signs: (target, sign, offset in data)."""
     if triples:
         table = np.array(triples, np.int64).T
         body.lines += [
@@ -161,7 +161,7 @@ def _copied(body: Body, target: str, triples: Sequence[tuple[int, int, int]]) ->
 
 
 def _contradictions(exported: ExportedModel, body: Body, checks: list[str]) -> None:
-    """Several fixed start values of what is one variable, up to its sign, must agree."""
+    """Check that several fixed start values of one variable, up to sign, agree."""
     model = exported.model
     representatives, signs, slots = model.fixed
     first: dict[int, tuple[int, int]] = {}
@@ -181,7 +181,7 @@ def _contradictions(exported: ExportedModel, body: Body, checks: list[str]) -> N
 
 
 def next_time_body(exported: ExportedModel) -> Body:
-    """The body of ``next_time``: the first switch after ``t``, `NEVER` where there is none."""
+    """The body of ``next_time``: the first switching time after ``t``, `NEVER` if there is none."""
     body = Body()
     body.lines += [f"values[0] = {NEVER!r}", "later = t + 1.8e-15 * max(abs(t), 1e-3)"]
     for timed in exported.timed:
@@ -217,7 +217,7 @@ def _filled(text: str, table: dict[str, str]) -> str:
 
 
 def _rows(body: Body, text: str, letter: str, targets: Integers, arguments: Integers) -> None:
-    """``data[target] = text`` for each row, the text's a0, a1, ... being its arguments."""
+    """``data[target] = text`` for each row, with the text's a0, a1, ... replaced by its arguments."""
 
     def put(place: Callable[[int], str]) -> str:
         return re.sub(rf"\b{letter}(\d+)\b", lambda m: place(int(m[1])), text)

@@ -1,4 +1,4 @@
-"""Units as FMI defines them: exponents of the base units, and the units in which a tool may display them."""
+"""Unit definitions in FMI: exponents of the base units, and display units."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from gearlib.language.units import BASE, dimension
 
-DISPLAYED = {  # display unit, its number for one of the unit, and what is added
+DISPLAYED = {  # display unit, its factor on a value in the unit, and its offset
     "rad": ("deg", 180.0 / math.pi, 0.0),
     "rad/s": ("rev/min", 30.0 / math.pi, 0.0),
     "K": ("degC", 1.0, -273.15),
@@ -20,12 +20,12 @@ _ANGLE = re.compile(r"^rad(-?\d+)?$")
 
 
 def has_unit(unit: str) -> bool:
-    """Whether a variable is described with a unit: not plain numbers, nor what fits any unit."""
+    """Whether a variable has a unit: neither a plain number, nor "any"."""
     return unit not in ("1", "any", "")
 
 
 def unit_definitions(root: Element, units: Iterable[str]) -> None:
-    """Add the definitions of some units to a description.
+    """Add the definitions of some units to a model description.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def unit_definitions(root: Element, units: Iterable[str]) -> None:
 
 
 def _angles(unit: str) -> int:
-    """How often a unit holds the radian."""
+    """Exponent of the radian in a unit."""
     above, _, below = unit.partition("/")
     total = 0
     for sense, side in ((1, above), (-1, below.strip("()"))):

@@ -1,1 +1,1 @@
-"""Many runs of one model, or many analyses of it: what varies, who carries them out, and what comes back."""
+"""Many runs or analyses of one model: variation, execution, and collected results."""

@@ -1,4 +1,4 @@
-"""`sweep`: an analysis of many variants of a system: modes, margins, responses, power flow, harmonic balance."""
+"""`sweep`: repeats an analysis for many parameter sets: modes, margins, responses, power flow, harmonic balance."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ UNITS = {
 
 @dataclass(frozen=True, eq=False)
 class Analysing(Work):
-    """An analysis of a system, with other parameters each time.
+    """An analysis of a system as the work of a sweep.
 
     Attributes
     ----------
     analysis : callable
     system : System
     options : mapping
-        What else the analysis is given.
+        Further arguments of the analysis.
     reduce : mapping of str to callable
-        What is kept of each result; empty for what `kept` knows.
+        Quantities to keep of each result; empty for the defaults of `kept`.
     """
 
     analysis: Callable[..., Any]
@@ -82,7 +82,7 @@ class Analysing(Work):
         return translation.unit(name)
 
     def finished(self, samples: Samples, values: Values) -> tuple[Values, Mapping[str, tuple[str, ...]]]:
-        """Of modes, each in its own column."""
+        """Track modes, so that each keeps its own column."""
         if SHAPES not in values:
             return values, {name: self.dimensions(name) for name in values}
         branches = followed(samples, values[EIGENVALUES], values[SHAPES])
@@ -102,16 +102,16 @@ class Analysing(Work):
 
 
 def kept(result: Any) -> Row:
-    """What is kept of an analysis, where nothing else is asked for.
+    """Quantities kept of an analysis by default.
 
     Raises
     ------
     ArgumentError
-        Nothing is known of such a result.
+        There are no defaults for such a result.
     """
     if isinstance(result, Modes):
         n, shapes = len(result.states), result.shapes[:, result.free :]
-        room = [(0, 0), (0, max(0, n - shapes.shape[1]))]  # a mode may be overdamped in other runs
+        room = [(0, 0), (0, max(0, n - shapes.shape[1]))]  # in other runs, a mode may be overdamped
         values = np.pad(result.eigenvalues[result.free :].astype(complex), room[1], constant_values=np.nan)
         return Row({EIGENVALUES: values, SHAPES: np.pad(shapes.astype(complex), room, constant_values=np.nan)})
     if isinstance(result, StabilityReport):
@@ -144,27 +144,27 @@ def sweep(
     reduce: Mapping[str, Callable[[Any], Any]] | None = None, executor: Any = None, threads: int | None = None, to: Any = None,
     progress: Any = False, **options: Any,
 ) -> Runs:  # fmt: skip
-    """Analyse a system many times, with other parameters each time; simulations have `System.sweep`.
+    """Repeat an analysis of a system with varying parameters; for simulations use `System.sweep`.
 
     Parameters
     ----------
     analysis : callable
-        `modes`, `stability`, `steady_state`, `frequency_response`, `power_flow`, `harmonic_balance`, or any function of a system that takes
-        ``parameters=``.
+        `modes`, `stability`, `steady_state`, `frequency_response`, `power_flow`, `harmonic_balance`, or any function of a system that
+        accepts ``parameters=``.
     system : System
     parameters : mapping, Grid, DataFrame or array
-        What varies, as for `System.sweep`: parameters by path.
+        Varied values, as for `System.sweep`: parameters by path.
     names, executor, threads, to, progress
         As for `System.sweep`.
     reduce : mapping of str to callable, optional
-        What is kept of each result: functions that return a number or an array. By default, of modes the ``frequencies`` (Hz),
-        ``damping`` and ``eigenvalues``, each mode followed by the likeness of its shape so that it keeps its column, and its
-        ``number`` among the modes of the run that vibrate; of stability the ``growth`` of the fastest motion (1/s), the
-        ``least_damping`` and, of a loop, its margins; of a frequency response the complex ``response``; of power flow ``speed``,
-        ``torque`` and ``power`` at each flange and the ``efficiency``; of harmonic balance the ``peak`` amplitude of each output,
-        where it is (``peak_omega``), and the number of ``folds``; of steady states the variables by path.
+        Quantities to keep of each result: functions that return a number or an array. By default: for modes the ``frequencies`` (Hz),
+        ``damping`` and ``eigenvalues``, each mode tracked by the similarity of its shape so that it keeps its column, and its
+        ``number`` among the oscillating modes of the run; for stability the ``growth`` of the fastest growing motion (1/s), the
+        ``least_damping`` and, for a loop, its margins; for a frequency response the complex ``response``; for power flow ``speed``,
+        ``torque`` and ``power`` at each flange and the ``efficiency``; for harmonic balance the ``peak`` amplitude of each output, its
+        frequency (``peak_omega``), and the number of ``folds``; for steady states the variables by path.
     **options
-        What else the analysis is given.
+        Further arguments of the analysis.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def sweep(
     Raises
     ------
     ArgumentError, NameLookupError, FileError
-        Each names what was found and what was expected.
+        The message names what was found and what was expected.
     GearlibError
         Every run failed: the error of the first one.
 

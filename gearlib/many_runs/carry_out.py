@@ -1,4 +1,4 @@
-"""`carry_out`: the runs of a sweep, one after another or by an executor; warnings once, and what was done when it is interrupted."""
+"""`carry_out`: executes the runs of a sweep, sequentially or by an executor; deduplicates warnings, and survives interrupts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gearlib.many_runs.work import Chunk, Warned, Work, done, done_there, here, 
 from gearlib.progress import APART, Ticker, Told, reporting
 
 Integers = NDArray[np.int64]
-# A task of dask takes 2 to 5 ms beside what it does, one of a pool of processes 0.3: of a quarter of a second no more than 2 %
+# A dask task costs 2 to 5 ms of overhead, one of a process pool 0.3 ms: at most 2 % of a quarter of a second
 TASK = 0.25  # s
 LEAST_TASKS = 8
 IN_FLIGHT = 4096  # tasks
@@ -34,26 +34,26 @@ def carry_out(
     work: Work, model: str, samples: Samples, *, executor: Any = None, threads: Any = None, to: Path | None = None,
     progress: Any = False,
 ) -> Runs:  # fmt: skip
-    """Carry out the runs of a sweep that are not done yet.
+    """Execute the runs of a sweep that are not done yet.
 
     Parameters
     ----------
     work : Work
     model : str
-        Its name.
+        Name of the model.
     samples : Samples
     executor : concurrent.futures.Executor, optional
-        Who carries them out; this process by default.
+        Executes the runs; by default this process.
     threads : int, optional
-        Or so many threads of this process.
+        Alternatively, the number of threads in this process.
     to : Path, optional
-        File to write to, and to go on with.
+        File to write to, or to resume.
     progress : bool or callable
 
     Raises
     ------
     ArgumentError, FileError, WorkerError
-        No executor, another sweep's file, or a worker that was lost.
+        Not an executor, a file of another sweep, or a lost worker.
     GearlibError
         Every run failed.
     """
@@ -81,7 +81,7 @@ def carry_out(
 
 
 def check_executor(executor: Any, threads: Any) -> None:
-    """Raise `ArgumentError` for what carries nothing out."""
+    """Raise `ArgumentError` for an invalid executor or number of threads."""
     if executor is not None and not isinstance(executor, Executor):
         raise ArgumentError(
             f"executor is {shown(executor)}; expected a concurrent.futures.Executor, such as ProcessPoolExecutor() or, of dask, "
@@ -94,14 +94,14 @@ def check_executor(executor: Any, threads: Any) -> None:
 
 
 class _Turn:
-    """A sweep on its way."""
+    """A sweep in progress."""
 
     def __init__(self, gathering: Gathering, tell: Told | None) -> None:
         self.gathering, self._tell = gathering, tell
         self._ticker, self._begin, self._came = Ticker(), time.perf_counter(), gathering.before
 
     def one(self, run: int, given: dict[str, Any]) -> None:
-        """Carry out a run here."""
+        """Execute a run in this process."""
         try:
             row = self.gathering.work.row(given)
         except GearlibError as problem:
@@ -111,26 +111,26 @@ class _Turn:
         self.came(1)
 
     def came(self, count: int) -> None:
-        """So many runs more have come in."""
+        """Count further runs as received."""
         self._came += count
         if self._tell is not None and self._ticker.due():
             self.report()
 
     def report(self, last: bool = False) -> None:
-        """Tell how far it has got."""
+        """Report progress."""
         if self._tell is not None:
             self._tell(self._came / len(self.gathering.samples), time.perf_counter() - self._begin)
 
 
 def _in_turn(turn: _Turn, runs: Integers) -> None:
-    """Carry out some runs here."""
+    """Execute some runs in this process."""
     given = rows(turn.gathering.samples.part(runs), len(runs))
     for run, values in zip(runs.tolist(), given, strict=True):
         turn.one(run, values)
 
 
 def _shared_out(turn: _Turn, executor: Executor, elsewhere: list[Warned]) -> None:
-    """Let an executor carry the runs out, in tasks of many runs each."""
+    """Have an executor execute the runs, in tasks of many runs each."""
     gathering = turn.gathering
     seconds = _tried(turn)
     todo, samples, work = gathering.todo, gathering.samples, gathering.work
@@ -159,9 +159,9 @@ def _shared_out(turn: _Turn, executor: Executor, elsewhere: list[Warned]) -> Non
 
 
 def _tried(turn: _Turn) -> float:
-    """Carry out a run or two here, so that shapes are known, and how many runs make a task; seconds of the last one."""
+    """Execute one or two runs here to learn the shapes of results and the number of runs per task; returns the seconds per run."""
     seconds = 0.0
-    for _ in range(2):  # the first may compile
+    for _ in range(2):  # the first one may compile
         begin, runs = time.perf_counter(), turn.gathering.todo[:1]
         _in_turn(turn, runs)
         turn.gathering.write()
@@ -172,12 +172,12 @@ def _tried(turn: _Turn) -> float:
 
 
 def _brought(future: Future[Chunk], gathering: Gathering) -> Chunk:
-    """What a task brought back."""
+    """The results of a task."""
     try:
         return future.result()
     except GearlibError:
         raise
-    except Exception as problem:  # of the executor, or of what is not there where it works
+    except Exception as problem:  # raised by the executor, or by missing modules in the worker
         kept = "; what was done is in the file, and the same call goes on with it" if gathering.path is not None else ""
         raise WorkerError(
             f"a task was lost after {int(gathering.done.sum())} of {len(gathering.samples)} runs: {type(problem).__name__}: {problem}{kept}"
@@ -188,7 +188,7 @@ _NUMBER = re.compile(r"\d[\d.e+-]*")
 
 
 def _warn_once(warned: Iterable[Warned]) -> None:
-    """Show each warning of the runs once, whatever the numbers in it."""
+    """Show each warning of the runs once, regardless of the numbers in it."""
     count: Counter[tuple[type[Warning], str]] = Counter()
     first: dict[tuple[type[Warning], str], str] = {}
     for category, message in warned:
@@ -201,7 +201,7 @@ def _warn_once(warned: Iterable[Warned]) -> None:
 
 
 def _say_what_failed(runs: Runs, interrupted: bool) -> None:
-    """Warn of runs that failed, and of an interrupt."""
+    """Warn of failed runs, and of an interrupt."""
     if interrupted:
         n = int(runs.done.sum())
         warn(

@@ -1,4 +1,4 @@
-"""`Gathering`: the runs of a sweep as they come in, kept in memory or written to a file."""
+"""`Gathering`: collects the runs of a sweep as they come in, in memory or in a file."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from gearlib.many_runs.samples import RUN, Samples
 from gearlib.many_runs.work import Chunk, Row, Work, blank, put
 
 Integers = NDArray[np.int64]
-WAIT = 0.5  # s, that runs wait at most to be written with others
+WAIT = 0.5  # s, for which runs wait at most to be written together
 
 
 class Gathering:
-    """What has come in of a sweep.
+    """Results of a sweep received so far.
 
     Attributes
     ----------
     done : bool array
-        Which runs have come in.
+        Which runs have been received.
     before : int
-        How many of them an earlier sweep had written.
+        Number of runs written by an earlier, interrupted sweep.
     """
 
     def __init__(self, work: Work, model: str, samples: Samples, path: Path | None) -> None:
@@ -42,7 +42,7 @@ class Gathering:
         self.done = np.zeros(len(samples), bool)
         self.errors: dict[int, GearlibError] = {}
         self.coordinates: Mapping[str, Any] = {}
-        self._values: dict[str, NDArray[Any]] = {}  # of all runs, or, where there is a file, of those that wait to be written
+        self._values: dict[str, NDArray[Any]] = {}  # of all runs; with a file, of those waiting to be written
         self._waiting: list[int] = []
         self._file: SweepFile | None = None
         self._layout: dict[str, StoredArray] = {}
@@ -60,12 +60,12 @@ class Gathering:
         return found.hexdigest()
 
     def _resume(self, path: Path) -> None:
-        """Take over what an interrupted sweep has written.
+        """Resume from the file of an interrupted sweep.
 
         Raises
         ------
         FileError
-            Another sweep has written it.
+            The file belongs to another sweep.
         """
         header = found_header(path)
         if header is None:
@@ -85,18 +85,18 @@ class Gathering:
             self.errors[run] = getattr(kinds, kind, GearlibError)(message)
 
     def _columns(self) -> dict[str, Any]:
-        """Coordinates of a file: what varies over the runs, and those of the values."""
+        """Coordinates of the file: the varied values, and those of the results."""
         units = {"time": {"units": "s"}}
         of_runs = {name: ((RUN,), column, {"units": self.work.unit(name)}) for name, column in self.samples.numbers.items()}
         return of_runs | {name: ((name,), numbers, units.get(name, {})) for name, numbers in self.coordinates.items()}
 
     @property
     def todo(self) -> Integers:
-        """The runs that are still to be done."""
+        """The runs that remain to be done."""
         return np.flatnonzero(~self.done)
 
     def _prepare(self, row: Mapping[str, Any], coordinates: Mapping[str, Any]) -> None:
-        """Make room, when the shapes of the values are known."""
+        """Allocate storage, once the shapes of the values are known."""
         if self._layout:
             if not self._values and self._file is not None:
                 self._values = blank(row, self._file.batch)
@@ -135,7 +135,7 @@ class Gathering:
             )
 
     def add(self, run: int, row: Row) -> None:
-        """A run that went well; it failed after all where its values have other shapes than those of the others."""
+        """Store a successful run; it counts as failed if its values differ in shape from those of the others."""
         self._prepare(row.values, row.coordinates)
         try:
             put(self._values, run if self._file is None else len(self._waiting), row.values)
@@ -149,7 +149,7 @@ class Gathering:
             self._written_soon()
 
     def fail(self, run: int, problem: GearlibError) -> None:
-        """A run that failed."""
+        """Store a failed run."""
         self.errors[run] = problem
         if self._file is None:
             self.done[run] = True
@@ -160,7 +160,7 @@ class Gathering:
         self._written_soon()
 
     def take(self, runs: Integers, chunk: Chunk) -> None:
-        """Some runs that were carried out elsewhere."""
+        """Store runs executed elsewhere."""
         for i, run in enumerate(runs.tolist()):
             if i in chunk.errors:
                 self.fail(run, chunk.errors[i])
@@ -173,9 +173,10 @@ class Gathering:
             self.write()
 
     def write(self) -> None:
-        """Write what waits."""
+        """Write waiting runs to the file."""
         if self._file is not None:
-            early = [run for run in self.errors if self.done[run] and not self._file.done[run]]  # before shapes were known
+            # Failures before shapes were known
+            early = [run for run in self.errors if self.done[run] and not self._file.done[run]]
             order = np.argsort(np.array(self._waiting, np.int64), kind="stable")
             runs = np.array(self._waiting, np.int64)[order]
             failed = {
@@ -189,12 +190,12 @@ class Gathering:
             self._written = time.perf_counter()
 
     def runs(self, interrupted: bool) -> Runs:
-        """All that came in.
+        """Everything received.
 
         Raises
         ------
         GearlibError
-            Every run failed: the error of the first.
+            Every run failed: the error of the first one.
         """
         if not self._layout and not interrupted:
             raise self.errors[min(self.errors)]
@@ -216,7 +217,7 @@ class Gathering:
 
 
 def _memory() -> float:
-    """Bytes of the machine's memory, where the system tells."""
+    """Bytes of physical memory, if the system tells."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE")) * float(os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, ValueError, OSError):

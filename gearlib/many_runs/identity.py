@@ -1,4 +1,4 @@
-"""What tells a sweep from any other, in every process alike: of models, functions and numbers, as bytes for a digest."""
+"""Process-independent identity of a sweep: models, functions and numbers as bytes for a digest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gearlib.solvers.inputs.table import FunctionInput, Table
 
 
 def of_model(translation: Translation) -> Iterator[bytes]:
-    """Equations, names and default values of a model, and what it was compiled for."""
+    """Equations, names and default values of a model, and its requested outputs."""
     model = translation.model
     yield repr((translation.name, translation.outputs, translation.states, model.parameters.names)).encode()
     yield model.parameters.defaults.tobytes()
@@ -24,14 +24,14 @@ def of_model(translation: Translation) -> Iterator[bytes]:
 
 
 def of_functions(functions: Mapping[str, Callable[..., Any]]) -> Iterator[bytes]:
-    """Names of some functions and what they do, as far as their own code says."""
+    """Names and behaviour of some functions, as far as their own code determines it."""
     for name, function in functions.items():
         yield name.encode()
         yield from of_function(function)
 
 
 def of_function(function: Any) -> Iterator[bytes]:
-    """What a function does, as far as its own code says."""
+    """Behaviour of a function, as far as its own code determines it."""
     while isinstance(inner := getattr(function, "__wrapped__", function), type(function)) and inner is not function:
         function = inner
     code = getattr(function, "__code__", None)
@@ -55,7 +55,7 @@ def _of_code(code: CodeType) -> Iterator[bytes]:
 
 
 def of_values(value: Any) -> Iterator[bytes]:
-    """Numbers, names, tables and functions, alone or together."""
+    """Numbers, names, tables and functions, single or nested."""
     if isinstance(value, np.ndarray):
         yield repr(value.shape).encode()
         yield np.asarray(value, float).tobytes()

@@ -1,4 +1,4 @@
-"""`Runs`: what came back from a sweep."""
+"""`Runs`: the results of a sweep."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 
 class Runs:
-    """Results of many runs; ``runs["load.w"]`` is an array whose first axis is the run, or one axis for each parameter of a grid.
+    """Results of many runs; ``runs["load.w"]`` is an array whose first axis is the run, or with one axis per parameter of a grid.
 
     Attributes
     ----------
     shape : tuple of int
-        Number of runs, or of the values along each axis of a grid.
+        Number of runs, or of values along each axis of a grid.
     errors : dict
-        The `GearlibError` of each run that failed, by its place in the arrays: a number, or a tuple of them. Its values are NaN.
+        The `GearlibError` of each failed run, by its index in the arrays: a number, or a tuple. Its values are NaN.
     done : bool array
-        Which runs were carried out; all, unless the sweep was interrupted.
+        Which runs were executed; all, unless the sweep was interrupted.
     coordinates : dict of str to array
-        Along the axes of the values: ``coordinates["time"]``, s.
+        Coordinates of the values' axes: ``coordinates["time"]``, s.
     stats : dict
-        How many runs there were, how many failed, and how long it took.
+        Number of runs, number of failures, and run time.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Runs:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """What varied, by name: arrays of the shape of the runs (lists of tables for inputs); and what was given for all runs."""
+        """The varied values, by name: arrays of the shape of the runs (lists of tables for inputs); and the values common to all runs."""
         found: dict[str, Any] = {}
         for name, column in self._samples.columns.items():
             found[name] = column.reshape(self.shape) if isinstance(column, np.ndarray) else list(column)
@@ -91,15 +91,15 @@ class Runs:
         return list(self._values)
 
     def unit(self, name: str) -> str:
-        """Unit of a value; empty where it is not known."""
+        """Unit of a value; empty if unknown."""
         if one_name("name", name, "load.w") not in self._units:
             raise NameLookupError(f"the runs have kept nothing of the name '{name}'; {nearest(name, self._units)}")
         return self._units[name]
 
     def to_xarray(self) -> xarray.Dataset:
-        """The values as an `xarray.Dataset`, with units, and what varied as coordinates.
+        """The values as an `xarray.Dataset`, with units, and the varied parameters as coordinates.
 
-        Runs of a grid have an axis named by each parameter; other runs have the axis ``run``.
+        Runs of a grid have one axis per parameter, named by it; other runs have the axis ``run``.
         """
         made, samples = optional("xarray").Dataset, self._samples
         axes = tuple(samples.axes)
@@ -123,12 +123,12 @@ class Runs:
         return {"units": self._units[name]} if self._units.get(name) else {}
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """A row for each run, or, where histories were kept, for each run and time: what varied, and the values.
+        """One row per run or, if histories were kept, per run and time: the varied parameters, and the values.
 
         Raises
         ------
         ArgumentError
-            Values have axes other than time; `to_xarray` has them all.
+            The values have axes other than time; use `to_xarray`.
         """
         pandas = optional("pandas")
         if other := [n for n, v in self._values.items() if v.shape and v.dimensions != ("time",)]:

@@ -1,4 +1,4 @@
-"""`Samples`: what varies over the runs of a sweep, and what is the same in all of them; `grid` is a full factorial."""
+"""`Samples`: varied and fixed values of a sweep; `grid` makes a full factorial design."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ Integers = NDArray[np.int64]
 EXPECTED = (
     "values by path: {'K_g': [1e8, 2e8], 'I_r': 0.3}, gl.grid(...), a DataFrame, or an array (runs, names) with names=[...]"
 )
-RUN = "run"  # the one axis of runs that are no grid
+RUN = "run"  # axis name of runs that do not form a grid
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """All combinations of some values; `grid` makes it.
+    """Full factorial design, made by `grid`.
 
     Attributes
     ----------
     axes : mapping
-        The values along each axis: arrays of numbers, or tuples of tables.
+        Values along each axis: arrays of numbers, or tuples of tables.
     fixed : mapping
-        What is the same in all runs.
+        Values common to all runs.
     """
 
     axes: Mapping[str, Any]
@@ -38,12 +38,12 @@ class Grid:
 
 
 def grid(values: Mapping[str, Any] | None = None, /, **more: Any) -> Grid:
-    """All combinations of the values of some parameters, for a sweep: a full factorial.
+    """Full factorial design: all combinations of the values of some parameters, for a sweep.
 
     Parameters
     ----------
     values : mapping of str to sequence, optional
-        By path; what is one number only is the same in all runs and makes no axis.
+        By path; a single number is the same in all runs and makes no axis.
     **more : sequence
         The same, for names without dots.
 
@@ -72,18 +72,18 @@ def grid(values: Mapping[str, Any] | None = None, /, **more: Any) -> Grid:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What varies over the runs of a sweep.
+    """Varied and fixed values of a sweep.
 
     Attributes
     ----------
     columns : mapping
-        What varies, by name: an array of numbers, or a tuple of tables, one for each run.
+        Varied values, by name: an array of numbers, or a tuple of tables, one per run.
     fixed : mapping
-        What is the same in all runs.
+        Values common to all runs.
     axes : mapping
-        The axes of the runs: ``{"run": None}``, or the values along each axis of a grid.
+        Axes of the runs: ``{"run": None}``, or the values along each axis of a grid.
     shape : tuple of int
-        Runs along each axis.
+        Number of runs along each axis.
     """
 
     columns: Mapping[str, Any]
@@ -96,12 +96,12 @@ class Samples:
 
     @property
     def names(self) -> list[str]:
-        """What is given, varied or not."""
+        """All names with given values, varied or fixed."""
         return [*self.columns, *self.fixed]
 
     @property
     def numbers(self) -> dict[str, NDArray[np.float64]]:
-        """The columns that are numbers."""
+        """The numeric columns."""
         return {name: column for name, column in self.columns.items() if isinstance(column, np.ndarray)}
 
     def part(self, runs: Integers) -> dict[str, Any]:
@@ -112,32 +112,32 @@ class Samples:
         }
 
     def place(self, run: int) -> int | tuple[int, ...]:
-        """Where a run stands in arrays of results: a number, or one for each axis of a grid."""
+        """Index of a run in arrays of results: a number, or one per axis of a grid."""
         return run if len(self.shape) == 1 else tuple(int(i) for i in np.unravel_index(run, self.shape))
 
 
 def rows(part: Mapping[str, Any], count: int) -> Iterator[dict[str, Any]]:
-    """What is given to each of some runs, from their `Samples.part`."""
+    """The values of each run, from their `Samples.part`."""
     listed = [column.tolist() if isinstance(column, np.ndarray) else column for column in part.values()]
     for values in zip(*listed, strict=True) if listed else ((),) * count:
         yield dict(zip(part, values, strict=True))
 
 
 def as_samples(given: Any, names: Sequence[str] | None = None) -> Samples:
-    """What varies, from what a user gives.
+    """Convert a user's specification of varied values.
 
     Parameters
     ----------
     given : mapping, Grid, DataFrame or array
-        Values by path, of equal length where they vary; all combinations; a table with a column for each path; an array with a row
-        for each run, as `scipy.stats.qmc` makes it.
+        Values by path, of equal length where they vary; a grid; a table with one column per path; or an array with one row per run, as
+        from `scipy.stats.qmc`.
     names : sequence of str, optional
-        Of the columns of an array.
+        Column names of an array.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        Something else, lengths that differ, or what is no finite number.
+        An unsupported type, different lengths, or values that are not finite.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def as_samples(given: Any, names: Sequence[str] | None = None) -> Samples:
     """
     if names is not None:
         return _of_array(given, name_list("names", names, "load.J"))
-    pandas = sys.modules.get("pandas")  # who has a table has imported it
+    pandas = sys.modules.get("pandas")  # whoever has a DataFrame has imported pandas
     if pandas is not None and isinstance(given, pandas.DataFrame):
         given = {name: given[name].to_numpy() for name in given.columns}
     if isinstance(given, Grid):
@@ -192,7 +192,7 @@ def _factorial(given: Grid) -> Samples:
 
 
 def _sorted(values: Mapping[str, Any], what: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What varies, and what does not."""
+    """Varied and fixed values."""
     columns: dict[str, Any] = {}
     fixed: dict[str, Any] = {}
     for name, value in values.items():

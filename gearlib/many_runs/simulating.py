@@ -1,4 +1,4 @@
-"""`Simulating`: simulations as the work of a sweep: outputs over time, and what functions make of each run."""
+"""`Simulating`: simulations as the work of a sweep: output histories, and reduced quantities of each run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gearlib.run.simulate import run
 from gearlib.run.start_values import start_variable
 from gearlib.run.translation import Translation
 
-START = "start("  # a name that begins so is that of a start value: start(load.w)
+START = "start("  # prefix of the names of start values: start(load.w)
 TIME = "time"
 
 
@@ -29,13 +29,13 @@ class Simulating(Work):
     ----------
     translation : Translation
     asked : Request
-        Of a run in which nothing varies.
+        Request of a run without variation.
     outputs : tuple of str
         Variables whose histories are kept.
     reduce : mapping of str to callable
-        What is made of each result.
+        Functions applied to each result.
     parameters, inputs : mapping
-        What is given for all runs, by path.
+        Values common to all runs, by path.
     """
 
     translation: Translation
@@ -73,7 +73,7 @@ class Simulating(Work):
 
     @cached_property
     def _coordinates(self) -> dict[str, Any]:
-        """The times; and one program is made to compute the outputs that the states of a run suffice for."""
+        """The output times; also prepares one joint program for the outputs that the states of a run determine."""
         scene = self.translation.scene
         names = [name for name in self.outputs if name not in scene.model.discretes.names]
         scene.compute_together([node for node, sign in map(scene.named, names) if sign and not scene.missing(node)])
@@ -103,12 +103,12 @@ def simulating(
     translation: Translation, samples: Samples, asked: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any] | None,
     outputs: Sequence[str] | None, reduce: Mapping[str, Callable[[Any], Any]] | None,
 ) -> Simulating:  # fmt: skip
-    """The work of a sweep of simulations, with names checked.
+    """The work of a sweep of simulations, with validated names.
 
     Raises
     ------
     ArgumentError, NameLookupError
-        No such parameter, start value, input or output, or what cannot vary.
+        Unknown parameter, start value, input or output, or one that cannot be varied.
     """
     functions = functions_of(reduce)
     if outputs is not None:
@@ -139,7 +139,7 @@ def simulating(
 
 
 def functions_of(reduce: Any) -> dict[str, Callable[[Any], Any]]:
-    """The functions that reduce results, by name."""
+    """The reducing functions, by name."""
     found = by_name(
         "reduce", reduce, "functions of a result by name, such as {'peak': lambda r: abs(r['load.w']).max()}", "peak"
     )
@@ -150,18 +150,18 @@ def functions_of(reduce: Any) -> dict[str, Callable[[Any], Any]]:
 
 
 def check_output(translation: Translation, name: str) -> None:
-    """Raise `NameLookupError` for what is no variable of the model."""
+    """Raise `NameLookupError` for an unknown variable."""
     if name not in translation.model.discretes.names:
         translation.scene.named(name)
 
 
 def kind_of(translation: Translation, name: str) -> str:
-    """Whether a name is that of a parameter, of an input, or ``start(load.w)`` of a start value.
+    """Kind of a name: parameter, input, or ``start(load.w)`` for a start value.
 
     Raises
     ------
     NameLookupError
-        It is none of them.
+        It is none of these.
     """
     model = translation.model
     if name.startswith(START) and name.endswith(")"):

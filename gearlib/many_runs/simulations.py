@@ -1,4 +1,4 @@
-"""`sweep_runs`: many simulations of one translation, as `System.sweep` asks for them."""
+"""`sweep_runs`: implements `System.sweep`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def sweep_runs(
     reduce: Mapping[str, Callable[[Any], Any]] | None, executor: Any, threads: int | None, to: Any, progress: Any,
     start: Any, inputs: Mapping[str, Any] | None, **options: Any,
 ) -> Runs:  # fmt: skip
-    """Carry out a sweep of simulations; see `System.sweep`."""
+    """Perform a sweep of simulations; arguments as for `System.sweep`."""
     samples = as_samples(parameters, names)
     check_executor(executor, threads)
     check_progress(progress)

@@ -1,4 +1,4 @@
-"""Modes of many runs, each followed from run to run, so that a branch keeps its number."""
+"""Mode tracking across runs, so that every branch keeps its number."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Branches:
     eigenvalues : complex array (runs, branches)
         1/s; NaN where a branch has no mode.
     numbers : array (runs, branches)
-        Which mode of the run it is, counted from the lowest that vibrates; NaN where there is none.
+        Index of the mode among the oscillating ones of the run, from the lowest; NaN where there is none.
     """
 
     eigenvalues: Complexes
@@ -31,14 +31,14 @@ class Branches:
 
 
 def followed(samples: Samples, eigenvalues: Complexes, shapes: Complexes) -> Branches:
-    """Follow the modes of runs from each run to those that are nearest in what varies.
+    """Track modes from each run to its nearest neighbours in parameter space.
 
     Parameters
     ----------
     samples : Samples
-        What varies.
+        Varied values.
     eigenvalues : complex array (runs, modes)
-        By magnitude, NaN behind the last one.
+        Sorted by magnitude, padded with NaN.
     shapes : complex array (runs, states, modes)
     """
     count = np.isfinite(eigenvalues).sum(axis=1)
@@ -55,7 +55,8 @@ def followed(samples: Samples, eigenvalues: Complexes, shapes: Complexes) -> Bra
         else:
             known, known_sizes = kept[before][0].copy(), kept[before][1].copy()
             there, modes = same_modes(known, known_sizes, now, sizes)
-            new = np.setdiff1d(np.arange(k), modes)[: n - known.shape[1]]  # a vibration that was overdamped, say
+            # An oscillating mode that was overdamped before, for instance
+            new = np.setdiff1d(np.arange(k), modes)[: n - known.shape[1]]
             there = np.concatenate([there, known.shape[1] + np.arange(len(new))])
             modes = np.concatenate([modes, new])
             known = np.concatenate([known, now[:, new]], axis=1)
@@ -67,9 +68,9 @@ def followed(samples: Samples, eigenvalues: Complexes, shapes: Complexes) -> Bra
 
 
 def nearest_first(samples: Samples, runs: Integers) -> list[tuple[int, int]]:
-    """Runs in an order in which each follows one that came before and is near to it, as pairs; the first one follows -1.
+    """Order of the runs in which each follows a nearby earlier one, as pairs; the first one follows -1.
 
-    The pairs are the shortest tree that joins the runs in the space of what varies, each parameter scaled to its range (Prim).
+    The pairs are the minimum spanning tree of the runs in parameter space, with each parameter scaled to its range (Prim).
 
     >>> from gearlib.many_runs.samples import as_samples
     >>> nearest_first(as_samples({"a": [0.0, 3.0, 1.0, 2.0]}), np.arange(4))

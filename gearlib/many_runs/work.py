@@ -1,4 +1,4 @@
-"""`Work`: what is done in each run of a sweep, in this process or in another one, and what comes back from some runs: a `Chunk`."""
+"""`Work`: the task performed in each run of a sweep, locally or in another process; `Chunk`: the results of some runs."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ Warned = tuple[type[Warning], str]
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """What one run gives: arrays by name, and coordinates along their axes, by dimension."""
+    """Result of one run: arrays by name, and coordinates along their axes, by dimension."""
 
     values: dict[str, Any]
     coordinates: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Work(ABC):
-    """What is done in each run of a sweep."""
+    """The task performed in each run of a sweep."""
 
     @property
     def reshapes(self) -> bool:
-        """Whether `finished` makes other values of those of all runs."""
+        """Whether `finished` replaces the values of all runs."""
         return False
 
     @abstractmethod
     def row(self, given: Mapping[str, Any]) -> Row:
-        """One run, with what varies given by name.
+        """Perform one run, with the varied values by name.
 
         Raises
         ------
@@ -53,39 +53,39 @@ class Work(ABC):
 
     @abstractmethod
     def dimensions(self, name: str) -> tuple[str, ...]:
-        """Names of the axes of a value, as far as they have one."""
+        """Names of the axes of a value, as far as they are named."""
 
     @abstractmethod
     def unit(self, name: str) -> str:
-        """Unit of a value; empty where it is not known."""
+        """Unit of a value; empty if unknown."""
 
     def finished(self, samples: Samples, values: Values) -> tuple[Values, Mapping[str, tuple[str, ...]]]:
-        """What is shown in place of the values of all runs, arrays of shape (runs, ...), and the names of their axes."""
+        """Values to present in place of those of all runs, arrays of shape (runs, ...), and the names of their axes."""
         return values, {}
 
     @abstractmethod
     def identity(self) -> Iterator[bytes]:
-        """What tells this work from any other, the same in every process."""
+        """Bytes that identify this work, the same in every process."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """What some runs gave: an array by name with a row for each run (NaN where it failed), errors, warnings, and the time it took."""
+    """Results of some runs: arrays by name with one row per run (NaN if failed), errors, warnings, and run time."""
 
     values: dict[str, NDArray[Any]]
     coordinates: Mapping[str, Any]
-    errors: dict[int, GearlibError]  # by the number in the chunk
+    errors: dict[int, GearlibError]  # by index in the chunk
     warned: tuple[Warned, ...]
     seconds: float
 
 
 def reduced(reduce: Mapping[str, Callable[[Any], Any]], result: Any) -> dict[str, Any]:
-    """The numbers that a user's functions make of a result.
+    """The values that a user's functions return for a result.
 
     Raises
     ------
     ArgumentError
-        A function failed, or made no numbers.
+        A function failed, or did not return numbers.
     """
     found: dict[str, Any] = {}
     for name, function in reduce.items():
@@ -102,7 +102,7 @@ def reduced(reduce: Mapping[str, Callable[[Any], Any]], result: Any) -> dict[str
 
 
 def done(work: Work, part: Mapping[str, Any], count: int) -> Chunk:
-    """Carry out some runs, one after another."""
+    """Execute some runs sequentially."""
     begin = time.perf_counter()
     errors: dict[int, GearlibError] = {}
     values: dict[str, NDArray[Any]] = {}
@@ -119,7 +119,7 @@ def done(work: Work, part: Mapping[str, Any], count: int) -> Chunk:
 
 
 def blank(row: Mapping[str, Any], count: int) -> dict[str, NDArray[Any]]:
-    """Arrays for so many rows as one that is known, all NaN."""
+    """Arrays with a number of rows like the given one, filled with NaN."""
     return {
         name: np.full((count, *np.shape(value)), np.nan, complex if np.iscomplexobj(value) else float)
         for name, value in row.items()
@@ -127,12 +127,12 @@ def blank(row: Mapping[str, Any], count: int) -> dict[str, NDArray[Any]]:
 
 
 def put(values: Mapping[str, NDArray[Any]], i: int, row: Mapping[str, Any]) -> None:
-    """Write a row; all of it or nothing.
+    """Write a row, completely or not at all.
 
     Raises
     ------
     ArgumentError
-        Its values have other shapes than those of the first run had.
+        Its values differ in shape from those of the first run.
     """
     for name, value in row.items():
         there = values[name]
@@ -152,12 +152,12 @@ _opening = threading.Lock()
 
 
 def here() -> str:
-    """What tells this process from others, on this machine and elsewhere."""
+    """Identifier of this process, unique across machines."""
     return f"{platform.node()} {threading.main_thread().native_id}"
 
 
 def job(work: Work) -> bytes:
-    """Work as bytes that another process can open: models are a few hundred of them, and are translated and compiled there."""
+    """Pickled work for another process: models take a few hundred bytes, and are translated and compiled there."""
     try:
         return packed(work)
     except Exception as problem:
@@ -168,8 +168,8 @@ def job(work: Work) -> bytes:
 
 
 def done_there(packed_work: bytes, part: Mapping[str, Any], count: int, home: str) -> Chunk:
-    """Carry out some runs in another process, which translates a model once; ``home`` is the one that asks, and keeps warnings."""
-    with _opening:  # one translation, though several threads may begin
+    """Execute some runs in another process, translating the model once; ``home`` is the process that asks, which handles warnings."""
+    with _opening:  # a single translation, even if several threads start at once
         work: Work = pickle.loads(packed_work)
     if here() == home:
         return done(work, part, count)
@@ -180,7 +180,7 @@ def done_there(packed_work: bytes, part: Mapping[str, Any], count: int, home: st
 
 @contextmanager
 def noted() -> Iterator[Callable[[], list[Warned]]]:
-    """Note the warnings of all that runs meanwhile, in all threads, instead of showing them."""
+    """Collect the warnings of all threads inside the block, instead of showing them."""
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         yield lambda: [(w.category, str(w.message)) for w in found]

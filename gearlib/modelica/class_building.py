@@ -1,4 +1,4 @@
-"""Component classes made of the classes of a text."""
+"""Translation of Modelica classes to component classes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from gearlib.modelica.syntax_tree import (
 
 
 class ModelicaClass(type):
-    """Metaclass of the component classes that are read: they are pickled as the text that they come from."""
+    """Metaclass of component classes read from text, which are pickled as that text."""
 
     modelica_text: str
     modelica_source: str
@@ -48,7 +48,7 @@ class ModelicaClass(type):
 
 @dataclass(frozen=True)
 class Member:
-    """An element of a class and what becomes of it."""
+    """A declared element of a class, with its classification."""
 
     element: DeclaredElement
     type: ElementType
@@ -56,12 +56,12 @@ class Member:
 
     @property
     def attributes(self) -> Modifications:
-        """Attributes of the type and of the element."""
+        """Attributes from the type and from the element."""
         return merged(self.type.attributes, self.element.modifications)
 
     @property
     def default(self) -> SyntaxNode | None:
-        """The value that the declaration gives."""
+        """The value given by the declaration."""
         return self.element.node.value
 
 
@@ -75,21 +75,21 @@ class TextClasses:
     connectors: dict[ClassNode, type[Connector]] = field(default_factory=dict)
 
     def class_of(self, scope: ClassScope, modifications: Modifications) -> type[Component]:
-        """The component class of a class of the text, with what is modified within its parts."""
+        """Component class for a class of the text, with modifications of its parts applied."""
         key = scope.node, tuple((n, s.node) for n, s in scope.replaced.items()), tuple(modifications.items())
         if key not in self.made:
             self.made[key] = _Maker(self, scope, modifications).made()
         return self.made[key]
 
     def connector_of(self, scope: ClassScope) -> type[Connector]:
-        """The connector class of a connector of the text."""
+        """Connector class for a connector of the text."""
         if scope.node not in self.connectors:
             self.connectors[scope.node] = connector_class(scope)
         return self.connectors[scope.node]
 
 
 class _Maker:
-    """One class of the text on the way to a component class."""
+    """Builder that turns one class of the text into a component class."""
 
     def __init__(self, classes: TextClasses, scope: ClassScope, modifications: Modifications) -> None:
         self.classes, self.scope, self.modifications = classes, scope, modifications
@@ -102,7 +102,7 @@ class _Maker:
             self.members[name] = Member(element, kind, kind_of(element.node, kind, assigned))
         self.starting: list[
             tuple[str, Callable[[Evaluation], Any]]
-        ] = []  # hidden variables that start at 0, and what they are equal to
+        ] = []  # hidden variables that start at 0, and the expressions that they equal
 
     # ------------------------------------------------------------ the class
 
@@ -136,16 +136,16 @@ class _Maker:
 
     @property
     def fixed_values(self) -> Evaluation:
-        """Where values are evaluated that have to be known with the class."""
+        """Evaluation context for values that must be known with the class."""
         return Evaluation(self.scope, None, self._constants())
 
     def _constants(self) -> Mapping[str, SyntaxNode]:
-        """Values of constants; of structural choices whose default depends on others, too."""
+        """Values of constants, including structural choices whose default depends on others."""
         kinds = ("constant", "structural")
         return {n: m.default for n, m in self.members.items() if m.kind in kinds and m.default is not None}
 
     def evaluation(self, component: Component, scope: ClassScope | None = None) -> Evaluation:
-        """Where the expressions of the class are evaluated for one instance."""
+        """Evaluation context for the expressions of the class in one instance."""
         conditional = frozenset(n for n, m in self.members.items() if m.element.node.condition is not None and m.kind == "part")
         return Evaluation(scope or self.scope, component, self._constants(), conditional)
 
@@ -187,7 +187,7 @@ class _Maker:
         return float(found) if isinstance(found, (int, float)) else found
 
     def _structural(self, member: Member) -> Any:
-        """A value where it depends on constants only; otherwise None, which stands for what the text says."""
+        """The value if it depends on constants only; otherwise None, which stands for the expression in the text."""
         node = member.default
         if node is None or any(name in self.members and self.members[name].kind != "constant" for name in _names_in(node)):
             return None
@@ -244,7 +244,7 @@ class _Maker:
         return found
 
     def _redeclared(self, counterpart: Counterpart, name: str, m: Modification) -> dict[str, Declaration]:
-        """The declarations of a library base that a modification changes."""
+        """The declarations of a library base class that a modification changes."""
         local = counterpart.given.get(name) or counterpart.local(name)
         declared = getattr(counterpart.component, local, None)
         value = m.value
@@ -341,7 +341,7 @@ def _check_name(name: str, node: SyntaxNode) -> None:
 
 
 def _in_order_of_use(members: Mapping[str, Member]) -> list[tuple[str, Member]]:
-    """The parts, each after those that its modifications name."""
+    """The parts, each after those that its modifications refer to."""
     waiting = {name: m for name, m in members.items() if m.kind == "part"}
     needs = {
         name: _names_in_modifications(m.element.modifications.values()) & waiting.keys() - {name} for name, m in waiting.items()
@@ -361,7 +361,7 @@ def _names_in_modifications(modifications: Any) -> set[str]:
 
 
 def _names_in(node: SyntaxNode | None) -> set[str]:
-    """The first words of the names that an expression mentions."""
+    """The first identifiers of the names in an expression."""
     found: set[str] = set()
     stack: list[Any] = [node]
     while stack:
@@ -376,7 +376,7 @@ def _names_in(node: SyntaxNode | None) -> set[str]:
 
 
 def _given_names(modifications: Any) -> Iterator[str]:
-    """The names of the parameters through which an enclosing class gives values to parts within."""
+    """Names of the parameters through which an enclosing class passes values to nested parts."""
     for m in modifications:
         if isinstance(m.value, GivenNode):
             yield m.value.name

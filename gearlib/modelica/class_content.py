@@ -1,4 +1,4 @@
-"""What a class of the text consists of when all that it extends is counted in, with modifications applied."""
+"""Contents of a Modelica class including everything inherited, with modifications applied."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from gearlib.modelica.scopes import ClassScope, lookup
 from gearlib.modelica.syntax_tree import ClassNode, ComponentNode, ExtendsNode, Modification, SyntaxNode
 
 Modifications = Mapping[str, Modification]
-_EMPTY_BASES = ("Modelica.Icons.", "Modelica.Mechanics.Rotational.Icons.", "Modelica.Blocks.Icons.")  # pictures only
+_EMPTY_BASES = ("Modelica.Icons.", "Modelica.Mechanics.Rotational.Icons.", "Modelica.Blocks.Icons.")  # icons only
 
 
 @dataclass(frozen=True)
 class DeclaredElement:
-    """A declared component of a class, the scope in which its type is named, and its modifications."""
+    """A declared component of a class, the scope in which its type is resolved, and its modifications."""
 
     node: ComponentNode
     scope: ClassScope
@@ -25,7 +25,7 @@ class DeclaredElement:
 
 @dataclass(frozen=True)
 class Stated:
-    """An equation and the scope in which it is written."""
+    """An equation with the scope in which it is written."""
 
     node: SyntaxNode
     scope: ClassScope
@@ -33,7 +33,7 @@ class Stated:
 
 @dataclass
 class Content:
-    """All elements and equations of a class and of what it extends."""
+    """All elements and equations of a class, including inherited ones."""
 
     elements: dict[str, DeclaredElement] = field(default_factory=dict)
     equations: list[Stated] = field(default_factory=list)
@@ -42,13 +42,13 @@ class Content:
 
 
 def content_of(scope: ClassScope, modifications: Modifications) -> Content:
-    """The content of a class under modifications.
+    """Contents of a class under modifications.
 
     Raises
     ------
     ModelicaError
-        A class that extends itself or something that is not read, elements that contradict each other, a modification of what the
-        class does not have.
+        A class that extends itself or an unsupported class, contradictory elements, or a modification of an element that the class does
+        not have.
     """
     found = Content()
     used: set[str] = set()
@@ -103,7 +103,7 @@ def _extend(
 
 
 def with_classes(scope: ClassScope, modifications: Modifications, where: ClassScope) -> ClassScope:
-    """A class with those of its classes replaced that a modification redeclares."""
+    """A class with some of its local classes replaced by redeclarations."""
     replaced = {
         name: ClassScope(m.redeclared, (*scope.path, name), where)
         for name, m in modifications.items()
@@ -130,7 +130,7 @@ def _modified(node: ComponentNode, scope: ClassScope, modification: Modification
 
 
 def qualified(modifications: Iterable[Modification], scope: ClassScope) -> Modifications:
-    """Modifications by name, with the full names of the classes that they redeclare."""
+    """Modifications by name, with redeclared classes as full names."""
     return {name: _qualified(m, scope) for name, m in by_name(modifications).items()}
 
 
@@ -155,7 +155,7 @@ def by_name(modifications: Iterable[Modification]) -> Modifications:
 
 
 def merged(inner: Modifications, outer: Modifications) -> Modifications:
-    """Modifications of a class under those of a class that uses it, which win."""
+    """Merge modifications of a class with those of a class that uses it; the latter take precedence."""
     found = dict(inner)
     for name, m in outer.items():
         found[name] = _joined(found[name], m) if name in found else m

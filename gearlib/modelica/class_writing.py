@@ -1,4 +1,4 @@
-"""Component classes as Modelica classes: declarations, parts with what is given to them, equations, connections."""
+"""Component classes as Modelica classes: declarations, modified parts, equations, connections."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ _TAKEN = KEYWORDS | {"Real", "Integer", "Boolean", "String", "time", "StateSelec
 
 @dataclass
 class Change:
-    """A modification to be written: a value, and what is modified within."""
+    """A modification to be written: a value, and nested modifications."""
 
     value: str | None = None
     inner: dict[str, Change] = field(default_factory=dict)
 
     def within(self, path: Sequence[str]) -> Change:
-        """What is modified at a path within."""
+        """The nested modification at a path."""
         return self if not path else self.inner.setdefault(path[0], Change()).within(path[1:])
 
     def text(self, name: str, each: bool = False) -> str:
-        """Such as ``w(start = 1, fixed = true)``."""
+        """Modelica text, such as ``w(start = 1, fixed = true)``."""
         inner = f"({', '.join(c.text(n, each) for n, c in self.inner.items())})" if self.inner else ""
         return f"{'each ' if each and not inner else ''}{name}{inner}{f' = {self.value}' if self.value is not None else ''}"
 
 
 @dataclass(frozen=True)
 class Lifted:
-    """An input of a part that nothing gives, so that it is one of the class: its name, unit and description."""
+    """An unbound input of a part, which becomes an input of the class: its name, unit and description."""
 
     name: str
     unit: str
@@ -58,22 +58,22 @@ class Lifted:
 
 @dataclass
 class PackageText:
-    """The classes that have been written, each once."""
+    """The classes written so far, each once."""
 
     standard_library: bool
-    texts: dict[str, str] = field(default_factory=dict)  # by name, in the order in which they are needed
+    texts: dict[str, str] = field(default_factory=dict)  # by name, in dependency order
     lifted: dict[str, tuple[Lifted, ...]] = field(default_factory=dict)
     named: dict[int, str] = field(default_factory=dict)  # by the component that was written
     seen: dict[int, ClassText] = field(default_factory=dict)
 
     def class_text(self, component: Component) -> ClassText:
-        """A component on the way to its class."""
+        """Writer for the class of a component."""
         if id(component) not in self.seen:
             self.seen[id(component)] = ClassText(self, component)
         return self.seen[id(component)]
 
     def class_name(self, component: Component, is_root: bool = False) -> str:
-        """The name of the class of a component, which is written if it is not there yet."""
+        """Class name of a component; writes the class if that has not been done."""
         if id(component) not in self.named:
             self.named[id(component)] = self._written(component, is_root)
         return self.named[id(component)]
@@ -94,7 +94,7 @@ class PackageText:
         return name
 
     def connector_name(self, connector: Connector) -> str:
-        """The name of the class of a connector."""
+        """Class name of a connector."""
         kind = type(connector)
         if self.standard_library and (full := interface_of(kind)) is not None:
             return full
@@ -107,7 +107,7 @@ class PackageText:
         return name
 
     def counterpart(self, part: Component) -> tuple[str, Counterpart] | None:
-        """The class of the standard library that a part is an instance of, if it is to be used and can say all that is given."""
+        """The standard library's class for a part, if it is to be used and can express all given values."""
         if not self.standard_library:
             return None
         found = modelica_class(type(part))
@@ -117,7 +117,7 @@ class PackageText:
 
 
 def modelica_class(kind: type[Component]) -> tuple[str, Counterpart] | None:
-    """The standard library's class that a component class stands for."""
+    """The standard library's counterpart of a component class."""
     home = f"{kind.__module__}:{kind.__name__}"
     for full, counterpart in standard_library().counterparts.items():
         if counterpart.home == home and ".Interfaces." not in full:
@@ -126,7 +126,7 @@ def modelica_class(kind: type[Component]) -> tuple[str, Counterpart] | None:
 
 
 def interface_of(kind: type[Connector]) -> str | None:
-    """The standard library's connector class that a connector class stands for."""
+    """The standard library's counterpart of a connector class."""
     home = f"{kind.__module__}:{kind.__name__}"
     for full, counterpart in standard_library().counterparts.items():
         if counterpart.home == home and full.endswith(("_a", "HeatPort")):
@@ -141,7 +141,7 @@ def _can_say(counterpart: Counterpart, part: Component) -> bool:
 
 
 class ClassText:
-    """One class on the way to its text."""
+    """Writer for one class."""
 
     def __init__(self, package: PackageText, component: Component) -> None:
         self.package, self.component = package, component
@@ -159,7 +159,7 @@ class ClassText:
     # ------------------------------------------------------------ names
 
     def naming(self, name: str) -> str:
-        """What a variable of the component is called in the text, by its path from there."""
+        """Name in the text of a variable of the component, by its path from there."""
         first, dot, rest = name.partition(".")
         self.families()
         if not dot:
@@ -179,7 +179,7 @@ class ClassText:
     # ------------------------------------------------------------ the class
 
     def body(self, is_root: bool) -> tuple[list[str], tuple[Lifted, ...]]:
-        """The lines of the class, and the inputs of its parts that are its own."""
+        """The lines of the class, and those inputs of its parts that become its own."""
         families = self.families()
         given = given_to(self.component)
         outer = given if is_root else None
@@ -246,7 +246,7 @@ class ClassText:
     # ------------------------------------------------------------ parts
 
     def families(self) -> dict[str, list[str]]:
-        """The parts by family; a single part is its own, and so are those of a family that are not alike."""
+        """The parts by family; single parts, and members of a family that differ, stand alone."""
         if self.told is None:
             self.told = self._tell_families()
         return self.told
@@ -288,7 +288,7 @@ class ClassText:
             yield f"{kind} {own}[{len(members)}]{inner};"
 
     def _changes(self, name: str, joined: Mapping[str, str], outer: Any) -> Change:
-        """What is given to a part."""
+        """Modifications of a part."""
         part, found, given = self.parts[name], self.counterparts[name], given_to(self.parts[name])
         change = Change()
 
@@ -325,7 +325,7 @@ class ClassText:
         return change
 
     def _lift(self, name: str, part: Component, values: Mapping[str, Any], joined: Mapping[str, str], at: Any) -> None:
-        """Inputs of a part that nothing gives become inputs of the class."""
+        """Turn unbound inputs of parts into inputs of the class."""
         unbound = [
             Lifted(n, v.unit, v.description)
             for n, v in declared_by(part).variables.items()
@@ -341,7 +341,7 @@ class ClassText:
     # ------------------------------------------------------------ equations
 
     def _signals(self) -> dict[str, dict[str, str]]:
-        """The signals that inputs of parts, and outputs of the component, take: by part, and by name there."""
+        """Signals bound to inputs of parts, and to outputs of the component: by part, and by name there."""
         names = {id(part): name for name, part in self.parts.items()}
         found: dict[str, dict[str, str]] = {}
         for target, local, source in joined_signals(self.component, ""):
@@ -390,7 +390,7 @@ def equation_lines(equation: Eq | When, naming: Any) -> Iterator[str]:
 
 
 def integer_discretes(equations: Sequence[Eq | When], discretes: Mapping[str, Discrete]) -> frozenset[str]:
-    """The discrete variables whose values are whole numbers."""
+    """The discrete variables with integer values."""
     assigned: dict[str, list[Any]] = {name: [] for name in discretes}
     for equation in equations:
         for action in [equation] if isinstance(equation, Eq) else equation.actions:
@@ -414,7 +414,7 @@ def _is_whole(value: Any, names: set[str]) -> bool:
 
 
 def _merged(changes: list[Change]) -> list[str]:
-    """The modifications of the elements of an array."""
+    """Merge the modifications of the elements of an array."""
     found = []
     names = list(dict.fromkeys(n for c in changes for n in c.inner))
     for name in names:
@@ -438,7 +438,7 @@ def _below(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _outward(counterpart: Counterpart, path: str) -> str:
-    """A path within an instance of a library class as Modelica has it."""
+    """Modelica's form of a path within an instance of a library class."""
     outward = standard_library().outward(counterpart)
     return ".".join(outward.get(step, modelica_name(step)) for step in path.split("."))
 
@@ -463,7 +463,7 @@ def attributes_text(attributes: Mapping[str, str], unit: str) -> str:
 
 
 def comment(text: str | None) -> str:
-    """A comment: the first line of a description."""
+    """A Modelica comment: the first line of a description."""
     first = (text or "").strip().partition("\n")[0].replace("\\", "\\\\").replace('"', '\\"')
     return f' "{first}"' if first else ""
 

@@ -1,4 +1,4 @@
-"""`Counterpart`: which component class stands for one of the Modelica Standard Library's, and under which names."""
+"""`Counterpart`: correspondence between component classes and those of the Modelica Standard Library, with their names."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Any
 
 from gearlib.language.declarations import Declaration
 
-LIBRARY = "gearparts.modelica_names"  # the module that lists the counterparts of the component library
+LIBRARY = "gearparts.modelica_names"  # module that lists the counterparts of the component library
 _HUMP = re.compile(r"(?<=[a-z0-9])([A-Z])")
 
 
 def snake_case(name: str) -> str:
-    """Modelica's usual spelling of a name turned into that of the component library.
+    """Convert a name from Modelica's usual spelling to that of the component library.
 
     >>> snake_case("useHeatPort"), snake_case("TorqueDirection"), snake_case("J"), snake_case("phi_rel0")
     ('use_heat_port', 'torque_direction', 'J', 'phi_rel0')
@@ -26,30 +26,30 @@ def snake_case(name: str) -> str:
 
 @dataclass(frozen=True)
 class Counterpart:
-    """A component class for a class of the Modelica Standard Library.
+    """The component class for a class of the Modelica Standard Library.
 
     Parameters
     ----------
     home : str
-        Where it is: ``"gearparts.rotational.shafts:Inertia"``.
+        Its location: ``"gearparts.rotational.shafts:Inertia"``.
     names : mapping of str to str
-        Names by Modelica's, where these are not found by themselves or by their snake case.
+        Component names by Modelica names, where these are neither equal nor equal in snake case.
     given : mapping of str to str
-        Names by Modelica's, where a modification means another than equations do: ``{"y": "expression"}``.
+        Component names by Modelica names, where modifications refer to another name than equations do: ``{"y": "expression"}``.
     values : mapping of str to mapping
-        Values of structural choices by the last word of Modelica's enumeration literal.
+        Values of structural choices by the last identifier of Modelica's enumeration literal.
     starts : mapping of str to str
-        Variables by the parameters that give their start values: ``{"y_start": "y"}``.
+        Variables by the parameters that hold their start values: ``{"y_start": "y"}``.
     nominals : mapping of str to str
-        Variables by the parameters that give their nominal values.
+        Variables by the parameters that hold their nominal values.
     states : tuple of str
-        The variables that a parameter ``stateSelect`` speaks of.
+        Variables that a ``stateSelect`` parameter refers to.
     ignored : frozenset of str
-        Parameters that change no trajectory.
+        Parameters without effect on trajectories.
     enumerations : mapping of str to str
-        The enumerations of ``values``.
+        Enumeration types of ``values``.
     own : frozenset of str
-        What Modelica's class does not have.
+        Names that Modelica's class does not have.
     """
 
     home: str
@@ -65,18 +65,18 @@ class Counterpart:
 
     @cached_property
     def component(self) -> type[Any]:
-        """The class: a component, or a connector."""
+        """The component or connector class."""
         module, _, name = self.home.partition(":")
         found: type[Any] = getattr(importlib.import_module(module), name)
         return found
 
     def local(self, name: str) -> str:
-        """What the class calls something of Modelica's."""
+        """Name in the component class for a Modelica name."""
         return local_name(self.component, self.names, name)
 
 
 def local_name(kind: type[Any], names: Mapping[str, str], name: str) -> str:
-    """The name of a declaration or part: as given, or else in snake case."""
+    """Name of a declaration or part: unchanged, or in snake case."""
     if name in names:
         return names[name]
     return name if isinstance(getattr(kind, name, None), Declaration) else snake_case(name)
@@ -84,18 +84,18 @@ def local_name(kind: type[Any], names: Mapping[str, str], name: str) -> str:
 
 @dataclass(frozen=True)
 class StandardLibrary:
-    """The counterparts of the Modelica Standard Library's classes, by their full names."""
+    """Counterparts of the Modelica Standard Library's classes, by their full names."""
 
     counterparts: Mapping[str, Counterpart]
-    spellings: Mapping[str, str] = field(default_factory=dict)  # Modelica's by the snake case
+    spellings: Mapping[str, str] = field(default_factory=dict)  # Modelica spellings by snake case
 
     def outward(self, counterpart: Counterpart) -> Mapping[str, str]:
-        """Modelica's names by those of a component class, where they differ."""
+        """Modelica names by component names, where they differ."""
         return {**self.spellings, **{local: name for name, local in counterpart.names.items()}}
 
     @cached_property
     def names_by_class(self) -> Mapping[str, Mapping[str, str]]:
-        """Modelica's names within a component class, where they are others, by the name of that class."""
+        """Modelica names that differ, by component class name."""
         found: dict[str, dict[str, str]] = {}
         for counterpart in self.counterparts.values():
             if counterpart.names:
@@ -104,7 +104,7 @@ class StandardLibrary:
 
     @cached_property
     def known(self) -> frozenset[str]:
-        """The full names of the classes and of the packages that they are in."""
+        """Full names of the known classes and their packages."""
         found = {
             *self.counterparts, "Modelica.Units.SI", "Modelica.Units.Conversions", "Modelica.SIunits", "Modelica.Constants",
             "Modelica.Math", "Modelica.Blocks.Interfaces",
@@ -113,7 +113,7 @@ class StandardLibrary:
         return frozenset(found | packages)
 
     def knows(self, path: tuple[str, ...]) -> bool:
-        """Whether there is something of that full name, as far as it is known here."""
+        """Whether a full name is known here."""
         above = ".".join(path[:-1])
         types = path.index("Types") if "Types" in path else 0
         return (
@@ -130,12 +130,12 @@ _PACKAGES_OF_MANY = frozenset(
 
 
 def standard_library() -> StandardLibrary:
-    """What the component library has of the Modelica Standard Library."""
+    """The counterparts provided by the component library."""
     found: StandardLibrary = importlib.import_module(LIBRARY).STANDARD_LIBRARY
     return found
 
 
 def names_in(kind: type[Any]) -> Mapping[str, str]:
-    """Modelica's names within instances of a class, where they are others."""
+    """Modelica names within instances of a class, where they differ."""
     by_class = standard_library().names_by_class
     return {name: local for base in reversed(kind.__mro__) for name, local in by_class.get(base.__name__, {}).items()}

@@ -1,4 +1,4 @@
-"""Types of declared elements: numbers with units, truth values, choices, connectors, parts."""
+"""Types of declared elements: numbers with units, Booleans, choices, connectors, parts."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _SIGNALS: Mapping[str, tuple[TypeKind, str]] = {
 
 @dataclass(frozen=True)
 class ElementType:
-    """What an element is: its kind, the attributes that its type gives, and the class of a connector or a part."""
+    """Type of an element: its kind, the attributes from its type, and the class of a connector or a part."""
 
     kind: TypeKind
-    prefix: str = ""  # input or output, where the type says so
+    prefix: str = ""  # input or output, if part of the type
     unit: str = "any"
     attributes: Modifications = field(default_factory=dict)
     counterpart: Counterpart | None = None
@@ -38,12 +38,12 @@ class ElementType:
 
 
 def type_named(names: Path, scope: ClassScope, node: SyntaxNode) -> ElementType:
-    """The type of a name.
+    """Resolve the type that a name denotes.
 
     Raises
     ------
     ModelicaError
-        A class that is not known, or of a kind that is not read.
+        An unknown class, or one of an unsupported kind.
     """
     if len(names) == 1 and names[0] in _BUILT_IN:
         return ElementType(_BUILT_IN[names[0]])
@@ -87,7 +87,7 @@ def _type_of_class(found: ClassScope, node: SyntaxNode) -> ElementType:
 
 
 def kind_of(node: ComponentNode, kind: ElementType, assigned: frozenset[str]) -> ElementKind:
-    """What an element becomes; ``assigned`` are the variables that get their values in when-equations."""
+    """Kind of a declared element; ``assigned`` are the variables assigned in when-equations."""
     if kind.kind in ("connector", "part"):
         return kind.kind
     if "constant" in node.prefixes:
@@ -106,12 +106,12 @@ def kind_of(node: ComponentNode, kind: ElementType, assigned: frozenset[str]) ->
 
 
 def connector_class(scope: ClassScope) -> type[Connector]:
-    """The connector class of a connector of the text.
+    """Connector class for a connector of the text.
 
     Raises
     ------
     ModelicaError
-        Anything in it but real variables, half of them flows.
+        It contains anything but pairs of real potentials and flows.
     """
     content = content_of(scope, {})
     members: dict[str, Any] = {}
@@ -127,7 +127,7 @@ def connector_class(scope: ClassScope) -> type[Connector]:
 
 
 def unit_of(element: DeclaredElement, kind: ElementType) -> str:
-    """The unit of a real element: of its type, or of its own attribute; "any" where there is none."""
+    """Unit of a real element: from its type, or its own attribute; "any" if there is none."""
     given = merged(kind.attributes, element.modifications).get("unit")
     text = getattr(given.value, "value", "") if given is not None else kind.unit
     return (unit_written(text) or "any") if isinstance(text, str) else "any"

@@ -1,4 +1,4 @@
-"""Equations of Modelica text as `Eq`, `When` and `connect`."""
+"""Translation of Modelica equations to `Eq`, `When` and `connect`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gearlib.modelica.syntax_tree import (
 
 
 def equations_from(node: SyntaxNode, evaluation: Evaluation) -> Iterator[Eq | When]:
-    """The equations that one of the text stands for; connections are left out."""
+    """The equations that an equation of the text stands for; connections are skipped."""
     match node:
         case EqualityNode():
             yield from _equality(node, evaluation)
@@ -53,7 +53,7 @@ def _equality(node: EqualityNode, evaluation: Evaluation) -> Iterator[Eq]:
 
 
 def _branches(node: ConditionalNode, evaluation: Evaluation) -> tuple[list[tuple[Any, tuple[SyntaxNode, ...]]], bool]:
-    """The branches that may hold, and whether the last one holds in any case."""
+    """The branches that may be active, and whether the last one is unconditional."""
     found: list[tuple[Any, tuple[SyntaxNode, ...]]] = []
     for condition, body in node.branches:
         decided = True if condition is None else evaluation.condition(condition)
@@ -130,7 +130,7 @@ def _statement(node: CallStatement) -> None:
 
 
 def assigned_in_whens(nodes: list[SyntaxNode]) -> frozenset[str]:
-    """The variables that get their values in when-equations."""
+    """The variables assigned in when-equations."""
     found: set[str] = set()
     stack = [(node, False) for node in nodes]
     while stack:
@@ -145,7 +145,7 @@ def assigned_in_whens(nodes: list[SyntaxNode]) -> frozenset[str]:
 
 
 def connections_from(node: SyntaxNode, evaluation: Evaluation) -> Iterator[Connection]:
-    """The connections that an equation of the text states; those of absent components are left out."""
+    """The connections that an equation of the text states; those of absent components are skipped."""
     match node:
         case ConnectNode():
             try:

@@ -1,4 +1,4 @@
-"""Expressions of Modelica text as numbers, choices and expressions of a component; text reaches no other interpreter."""
+"""Evaluation of Modelica expressions to numbers, choices and component expressions; no text is passed to another interpreter."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _FUNCTIONS: Mapping[str, tuple[Callable[..., Any], Callable[..., float], int]] =
     "abs": (abs, abs, 1), "sign": (language.sign, lambda x: (x > 0) - (x < 0), 1), "min": (language.Min, min, 2),
     "max": (language.Max, max, 2),
 }  # fmt: skip
-_WITHOUT_EVENTS = ("abs", "sign", "min", "max")  # as Modelica has it; here they make events by themselves
+_WITHOUT_EVENTS = ("abs", "sign", "min", "max")  # as in Modelica; gearlib's versions raise events by themselves
 _OF_NUMBERS: Mapping[str, tuple[Callable[..., Any], int]] = {
     "integer": (math.floor, 1), "floor": (math.floor, 1), "ceil": (math.ceil, 1), "mod": (lambda x, y: x - math.floor(x / y) * y, 2),
     "div": (lambda x, y: math.trunc(x / y), 2), "rem": (lambda x, y: x - math.trunc(x / y) * y, 2), "size": (lambda x, k: _size(x, k), 2),
@@ -63,22 +63,22 @@ def _size(x: Any, k: int) -> int:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Where an expression is evaluated: a component of the class that it is written in, or only the class.
+    """Context for the evaluation of an expression: a component of the class that contains it, or the class alone.
 
     Parameters
     ----------
     scope : ClassScope
-        Of the text: where names of constants are looked up.
+        Scope in the text, for names of constants.
     component : Component or None
-        Whose variables, parameters and parts names stand for; None: constants only.
+        Its variables, parameters and parts are what names stand for; None: constants only.
     constants : mapping of str to SyntaxNode
-        Values of constants, and of structural choices that nothing gives.
+        Values of constants, and of structural choices that are not given.
     conditional : frozenset of str
-        Parts that are there under a condition.
+        Parts that exist conditionally.
     indices : mapping of str to int
-        Of the loops around.
+        Indices of the enclosing loops.
     of_parameters : bool
-        Whether the value is one of a parameter, so that it does not vary.
+        Whether the value is one of a parameter, so that it is constant.
     """
 
     scope: ClassScope
@@ -89,17 +89,17 @@ class Evaluation:
     of_parameters: bool = False
 
     def at_index(self, index: str, value: int) -> Evaluation:
-        """The same within a loop."""
+        """The same context within a loop."""
         return replace(self, indices={**self.indices, index: value})
 
     def constants_only(self) -> Evaluation:
-        """The same for the value of a parameter."""
+        """The same context for the value of a parameter."""
         return replace(self, of_parameters=True)
 
     # ------------------------------------------------------------ values
 
     def number(self, node: SyntaxNode) -> Any:
-        """A number, an expression, or a tuple of them; a condition is 1 or 0."""
+        """A number, an expression, or a tuple of them; a condition becomes 1 or 0."""
         found = self.value(node)
         if isinstance(found, str):
             raise ModelicaError(f"{node.at}: '{found}' is a string; expected a number")
@@ -110,7 +110,7 @@ class Evaluation:
         return found
 
     def value(self, node: SyntaxNode) -> Any:
-        """A number, Boolean, string, expression, condition, component, port, or a tuple of such."""
+        """A number, Boolean, string, expression, condition, component, port, or a tuple of these."""
         try:
             return self._value(node)
         except (GearlibError, Absent, RecursionError) as problem:
@@ -145,14 +145,14 @@ class Evaluation:
         raise ModelicaError(f"{node.at}: this expression is not read")
 
     def constant(self, node: SyntaxNode, expected: str = "a constant") -> Any:
-        """A value that is known when the model is built."""
+        """A value that must be known at translation."""
         found = self.value(node)
         if not _is_constant(found):
             raise ModelicaError(f"{node.at}: this has to be {expected}, known when the model is built; it depends on {found}")
         return found
 
     def range(self, node: SyntaxNode) -> tuple[int, ...]:
-        """The values of a loop's index."""
+        """The values of a loop index."""
         if not isinstance(node, RangeNode):
             found = self.constant(node, "a range such as 1:n")
             if isinstance(found, tuple):
@@ -169,7 +169,7 @@ class Evaluation:
     # ------------------------------------------------------------ names
 
     def reference(self, node: ReferenceNode) -> Any:
-        """What a name with its subscripts stands for."""
+        """The object that a name with its subscripts denotes."""
         first = node.names[0]
         if len(node.names) == 1 and first in self.indices:
             return self.indices[first]
@@ -191,7 +191,7 @@ class Evaluation:
         return self._constant_of_class(node)
 
     def _constant_of_class(self, node: ReferenceNode) -> Any:
-        """A constant of an enclosing class, of another class, of the library; or a literal of an enumeration."""
+        """A constant of an enclosing class, another class or the library; or an enumeration literal."""
         for level in self.scope.upwards() if len(node.names) == 1 else ():
             if (found := _constant_in(level, node.names[0])) is not None:
                 return Evaluation(level).value(found)
@@ -243,7 +243,7 @@ class Evaluation:
         return value
 
     def declaration(self, node: ReferenceNode) -> Declaration | None:
-        """The declaration of a variable by its name; None of what is not declared by a component."""
+        """The declaration of a variable by its name; None if no component declares it."""
         owner: Any = self.component
         for name, subscripts in zip(node.names[:-1], node.subscripts[:-1], strict=True):
             owner = (
@@ -259,7 +259,7 @@ class Evaluation:
     # ------------------------------------------------------------ conditions
 
     def condition(self, node: SyntaxNode) -> Any:
-        """A condition, or a Boolean where it is known."""
+        """A condition, or a Boolean if it is known."""
         found = self.value(node)
         if isinstance(found, bool) or _is_condition(found):
             return bool(found) if found in (True, False) else found
@@ -416,7 +416,7 @@ class Evaluation:
         if name == "semiLinear":
             above, below = (self.number(a) for a in arguments[1:])
             return language.Piecewise((above * x, x >= 0), (below * x, True))
-        if name == "pre":  # of a continuous variable: its value just before, which is what actions of When see
+        if name == "pre":  # of a continuous variable: its left limit, which actions of When see
             declared = self.declaration(arguments[0]) if isinstance(arguments[0], ReferenceNode) else None
             return x if isinstance(declared, (Variable, Derivative)) else language.pre(x)
         before = language.pre(x)
@@ -431,18 +431,18 @@ class Evaluation:
 
 
 def has(component: Component, name: str) -> bool:
-    """Whether a component declares something of that name, or has such a part by now."""
+    """Whether a component declares a name, or has such a part already."""
     local = name_within(component, name)
     return isinstance(getattr(type(component), local, None), Declaration) or local in vars(component)
 
 
 def name_within(component: Component, name: str) -> str:
-    """What a component calls a part or a declaration that the text names."""
+    """Component name of a part or declaration that the text refers to."""
     return name if name in vars(component) else local_name(type(component), names_in(type(component)), name)
 
 
 def declared_names(component: Component) -> list[str]:
-    """The names that a component declares, and its parts."""
+    """Names of a component's declarations and parts."""
     own = [n for kind in type(component).__mro__ for n, d in vars(kind).items() if isinstance(d, Declaration)]
     return own + [n for n in vars(component) if not n.startswith("_")]
 
@@ -456,7 +456,7 @@ def _arithmetic(sign: str, values: list[Any]) -> Any:
             return a + b
         case "-":
             return a - b
-        case "*" | "/":  # whole numbers as factors may carry a unit, as in 5 * w
+        case "*" | "/":  # integer factors may carry a unit, as in 5 * w
             a, b = (float(v) if isinstance(v, int) else v for v in (a, b))
             return a * b if sign == "*" else a / b
     if isinstance(b, float) and not isinstance(a, (int, float)) and b * 2 == int(b * 2):
@@ -465,7 +465,7 @@ def _arithmetic(sign: str, values: list[Any]) -> Any:
 
 
 def _constant_in(level: ClassScope, name: str) -> SyntaxNode | None:
-    """The value of a constant that a class declares."""
+    """The value of a constant declared in a class."""
     for element in level.node.elements:
         if isinstance(element, ComponentNode) and element.name == name and element.prefixes & {"constant", "parameter"}:
             return element.value if "constant" in element.prefixes else None
@@ -479,7 +479,7 @@ def _is_constant(value: Any) -> bool:
 
 
 def _is_condition(value: Any) -> bool:
-    """Whether it is a comparison, or several joined; symbols are none."""
+    """Whether it is a comparison, or a combination of them; symbols are not."""
     try:
         language.as_condition(value, "a condition")
     except GearlibError:

@@ -1,4 +1,4 @@
-"""A whole model as one Modelica class without parts: every variable and equation, connections written out."""
+"""A whole model as a single Modelica class without parts: every variable and equation, with connections expanded."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _NO_LETTER = re.compile(r"\W+")
 
 
 def _members(component: Component, prefix: str) -> Iterator[tuple[str, Component]]:
-    """A component and all parts below it, by the prefixes of their variables."""
-    connections_of(component)  # it has its parts from then on
+    """A component and all nested parts, with the prefixes of their variables."""
+    connections_of(component)  # assembles the component
     yield prefix, component
     for name, part in parts_of(component).items():
         yield from _members(part, f"{prefix}{name}.")
 
 
 class FlatText:
-    """The variables of a model under flat names, and its equations."""
+    """Variables of a model under flat names, and its equations."""
 
     def __init__(self, root: Component) -> None:
         self.root = root
@@ -52,7 +52,7 @@ class FlatText:
                 self._name(prefix + name)
 
     def _name(self, path: str) -> None:
-        """A name of letters, digits and underscores that nothing else has."""
+        """A unique name of letters, digits and underscores."""
         wanted = name = safe_name(_NO_LETTER.sub("_", re.sub(r"\[(\d+)\]", lambda m: f"_{int(m[1]) + 1}", path)))
         taken, number = set(self.names.values()), 1
         while name in taken:
@@ -61,7 +61,7 @@ class FlatText:
         self.names[path] = name
 
     def text(self, value: Any, prefix: str) -> str:
-        """A value that is written within a part of the model."""
+        """A value written in the scope of a part."""
         if isinstance(value, Tabulated):
             value = value.expression(time, True)
         return modelica_text(value_of(value), lambda name: self._named(prefix, name))
@@ -129,7 +129,7 @@ class FlatText:
         return f"{kind}Real {self.names[prefix + name]}{attributes_text(attributes, v.unit)}{text}{comment(v.description)};"
 
     def _above(self, prefix: str) -> str:
-        """The prefix of the component that encloses a part."""
+        """Prefix of the component that encloses a part."""
         return prefix[:-1].rpartition(".")[0] + "." if "." in prefix[:-1] else ""
 
     def _signals(self) -> Iterator[tuple[str, str]]:
@@ -138,7 +138,7 @@ class FlatText:
                 yield self.prefix[id(target)] + local, self._named(prefix, str(source))
 
     def _attributes(self) -> dict[str, dict[str, str]]:
-        """Start values and the like that are given when parts are made; what is given further outside wins."""
+        """Start values and other attributes given to parts; outer ones take precedence."""
         found: dict[str, dict[str, str]] = {}
         for prefix, part in reversed(list(self.members.items())):
             given, above = given_to(part), self._above(prefix)
@@ -153,7 +153,7 @@ class FlatText:
         return found
 
     def _connections(self) -> Iterator[str]:
-        """Equal potentials, and flows that sum to zero: those of a connector count inside of its component with the other sign."""
+        """Connection equations: equal potentials, and flows that sum to zero, with opposite sign for a connector seen from inside."""
         graph: Any = nx.Graph()
         kinds: dict[tuple[str, bool], Any] = {}
         for prefix, part in self.members.items():

@@ -1,4 +1,4 @@
-"""Modelica text as tokens, each with its line and column."""
+"""Lexer of Modelica text: tokens with line and column."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _ESCAPED = {"n": "\n", "t": "\t", "r": "\r", "a": "\a", "b": "\b", "f": "\f", "v
 
 @dataclass(frozen=True)
 class TextPlace:
-    """Where something stands: the file (or "the text"), line and column, counted from 1."""
+    """A position: the file (or "the text"), line and column, counted from 1."""
 
     source: str
     line: int
@@ -46,7 +46,7 @@ class TextPlace:
 
 @dataclass(frozen=True)
 class Token:
-    """A word, number, string or sign of the text."""
+    """A word, number, string or operator of the text."""
 
     kind: TokenKind
     text: str
@@ -57,12 +57,12 @@ class Token:
 
 
 def tokens(text: str, source: str = "the text") -> list[Token]:
-    """The tokens of a text; the last one marks its end.
+    """The tokens of a text, followed by an end marker.
 
     Raises
     ------
     ModelicaError
-        A sign that Modelica does not have, or a string or comment that does not end.
+        An invalid character, or an unterminated string or comment.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Parts of a component that is read: instances of library classes and of classes of the text, under modifications."""
+"""Instantiation of parts: library classes and classes of the text, under modifications."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STATE_SELECT = {"never": "never", "avoid": "avoid", "default": "default", "prefe
 
 @dataclass
 class PartValues:
-    """What is given to an instance when it is made."""
+    """Arguments given to an instance."""
 
     values: dict[str, Any] = field(default_factory=dict)
     start: dict[str, Any] = field(default_factory=dict)
@@ -51,7 +51,7 @@ class PartValues:
 
 @dataclass(frozen=True)
 class PartMaker:
-    """Makes the instances of one declared part; ``number`` is the place in an array of parts, counted from 0."""
+    """Makes the instances of one declared part; ``number`` is the index in an array of parts, counted from 0."""
 
     evaluation: Evaluation
     class_of: ClassOf
@@ -145,14 +145,14 @@ class PartMaker:
     # ------------------------------------------------------------ classes of the text
 
     def _own(self, scope: ClassScope, modifications: Modifications, given: PartValues) -> type[Component]:
-        """The class of a part, with what is modified within its own parts; the rest is given to the instance."""
+        """The class of a part, with modifications of its own parts applied; other values are given to the instance."""
         inside = self._split((), scope, modifications, given)
         return self.class_of(with_classes(scope, modifications, self.evaluation.scope), inside)
 
     def _split(
         self, path: tuple[str, ...], scope: ClassScope, modifications: Modifications, given: PartValues
     ) -> Modifications:
-        """What stays with the class: values within its parts, and redeclarations."""
+        """Modifications to apply to the class: values within its parts, and redeclarations."""
         kept: dict[str, Modification] = {}
         content = content_of(scope, modifications if any(m.redeclared for m in modifications.values()) else {})
         for name, m in modifications.items():
@@ -216,7 +216,7 @@ class PartMaker:
     def _of_library(
         self, path: tuple[str, ...], counterpart: Counterpart, inner: Modifications, given: PartValues
     ) -> Modifications:
-        """What is modified of a library part within a part."""
+        """Modifications of a library part within a part."""
         kept: dict[str, Modification] = {}
         for name, m in inner.items():
             local = counterpart.given.get(name) or counterpart.local(name)
@@ -229,7 +229,7 @@ class PartMaker:
         return kept
 
     def _given_within(self, path: tuple[str, ...], m: Modification, structural: bool, given: PartValues) -> Modification:
-        """A modification whose value is a parameter of the enclosing class, or, of a structural choice, the value itself."""
+        """A modification whose value is a parameter of the enclosing class or, for a structural choice, the value itself."""
         if structural:
             return replace(m, value=_literal(self._value(m, self.evaluation.constant), m), each=True)
         hidden = "__".join(path)
@@ -251,7 +251,7 @@ class PartMaker:
 
 
 def chosen(counterpart: Counterpart, name: str, value: Any, m: Modification) -> Any:
-    """The value of a structural choice: what stands for an enumeration's literal."""
+    """Value of a structural choice; enumeration literals are translated."""
     values = counterpart.values.get(name)
     if values is None:
         return value

@@ -1,4 +1,4 @@
-"""`read_modelica`: a model of Modelica text as a component class."""
+"""`read_modelica`: translates a Modelica model to a component class."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ MODELS = ("model", "block", "class")
 
 
 def read_modelica(source: str | Path, name: str | None = None) -> type[Component]:
-    """A model of Modelica text as a component class.
+    """Translate a Modelica model to a component class.
 
-    Classes of Modelica.Mechanics.Rotational, and what the component library has of Translational, Blocks and Thermal, are the
-    library's own; classes of the text become classes with the same equations. What is not understood is refused with its line and
-    column. Nothing of the text is executed.
+    Classes of Modelica.Mechanics.Rotational, and those of Translational, Blocks and Thermal that the component library covers, are
+    mapped to the library; classes of the text become classes with the same equations. Unsupported constructs are refused with line and
+    column. Nothing in the text is executed.
 
     Parameters
     ----------
     source : str or path
-        The text, or the name of a file that ends with ``.mo``.
+        The text, or the name of a file with the extension ``.mo``.
     name : str, optional
-        Of the model, such as ``"Drives.Train"``, where the text has several; by default the last one that is not partial.
+        Name of the model, such as ``"Drives.Train"``, if the text has several; by default the last one that is not partial.
 
     Returns
     -------
     type
-        A subclass of `Component`; instances take the model's parameters by name.
+        A subclass of `Component`; instances take the model's parameters as keywords.
 
     Raises
     ------
     ModelicaError
-        What the grammar does not allow, or is not read; says where.
+        A syntax error or an unsupported construct, with its position.
     NameLookupError
-        No such model.
+        Unknown model.
     FileError
         The file cannot be read.
 
@@ -69,7 +69,7 @@ def read_modelica(source: str | Path, name: str | None = None) -> type[Component
 
 
 def class_in_text(text: str, source: str, name: str | None) -> type[Component]:
-    """The component class of a model, by its full name; by default of the last one."""
+    """Component class of a model, by its full name; by default of the last one."""
     try:
         scope = outermost(parsed(text, source), standard_library().knows)
         models = dict(_models(scope))
@@ -87,7 +87,7 @@ def class_in_text(text: str, source: str, name: str | None) -> type[Component]:
 
 
 def _reduced(kind: ModelicaClass) -> Any:
-    """For pickling: the text and the name."""
+    """Pickling: the text and the name."""
     return class_in_text, (kind.modelica_text, kind.modelica_source, kind.modelica_name)
 
 
@@ -95,7 +95,7 @@ copyreg.pickle(ModelicaClass, _reduced)
 
 
 def _text(source: Any) -> tuple[str, str]:
-    """The text and what it is called in messages."""
+    """The text, and its name in messages."""
     if isinstance(source, str) and not (source.endswith(".mo") and "\n" not in source):
         return source, "the text"
     if not isinstance(source, (str, Path)):

@@ -1,4 +1,4 @@
-"""Names of classes: what a name stands for at a place of a text, by enclosing classes, imports and the standard library."""
+"""Name resolution of classes: enclosing classes, imports and the standard library."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ Path = tuple[str, ...]
 
 @dataclass(frozen=True, eq=False)
 class ClassScope:
-    """A class of the text with its full name and the scope around it; the outermost one holds the text's classes."""
+    """A class of the text with its full name and enclosing scope; the outermost scope holds the text's classes."""
 
     node: ClassNode
     path: Path
     outer: ClassScope | None
     within: Path = ()
-    is_known: Callable[[Path], bool] = lambda path: False  # whether the standard library has something of that name
-    replaced: Mapping[str, ClassScope] = field(default_factory=dict)  # classes that a redeclaration has put in
+    is_known: Callable[[Path], bool] = lambda path: False  # whether the standard library has that name
+    replaced: Mapping[str, ClassScope] = field(default_factory=dict)  # redeclared classes
 
     @property
     def name(self) -> str:
         return ".".join(self.path)
 
     def inner(self, name: str) -> ClassScope | None:
-        """A class within this one, not within one that it extends."""
+        """A class declared within this one, excluding inherited ones."""
         if name in self.replaced:
             return self.replaced[name]
         found = self.node.classes.get(name)
         return None if found is None else ClassScope(found, (*self.path, name), self)
 
     def upwards(self) -> Iterator[ClassScope]:
-        """The scope itself and those around it."""
+        """The scope itself and the enclosing ones."""
         scope: ClassScope | None = self
         while scope is not None:
             yield scope
@@ -57,14 +57,14 @@ def outermost(text: TextNode, is_known: Callable[[Path], bool]) -> ClassScope:
 
 
 def lookup(names: Path, scope: ClassScope) -> ClassScope | Path:
-    """What a name stands for: a class of the text, or else its full name, which may be one of the library's.
+    """Resolve a name to a class of the text, or else to a full name, possibly one of the library.
 
     Parameters
     ----------
     names : tuple of str
-        Such as ``("Rotational", "Components", "Inertia")``.
+        For example ``("Rotational", "Components", "Inertia")``.
     scope : ClassScope
-        Where it is written.
+        Where the name is used.
     """
     first, rest = names[0], names[1:]
     for level in scope.upwards():
@@ -86,7 +86,7 @@ def lookup(names: Path, scope: ClassScope) -> ClassScope | Path:
 
 
 def from_top(names: Path, scope: ClassScope) -> ClassScope | Path:
-    """What a full name stands for; where the text is within a package, also a name seen from there."""
+    """Resolve a full name; within a package, also a name relative to it."""
     root = scope.root
     within = root.within
     if names[: len(within)] == within and (found := descended(root, names[len(within) :])) is not None:
@@ -100,7 +100,7 @@ def from_top(names: Path, scope: ClassScope) -> ClassScope | Path:
 
 
 def descended(scope: ClassScope, names: Path) -> ClassScope | None:
-    """The class that a path leads to from within a class."""
+    """The class at a path below a class."""
     for name in names:
         inner = member(scope, name)
         if inner is None:
@@ -110,7 +110,7 @@ def descended(scope: ClassScope, names: Path) -> ClassScope | None:
 
 
 def member(scope: ClassScope, name: str) -> ClassScope | None:
-    """A class within a class, or within one that it extends."""
+    """A class declared in a class or inherited by it."""
     if (found := scope.inner(name)) is not None:
         return found
     for base in bases(scope):
@@ -120,7 +120,7 @@ def member(scope: ClassScope, name: str) -> ClassScope | None:
 
 
 def bases(scope: ClassScope) -> list[ClassScope]:
-    """The classes of the text that a class extends; their names are looked up around it."""
+    """The classes of the text that a class extends, with their names resolved in its enclosing scope."""
     if scope.outer is None:
         return []
     named = [e.type for e in scope.node.elements if isinstance(e, ExtendsNode)]

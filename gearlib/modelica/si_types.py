@@ -1,4 +1,4 @@
-"""What Modelica's names of quantities, constants and conversions stand for: units, numbers, factors."""
+"""Modelica's named quantities, constants and unit conversions: units, numbers, factors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CONSTANTS = {  # Modelica.Constants
     "sigma": 5.670374419e-8, "N_A": 6.02214076e23, "T_zero": -273.15,
 }  # fmt: skip
 
-CONVERSIONS = {  # Modelica.Units.Conversions (before 4.0: Modelica.SIunits.Conversions): factor, and what is added afterwards
+CONVERSIONS = {  # Modelica.Units.Conversions (before 4.0: Modelica.SIunits.Conversions): factor and offset
     "from_deg": (math.pi / 180, 0.0), "to_deg": (180 / math.pi, 0.0), "from_rpm": (math.pi / 30, 0.0),
     "to_rpm": (30 / math.pi, 0.0), "from_degC": (1.0, 273.15), "to_degC": (1.0, -273.15), "from_kmh": (1 / 3.6, 0.0),
     "to_kmh": (3.6, 0.0), "from_day": (86400.0, 0.0), "from_hour": (3600.0, 0.0), "from_minute": (60.0, 0.0),
@@ -45,7 +45,7 @@ _PLACES = ("Modelica.Units.SI.", "Modelica.SIunits.")
 
 
 def unit_named(path: str) -> str | None:
-    """The unit of a quantity's type by its full name, None where it is no such type.
+    """Unit of a quantity type by its full name, None if it is not one.
 
     >>> unit_named("Modelica.Units.SI.Torque")
     'N.m'
@@ -57,12 +57,12 @@ def unit_named(path: str) -> str | None:
 
 
 def constant_named(path: str) -> float | None:
-    """A number of Modelica.Constants by its full name."""
+    """A constant of Modelica.Constants by its full name."""
     return CONSTANTS.get(path.removeprefix("Modelica.Constants.")) if path.startswith("Modelica.Constants.") else None
 
 
 def conversion_named(path: str) -> tuple[float, float] | None:
-    """Factor and summand of a conversion of units by its full name."""
+    """Factor and offset of a unit conversion by its full name."""
     for place in ("Modelica.Units.Conversions.", "Modelica.SIunits.Conversions."):
         if path.startswith(place):
             return CONVERSIONS.get(path.removeprefix(place))
@@ -70,7 +70,7 @@ def conversion_named(path: str) -> tuple[float, float] | None:
 
 
 def unit_written(text: str) -> str | None:
-    """The unit as declarations have it, of one as Modelica writes it; None where it is not SI or not known.
+    """Convert a unit from Modelica's notation to that of declarations; None if it is unknown or not SI.
 
     >>> unit_written("N.m.s/rad"), unit_written("kg.m2"), unit_written("km/h")
     ('N.m.s/rad', 'kg.m2', None)

@@ -1,4 +1,4 @@
-"""Modelica's constructs as plain data: expressions, equations, declarations, classes."""
+"""Syntax tree of Modelica: expressions, equations, declarations, classes, as plain data."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from gearlib.modelica.lexer import TextPlace
 
 @dataclass(frozen=True)
 class SyntaxNode:
-    """Base: where a construct begins."""
+    """Base of all nodes, with the position of the construct."""
 
     at: TextPlace
 
 
 @dataclass(frozen=True)
 class NumberNode(SyntaxNode):
-    """A written number; whole if it has neither point nor exponent."""
+    """A numeric literal; an integer if it has neither point nor exponent."""
 
     value: float | int
 
@@ -40,7 +40,7 @@ class ReferenceNode(SyntaxNode):
     """A name with its subscripts: ``body[2].flange_a.phi``."""
 
     names: tuple[str, ...]
-    subscripts: tuple[tuple[SyntaxNode, ...], ...]  # of each name
+    subscripts: tuple[tuple[SyntaxNode, ...], ...]  # per identifier
 
     def __str__(self) -> str:
         return ".".join(self.names)
@@ -48,7 +48,7 @@ class ReferenceNode(SyntaxNode):
 
 @dataclass(frozen=True)
 class CallNode(SyntaxNode):
-    """A function of arguments: ``sin(x)``, ``der(w)``, ``pre(mode)``."""
+    """A function call: ``sin(x)``, ``der(w)``, ``pre(mode)``."""
 
     function: str
     arguments: tuple[SyntaxNode, ...]
@@ -73,7 +73,7 @@ class ChoiceNode(SyntaxNode):
 
 @dataclass(frozen=True)
 class RangeNode(SyntaxNode):
-    """``first : last`` or ``first : step : last``; a bare colon has no ends."""
+    """``first : last`` or ``first : step : last``; a bare colon has no bounds."""
 
     first: SyntaxNode | None = None
     step: SyntaxNode | None = None
@@ -98,7 +98,7 @@ class ComprehensionNode(SyntaxNode):
 
 @dataclass(frozen=True)
 class GivenNode(SyntaxNode):
-    """A value that the enclosing class gives under a name of its own to what stands within a part."""
+    """A value that the enclosing class passes to a nested part under a name of its own."""
 
     name: str
 
@@ -133,7 +133,7 @@ class LoopNode(SyntaxNode):
 
 @dataclass(frozen=True)
 class ConditionalNode(SyntaxNode):
-    """``if c then ... elseif d then ... else ... end if`` or, as ``when``, with ``elsewhen``; no condition: else."""
+    """``if c then ... elseif d then ... else ... end if`` or, for ``when``, with ``elsewhen``; no condition: else."""
 
     branches: tuple[tuple[SyntaxNode | None, tuple[SyntaxNode, ...]], ...]
     is_when: bool
@@ -141,7 +141,7 @@ class ConditionalNode(SyntaxNode):
 
 @dataclass(frozen=True)
 class CallStatement(SyntaxNode):
-    """A function that stands as an equation: ``reinit(w, 0)``, ``assert(...)``."""
+    """A function call used as an equation: ``reinit(w, 0)``, ``assert(...)``."""
 
     call: CallNode
 
@@ -193,7 +193,7 @@ class ImportNode(SyntaxNode):
 
 @dataclass(frozen=True, eq=False)
 class ClassNode(SyntaxNode):
-    """A class: its elements, equations and classes within; or, in short form, another one with modifications."""
+    """A class: its elements, equations and local classes; or, in short form, another class with modifications."""
 
     kind: str  # model, block, class, connector, package, type, record, function
     name: str
@@ -209,7 +209,7 @@ class ClassNode(SyntaxNode):
 
 @dataclass(frozen=True)
 class TextNode(SyntaxNode):
-    """A whole text: where its classes belong, and the classes in order."""
+    """A whole text: the ``within`` clause, and the classes in order."""
 
     within: tuple[str, ...]
     classes: tuple[ClassNode, ...]

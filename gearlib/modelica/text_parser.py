@@ -1,4 +1,4 @@
-"""Parser of Modelica text: recursive descent over the tokens, one method for each rule of the grammar.
+"""Parser of Modelica text: recursive descent, one method per grammar rule.
 
 References
 ----------
@@ -46,16 +46,16 @@ RELATIONS = ("<", "<=", ">", ">=", "==", "<>")
 ENDS_OF_EQUATIONS = (
     "end", "else", "elseif", "elsewhen", "initial", "equation", "algorithm", "public", "protected", "annotation",
 )  # fmt: skip
-DEEPEST_TEXT = 60  # levels of nesting of expressions and classes; each takes several of Python's frames
+DEEPEST_TEXT = 60  # nesting depth of expressions and classes; each level takes several Python frames
 
 
 def parsed(text: str, source: str = "the text") -> TextNode:
-    """The classes that a text declares.
+    """Parse the classes of a text.
 
     Raises
     ------
     ModelicaError
-        What the grammar does not allow, with line and column.
+        A syntax error, with line and column.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def parsed(text: str, source: str = "the text") -> TextNode:
 
 
 class _Parser:
-    """The tokens of a text, and the next one to be read."""
+    """Token stream with the position of the next token."""
 
     def __init__(self, found: list[Token]) -> None:
         self.tokens, self.next, self.depth = found, 0, 0
@@ -121,7 +121,7 @@ class _Parser:
         return tuple(names)
 
     def string(self) -> str:
-        """A comment's strings, joined by ``+``; empty without one."""
+        """A comment string, with ``+`` concatenation; empty if there is none."""
         words = []
         while self.token.kind == "string":
             words.append(self.step().text)
@@ -131,7 +131,7 @@ class _Parser:
         return "".join(words)
 
     def comment(self) -> str:
-        """A string and an annotation; the annotation is passed over."""
+        """A comment string and an annotation; the annotation is skipped."""
         words = self.string()
         if self.takes("annotation"):
             self.class_modification()
@@ -263,7 +263,7 @@ class _Parser:
         self.expect(";")
 
     def constraint(self) -> None:
-        """``constrainedby C(...)``, which says what may be chosen and chooses nothing."""
+        """Skip ``constrainedby C(...)``, which restricts redeclarations without making one."""
         if self.takes("constrainedby"):
             self.path("the name of a class")
             if self.sees("("):

@@ -1,4 +1,4 @@
-"""`to_modelica`: a component as Modelica text."""
+"""`to_modelica`: writes a component as Modelica text."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ _IDENTIFIER = re.compile(r"[A-Za-z_]\w*$", re.ASCII)
 
 
 def to_modelica(component: Component, *, flat: bool = False, standard_library: bool = True, name: str | None = None) -> str:
-    """A component as Modelica text, which other tools simulate and `read_modelica` reads.
+    """Write a component as Modelica text, which other tools can simulate and `read_modelica` can read.
 
     Each component class becomes a class of a package: parameters with units, bounds and defaults, variables with start attributes,
-    parts with what is given to them, equations, connections. Structural choices are settled: a class with two sets of choices is two
-    classes. Inputs of parts that nothing gives become inputs of the model.
+    parts with modifications, equations, connections. Structural choices are resolved: a class used with two sets of choices becomes two
+    classes. Unbound inputs of parts become inputs of the model.
 
     Parameters
     ----------
     component : Component
     flat : bool
-        One model without parts: ``load.w`` is called ``load_w``, connections are equations.
+        Write a single model without parts: ``load.w`` becomes ``load_w``, connections become equations.
     standard_library : bool
-        Whether parts that the Modelica Standard Library has are its own, ``Modelica.Mechanics.Rotational.Components.Inertia``;
-        otherwise the package has everything that it needs.
+        Whether parts with a counterpart in the Modelica Standard Library refer to it,
+        ``Modelica.Mechanics.Rotational.Components.Inertia``; otherwise the package is self-contained.
     name : str, optional
-        Of the package, or of the flat model.
+        Name of the package, or of the flat model.
 
     Returns
     -------
@@ -39,8 +39,8 @@ def to_modelica(component: Component, *, flat: bool = False, standard_library: b
     Raises
     ------
     ModelicaError
-        What Modelica does not have: a Python function that is called during a run, a connection to a part within a part (with
-        ``flat``, that is written).
+        Anything that Modelica cannot express: a Python function called during a run, a connection to a part within a part (which is
+        possible with ``flat``).
 
     Examples
     --------
