@@ -112,6 +112,8 @@ def steady_motion(solved: LinearTrain) -> Steady:
         held = np.abs(E @ free).max(axis=1, initial=0.0) < SMALL  # both ends are prescribed: no speed depends on what it takes
         if np.abs(E[held] @ v).max(initial=0.0) > 1e-9 * (1 + np.abs(v).max(initial=0.0)):
             doubtful = "a spring between prescribed motions is wound up for ever"
+        elif held.any():
+            doubtful = "the twist of a spring between prescribed motions follows from no speed"
         E = E[~held]
         v = v + free @ np.linalg.lstsq(E @ free, -E @ v, rcond=SMALL)[0]
         if np.abs(E @ v).max(initial=0.0) > 1e-9 * (1 + np.abs(v).max(initial=0.0)):

@@ -29,6 +29,8 @@ def judge_linear(train: Train, seed: int = 0) -> Verdict:
         refusal = "one prescribed motion follows from others"
     if refusal is None and solved.struck:
         refusal = "a step of torque acts on what has neither inertia nor damping"
+    if refusal is None and solved.jolted:
+        refusal = "the acceleration of what a step of torque makes jump is measured"
     refusal = refusal or solved.differentiated
     return attempted(lambda: _run(train, solved, random.Random(seed), refusal), refusal)
 

@@ -289,6 +289,20 @@ class LinearTrain:
         return bool(steps.size and self.T3.size and np.abs(steps @ self.T3).max() > 1e-9)
 
     @property
+    def jolted(self) -> bool:
+        """Whether a step of torque makes a speed jump whose acceleration is measured: it would be infinite."""
+        steps = np.diff([self.forces(t)[:, 0] for t in [0.0, *self.moments]], axis=0)
+        if not steps.size or not self.T2.size:
+            return False
+        jumps = steps @ self.T2 @ np.linalg.solve(self.T2.T @ self.D @ self.T2, self.T2.T)
+        for part in self.train.parts:
+            if part.kind in ("AccSensor", "RelAccSensor"):
+                row = self.spread(part, (-1.0, 1.0) if part.kind == "RelAccSensor" else (1.0,))
+                if np.abs(jumps @ row).max() > 1e-9:
+                    return True
+        return False
+
+    @property
     def differentiated(self) -> str | None:
         """Whether an input that is bound to nothing acts on what has no inertia: speeds or accelerations need its derivative.
 
