@@ -1,1 +1,1 @@
-"""Pictures from plain data: block diagrams, schemes, plots. Nothing here knows what made the data."""
+"""Drawings from plain data: block diagrams, stick diagrams, plots; independent of what produced the data."""

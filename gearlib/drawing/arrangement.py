@@ -1,4 +1,4 @@
-"""Arrangement of a block diagram: where every box stands and how every wire runs; boxes within boxes are arranged first."""
+"""Layout of a block diagram: positions of boxes and routes of wires; nested boxes are laid out first."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from gearlib.drawing.svg import text_width
 LEFT, RIGHT = -1, 1
 ZONE, LABEL, ROW, TITLE, PADDING = 48.0, 16.0, 16.0, 24.0, 8.0
 BOX = Icon((), framed=True)
-ASIDE = frozenset({"support", "heat_port"})  # joined below an icon, not at its shafts
+ASIDE = frozenset({"support", "heat_port"})  # ports below an icon, not at its shafts
 DRIVING, DRIVEN = frozenset({"torque", "speed", "angle", "acceleration", "force"}), frozenset({"sensor", "load"})
 LEFT_ENDS, RIGHT_ENDS = ("_a", "_in"), ("_b", "_out")
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A box of the diagram: a part with its place.
+    """A box of the diagram: a part with its position.
 
     Parameters
     ----------
     part : Outline
     x, y, width, height : float
-        The box with its label.
+        Bounds of the box including its label.
     ends : tuple of (port, side, height)
-        Where wires meet it: -1 at the left edge, 1 at the right one, with the distance from the upper edge.
+        Ends of wires: -1 at the left edge, 1 at the right one, with the distance from the upper edge.
     mirrored : bool
-        Whether its icon is turned, the first shaft on the right.
+        Whether its icon is mirrored, with the first shaft on the right.
     inner : Arrangement, optional
-        What it holds, where that is shown.
+        Layout of its contents, if shown.
     """
 
     part: Outline
@@ -50,7 +50,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class Wire:
-    """A net with the pieces that draw it (x1, y1, x2, y2), and the places where more than two of them meet."""
+    """A net with its line segments (x1, y1, x2, y2), and the points where more than two of them meet."""
 
     net: Net
     pieces: tuple[Segment, ...]
@@ -69,7 +69,7 @@ class Border:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """A diagram: its size, boxes, wires, and the ports at its edge."""
+    """Layout of a diagram: its size, boxes, wires, and border ports."""
 
     width: float
     height: float
@@ -87,7 +87,7 @@ def label_of(part: Outline) -> str:
 
 
 def arranged(outline: Outline, width: float) -> Arrangement:
-    """Arrange the parts of an outline; rows of layers that would be wider than ``width`` are folded into several."""
+    """Lay out the parts of an outline; a sequence of layers wider than ``width`` is folded into several rows."""
     inner = {part.name: arranged(part, width) for part in outline.parts if part.parts}
     own = tuple(outline.ports) if outline.parts else ()
     things: list[Outline | Terminal] = [*outline.parts, *own]
@@ -105,7 +105,7 @@ def arranged(outline: Outline, width: float) -> Arrangement:
 
 
 def _liking(thing: Outline | Terminal, pin: Pin, net: Net, inner: dict[str, Arrangement]) -> int:
-    """The side of a part that a port has by convention: -1, 1, or 0 for any."""
+    """Conventional side of a port on its part: -1, 1, or 0 for either."""
     if isinstance(thing, Terminal):
         if net.domain == "signal":
             return RIGHT if net.pins[0] == pin else LEFT
@@ -122,7 +122,7 @@ def _liking(thing: Outline | Terminal, pin: Pin, net: Net, inner: dict[str, Arra
 
 
 def _border_sides(things: Sequence[Outline | Terminal], liking: Sequence[Sequence[tuple[int, int]]]) -> dict[int, int]:
-    """The edge at which each port of the component stands."""
+    """The edge of each port of the component."""
     own = [i for i, thing in enumerate(things) if isinstance(thing, Terminal)]
     if not own:
         return {}
@@ -148,13 +148,13 @@ def _sides(
     things: Sequence[Outline | Terminal], ends: Sequence[Sequence[tuple[int, Pin]]], layer: Sequence[int], border: dict[int, int],
     inner: dict[str, Arrangement], nets: Sequence[Net],
 ) -> Sides:  # fmt: skip
-    """The side at which each pin leaves its box: that of the parts it is joined to."""
+    """The side at which each wire leaves its box: that of the parts it is connected to."""
     towards: dict[tuple[int, str], float] = {}
     for found, net in zip(ends, nets, strict=True):
         signal = net.domain == "signal"
         for n, pin in found:
             others = [layer[m] for m, _ in found if m != n]
-            if signal and pin != found[0][1]:  # an arrow comes from where the signal is made
+            if signal and pin != found[0][1]:  # arrows start at the source of the signal
                 others = [layer[found[0][0]]]
             towards[n, pin.port] = sum(others) / len(others) - layer[n] if others else 0.0
     sides: Sides = {}
@@ -182,7 +182,7 @@ def _sides(
 
 
 def _shafts(part: Outline) -> list[Terminal]:
-    """The ports at which an icon's own shafts end: two, one, or none for what is framed."""
+    """The ports at which an icon's own shafts end: two, one, or none for framed parts."""
     icon = icon_of(part)
     if icon.framed:
         return []
@@ -191,7 +191,7 @@ def _shafts(part: Outline) -> list[Terminal]:
 
 @dataclass
 class _Design:
-    """What is placed: parts and ports of the border, the pins of every net, their sides, the layers."""
+    """Input of the layout: parts and border ports, the pins of every net, their sides, the layers."""
 
     things: Sequence[Outline | Terminal]
     ends: Sequence[Sequence[tuple[int, Pin]]]
@@ -200,7 +200,7 @@ class _Design:
     inner: dict[str, Arrangement]
 
     def places(self, n: int, rows: dict[tuple[int, int], list[str]]) -> dict[str, float]:
-        """Height of every port of a thing below its upper edge."""
+        """Height of every port of an item below its upper edge."""
         thing = self.things[n]
         if isinstance(thing, Terminal):
             return {thing.name: LABEL}
@@ -224,7 +224,7 @@ class _Design:
         return bool(shafts) and self.side[n, shafts[0].name] == RIGHT
 
     def size(self, n: int, found: dict[str, float]) -> tuple[float, float]:
-        """Width, even, and height of a thing with its label."""
+        """Width (even) and height of an item with its label."""
         width, height = self._size(n, found)
         return 4.0 * ceil(width / 4), height
 
@@ -288,7 +288,7 @@ def _routed(outline: Outline, design: _Design, limit: float) -> Arrangement:
 def _by_neighbours(
     key: tuple[int, int], names: list[str], net_of: dict[tuple[int, str], int], design: _Design, rank: dict[int, int]
 ) -> list[str]:
-    """Ports at one side of a box in the order of the parts that they are joined to."""
+    """Ports at one side of a box, in the order of the parts that they are connected to."""
     n, _ = key
 
     def height(name: str) -> float:
@@ -302,16 +302,16 @@ def _drawn(
     outline: Outline, design: _Design, rows: list[list[int]], nodes: dict[int, Node], places: dict[int, dict[str, float]],
     limit: float,
 ) -> Arrangement:  # fmt: skip
-    """Boxes and wires, band by band: a band is a run of layers that fits into the width."""
+    """Boxes and wires, row by row: a row is a sequence of layers that fits into the width."""
     widths = [max((nodes[n].width for n in row), default=0.0) for row in rows]
-    if max(widths, default=0.0) > limit / 3:  # what holds large boxes is not made clearer by folding
+    if max(widths, default=0.0) > limit / 3:  # folding does not make diagrams with large nested boxes clearer
         limit = float("inf")
     boxes: list[Placed] = []
     border: list[Border] = []
     pieces: dict[int, list[Segment]] = {}
     bands = _bands(widths, limit)
     upper = total = 0.0
-    arriving: dict[int, float] = {}  # nets that come from the band above, with their height in the gutter
+    arriving: dict[int, float] = {}  # nets from the row above, with their height in the gutter
     ends_above: dict[int, float] = {}
     for first, last in bands:
         here = rows[first:last]
@@ -358,7 +358,7 @@ def _drawn(
 
 
 def _to_edges(design: _Design, n: int, x: float, y: float, width: float, node: Node, pieces: dict[int, list[Segment]]) -> None:
-    """From a box, which stands in the middle of its layer, to the layer's edges."""
+    """Segments from a box, which is centred in its layer, to the layer's edges."""
     free = 0.0 if isinstance(design.things[n], Terminal) else (width - node.width) / 2
     for net, side, offset in node.pins:
         if free > 0:
@@ -383,8 +383,8 @@ def _place(
 
 
 def _bands(widths: Sequence[float], limit: float) -> list[tuple[int, int]]:
-    """Runs of layers, each about as wide as the limit allows."""
-    room = 48.0  # a channel, roughly
+    """Sequences of layers, each about as wide as the limit allows."""
+    room = 48.0  # approximate width of a channel
     bands, first, used = [], 0, 0.0
     for i, width in enumerate(widths):
         if i > first and used + width + room > limit:
@@ -395,7 +395,7 @@ def _bands(widths: Sequence[float], limit: float) -> list[tuple[int, int]]:
 
 
 def joints(pieces: Sequence[Segment]) -> tuple[tuple[float, float], ...]:
-    """Points where three pieces or more meet.
+    """Points where three segments or more meet.
 
     >>> joints([(0, 0, 8, 0), (8, 0, 8, 8), (8, 0, 16, 0)])
     ((8, 0),)

@@ -1,4 +1,4 @@
-"""What a block diagram shows, as plain data: parts within parts, their ports, and the nets that join these."""
+"""Contents of a block diagram as plain data: nested parts, their ports, and the nets that connect these."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from itertools import pairwise
 import networkx as nx
 
 MEMBER = re.compile(r"(.*)\[(\d+)\]$")
-OWN = ""  # stands for the component itself in a pin: a port of its border
+OWN = ""  # in a pin, the component itself: a border port
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Terminal:
     ----------
     name : str
     domain : {"rotation", "translation", "heat", "signal", "other"}
-        What flows.
+        Physical domain.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Terminal:
 
 @dataclass(frozen=True, order=True)
 class Pin:
-    """A port of a part, by names; `OWN` is the component itself."""
+    """A port of a part, by name; `OWN` is the component itself."""
 
     part: str
     port: str
@@ -39,7 +39,7 @@ class Pin:
 
 @dataclass(frozen=True)
 class Net:
-    """Ports that are joined; of a signal, the first is where it comes from. ``count`` of them look alike."""
+    """Connected ports; for a signal, the first is its source. ``count`` identical nets are drawn as one."""
 
     pins: tuple[Pin, ...]
     domain: str = "rotation"
@@ -48,29 +48,29 @@ class Net:
 
 @dataclass(frozen=True)
 class Outline:
-    """A component as it is drawn.
+    """A component as drawn.
 
     Parameters
     ----------
     name, kind : str
         Name of the part, and of its class.
     icon : str
-        Name of the drawing; empty: a labelled box.
+        Name of its icon; empty: a labelled box.
     ports : tuple of Terminal
     parts : tuple of Outline
-        Its parts, down to the depth that is shown.
+        Its parts, down to the displayed depth.
     nets : tuple of Net
         Connections between ports of its parts, and of its own.
     composite : bool
-        Whether it has parts, shown or not.
+        Whether it has parts, displayed or not.
     note : str
-        Shown where the mouse rests.
+        Tooltip.
     count : int
-        Number of parts of a family that this stands for.
+        Number of family members that it stands for.
     members : tuple of str
-        Names of the parts that this stands for, where it is more than one.
+        Names of these members, if more than one.
     radii : tuple of float
-        Of its gears, m, or one ratio; NaN where it is not known yet.
+        Radii of its gears (m), or one ratio; NaN if unknown.
     """
 
     name: str
@@ -87,11 +87,11 @@ class Outline:
 
 
 def folded(outline: Outline) -> Outline:
-    """The outline with its families of like parts drawn once.
+    """The outline with each family of identical parts drawn once.
 
-    Parts ``planet[0]``, ``planet[1]``, ... of one class and with the same ports become one ``planet`` with their number, and nets that
-    differ in the members only become one. Where members are joined to each other, as in a chain, the first and the last of each
-    family stay, and one box stands for all between.
+    Parts ``planet[0]``, ``planet[1]``, ... of one class and with the same ports become one ``planet`` with their count, and nets that
+    differ only in the members become one. Where members are connected to each other, as in a chain, the first and the last of each
+    family remain, with one box for all between.
 
     >>> wheels = tuple(Outline(f"wheel[{i}]", "Wheel", ports=(Terminal("a"),)) for i in range(3))
     >>> nets = (Net((Pin("", "in"), *(Pin(w.name, "a") for w in wheels))),)
@@ -135,7 +135,7 @@ def _listed(members: list[Outline]) -> str:
 
 
 def _merged(nets: tuple[Net, ...], name_of: Mapping[str, str], pins_of: Mapping[Pin, Pin]) -> tuple[Net, ...]:
-    """Nets by the names of what is drawn; those inside of what stands for several parts are left out."""
+    """Merge nets under the names of drawn parts; nets inside a merged part are dropped."""
     found: Counter[tuple[tuple[Pin, ...], str]] = Counter()
     for net in nets:
         pins = tuple(dict.fromkeys(pins_of.get(pin, Pin(name_of.get(pin.part, pin.part), pin.port)) for pin in net.pins))
@@ -145,7 +145,7 @@ def _merged(nets: tuple[Net, ...], name_of: Mapping[str, str], pins_of: Mapping[
 
 
 def _linked(merged: Mapping[str, list[Outline]], nets: tuple[Net, ...]) -> list[str]:
-    """Families one of whose ports would be in several nets: their members are not all joined to the same things."""
+    """Families with a port that would belong to several nets: their members are not all connected alike."""
     name_of = {m.name: name for name, members in merged.items() for m in members}
     uses: dict[Pin, set[frozenset[Pin]]] = {}
     for net in nets:
@@ -161,7 +161,7 @@ INSIDE = Pin("...", "...")
 
 
 def _middles(chains: list[list[Outline]], nets: tuple[Net, ...]) -> tuple[list[Outline], dict[Pin, Pin]]:
-    """One part for all members of linked chains but their first and last, and the pins that its ports stand for."""
+    """One part for all members of linked chains except the first and last, and the mapping of their pins."""
     family_of = {m.name: i for i, chain in enumerate(chains) for m in chain}
     graph = nx.Graph()
     graph.add_nodes_from(range(len(chains)))

@@ -1,4 +1,4 @@
-"""Wires in the channels between the layers: one upright piece for each net and channel, each on a track of its own.
+"""Channel routing: wires between layers, with one vertical segment per net and channel, each on a track of its own.
 
 References
 ----------
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import networkx as nx
 
-TRACK = 8.0  # between upright pieces
-MARGIN = 12.0  # between a layer and the first of them
+TRACK = 8.0  # between vertical segments
+MARGIN = 12.0  # between a layer and the first track
 NUDGE = 3.0
 
 Segment = tuple[float, float, float, float]
@@ -21,15 +21,15 @@ Segment = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Channel:
-    """How wide a channel is, and how its nets run.
+    """Width of a channel, and the tracks of its nets.
 
     Parameters
     ----------
     width : float
     track : dict of int to float
-        Place of the upright piece of a net, from the channel's left edge; a net that runs straight through has none.
+        Position of a net's vertical segment, from the channel's left edge; straight nets have none.
     nudged : frozenset of (net, y)
-        Right ends that are shifted by `NUDGE`, since two nets would lie on each other otherwise.
+        Right ends shifted by `NUDGE`, since two nets would overlap otherwise.
     """
 
     width: float
@@ -38,14 +38,14 @@ class Channel:
 
 
 def channel(left: Mapping[int, Sequence[float]], right: Mapping[int, Sequence[float]], beside: Mapping[int, float]) -> Channel:
-    """Tracks of the nets of a channel.
+    """Assign the nets of a channel to tracks.
 
     Parameters
     ----------
     left, right : mapping of int to sequence of float
-        Heights at which nets end at the left and at the right edge.
+        Heights at which nets end at the left and right edges.
     beside : mapping of int to float
-        Heights of wires in the gutter below or above, for nets that go on in another row of layers.
+        Heights of wires in the gutter below or above, for nets that continue in another row of layers.
     """
     spans: dict[int, tuple[float, float]] = {}
     for net in dict.fromkeys([*left, *right, *beside]):
@@ -53,7 +53,7 @@ def channel(left: Mapping[int, Sequence[float]], right: Mapping[int, Sequence[fl
         straight = len(ends) == 2 and ends[0] == ends[1] and net in left and net in right
         if not straight:
             spans[net] = min(ends), max(ends)
-    before = nx.DiGraph()  # the piece of a net that comes from the left at a height lies left of the one that leaves there
+    before = nx.DiGraph()  # the net that ends at a height on the left precedes the one that ends there on the right
     before.add_nodes_from(spans)
     at = {y: net for net, ends in left.items() for y in ends if net in spans}
     nudged: set[tuple[int, float]] = set()
@@ -82,14 +82,14 @@ def channel(left: Mapping[int, Sequence[float]], right: Mapping[int, Sequence[fl
     return Channel(width, {net: MARGIN + TRACK * place for net, place in level.items()}, frozenset(nudged))
 
 
-GAP = 5.0  # between upright pieces on one track
+GAP = 5.0  # between vertical segments on one track
 
 
 def wires(
     found: Channel, x: float, left: Mapping[int, Sequence[float]], right: Mapping[int, Sequence[float]],
     beside: Mapping[int, float],
 ) -> dict[int, list[Segment]]:  # fmt: skip
-    """Pieces of the nets of a channel whose left edge is at ``x``, by net."""
+    """Segments, by net, of a channel whose left edge is at ``x``."""
     end = x + found.width
     pieces: dict[int, list[Segment]] = {}
     for net in dict.fromkeys([*left, *right, *beside]):

@@ -1,4 +1,4 @@
-"""Plots of histories without time on their axis: one variable over another, sections, loops, and spectra."""
+"""Plots of histories without a time axis: phase plots, Poincaré sections, hysteresis loops, and spectra."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAST = "#7fa3c7"
 
 
 def plot_against(x: History, y: History, shown: tuple[Shown, Shown], *, period: float | None = None, axes: Any = None) -> Any:
-    """Draw one variable over another: a phase portrait, a hysteresis loop, an orbit.
+    """Plot one variable over another: a phase portrait, a hysteresis loop, an orbit.
 
     Parameters
     ----------
@@ -28,14 +28,14 @@ def plot_against(x: History, y: History, shown: tuple[Shown, Shown], *, period: 
     shown : pair of Shown
         Their units.
     period : float, optional
-        Of the excitation, s: the last period is drawn strongly, the state at the end of each is a point (the Poincaré section), and
-        where x and y are a path and its force the work of the last period is named, the area of the loop.
+        Of the excitation, s: the last period is drawn bold, the state at the end of each is marked (the Poincaré section), and the work
+        of the last period, the area of the loop, is stated where x and y are a path and its force.
     axes : matplotlib Axes, optional
 
     Raises
     ------
     ArgumentError
-        A period that is longer than the run.
+        A period longer than the run.
     """
     here = figure(axes, 1, (5.6, 4.6))
     a, b = x.values * shown[0].factor, y.values * shown[1].factor
@@ -59,7 +59,7 @@ def plot_against(x: History, y: History, shown: tuple[Shown, Shown], *, period: 
 
 
 def stroboscopic(time: Floats, period: float) -> Floats:
-    """Moments that are whole periods before the end of a run, in their order.
+    """Times at whole periods before the end of a run, in ascending order.
 
     >>> stroboscopic(np.linspace(0, 1, 11), 0.3).round(9).tolist()
     [0.1, 0.4, 0.7, 1.0]
@@ -72,7 +72,7 @@ def stroboscopic(time: Floats, period: float) -> Floats:
 
 
 def loop_work(x: History, y: History, t_start: float, t_end: float) -> float:
-    """The integral of y dx between two times, by trapezoids: the area of a closed loop.
+    """Integral of y dx between two times by the trapezoidal rule: the area of a closed loop.
 
     >>> t = np.linspace(0, 2 * np.pi, 2001)
     >>> round(loop_work(History("x", "m", t, np.sin(t)), History("f", "N", t, 3 * np.cos(t)), 0.0, 2 * np.pi), 4)
@@ -85,21 +85,21 @@ def loop_work(x: History, y: History, t_start: float, t_end: float) -> float:
 
 
 def spectrum(history: History, window: str = "hann", t_start: float | None = None) -> tuple[Floats, Floats]:
-    """Peak amplitudes over frequency (Hz), by a Fourier transform through a window.
+    """Peak amplitudes over frequency (Hz), by a windowed Fourier transform.
 
     Parameters
     ----------
     history : History
         Equally spaced.
     window : {"hann", "flattop", "blackman", "rectangular"}
-        Flattop shows amplitudes right wherever their frequencies lie, hann tells close frequencies apart.
+        Flattop shows amplitudes accurately wherever their frequencies lie, Hann separates close frequencies.
     t_start : float, optional
-        What is before is left out.
+        Earlier samples are left out.
 
     Raises
     ------
     ArgumentError
-        Samples that are not equally spaced, or too few; no such window.
+        Samples that are not equally spaced, or too few; or an unknown window.
 
     Examples
     --------
@@ -128,7 +128,7 @@ def plot_spectrum(
     history: History, shown: Shown, *, window: str = "hann", t_start: float | None = None, f_max: float | None = None,
     axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Draw the spectrum of a history; returns the axes."""
+    """Plot the spectrum of a history; returns the axes."""
     f, amplitudes = spectrum(history, window, t_start)
     here = figure(axes, 1, (8.0, 3.5))
     here.semilogy(f[1:], np.maximum(amplitudes[1:] * shown.factor, 1e-300), color=COLOURS[0], lw=1.0)

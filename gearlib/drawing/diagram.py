@@ -1,4 +1,4 @@
-"""The block diagram of a component as SVG: icons, labels, wires in the colours of what they carry."""
+"""Block diagram of a component as SVG: icons, labels, wires coloured by domain."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ GREY = "#5b6b7d"
 class Diagram(Picture):
     """Block diagram of a component.
 
-    Shown by notebooks, and saved with ``save("train.svg")``; ``svg`` is the text. ``arrangement`` has the boxes and wires with their
-    places.
+    Displayed by notebooks, and saved with ``save("train.svg")``; ``svg`` is the text. ``arrangement`` holds the positions of boxes and
+    wires.
     """
 
     def __init__(self, outline: Outline, *, fold: bool = True, width: float = 1400.0) -> None:
@@ -45,7 +45,7 @@ class Diagram(Picture):
 
 
 def _alone(outline: Outline) -> Outline:
-    """A part without parts that are shown: the diagram has its icon only."""
+    """A part without displayed contents: its diagram consists of its icon."""
     return Outline(outline.name, outline.kind, parts=(outline,))
 
 
@@ -55,7 +55,7 @@ def _document(outline: Outline, found: Arrangement) -> str:
 
 
 def _contents(found: Arrangement, x: float, y: float, free: float) -> Iterator[str]:
-    """Everything in an arrangement whose upper left corner is at (x, y); the frame is ``free`` beside it."""
+    """All elements of a layout with its upper left corner at (x, y); the frame keeps a distance ``free``."""
     for wire in found.wires:
         yield _wire(wire, x, y)
     joined = {pin.port for wire in found.wires for pin in wire.net.pins if pin.part == OWN}
@@ -81,7 +81,7 @@ def _wire(wire: Wire, x: float, y: float) -> str:
 
 
 def _border(port: Border, x: float, y: float, width: float, free: float, joined: bool) -> Iterator[str]:
-    """A port of the component: a square on its frame, its name, and the wire to the first channel where something is joined to it."""
+    """A port of the component: a square on the frame, its name, and the wire to the first channel if it is connected."""
     frame = x - free if port.side == LEFT else x + width + free
     if joined:
         yield line(frame, y + port.y, x + port.x, y + port.y, **_style(port.port.domain))
@@ -142,7 +142,7 @@ def _family(box: Placed, x: float, y: float, width: float, height: float) -> Ite
 
 
 def _through(box: Placed, x: float, y: float, middle: float) -> Iterator[str]:
-    """An icon with its shafts led to the edges of its box, and further ports below it."""
+    """An icon with its shafts extended to the edges of its box, and further ports below it."""
     icon = icon_of(box.part)
     centre = y + ZONE / 2
     mirror = "scale(-1 1)" if box.mirrored else ""

@@ -1,4 +1,4 @@
-"""Histories of variables over time: one axis for each unit, marks at events, and runs compared."""
+"""Plots of variables over time: one diagram per unit, event marks, and comparison of runs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gearlib.errors import ArgumentError
 
 Floats = NDArray[np.float64]
 DASHES = ((0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)))
-MOST_LINES = 40  # events that are drawn as lines; more are ticks at the edge
+MOST_LINES = 40  # number of events up to which they are drawn as lines; beyond that as ticks at the edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class History:
         In SI units.
     time, values : arrays
     run : str
-        Which run it is of; empty for the first.
+        Label of the run; empty for the first.
     """
 
     name: str
@@ -40,12 +40,12 @@ class History:
 
 
 def shown_units(histories: Sequence[History], units: Mapping[str, str] | None) -> list[Shown]:
-    """The unit in which each history is shown: chosen by the variable's name, or by its SI unit.
+    """The display unit of each history: chosen by the variable's name, or by its SI unit.
 
     Raises
     ------
     ArgumentError
-        A unit that does not fit, or a choice for something that is not shown.
+        A unit of another dimension, or a choice for something that is not shown.
     """
     chosen = {} if units is None else by_name("units", units, "units by name or by SI unit, such as {'m': 'µm'}", "m")
     for key, wanted in chosen.items():
@@ -64,21 +64,21 @@ def plot_histories(
     histories: Sequence[History], events: Sequence[tuple[float, str]] = (), *, units: Mapping[str, str] | None = None,
     axes: Any = None,
 ) -> Any:  # fmt: skip
-    """Draw histories over time, those of one unit into one diagram.
+    """Plot histories over time, one diagram per unit.
 
     Parameters
     ----------
     histories : sequence of History
-        Those of other runs have the colour of the same variable, and are dashed.
+        Histories of other runs have the colour of the same variable, and are dashed.
     events : sequence of (time, name)
-        Marked at all diagrams.
+        Marked in all diagrams.
     units : mapping of str to str, optional
-        Units to show, by variable or by SI unit: ``{"m": "µm", "s": "ms"}``.
+        Display units, by variable or by SI unit: ``{"m": "µm", "s": "ms"}``.
     axes : matplotlib Axes, or one for each unit, optional
 
     Returns
     -------
-    matplotlib Axes, or an array of them if there are several units.
+    An array if there are several units.
     """
     found = shown_units(histories, units)
     time = in_unit("s", None if units is None else dict(units).get("s"))
@@ -111,7 +111,7 @@ def plot_histories(
 
 
 def _mark(axes: Any, events: Sequence[tuple[float, str]]) -> None:
-    """Events at the upper edge, and as fine lines where they are few."""
+    """Mark events at the upper edge, and by thin lines if there are few."""
     if not events:
         return
     times = [t for t, _ in events]

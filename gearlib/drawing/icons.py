@@ -1,7 +1,7 @@
-"""Icons of the parts of a drive train, in the conventions of machine drawings: 48 by 40, with the shafts at the sides.
+"""Icons of drive-train components, in the conventions of machine drawings: 48 by 40, with the shafts at the sides.
 
-Each is drawn about the point (0, 0), with its first shaft at x = -24 and its second at x = 24; a part with one shaft has it at
-x = 24. Rotating parts are seen from the side, their axis horizontal.
+Each is centred at (0, 0), with its first shaft at x = -24 and its second at x = 24; a part with one shaft has it at x = 24. Rotating
+parts are seen from the side, with a horizontal axis.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class Icon:
     drawing : tuple of str
         SVG elements.
     left, right : float
-        Height (y, downwards) of the first and of the second shaft, multiples of 8.
+        Height (y, downwards) of the first and second shafts, multiples of 8.
     framed : bool
-        Whether it stands in a box with named ports: parts with three shafts and more.
+        Whether it is drawn as a box with named ports: parts with three or more shafts.
     letters : tuple of str
         SVG elements that are not mirrored with the drawing.
     """
@@ -44,7 +44,7 @@ def _shaft(x1: float, x2: float, y: float = 0.0) -> str:
 
 
 def _hatch(x1: float, x2: float, y: float, down: float = 6.0) -> tuple[str, ...]:
-    """The housing: a line with strokes on the side away from the part."""
+    """The housing: a line with hatching on the side away from the part."""
     strokes = [line(x, y, x - 4, y + down, **THIN) for x in _steps(x1 + 4, x2, 5)]
     return (line(x1, y, x2, y, **THICK), *strokes)
 
@@ -78,7 +78,7 @@ def _plates(x: float, *heights: tuple[float, float]) -> tuple[str, ...]:
 
 
 def _arc(letter: str, *, both: bool = False) -> Icon:
-    """A source: a circle with what it prescribes; ``both``: between two shafts."""
+    """A source: a circle with the prescribed quantity; ``both``: between two shafts."""
     shafts = (_shaft(14, 24), *((_shaft(-24, -14),) if both else ()))
     return Icon(
         (*shafts, circle(0, 0, 14, stroke=INK, stroke_width="1.4", fill=LIGHT),

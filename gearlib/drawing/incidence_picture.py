@@ -1,4 +1,4 @@
-"""The incidence matrix of the index-reduced equations in block lower triangular form, as an SVG picture."""
+"""Incidence matrix of the index-reduced equations in block lower triangular form, as an SVG picture."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from gearlib.drawing import svg
 from gearlib.drawing.style import COLOURS, MARK
 
 CELL = 10.0  # pixels
-SIZE = 8.0  # of letters
-LONGEST_LABEL = 48  # letters
-ONCE, TWICE = "#fde2b8", "#f7b26a"  # behind the names of equations that are differentiated once, and more often
+SIZE = 8.0  # font size
+LONGEST_LABEL = 48  # characters
+ONCE, TWICE = "#fde2b8", "#f7b26a"  # backgrounds of equations differentiated once, and more often
 
 
 @dataclass(frozen=True)
 class IncidenceMatrix:
-    """What is drawn.
+    """Contents of an incidence picture.
 
     Parameters
     ----------
     rows : tuple of (str, int)
-        Name of each equation, and how often it is differentiated.
+        Label of each equation, and how often it is differentiated.
     columns : tuple of (str, bool)
         Name of each variable, and whether it is a state.
     entries : tuple of (int, int)
@@ -102,7 +102,7 @@ def _drawn(matrix: IncidenceMatrix) -> str:
 
 
 def _legend(x: float) -> list[str]:
-    """What the marks stand for, below the title."""
+    """Legend below the title."""
     parts = []
     for mark, label in (
         (svg.rectangle(x, 24, 10, 10, fill="#dbe9f6"), "states"),

@@ -21,10 +21,10 @@ Ends = Sequence[tuple[int, int]]
 
 
 def positions(count: int, nets: Sequence[Ends]) -> list[float]:
-    """Places of nodes along a line: one step from a right end of a net to its left ends, and otherwise close together.
+    """Positions of nodes on a line: one step from a right end of a net to its left ends, and otherwise close together.
 
-    The connections of a drive train have no direction; this is what gives them one. The places minimise
-    ``sum weight (x_b - x_a - step)**2`` over the pairs of ends of each net.
+    The connections of a drive train are undirected; this gives them a direction. The positions minimise ``sum weight (x_b - x_a -
+    step)**2`` over the pairs of ends of each net.
 
     >>> [round(x) for x in positions(3, [[(0, 1), (1, -1)], [(1, 1), (2, -1)]])]
     [-1, 0, 1]
@@ -51,14 +51,14 @@ def layers(count: int, nets: Sequence[Ends], fixed: Mapping[int, int]) -> list[i
     count : int
         Number of nodes.
     nets : sequence of ends
-        What joins them.
+        Connections between nodes.
     fixed : mapping of int to {-1, 1}
-        Nodes that have the first layer (-1) or the last one (1) for themselves.
+        Nodes that occupy the first layer (-1) or the last one (1) alone.
 
     Returns
     -------
     list of int
-        From 0 on.
+        Numbered from 0.
 
     >>> layers(4, [[(0, 1), (1, -1), (2, -1)], [(1, 1), (2, 1), (3, -1)]], {})
     [0, 1, 1, 2]
@@ -76,7 +76,7 @@ def layers(count: int, nets: Sequence[Ends], fixed: Mapping[int, int]) -> list[i
     order = list(nx.topological_sort(graph))
     for node in order:
         layer[node] = max((layer[p] + 1 for p in graph.predecessors(node)), default=0)
-    for node in reversed(order):  # towards what it is joined to, where that makes wires shorter
+    for node in reversed(order):  # towards its neighbours, where that shortens wires
         after = [layer[s] for s in graph.successors(node)]
         if after and graph.in_degree(node) < len(after):
             layer[node] = min(after) - 1
@@ -86,19 +86,19 @@ def layers(count: int, nets: Sequence[Ends], fixed: Mapping[int, int]) -> list[i
 
 
 def ordered(rows: Sequence[Sequence[int]], places: Mapping[int, Sequence[tuple[int, float]]]) -> list[list[int]]:
-    """Order of the nodes of each layer with few crossings: barycentres, swept forwards and backwards.
+    """Order of the nodes of each layer with few crossings, by forward and backward barycentre sweeps.
 
     Parameters
     ----------
     rows : sequence of sequences of int
-        Nodes by layer, in a first order.
+        Nodes by layer, in an initial order.
     places : mapping of int to sequence of (net, offset)
-        The nets of each node, with where on the node they end: a fraction of its height.
+        The nets of each node, with their ends as fractions of its height.
 
     Returns
     -------
     list of lists of int
-        The order with the fewest crossings that was met; the same for the same arguments.
+        The order with the fewest crossings found; deterministic.
     """
     best = current = [list(row) for row in rows]
     fewest = _crossings(current, places)
@@ -123,7 +123,7 @@ def ordered(rows: Sequence[Sequence[int]], places: Mapping[int, Sequence[tuple[i
 
 
 def _heights(row: Sequence[int], places: Mapping[int, Sequence[tuple[int, float]]]) -> dict[int, float]:
-    """Mean place of every net that ends in a layer."""
+    """Mean height of every net that ends in a layer."""
     ends: dict[int, list[float]] = {}
     for k, node in enumerate(row):
         for net, offset in places[node]:

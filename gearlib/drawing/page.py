@@ -1,4 +1,4 @@
-"""A page of HTML that holds everything it needs: sections, tables, pictures, and charts that can be zoomed."""
+"""Self-contained HTML pages: sections, tables, pictures, and zoomable charts."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from gearlib.drawing.svg import escaped
 
 Floats = NDArray[np.float64]
-MOST_POINTS = 4000  # of a curve in a chart; of more, the lowest and the highest of each piece are kept
+MOST_POINTS = 4000  # points per curve in a chart; beyond that only the extremes of each piece are kept
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page: its heading, and HTML."""
+    """A section of a page: its heading, and HTML."""
 
     title: str
     html: str
@@ -26,7 +26,7 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A curve of a chart; without a name it is not in the legend."""
+    """A curve of a chart; unnamed curves are not in the legend."""
 
     name: str
     x: Floats
@@ -44,7 +44,7 @@ def paragraph(text: str) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str | float]]) -> str:
-    """A table; numbers have six digits and stand at the right.
+    """An HTML table; numbers have six digits and are right-aligned.
 
     >>> table(["a"], [[1.5]])
     '<table><thead><tr><th>a</th></tr></thead><tbody><tr><td class="number">1.5</td></tr></tbody></table>'
@@ -63,7 +63,7 @@ def picture(svg: str) -> str:
 
 
 def thinned(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """A curve with few points that looks the same: of every piece the ends, the lowest and the highest value.
+    """Downsample a curve without visible change: for every piece the ends and the extreme values are kept.
 
     >>> x = np.linspace(0, 1, 100_001)
     >>> a, b = thinned(x, np.where(x == 0.5, 7.0, 0.0))
@@ -84,19 +84,19 @@ def chart(
     curves: Sequence[Curve], x: str, y: str, *, events: Sequence[float] = (), points: Sequence[tuple[float, float, str]] = (),
     ylim: tuple[float, float] | None = None, height: int = 260,
 ) -> str:  # fmt: skip
-    """A chart that the page's script draws.
+    """A chart drawn by the page's script.
 
     Parameters
     ----------
     curves : sequence of Curve
-    x, y : str
+    Axis labels.
         Labels of the axes.
     events : sequence of float
         Marked at the upper edge.
     points : sequence of (x, y, text)
     ylim : pair of float, optional
     height : int
-        Pixels.
+        In pixels.
     """
     spec = {
         "x": x, "y": y, "height": height, "events": _numbers(np.asarray(events, float)),
@@ -112,12 +112,12 @@ def chart(
 
 
 def _numbers(values: Floats) -> list[float | None]:
-    """Numbers of seven digits; what is not finite is a gap."""
+    """Numbers of seven digits; non-finite values become gaps."""
     return [float(f"{v:.7g}") if np.isfinite(v) else None for v in values.tolist()]
 
 
 def page(title: str, about: str, sections: Sequence[Section]) -> str:
-    """The whole page: style, script and pictures are in it, and nothing is loaded from elsewhere."""
+    """The complete page, including style, script and pictures; nothing is loaded from elsewhere."""
     here = files("gearlib.drawing")
     style, script = (here.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "chart.js"))
     links = "".join(f'<a href="#s{k}">{escaped(s.title)}</a>' for k, s in enumerate(sections))

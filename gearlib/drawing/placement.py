@@ -1,4 +1,4 @@
-"""Heights of the nodes of a layered diagram: wires are straight where the order within the layers allows it."""
+"""Heights of the nodes of a layered diagram: wires are straight where the order within the layers permits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SWEEPS = 10
 
 @dataclass(frozen=True)
 class Node:
-    """What stands in a layer: a box, or a place where a wire passes.
+    """A node of a layer: a box, or the point where a wire passes.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Node:
 
 
 def heights(rows: Sequence[Sequence[int]], nodes: Mapping[int, Node]) -> dict[int, float]:
-    """Upper edge of every node, multiples of `GRID` from 0 on, such that connected pins are at one height where possible."""
+    """Upper edge of every node, as multiples of `GRID` from 0, with connected pins at equal height where possible."""
     top: dict[int, float] = {}
     for row in rows:
         top |= zip(row, spread([0.0] * len(row), [1.0] * len(row), row, nodes), strict=True)
@@ -45,7 +45,7 @@ def heights(rows: Sequence[Sequence[int]], nodes: Mapping[int, Node]) -> dict[in
                 wanted.append(found[(len(found) - 1) // 2][0] if found else top[node])
                 weights.append(sum(w for _, w in found) if found else 0.01)
             top |= zip(rows[i], spread(wanted, weights, rows[i], nodes), strict=True)
-    for order in (forwards, backwards):  # what is joined at one side only follows; the rest stays
+    for order in (forwards, backwards):  # nodes connected on one side only follow; the others stay
         for i in order:
             leaves = [len({side for _, side, _ in nodes[node].pins}) == 1 for node in rows[i]]
             wishes = [_wishes(node, i, 0, rows, nodes, top) if leaf else [] for node, leaf in zip(rows[i], leaves, strict=True)]
@@ -58,7 +58,7 @@ def heights(rows: Sequence[Sequence[int]], nodes: Mapping[int, Node]) -> dict[in
 def _wishes(
     node: int, layer: int, side: int, rows: Sequence[Sequence[int]], nodes: Mapping[int, Node], top: Mapping[int, float]
 ) -> list[tuple[float, float]]:
-    """Upper edges that would make a wire of the node straight, with weights: passing wires more, so that they have few bends."""
+    """Upper edges that would straighten a wire of the node, with weights: passing wires weigh more, so that they have few bends."""
     found = []
     for net, own, offset in nodes[node].pins:
         for towards in (-1, 1):
@@ -73,7 +73,7 @@ def _wishes(
 
 
 def spread(wanted: Sequence[float], weights: Sequence[float], row: Sequence[int], nodes: Mapping[int, Node]) -> list[float]:
-    """Heights as close to the wanted ones as the nodes' sizes allow, in their order: isotonic regression, on the grid.
+    """Heights closest to the wanted ones without overlap, in the given order: isotonic regression, on the grid.
 
     >>> nodes = {0: Node(40, 64, ()), 1: Node(40, 64, ())}
     >>> spread([0, 8], [1, 1], [0, 1], nodes)

@@ -1,4 +1,4 @@
-"""Text that fits a terminal: long lines go on below, and long names lose their middle."""
+"""Formatting of text for terminals: wrapping of long lines, shortening of long names."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ LABEL = re.compile(r"\s*\S+(?: \S+)*?\s{2,}(?=\S)")  # a label before the text o
 
 
 def fitted(text: str, columns: int = COLUMNS) -> str:
-    """Text whose lines are no longer than a number of columns; what goes on below stands under the text of its line.
+    """Wrap text to a number of columns; continuation lines are aligned with the text of their line.
 
-    A word that is too long for a line loses its middle.
+    A word that is too long for a line is shortened in the middle.
 
     >>> print(fitted("  inputs      0 unless a run is given them: motor.tau, load.tau", 40))
       inputs      0 unless a run is given
@@ -29,7 +29,7 @@ def _wrapped(line: str, columns: int) -> str:
     start = len(line) - len(line.lstrip())
     indent = label.end() if label and label.end() <= columns // 2 else min(start + 2, columns // 2)
     cut = max(line.rfind(" ", 0, columns + 1), 0)
-    if not line[:cut].strip() or cut <= indent:  # one word that is too long: the columns before it are kept
+    if not line[:cut].strip() or cut <= indent:  # a single overlong word: the columns before it are kept
         cut = indent if label and label.end() <= columns // 2 else start
     first, words = line[:cut].rstrip(), [shortened(word, columns - indent) for word in line[cut:].split()]
     margin = " " * indent
@@ -47,7 +47,7 @@ def _wrapped(line: str, columns: int) -> str:
 
 
 def shortened(name: str, columns: int) -> str:
-    """A name that is not longer than a number of columns: of a long path the middle is left out.
+    """Shorten a name to a number of columns by omitting the middle of the path.
 
     >>> shortened("train.x_unit.planet[0].kinematics.ring_side", 30)
     'train.x_unit....tics.ring_side'

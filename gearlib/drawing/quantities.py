@@ -1,4 +1,4 @@
-"""Units on axes: one spelling for each, the quantity's name, and other units by choice (µm, kN, 1/min)."""
+"""Units on axes: canonical spelling, quantity names, and alternative units (µm, kN, 1/min)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAMES = {
 """Quantity by unit; what has no name here is called by the variable's."""
 
 PREFIXES = {"n": 1e-9, "µ": 1e-6, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
-OTHERS = {  # unit: (SI unit, one of it in that)
+OTHERS = {  # unit: (SI unit, the unit in terms of it)
     "deg": ("rad", math.pi / 180), "°": ("rad", math.pi / 180), "rev": ("rad", 2 * math.pi), "arcmin": ("rad", math.pi / 10800),
     "1/min": ("rad/s", math.pi / 30), "rpm": ("rad/s", math.pi / 30), "km/h": ("m/s", 1 / 3.6), "bar": ("Pa", 1e5),
     "min": ("s", 60.0), "h": ("s", 3600.0), "%": ("1", 0.01), "kWh": ("J", 3.6e6),
@@ -29,14 +29,14 @@ FACTOR = re.compile(r"([^\d.·/\-]+|1)(-?\d+)?$")
 
 @dataclass(frozen=True)
 class Shown:
-    """A unit as it is shown, and how many of it one SI unit is."""
+    """A display unit, and the number of these units per SI unit."""
 
     text: str
     factor: float
 
 
 def _factors(unit: str) -> dict[str, int]:
-    """Exponents by unit symbol, in the order written; a stroke divides by all that follows it, a further one by what follows that.
+    """Exponents by unit symbol, in the order written; a slash divides by everything after it, up to the next slash.
 
     >>> _factors("rad/s/s"), _factors("N.m.s/rad"), _factors("W/(m2.K)")
     ({'rad': 1, 's': -2}, {'N': 1, 'm': 1, 's': 1, 'rad': -1}, {'W': 1, 'm': -2, 'K': -1})
@@ -53,7 +53,7 @@ def _factors(unit: str) -> dict[str, int]:
 
 
 def spelled(unit: str) -> str:
-    """A unit as it is printed; empty for numbers without one.
+    """A unit as printed; empty for dimensionless numbers.
 
     >>> spelled("rad/s/s"), spelled("kg.m2"), spelled("N.m.s/rad"), spelled("1"), spelled("1/s")
     ('rad/s²', 'kg·m²', 'N·m·s/rad', '', '1/s')
@@ -69,12 +69,12 @@ def spelled(unit: str) -> str:
 
 
 def in_unit(unit: str, wanted: str | None) -> Shown:
-    """How values in an SI unit are shown in another one.
+    """Display of values in an SI unit in another unit.
 
     Parameters
     ----------
     unit : str
-        In which the values are.
+        Unit of the values.
     wanted : str or None
         The same with prefixes, such as "µm" or "kN.m", or one of ``OTHERS``; None: the unit itself.
 
@@ -108,7 +108,7 @@ def in_unit(unit: str, wanted: str | None) -> Shown:
 
 
 def axis_label(name: str, unit: str) -> str:
-    """Label of an axis: what is shown, and its unit, once.
+    """Axis label: quantity and unit.
 
     >>> axis_label("speed", "rad/s"), axis_label("ratio", "")
     ('speed, rad/s', 'ratio')

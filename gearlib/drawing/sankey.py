@@ -1,4 +1,4 @@
-"""Sankey diagram of a power flow: bands as wide as the power, from drives to loads, and back where power circulates."""
+"""Sankey diagram of a power flow: band widths proportional to power, from drives to loads, with circulating power flowing back."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Band:
 
 
 def watts(power: float) -> str:
-    """A power with its unit.
+    """Format a power with its unit.
 
     >>> watts(1234.5), watts(0.5), watts(2.5e6)
     ('1.23 kW', '0.5 W', '2.5 MW')
@@ -44,10 +44,10 @@ def sankey(flows: Sequence[Band], losses: Mapping[str, float], title: str, joint
     flows : sequence of Band
         Positive powers, W.
     losses : mapping of str to float
-        Power that components turn into heat, W.
+        Power that components dissipate, W.
     title : str
     joints : sequence of str
-        Those of the components that are shafts, where power is divided or joined.
+        Those components that are shafts, where power is split or merged.
     """
     names = list(dict.fromkeys(n for f in flows for n in (f.source, f.target)))
     index = {name: i for i, name in enumerate(names)}
@@ -69,7 +69,7 @@ def sankey(flows: Sequence[Band], losses: Mapping[str, float], title: str, joint
     for n, at in enumerate(layer):
         rows[at].append(n)
     nodes = {}
-    through: dict[int, list[int]] = {}  # the bands that pass layers between, as nodes
+    through: dict[int, list[int]] = {}  # the bands that pass intermediate layers, as nodes
     for k, f in enumerate(flows):
         if forward[k]:
             for at in range(layer[index[f.source]] + 1, layer[index[f.target]]):
@@ -116,7 +116,7 @@ def sankey(flows: Sequence[Band], losses: Mapping[str, float], title: str, joint
 
 
 def returning(flows: Sequence[Band]) -> set[int]:
-    """Flows without which no power goes in a circle: of each circle the one that leads back nearest to a drive.
+    """Flows whose removal leaves no cycle: from each cycle, the one that leads back nearest to a drive.
 
     >>> returning([Band("drive", "a", 1.0), Band("a", "b", 3.0), Band("b", "load", 1.0), Band("b", "c", 2.0), Band("c", "a", 2.0)])
     {4}
@@ -133,7 +133,7 @@ def returning(flows: Sequence[Band]) -> set[int]:
         found.append((a, b, graph.edges[a, b]["number"]))
         graph.remove_edge(a, b)
     back: set[int] = set()
-    for a, b, k in found:  # what was taken out for one circle may have become needless with what was taken out for the next
+    for a, b, k in found:  # removals for one cycle may be made redundant by those for a later one
         if nx.has_path(graph, b, a):
             back.add(k)
         else:
@@ -159,7 +159,7 @@ def _band(stops: Sequence[tuple[float, float]], width: float, label: str) -> Ite
 
 
 def _return(begin: tuple[float, float], end: tuple[float, float], y: float, width: float, label: str) -> Iterator[str]:
-    """Power that flows back: around below everything else."""
+    """A band for returning power, routed below everything else."""
     out = 12.0 + width / 2
     corners = [begin, (begin[0] + out, begin[1]), (begin[0] + out, y), (end[0] - out, y), (end[0] - out, end[1]), end]
     d = "M" + " L".join(f"{number(px)} {number(py)}" for px, py in corners)

@@ -1,4 +1,4 @@
-"""What all plots share: colours that are told apart in print and by the colour-blind, and legends that cover no data."""
+"""Common style of plots: colours distinguishable in print and by colour-blind readers, and legends that do not cover data."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MARK = "#b22222"
 
 
 def figure(axes: Any, count: int = 1, size: tuple[float, float] = (8.0, 4.0), **subplots: Any) -> Any:
-    """The axes that were given, checked, or new ones below each other.
+    """The given axes, validated, or new ones stacked vertically.
 
     Returns
     -------
@@ -27,7 +27,7 @@ def figure(axes: Any, count: int = 1, size: tuple[float, float] = (8.0, 4.0), **
 
 
 def legend(axes: Any, **how: Any) -> None:
-    """A legend where it covers no data: inside if there is such a place, otherwise to the right of the axes."""
+    """Add a legend that covers no data: inside if there is room, otherwise to the right of the axes."""
     if not axes.get_legend_handles_labels()[0]:
         return
     made = axes.legend(fontsize=8, loc="best", **how)

@@ -1,4 +1,4 @@
-"""SVG as text: elements, escaped, with numbers of two decimals."""
+"""SVG text generation: escaped elements, with numbers to two decimals."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SPECIAL = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
 
 
 def escaped(text: str) -> str:
-    """Text as it may stand in an element or an attribute; what XML 1.0 does not allow is left out.
+    """Escape text for an element or attribute; characters that XML 1.0 does not allow are dropped.
 
     >>> escaped('a < "b"')
     'a &lt; &quot;b&quot;'
@@ -23,7 +23,7 @@ def escaped(text: str) -> str:
 
 
 def number(value: float) -> str:
-    """A coordinate with two decimals at most.
+    """A coordinate with at most two decimals.
 
     >>> number(12.5), number(-0.001), number(3)
     ('12.5', '0', '3')
@@ -33,7 +33,7 @@ def number(value: float) -> str:
 
 
 def element(tag: str, content: str | None = None, /, **attributes: float | str | None) -> str:
-    """One element; an underscore in an attribute's name stands for a hyphen, and a last one is dropped.
+    """An element; underscores in attribute names become hyphens, and a trailing one is dropped.
 
     >>> element("line", x1=0, x2=2.5, stroke_width=1)
     '<line x1="0" x2="2.5" stroke-width="1"/>'
@@ -75,13 +75,13 @@ def text(x: float, y: float, content: str, **attributes: float | str | None) -> 
 
 
 def group(content: Iterable[str], title: str | None = None, **attributes: float | str | None) -> str:
-    """Elements together, with the text that a browser shows where the mouse rests."""
+    """A group of elements, with an optional tooltip."""
     inside = [] if title is None else [element("title", escaped(title))]
     return element("g", "\n".join([*inside, *content]), **attributes)
 
 
 def document(width: float, height: float, content: Iterable[str], description: str) -> str:
-    """A whole picture with a white background."""
+    """A complete document with a white background."""
     body = "\n".join([element("title", escaped(description)), rectangle(0, 0, width, height, fill="white"), *content])
     return element(
         "svg", f"\n{body}\n", xmlns="http://www.w3.org/2000/svg", width=width, height=height,
@@ -90,12 +90,12 @@ def document(width: float, height: float, content: Iterable[str], description: s
 
 
 def text_width(content: str, size: float = 11.0) -> float:
-    """About how wide a text is; letters of DejaVu Sans, the widest of the fonts named, have 0.62 of their size on average."""
+    """Approximate width of a text; letters of DejaVu Sans, the widest of the fonts used, average 0.62 of the font size."""
     return 0.62 * size * len(content)
 
 
 class Picture:
-    """An SVG picture: shown in notebooks, and saved as a file."""
+    """An SVG picture: displayed in notebooks, and saved as a file."""
 
     def __init__(self, svg: str) -> None:
         self.svg = svg
@@ -104,12 +104,12 @@ class Picture:
         return self.svg
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the picture to a file, ``.svg`` by its name, and return its path.
+        """Write the picture to an ``.svg`` file, and return its path.
 
         Raises
         ------
         ArgumentError
-            The name ends differently: no other format is written.
+            Another suffix: no other format is written.
         """
         target = as_path("path", path, "train.svg")
         if target.suffix.lower() != ".svg":

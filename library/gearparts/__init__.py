@@ -1,6 +1,6 @@
 """The component library of gearlib: shafts, gears, meshes, planetary sets, sources, sensors and complete trains.
 
-Every component is here; nothing is imported before it is used.
+All components are here; modules are imported on first use.
 """
 
 from __future__ import annotations
@@ -191,9 +191,9 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(_HOME[name]), name)
         globals()[name] = value
         return value
-    if name == "blocks":  # signal blocks keep a name space of their own
+    if name == "blocks":  # signal blocks have a namespace of their own
         return importlib.import_module("gearparts.blocks")
-    if name.startswith("_"):  # asked by Python itself: __path__, __wrapped__, ...
+    if name.startswith("_"):  # looked up by Python itself: __path__, __wrapped__, ...
         raise AttributeError(f"module 'gearparts' has no attribute '{name}'")
     from gearlib.errors import nearest
 

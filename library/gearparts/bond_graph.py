@@ -1,7 +1,7 @@
-"""Bond graphs as components: bonds driven by sources become flanges, and everything else becomes equations.
+"""Bond graphs as components: bonds driven by sources become flanges, everything else becomes equations.
 
-The equations are those of the elements and junctions, one by one, with no causality: what becomes a state and what is solved
-from what is found as for any other component. :func:`gearlib.bondgraph.state_equations` goes its own way from the same graph.
+The equations are those of the individual elements and junctions, without causality: states and the matching are determined as for any
+other component. :func:`gearlib.bondgraph.state_equations` derives its equations independently from the same graph.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class BondGraphPart(gl.Component):
     ports: ClassVar[Mapping[str, int]]
 
     def equations(self) -> list[gl.Eq]:
-        """Equations of all elements, ports included."""
+        """Equations of all elements, including ports."""
         port_at = {number: name for name, number in self.ports.items()}
         found: list[gl.Eq] = []
         for element in self.graph.elements:
@@ -51,7 +51,7 @@ class BondGraphPart(gl.Component):
         return found
 
     def energies(self) -> gl.Energy | None:
-        """Energy of all elements; None where the law of a storage element has no closed-form integral."""
+        """Energy of all elements; None if the law of a storage element has no closed-form integral."""
         stored = heat = supplied = sp.S.Zero
         for element in self.graph.elements:
             number = self.graph.at(element)[0].number
@@ -69,7 +69,7 @@ class BondGraphPart(gl.Component):
         return gl.Energy(stored=stored, heat=heat, supplied=supplied)
 
     def _port_equations(self, name: str, number: int) -> list[gl.Eq]:
-        """Source bonds point into the graph, as flows of a connector count into the component: no sign."""
+        """Source bonds point into the graph, as connector flows point into the component: no sign change."""
         port = getattr(self, name)
         rotational = isinstance(type(self)._declarations[name], Flange)
         potential, flow = (port.phi, port.tau) if rotational else (port.s, port.f)
@@ -82,7 +82,7 @@ class BondGraphPart(gl.Component):
         return getattr(self, f"f_{number}")
 
     def _in_model(self, value: Any) -> Any:
-        """An expression of the graph on the component's symbols, which are found by their names."""
+        """An expression of the graph in the component's symbols, matched by name."""
         names = {s: gl.time if s == graph_time else getattr(self, s.name) for s in value.free_symbols if s not in SAMPLE}
         return value.xreplace(names)
 
@@ -96,41 +96,41 @@ def from_bond_graph(
     nominal: Mapping[str, float] | None = None,
     name: str = "",
 ) -> type[BondGraphPart]:
-    """A component class that is a bond graph.
+    """Component class of a bond graph.
 
     Parameters
     ----------
     graph : BondGraph
         The graph.
     ports : mapping, optional
-        Name of a flange to the number of a bond that a source without a value drives. The flange takes the place of the
-        source: effort is its torque (N.m), flow its angular velocity (rad/s).
+        Maps flange names to the numbers of bonds driven by sources without a value. The flange replaces the source: effort is its
+        torque (N.m), flow its angular velocity (rad/s).
     translational_ports : mapping, optional
-        The same for flanges that are pushed: force (N) and velocity (m/s).
+        The same for translational flanges: force (N) and velocity (m/s).
     defaults : mapping, optional
-        Values of parameters, for instances that give none.
+        Default values of parameters.
     nominal : mapping, optional
-        Typical sizes of variables, such as ``{"q_6": 1e-6}``; the absolute tolerance of a state is ``rtol`` times it.
+        Typical magnitudes of variables, such as ``{"q_6": 1e-6}``; the absolute tolerance of a state is ``rtol`` times it.
     name : str
-        Name of the class; made of the graph's name otherwise.
+        Class name; by default derived from the graph's name.
 
     Returns
     -------
     type
-        A subclass of :class:`BondGraphPart`. Its parameters are the graph's symbols (``I_2``, ``m_1``, ...); sources without a
-        value that are no ports are inputs (``Se_1``, ``Sf_8``); its variables are ``e_1``, ``f_1``, ... of all bonds and the
-        stored ``p_2``, ``q_6``, .... Units are SI units of whatever the bond carries.
+        A subclass of :class:`BondGraphPart`. Its parameters are the graph's symbols (``I_2``, ``m_1``, ...); its inputs are the other
+        sources without a value (``Se_1``, ``Sf_8``); its variables are ``e_1``, ``f_1``, ... of all bonds and the stored ``p_2``,
+        ``q_6``, .... Units are SI, whatever the bond carries.
 
     Raises
     ------
     ArgumentError
-        A port names a bond without an open source, or a default or nominal value has an unknown name.
+        A port names a bond without such a source, or a default or nominal value has an unknown name.
     DeclarationError
-        Two things would have the same name, or a parameter's name cannot be an attribute.
+        A name clash, or a parameter name that cannot be an attribute.
 
     Examples
     --------
-    A DC motor as a bond graph turns a load made of components; at rest in the end, 24 V are the back-EMF 0.2 w:
+    A DC motor as a bond graph, driving a load made of components; in the final steady state the back-EMF 0.2 w equals 24 V:
 
     >>> import gearlib as gl, gearparts as gp
     >>> from gearlib.bondgraph import GY, BondGraph, I, One, R, Se
@@ -194,7 +194,7 @@ def _open_sources(graph: BondGraph) -> list[int]:
 
 
 def _stored_values(graph: BondGraph) -> list[str]:
-    """Parameters that are an inertia or a compliance, and so cannot be negative."""
+    """Parameters that are inertias or compliances, and so cannot be negative."""
     found = ((n, cast("Storage", graph.element(n, I, C))) for n in graph.of_kind(I, C))
     return [str(expression(element.value, f"{element.kind}_{n}")) for n, element in found if element.law is None]
 
@@ -218,9 +218,9 @@ def _check_ports(graph: BondGraph, ports: Mapping[str, int]) -> None:
 
 
 def _variables(graph: BondGraph, nominal: dict[str, float]) -> dict[str, Any]:
-    """Stored p and q, then effort and flow of every bond."""
+    """Stored p and q, followed by effort and flow of every bond."""
     stored = {n: "p" if isinstance(graph.element(n, I, C), I) else "q" for n in graph.of_kind(I, C)}
-    # A deflection is the only one that can tell it; momenta can be had from each other, so the choice between them is free.
+    # A deflection cannot be computed from other variables; momenta can be computed from each other, so their choice is free.
     plain: dict[str, tuple[str, Any]] = {
         f"{kind}_{n}": (f"stored on bond {n}", "prefer" if kind == "q" else "default") for n, kind in stored.items()
     }
@@ -237,7 +237,7 @@ def _parameters(graph: BondGraph, variables: Mapping[str, Any]) -> list[str]:
 
 
 def _values(graph: BondGraph, element: Element) -> Iterator[Any]:
-    """The expressions that an element holds."""
+    """The expressions in an element."""
     number = graph.at(element)[0].number
     if isinstance(element, TF | GY):
         yield expression(element.modulus, "")
@@ -251,7 +251,7 @@ def _values(graph: BondGraph, element: Element) -> Iterator[Any]:
 
 
 def _law(element: Storage, stored: Any, number: int) -> Any:
-    """What a storage element gives for what it stores."""
+    """Output of a storage element as a function of its energy variable."""
     if element.law is not None:
         return checked(element.law(stored), f"the law of {element.kind}_{number}")
     return stored / expression(element.value, f"{element.kind}_{number}")
@@ -295,7 +295,7 @@ def _equations(part: BondGraphPart, element: Element, bonds: tuple[Bond, ...]) -
 
 
 def _junction(part: BondGraphPart, junction: Junction, bonds: tuple[Bond, ...]) -> list[gl.Eq]:
-    """One shared variable, and a sum along the half arrows that is zero."""
+    """One common variable, and a sum along the half arrows that is zero."""
     shared, summed = (part._effort, part._flow) if isinstance(junction, Zero) else (part._flow, part._effort)
     first = shared(bonds[0].number)
     total = sum(bond.sign(junction) * summed(bond.number) for bond in bonds)

@@ -1,4 +1,4 @@
-"""A Functional Mock-up Unit of another tool at a shaft: an engine, a motor with its controls, a load."""
+"""An FMU from another tool at a shaft: an engine, a motor with its controls, a load."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ from gearparts.rotational.sources import Torque
 
 
 class FMU(gl.Component):
-    """A co-simulation FMU that takes a shaft's speed and gives the torque on it: ``flange.tau = -torque``, held between two steps.
+    """Co-simulation FMU that receives a shaft's speed and returns its torque: ``flange.tau = -torque``, held between steps.
 
-    At the instants ``k * period`` the unit is told the speed, does a step with the inputs that it had before, and gives a torque, which is
-    held up to the next instant: the error of such a coupling falls in proportion to the period. A positive torque accelerates the
-    shaft. It needs the extra ``gearlib[fmu]`` (FMPy).
+    At the instants ``k * period`` the FMU receives the speed, performs a step with its previous inputs, and returns a torque, which is
+    held up to the next instant: the coupling error is proportional to the period. A positive torque accelerates the shaft. It needs the
+    extra ``gearlib[fmu]`` (FMPy).
 
     Parameters
     ----------
     path : path
-        Of the file, FMI 2.0 or 3.0.
+        Path of the file, FMI 2.0 or 3.0.
     speed, torque : str
-        Names of the unit's input in rad/s and of its output in N.m.
+        Names of the FMU's input in rad/s and of its output in N.m.
     inputs, outputs : sequence of str
-        Further ones: input k is ``signals[k].u``, to be connected or given in ``simulate(inputs=...)``; output k is ``taken[k].y``.
+        Further inputs and outputs: input k is ``signals[k].u``, to be connected or given in ``simulate(inputs=...)``; output k is
+        ``taken[k].y``.
     values : mapping of str to float, optional
-        Of the unit's parameters, and start values, in its own units.
+        Parameter and start values of the FMU, in its own units.
     period : float
-        Of the communication, s.
+        Communication step size, s.
 
     Examples
     --------

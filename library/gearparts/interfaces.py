@@ -1,7 +1,7 @@
 """Connectors and base classes (partial models) of families of components.
 
-Sign convention, as in Modelica: a flow is positive into the component, so a positive torque at a flange accelerates the
-component in the direction of a growing angle, and the power that flows in is the sum of ``tau * der(phi)`` over its flanges.
+Sign convention, as in Modelica: a flow is positive into the component, so a positive torque at a flange accelerates the component in
+the direction of increasing angle, and the power that flows in is the sum of ``tau * der(phi)`` over its flanges.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import Any
 
 import gearlib as gl
 
-SMALL = 1e-4  # rad or m: typical size of a deflection, to which absolute tolerances refer
-SLOW = 1e-2  # rad/s or m/s: of its speed, in a vibration at 100 rad/s
+SMALL = 1e-4  # rad or m: nominal deflection, the scale of absolute tolerances
+SLOW = 1e-2  # rad/s or m/s: nominal speed of it, for a vibration at 100 rad/s
 
 
 class Flange(gl.Connector):
@@ -43,7 +43,7 @@ class TwoFlanges(gl.Component):
 
 
 class TwoFlangesAndSupport(TwoFlanges):
-    """Base of elements between two shafts with an optional support, the housing that takes the reaction torque."""
+    """Base of elements between two shafts with an optional support: the housing that takes the reaction torque."""
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     support = Flange("housing", when="use_support")
@@ -53,14 +53,14 @@ class TwoFlangesAndSupport(TwoFlanges):
 
 
 class OneFlange(gl.Component):
-    """Base of sources: one flange, and an optional support, the housing that takes the reaction torque."""
+    """Base of sources: one flange, and an optional support: the housing that takes the reaction torque."""
 
     use_support = gl.Structural(False, "whether the housing is a flange; otherwise it stands still")
     flange = Flange("driven shaft")
     support = Flange("housing", when="use_support")
 
     def angle(self) -> Any:
-        """The shaft's angle relative to the housing."""
+        """Angle of the shaft relative to the housing."""
         return self.flange.phi - self.support.phi if self.use_support else self.flange.phi
 
     def equations(self) -> list[gl.Eq]:
@@ -78,7 +78,7 @@ class MaybeHeated(gl.Component):
 
 
 class Dissipative(MaybeHeated):
-    """Base of dissipative elements: the power lost, which flows to the heat port if there is one."""
+    """Base of dissipative elements: the power loss, which flows to the heat port if there is one."""
 
     loss_power = gl.Variable("W", "power lost to heat")
 

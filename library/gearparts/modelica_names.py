@@ -1,4 +1,4 @@
-"""Which parts stand for the classes of the Modelica Standard Library 4.1.0, for `gearlib.read_modelica` and `gearlib.to_modelica`."""
+"""Counterparts of the Modelica Standard Library 4.1.0, for `gearlib.read_modelica` and `gearlib.to_modelica`."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ NO_CHANGE = frozenset({"strict", "homotopyType", "limitsAtInit", "verboseExtrapo
 
 
 def _same(package: str, module: str, *names: str, **options: Any) -> dict[str, Counterpart]:
-    """Classes that have the same names here and in a package of Modelica."""
+    """Classes with the same names here and in a Modelica package."""
     return {f"Modelica.{package}.{name}": Counterpart(f"{module}:{name}", **options) for name in names}
 
 
 def _named(package: str, module: str, **names: str) -> dict[str, Counterpart]:
-    """Classes by the names that they have in a package of Modelica."""
+    """Classes by their names in a Modelica package."""
     return {f"Modelica.{package}.{name}": Counterpart(f"{module}:{local}") for name, local in names.items()}
 
 

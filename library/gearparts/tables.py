@@ -17,20 +17,21 @@ SMOOTHNESS = ("linear", "constant", "akima")  # Modelica's LinearSegments, Const
 
 
 def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear") -> Any:
-    """A column of a table as a function of the first one; no events are made but at jumps.
+    """A column of a table as a function of the first column; only its jumps raise events.
 
-    Beyond both ends the outermost two rows are extrapolated, or the slope at the end, as in Modelica. One row is a constant.
+    Beyond both ends it is extrapolated linearly, from the outermost two rows or with the slope at the end, as in Modelica. A single row
+    is a constant.
 
     Parameters
     ----------
     rows : tuple of tuples of float
-        Checked with `check_rows`.
+        Validated by `check_rows`.
     x : expression
         In the unit of the first column.
     column : int
-        Which column, from 1.
+        Column number, from 1.
     smoothness : {"linear", "constant", "akima"}
-        Straight lines, steps that hold each row's value up to the next row, or Akima's cubics with a continuous derivative.
+        Piecewise linear; piecewise constant, holding each row's value up to the next row; or Akima cubics with a continuous derivative.
 
     References
     ----------
@@ -72,7 +73,7 @@ def interpolated(rows: Rows, x: Any, column: int = 1, smoothness: str = "linear"
 
 
 def _akima_slopes(rows: Rows, column: int) -> list[float]:
-    """Slope of Akima's curve at each row: of the secants to both sides, the one that changes less counts for more."""
+    """Slope of Akima's curve at each row: a mean of the secants on both sides, weighted towards the one that changes less."""
     m = [(right[column] - left[column]) / (right[0] - left[0]) for left, right in pairwise(rows)]
     m = [3 * m[0] - 2 * m[1], 2 * m[0] - m[1], *m, 2 * m[-1] - m[-2], 3 * m[-1] - 2 * m[-2]]
     slopes = []
@@ -84,7 +85,7 @@ def _akima_slopes(rows: Rows, column: int) -> list[float]:
 
 
 def piecewise_without_events(*branches: Any) -> Any:
-    """A `Piecewise` whose conditions are evaluated at every moment; plain where its branches are all the same."""
+    """A `Piecewise` whose conditions are evaluated continuously; a plain expression if all branches are equal."""
     law = gl.Piecewise(*branches)
     return gl.no_event(law) if isinstance(law, sympy.Piecewise) else law
 
@@ -102,17 +103,17 @@ def at_zero(rows: Rows, column: int = 1, smoothness: str = "linear") -> float:
             return row[column]
     x = sympy.Symbol("x", real=True)
     law = interpolated(rows, x, column, smoothness)
-    law = law.args[0] if getattr(law, "func", None) == gl.no_event(x).func else law  # what no_event was told
+    law = law.args[0] if getattr(law, "func", None) == gl.no_event(x).func else law  # the argument of no_event
     return float(law.subs(x, 0)) if isinstance(law, sympy.Basic) else float(law)
 
 
 def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:
-    """Rows of numbers, with the first column increasing.
+    """Rows of numbers, with an increasing first column.
 
     Raises
     ------
     BindingError
-        Anything else; ``owner`` says whose table it is.
+        Anything else; ``owner`` names the table in the message.
 
     Examples
     --------
@@ -121,7 +122,7 @@ def check_rows(owner: str, rows: Sequence[Any], columns: int) -> Rows:
     """
     try:
         table = tuple(tuple(row) for row in rows)
-    except Exception:  # no rows, or a sequence of the user's that fails
+    except Exception:  # not rows; a user's sequence may fail
         table = ()
     if not table or any(len(row) != columns for row in table):
         raise BindingError(f"{owner} is {shown(rows)}; expected one or more rows of {columns} numbers")

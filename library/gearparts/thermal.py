@@ -7,7 +7,7 @@ from gearparts.interfaces import HeatPort
 
 
 class HeatCapacitor(gl.Component):
-    """Body of one temperature that stores heat: ``C der(T) = port.Q_flow``."""
+    """Heat capacity of uniform temperature: ``C der(T) = port.Q_flow``."""
 
     icon = "heat_capacity"
 
@@ -24,7 +24,7 @@ class HeatCapacitor(gl.Component):
 
 
 class ThermalConductor(gl.Component):
-    """Path that conducts heat and stores none: ``Q_flow = G (port_a.T - port_b.T)``."""
+    """Heat conduction without storage: ``Q_flow = G (port_a.T - port_b.T)``."""
 
     icon = "heat_resistance"
 
@@ -47,7 +47,7 @@ class ThermalConductor(gl.Component):
 
 
 class Convection(gl.Component):
-    """Heat that a solid gives to a fluid: ``Q_flow = Gc (solid.T - fluid.T)`` with a conductance that may vary."""
+    """Heat transfer from a solid to a fluid: ``Q_flow = Gc (solid.T - fluid.T)`` with a conductance that may vary."""
 
     icon = "convection"
 

@@ -15,7 +15,7 @@ class TwoTranslationalFlanges(gl.Component):
 
 
 class TranslationalFixed(gl.Component):
-    """A flange held at a place: ``s = s0``."""
+    """Flange fixed at a position: ``s = s0``."""
 
     icon = "fixed"
 
@@ -30,7 +30,7 @@ class TranslationalFixed(gl.Component):
 
 
 class Mass(TwoTranslationalFlanges):
-    """Rigid body that slides: ``m der(v) = flange_a.f + flange_b.f``, ``v = der(s)``; its flanges are at ``s -/+ L / 2``."""
+    """Rigid sliding body: ``m der(v) = flange_a.f + flange_b.f``, ``v = der(s)``; its flanges are at ``s -/+ L / 2``."""
 
     icon = "mass"
 
@@ -87,7 +87,7 @@ class TranslationalSpring(TranslationalCompliant):
 
 
 class TranslationalDamper(TranslationalCompliant, Dissipative):
-    """Linear damper: ``f = d v_rel``; it loses ``f v_rel``."""
+    """Linear damper: ``f = d v_rel``; it dissipates ``f v_rel``."""
 
     icon = "damper"
 
@@ -104,7 +104,7 @@ class TranslationalDamper(TranslationalCompliant, Dissipative):
 
 
 class TranslationalSpringDamper(TranslationalCompliant, Dissipative):
-    """Spring and damper in parallel: ``f = c (s_rel - s_rel0) + d v_rel``; it loses ``d v_rel**2``."""
+    """Spring and damper in parallel: ``f = c (s_rel - s_rel0) + d v_rel``; it dissipates ``d v_rel**2``."""
 
     icon = "spring_damper"
 
@@ -137,7 +137,7 @@ class OneTranslationalFlange(gl.Component):
 
 
 class Force(OneTranslationalFlange):
-    """A given force: ``flange.f = -f``; a positive ``f`` accelerates the connected rod."""
+    """Prescribed force: ``flange.f = -f``; a positive ``f`` accelerates the connected rod."""
 
     icon = "force"
 
@@ -148,10 +148,10 @@ class Force(OneTranslationalFlange):
 
 
 class QuadraticSpeedDependentForce(OneTranslationalFlange):
-    """Force that grows with velocity squared: ``f = flange.f = -f_nominal (v / v_nominal)**2``.
+    """Force proportional to velocity squared: ``f = flange.f = -f_nominal (v / v_nominal)**2``.
 
-    With ``force_direction`` (the default) it acts in the same direction whichever way the rod moves; without, it changes
-    sign with the velocity: ``f = -f_nominal v abs(v) / v_nominal**2``.
+    With ``force_direction`` (the default) it acts in the same direction for both directions of motion; without, it changes sign with
+    the velocity: ``f = -f_nominal v abs(v) / v_nominal**2``.
     """
 
     icon = "load"
@@ -172,6 +172,6 @@ class QuadraticSpeedDependentForce(OneTranslationalFlange):
         ]
 
     def energies(self) -> gl.Energy:
-        """It drives, or it loses what it takes, as the resistance of the air does."""
+        """It either drives, or dissipates the power it takes, like air resistance."""
         power = self.f * self.v
         return gl.Energy(supplied=gl.Max(-power, 0), heat=gl.Max(power, 0))

@@ -1,1 +1,1 @@
-"""Stick diagrams of gear trains: shafts as lines, gears as bars; what is drawn, where it stands, how its shafts run."""
+"""Stick diagrams of gear trains, with shafts as lines and gears as bars: contents, layout and routing."""

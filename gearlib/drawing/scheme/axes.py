@@ -1,4 +1,4 @@
-"""The axes of a train: which shafts are coaxial, how far the axes are apart, and the sizes of gears in the picture."""
+"""Axes of a train: coaxial shafts, centre distances, and the sizes of gears in the drawing."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import networkx as nx
 from gearlib.drawing.scheme.train import Symbol, Train
 
 LARGEST, SMALLEST = 88.0, 13.0  # radii of gears, pixels
-PAIR = 104.0  # distance of two axes, where ratios are known only
-SUN = (32.0, 0.62)  # a sun's least radius, and its largest one over its ring's
-APART = 46.0  # axes at least
+PAIR = 104.0  # centre distance of two axes where only ratios are known
+SUN = (32.0, 0.62)  # least radius of a sun, and its largest relative to its ring
+APART = 46.0  # minimum distance of axes
 
 
 @dataclass(frozen=True)
 class Axes:
-    """Where the axes are, and how large their gears.
+    """Positions of the axes, and symbols with the sizes of their gears.
 
     Parameters
     ----------
     symbols : tuple of Symbol
-        With radii in pixels; a pair of gears on one axis is drawn as a box.
+        With radii in pixels; a gear pair on a single axis is drawn as a box.
     of : tuple of int
         Axis of each shaft.
     height : tuple of float
-        Of each axis below the first, pixels.
+        Distance of each axis below the first, pixels.
     """
 
     symbols: tuple[Symbol, ...]
@@ -35,7 +35,7 @@ class Axes:
 
 
 def axes_of(train: Train) -> Axes:
-    """Coaxial are the shafts of planetary sets and couplings; pairs of gears join axes."""
+    """Determine the axes: shafts of planetary sets and couplings are coaxial; gear pairs connect axes."""
     graph = nx.Graph()
     graph.add_nodes_from(range(train.shafts))
     for symbol in train.symbols:
@@ -67,7 +67,7 @@ def _boxed(symbol: Symbol) -> Symbol:
 
 
 def _sized(symbol: Symbol, scale: float) -> Symbol:
-    """Radii in pixels."""
+    """Scale radii to pixels."""
     if not symbol.radii:
         return symbol
     a, b = symbol.radii
@@ -80,7 +80,7 @@ def _sized(symbol: Symbol, scale: float) -> Symbol:
 
 
 def _heights(symbols: Sequence[Symbol], of: Sequence[int]) -> list[float]:
-    """Each axis below, or above, one that it has gears in mesh with, as far as their radii say."""
+    """Place each axis below, or above, an axis that it meshes with, at the distance given by the radii where known."""
     count = max(of, default=-1) + 1
     size = [sum(of[i] == axis for s in symbols for i in s.shafts) for axis in range(count)]
     height: dict[int, float] = {}
@@ -104,7 +104,7 @@ def _heights(symbols: Sequence[Symbol], of: Sequence[int]) -> list[float]:
                     continue
                 distance = _distance(pair)
                 free = [height[axis] + sign * times * distance for times in (1, 1.4, 1.9, 2.5, 3.2, 4) for sign in (1, -1)]
-                if axis in above:  # the upper half is taken by sets
+                if axis in above:  # the upper half is occupied by planetary sets
                     free = free[::2] + free[1::2]
                 height[other] = next(
                     (y for y in free if all(abs(y - h) >= APART for h in height.values())), max(height.values()) + distance
@@ -119,7 +119,7 @@ def _distance(pair: Symbol) -> float:
 
 
 def _fitted(symbol: Symbol, of: Sequence[int], height: Sequence[float]) -> Symbol:
-    """A pair whose radii fit the distance of its axes."""
+    """A gear pair scaled to the distance of its axes."""
     if symbol.kind not in ("external", "internal"):
         return symbol
     apart = abs(height[of[symbol.shafts[0]]] - height[of[symbol.shafts[1]]])

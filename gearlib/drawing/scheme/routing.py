@@ -1,8 +1,8 @@
-"""How the shafts of a stick diagram run: an arrangement of symbols in columns, of shafts in levels, with as few crossings as can be found.
+"""Routing of a stick diagram: symbols in columns and shafts on levels, with as few crossings as local search finds.
 
-Of a planetary set the upper half is shown. Every shaft has a level: hollow shafts lie around each other within the suns, drums around
-the rings. From each symbol an upright line leads to the level of its shaft. Which order of the columns, which levels and which sides
-cross least is found by local search: from a start, any change that makes it better is kept.
+Planetary sets are shown by their upper half. Every shaft has a level: hollow shafts nest within the suns, drums around the rings. From
+each symbol a vertical line leads to the level of its shaft. The order of the columns, the levels and the sides with the fewest
+crossings are found by local search: from an initial arrangement, improving changes are accepted until there are none.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from gearlib.drawing.scheme.axes import Axes
 from gearlib.drawing.scheme.train import Symbol
 
-HOLLOW, DRUM, INSIDE = 9.0, 10.0, 4  # between hollow shafts, between drums; levels of hollow shafts
+HOLLOW, DRUM, INSIDE = 9.0, 10.0, 4  # spacing of hollow shafts, and of drums; levels of hollow shafts
 WIDTH = {
     "external": 42.0,
     "internal": 54.0,
@@ -37,7 +37,7 @@ Line = tuple[float, float, float, float, int]  # x1, y1, x2, y2, shaft
 
 @dataclass(frozen=True)
 class Choice:
-    """What is chosen: the order of columns, the level of each shaft (from -1 downwards: drums), and a side of each symbol."""
+    """Decision variables: order of the columns, level of each shaft (from -1 downwards: drums), and a side for each symbol."""
 
     order: tuple[int, ...]
     level: tuple[int, ...]
@@ -47,7 +47,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a symbol stands: its column, and the height of what it is on."""
+    """Position of a symbol: its column, and the height of its axis."""
 
     x: float
     y: float
@@ -56,18 +56,18 @@ class Place:
 
 @dataclass(frozen=True)
 class Routing:
-    """Places of all symbols, and the lines of all shafts.
+    """Positions of all symbols, and the lines of all shafts.
 
     Parameters
     ----------
     places : tuple of Place
     lines : tuple of (x1, y1, x2, y2, shaft)
     spines : dict of int to (y, meeting points)
-        Level of each shaft, and where its symbols meet it: (symbol, flange, x).
+        Level of each shaft, and the points where symbols meet it: (symbol, flange, x).
     crossings : int
         Lines of different shafts that cross or touch.
     enclosed : int
-        Lines that stand between drives, loads and what is outside.
+        Lines that separate drives and loads from the outside.
     """
 
     places: tuple[Place, ...]
@@ -78,7 +78,7 @@ class Routing:
 
 
 def routed(axes: Axes) -> Routing:
-    """The best arrangement that local search finds; always the same for the same train."""
+    """The best arrangement found by local search; deterministic."""
     symbols = axes.symbols
     search = _Search(axes)
     start = search.first()
@@ -96,7 +96,7 @@ def routed(axes: Axes) -> Routing:
 
 
 class _Search:
-    """Costs and changes of arrangements of one train."""
+    """Cost function and neighbourhood of arrangements of one train."""
 
     def __init__(self, axes: Axes) -> None:
         self.axes = axes
@@ -121,7 +121,7 @@ class _Search:
         ]
 
     def first(self) -> Choice:
-        """Columns along the train from its first drive; hollow shafts where they can be."""
+        """Initial arrangement: columns along the train from its first drive; hollow shafts where possible."""
         symbols = self.axes.symbols
         graph = nx.Graph()
         graph.add_nodes_from(("symbol", i) for i in self.columns)
@@ -139,7 +139,7 @@ class _Search:
         return Choice(tuple(order), tuple(level), (False,) * len(symbols), (False,) * len(symbols))
 
     def shaken(self, choice: Choice, random: Random) -> Choice:
-        """Another start: part of it by chance."""
+        """Another initial arrangement, partly randomised."""
         order = list(choice.order)
         for _ in range(2):
             order.insert(random.randrange(len(order)), order.pop(random.randrange(len(order))))
@@ -148,7 +148,7 @@ class _Search:
         return replace(choice, order=tuple(order), level=level, turned=turned)
 
     def changes(self, choice: Choice) -> Iterator[Choice]:
-        """Everything that is one change away."""
+        """All arrangements one change away."""
         for shaft, levels in enumerate(self.levels):
             for level in levels:
                 if level != choice.level[shaft]:
@@ -193,7 +193,7 @@ class _Search:
         return CROSSING * (found.crossings + 0.2 * found.enclosed) + length + heights
 
     def drawn(self, choice: Choice) -> Routing:
-        """Places and lines of an arrangement."""
+        """Positions and lines of an arrangement."""
         axes, symbols = self.axes, self.axes.symbols
         x = self.columns_of(choice)
         base = [axes.height[axis] for axis in axes.of]
@@ -210,7 +210,7 @@ class _Search:
         meet: dict[int, list[tuple[int, int, float]]] = {s: [] for s in range(len(axes.of))}
 
         def lead(i: int, flange: int, at: float, y: float) -> None:
-            """Upright from a symbol to the level of its shaft."""
+            """Vertical line from a symbol to the level of its shaft."""
             shaft = symbols[i].shafts[flange]
             level = base[shaft] - rise[shaft]
             meet[shaft].append((i, flange, at))
@@ -282,7 +282,7 @@ class _Search:
         return Routing(tuple(places), tuple(lines), spines, *_crossings(lines, bodies, outwards))
 
     def _ends(self, places: list[Place], meet: dict[int, list[tuple[int, int, float]]], bodies: list[Line]) -> list[Line]:
-        """Turn drives and loads away from their shafts; lines from them out of the picture, which nothing should cross."""
+        """Turn drives and loads away from their shafts; the returned lines from them to the outside should not be crossed."""
         outwards = []
         for i, symbol in enumerate(self.axes.symbols):
             if symbol.kind == "end":
@@ -313,7 +313,7 @@ class _Search:
                 lines.append((web - 12, y + h, web + 12, y + h, shaft))
 
     def columns_of(self, choice: Choice) -> list[float]:
-        """Columns as narrow as their symbols allow; those on different axes may stand above each other."""
+        """Columns as narrow as their symbols allow; symbols on different axes may share a position."""
         x = [0.0] * len(self.width)
         done: list[tuple[float, frozenset[int]]] = []  # right edges
         for i in choice.order:
@@ -330,7 +330,7 @@ def _switched(values: tuple[bool, ...], i: int) -> tuple[bool, ...]:
 
 
 def _held_on_rings(symbols: Sequence[Symbol]) -> dict[int, int]:
-    """Brakes and fixings that stand right above a ring which they hold, with the set of this ring."""
+    """Brakes and fixed supports directly above a ring that they hold, with the set of that ring."""
     found: dict[int, int] = {}
     for i, symbol in enumerate(symbols):
         if symbol.kind == "held":
@@ -344,7 +344,7 @@ def _held_on_rings(symbols: Sequence[Symbol]) -> dict[int, int]:
 
 
 def _crossings(lines: list[Line], bodies: list[Line], outwards: list[Line]) -> tuple[int, int]:
-    """Pairs of lines and bodies of different shafts that cross, touch, or lie on each other, and the lines in the way outwards."""
+    """Number of crossings, contacts or overlaps between lines and bodies of different shafts, and of lines that block the outside."""
     x1, y1, x2, y2, shaft = np.array(lines + outwards + bodies).T
     x1, x2 = np.minimum(x1, x2), np.maximum(x1, x2) + CLEAR
     y1, y2 = np.minimum(y1, y2), np.maximum(y1, y2) + CLEAR

@@ -1,7 +1,7 @@
-"""Speed ladders of planetary sets: each shaft is a rail at a place that the ratios give, each motion a straight line across the rails.
+"""Speed ladders of planetary sets: shafts are rails at positions given by the ratios, motions are straight lines across them.
 
 By Willis' equation the speed of a carrier lies between those of sun and ring in the ratio of their teeth, so that the speeds of all
-members of a set, drawn over the right places, lie on a straight line (the plan of Ravigneaux and Kutzbach). Sets that share two
+members of a set, drawn at the right positions, lie on a straight line (the diagram of Ravigneaux and Kutzbach). Sets that share two
 shafts share one ladder.
 
 References
@@ -31,14 +31,14 @@ Speeds = Mapping[tuple[str, str], float]
 
 @dataclass
 class Ladder:
-    """Sets with common rails: where the rail of each shaft stands (sun of the first set at 0, its ring at 1)."""
+    """Sets with common rails, and the position of each shaft's rail (sun of the first set at 0, its ring at 1)."""
 
     sets: list[Symbol] = field(default_factory=list)
     rails: dict[int, float] = field(default_factory=dict)
 
 
 def ladders(train: Train) -> list[Ladder]:
-    """The sets of a train, those with two common shafts on one ladder.
+    """Ladders of a train; sets with two common shafts share one.
 
     >>> one = Symbol("front", "planetary", "planetary", (0, 1, 2), ("sun", "carrier", "ring"), (1.0, 2.0))
     >>> two = Symbol("rear", "planetary", "planetary", (0, 3, 1), ("sun", "carrier", "ring"), (1.0, 2.0))
@@ -82,7 +82,7 @@ def speed_ladder(train: Train, motions: Mapping[str, Speeds]) -> Picture:
     ----------
     train : Train
     motions : mapping of str to speeds
-        Speeds (rad/s) by part and flange, for each motion that is compared; an empty name is that of the only one.
+        Speeds (rad/s) by part and flange, for each motion to compare; a single one may have an empty name.
 
     Raises
     ------
@@ -126,12 +126,12 @@ def speed_ladder(train: Train, motions: Mapping[str, Speeds]) -> Picture:
 
 
 def _by_shaft(train: Train, speeds: Speeds) -> dict[int, float]:
-    """Speeds of the sets' shafts."""
+    """Speeds of the shafts of the sets."""
     return {shaft: speeds[s.name, port] for shaft, s, port in members(train) if s in train.sets and (s.name, port) in speeds}
 
 
 def is_straight(symbol: Symbol, speeds: Mapping[int, float]) -> bool:
-    """Whether the speeds of a set's shafts obey Willis' equation.
+    """Whether the speeds of a set's shafts satisfy Willis' equation.
 
     >>> one = Symbol("set", "planetary", "planetary", (0, 1, 2), ("sun", "carrier", "ring"), (1.0, 2.0))
     >>> is_straight(one, {0: 3.0, 1: 1.0, 2: 0.0}), is_straight(one, {0: 3.1, 1: 1.0, 2: 0.0})
@@ -144,7 +144,7 @@ def is_straight(symbol: Symbol, speeds: Mapping[int, float]) -> bool:
 
 
 def _label(train: Train, ladder: Ladder, shaft: int) -> str:
-    """The names of the members on a shaft; with one set, without its name."""
+    """Names of the members on a shaft; for a single set, without the set's name."""
     names = [
         port if len(ladder.sets) == 1 else f"{s.name}.{port}"
         for on, s, port in members(train)
@@ -154,7 +154,7 @@ def _label(train: Train, ladder: Ladder, shaft: int) -> str:
 
 
 def _staggered(ladder: Ladder, labels: Mapping[int, str]) -> list[list[int]]:
-    """Shafts whose labels fit beside each other, row by row."""
+    """Shafts grouped into rows whose labels do not overlap."""
     low, high = min(ladder.rails.values()), max(ladder.rails.values())
     rows: list[list[int]] = []
     ends: list[float] = []

@@ -23,7 +23,7 @@ Bounds = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Load:
-    """What a flange carries: speed (rad/s), torque (N.m) and power (W), these positive into the part."""
+    """Load of a flange: speed (rad/s), torque (N.m) and power (W), the latter two positive into the part."""
 
     speed: float
     torque: float
@@ -33,8 +33,8 @@ class Load:
 class Scheme(Picture):
     """Stick diagram of a train.
 
-    Shown by notebooks, and saved with ``save("train.svg")``; ``svg`` is the text. ``train`` has the shafts and what is on them,
-    ``routing`` the places and lines.
+    Displayed by notebooks, and saved with ``save("train.svg")``; ``svg`` is the text. ``train`` holds the shafts and their symbols,
+    ``routing`` the positions and lines.
     """
 
     def __init__(self, train: Train, loads: Mapping[tuple[str, str], Load] | None = None) -> None:
@@ -82,7 +82,7 @@ def _drawn(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load], 
     if loads:
         yield from _bands(axes, routing, loads)
     for x1, y1, x2, y2, _ in routing.lines:
-        if x1 == x2:  # uprights pass behind
+        if x1 == x2:  # verticals pass behind
             yield line(x1, y1, x2, y2, stroke=INK, stroke_width=LINE, stroke_linecap="round")
     for x1, y1, x2, y2, shaft in routing.lines:
         if y1 == y2 and x1 != x2:
@@ -119,7 +119,7 @@ def _symbol(symbol: Symbol, place: Place, axes: Axes) -> Iterator[str]:
 
 
 def _gear(x: float, y1: float, y2: float) -> str:
-    """A gear from the side: a web and, at the teeth, a bar across."""
+    """A gear seen from the side: a web and a bar at the teeth."""
     return line(x, y1, x, y2, stroke=INK, stroke_width=LINE)
 
 
@@ -159,7 +159,7 @@ def _pair(symbol: Symbol, x: float, side: float, base: Sequence[float]) -> Itera
 
 
 def _set(symbol: Symbol, x: float, y: float, side: float) -> Iterator[str]:
-    """The upper half of a planetary set."""
+    """Upper half of a planetary set."""
     sun, ring = symbol.radii
     yield _teeth(x, y - sun)
     yield _teeth(x, y - ring, 10.0)
@@ -174,7 +174,7 @@ def _set(symbol: Symbol, x: float, y: float, side: float) -> Iterator[str]:
 
 
 def _housing(x: float, y: float, up: bool, half: float = 14.0) -> Iterator[str]:
-    """The housing: a line hatched on the side away from the part."""
+    """Housing: a line with hatching on the side away from the part."""
     yield line(x - half, y, x + half, y, stroke=INK, stroke_width="2")
     steps = int(2 * half / 5)
     for k in range(steps + 1):
@@ -221,7 +221,7 @@ def _inline(symbol: Symbol, place: Place) -> Iterator[str]:
 
 
 def _end(symbol: Symbol, place: Place) -> Iterator[str]:
-    """A drive or a load at the end of its shaft; ``turned``: its shaft is on the left of it."""
+    """A drive or load at the end of its shaft; ``turned``: its shaft is on its left."""
     x, y = place.x, place.y
     away = -1.0 if not place.turned else 1.0
     if symbol.icon == "port":
@@ -243,7 +243,7 @@ def _end(symbol: Symbol, place: Place) -> Iterator[str]:
 
 
 def _bands(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load]) -> Iterator[str]:
-    """Power along the shafts, as wide as it is large, with the direction in which it flows."""
+    """Power flow along the shafts, with width proportional to power and arrows in its direction."""
     top = max((abs(load.power) for load in loads.values()), default=0.0)
     if not top:
         return
@@ -267,7 +267,7 @@ def _arrow(x1: float, x2: float, y: float, share: float) -> Iterator[str]:
 
 
 def _speeds(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load]) -> Iterator[str]:
-    """The number of each shaft where it is longest; the table below has its speed."""
+    """The number of each shaft at its longest segment; the table below gives its speed."""
     for k, (_, (y, points)) in enumerate(_numbered(routing)):
         places = sorted({p[2] for p in points})
         gaps = [(b - a, (a + b) / 2) for a, b in zip(places, places[1:], strict=False)]
@@ -281,7 +281,7 @@ def _numbered(routing: Routing) -> list[tuple[int, tuple[float, tuple[tuple[int,
 
 
 def _table(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load]) -> Iterator[tuple[str, str, str]]:
-    """Of each shaft: its number, its speed, and the torques on it."""
+    """For each shaft: its number, its speed, and the torques on it."""
     for k, (_, (_, points)) in enumerate(_numbered(routing)):
         on = [(axes.symbols[i], axes.symbols[i].ports[flange]) for i, flange, _ in points]
         found = [(s, port, loads[s.name, port]) for s, port in on if (s.name, port) in loads]

@@ -1,4 +1,4 @@
-"""What a stick diagram shows, as plain data: shafts, and the gears, sets, couplings, brakes, drives and loads on them."""
+"""Contents of a stick diagram as plain data: shafts, with their gears, sets, couplings, brakes, drives and loads."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ HELD = frozenset({"brake", "fixed"})
 UNSEEN = frozenset({"sensor"})
 ASIDE = frozenset({"support", "support_r", "heat_port"})
 
-TYPICAL = (2.5,)  # ratio of a planetary set that is not known yet
+TYPICAL = (2.5,)  # default ratio of a planetary set whose ratio is unknown
 
 Port = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Symbol:
-    """Something on the shafts of a train.
+    """An element on the shafts of a train.
 
     Parameters
     ----------
     name : str
-        Path of the part; of a port of the train itself, the port's name.
+        Path of the part; for a port of the train itself, the port's name.
     kind : str
-        "external", "internal", "planetary", "double_planetary", "inline", "held" (brakes and what is fixed), "end".
+        "external", "internal", "planetary", "double_planetary", "inline", "held" (brakes and fixed supports), "end".
     icon : str
-        How it is drawn.
+        Name of the icon.
     shafts : tuple of int
-        By number, in the order of `ports`: both gears (ring first), sun, carrier and ring, both sides, or one.
+        Shaft numbers, in the order of `ports`: both gears (ring first); sun, carrier and ring; both sides; or one.
     ports : tuple of str
         Names of its flanges.
     radii : tuple of float
-        Of both gears, or of sun and ring; in m, or their ratio only, with the smaller one 1.
+        Radii of both gears, or of sun and ring; in m, or relative to the smaller one.
     in_metres : bool
     label : str
     """
@@ -61,7 +61,7 @@ class Symbol:
 
 @dataclass(frozen=True)
 class Train:
-    """Shafts by number, and the symbols on them."""
+    """Numbered shafts, and the symbols on them."""
 
     name: str
     kind: str
@@ -75,14 +75,14 @@ class Train:
 
 
 def train_of(outline: Outline) -> Train:
-    """The shafts and symbols of a component that is outlined with all its parts.
+    """The shafts and symbols of a component, from its outline with all nested parts.
 
-    Flanges that are connected, or joined by a body, are on one shaft.
+    Flanges that are connected directly or by a body belong to one shaft.
 
     Raises
     ------
     ModelError
-        Nothing in it turns, or a mesh whose axes are carried around by a shaft.
+        Nothing rotates, or the axes of a mesh are carried around by a shaft.
     """
     joined: UnionFind[Port] = UnionFind()
     found: list[tuple[str, Outline]] = []
@@ -114,7 +114,7 @@ def _turning(part: Outline) -> list[str]:
 
 
 def _collect(part: Outline, path: str, joined: UnionFind[Port], found: list[tuple[str, Outline]], inside: bool = False) -> None:
-    """Join flanges that are one shaft, and list what is drawn; parts of what is drawn join flanges only."""
+    """Merge flanges of the same shaft, and list drawn parts; the parts of drawn parts merge flanges only."""
     for net in part.nets:
         if net.domain == "rotation":
             pins = [(path if pin.part == OWN else f"{path}.{pin.part}".lstrip("."), pin.port) for pin in net.pins]
@@ -131,7 +131,7 @@ def _collect(part: Outline, path: str, joined: UnionFind[Port], found: list[tupl
 
 
 def _is_symbol(part: Outline) -> bool:
-    """Whether a part is drawn as one thing, whatever it is made of."""
+    """Whether a part is drawn as a single symbol, whatever it consists of."""
     return not part.parts or bool(part.radii) or part.icon in INLINE | ENDS | RIGID
 
 
@@ -140,7 +140,7 @@ def _is_one_to_one(part: Outline) -> bool:
 
 
 def _symbol(part: Outline, path: str, on: list[tuple[str, int]]) -> Symbol | None:
-    """How a part is drawn whose flanges are on these shafts."""
+    """Symbol of a part whose flanges are on these shafts."""
     names, shafts = tuple(n for n, _ in on), tuple(s for _, s in on)
     label, icon, radii = path or part.name, part.icon, part.radii
     if icon in HELD:
@@ -173,7 +173,7 @@ def _symbol(part: Outline, path: str, on: list[tuple[str, int]]) -> Symbol | Non
 def _refuse_carried(
     drawn: list[tuple[str, Outline]], joined: UnionFind[Port], symbols: list[Symbol], number: dict[Port, int]
 ) -> None:
-    """A mesh on a carrier that turns is a part of a planetary set, and no pair of gears with axes at rest."""
+    """Refuse a mesh on a rotating carrier outside a planetary set: it cannot be drawn as a gear pair with fixed axes."""
     turning = {shaft for s in symbols if s.kind != "held" for shaft in s.shafts}
     for path, part in drawn:
         for port in part.ports:

@@ -1,6 +1,6 @@
-"""Signal blocks with the names of Modelica.Blocks: sources, filters, controllers, limits, logic, sampled blocks.
+"""Signal blocks named as in Modelica.Blocks: sources, filters, controllers, limiters, logic, sampled blocks.
 
-Signals are joined like connectors: ``gl.connect(self.controller.y, self.motor.tau)``. A block fits every unit.
+Signals are connected like ports: ``gl.connect(self.controller.y, self.motor.tau)``. Blocks accept signals of any unit.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(_HOME[name]), name)
         globals()[name] = value
         return value
-    if name.startswith("_"):  # asked by Python itself: __path__, __wrapped__, ...
+    if name.startswith("_"):  # looked up by Python itself: __path__, __wrapped__, ...
         raise AttributeError(f"module 'gearparts.blocks' has no attribute '{name}'")
     from gearlib.errors import nearest
 

@@ -1,6 +1,6 @@
 """Linear blocks, as in Modelica.Blocks.Continuous and Modelica.Blocks.Math: gains, sums, integrators, filters, controllers.
 
-A state that no start value fixes begins at 0: ``blocks.Integrator(start={"y": 2.0})``.
+States without a fixed start value begin at 0: ``blocks.Integrator(start={"y": 2.0})``.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from gearparts.blocks.interfaces import SHORTEST, SI2SO, SISO, SO
 
 
 class Gain(SISO):
-    """Proportional: ``y = k u``."""
+    """Proportional gain: ``y = k u``."""
 
     k = gl.Parameter("any", "gain")
 
@@ -41,7 +41,7 @@ class Add3(SI2SO):
 
 
 class Feedback(SI2SO):
-    """Difference of a command and what is fed back: ``y = u1 - u2``."""
+    """Difference of a command and a feedback signal: ``y = u1 - u2``."""
 
     def equations(self) -> list[gl.Eq]:
         return [gl.Eq(self.y, self.u1 - self.u2)]
@@ -64,7 +64,7 @@ class Integrator(SISO):
 
 
 class Derivative(SISO):
-    """Derivative behind a lag: ``T der(x) = u - x``, ``y = k (u - x) / T``, the transfer function ``k s / (T s + 1)``."""
+    """Filtered derivative: ``T der(x) = u - x``, ``y = k (u - x) / T``, the transfer function ``k s / (T s + 1)``."""
 
     k = gl.Parameter("any", "gain", default=1.0)
     T = gl.Parameter("s", "time constant of the lag", default=0.01, min=SHORTEST)
@@ -113,7 +113,7 @@ class PI(SISO):
 class PID(SISO):
     """PID controller in additive form: ``y = k (u + x_I + Td (u - x_D) / T)`` with ``Ti der(x_I) = u``, ``T der(x_D) = u - x_D``.
 
-    The derivative is taken behind a lag of ``T = Td / Nd``: ``k (1 + 1 / (Ti s) + Td s / (1 + s Td / Nd))``.
+    The derivative is filtered with the time constant ``T = Td / Nd``: ``k (1 + 1 / (Ti s) + Td s / (1 + s Td / Nd))``.
     """
 
     k = gl.Parameter("any", "gain", default=1.0)
@@ -133,11 +133,11 @@ class PID(SISO):
 
 
 class LimPID(SO):
-    """P, PI, PD or PID controller with limited output, anti-windup compensation and weighted set-point.
+    """P, PI, PD or PID controller with limited output, anti-windup compensation and set-point weighting.
 
     With the set-point ``u_s`` and the measurement ``u_m``, ``v = k (wp u_s - u_m + x_I + D)`` and ``y = min(max(v, y_min), y_max)``,
-    where ``Ti der(x_I) = u_s - u_m + (y - v) / (k Ni)`` and ``D = Nd (e - x_D)``, ``(Td / Nd) der(x_D) = e - x_D``,
-    ``e = wd u_s - u_m``. Where the output is limited, ``y - v`` leads the integrator back.
+    where ``Ti der(x_I) = u_s - u_m + (y - v) / (k Ni)`` and ``D = Nd (e - x_D)``, ``(Td / Nd) der(x_D) = e - x_D``, ``e = wd u_s -
+    u_m``. While the output is limited, ``y - v`` unwinds the integrator.
 
     References
     ----------

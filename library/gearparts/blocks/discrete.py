@@ -7,7 +7,7 @@ from gearparts.blocks.interfaces import SHORTEST, SISO, SO
 
 
 class SampledBlock(SO):
-    """Base of sampled blocks: the instants, and an output that a discrete variable holds."""
+    """Base of sampled blocks: the sample instants, and an output held by a discrete variable."""
 
     sample_period = gl.Parameter("s", "time between two instants", min=SHORTEST)
     start_time = gl.Parameter("s", "first instant", default=0.0)
@@ -27,7 +27,7 @@ class Sampler(SampledBlock):
 
 
 class ZeroOrderHold(SampledBlock):
-    """Sampler whose output follows ``y = u`` just after the instant, so that an algebraic loop may run through it."""
+    """Sampler whose output is updated just after the instant, so that an algebraic loop may pass through it."""
 
     u = gl.Input("any", "input signal")
     taken = gl.Discrete("value at the instant")
@@ -40,7 +40,7 @@ class ZeroOrderHold(SampledBlock):
 
 
 class UnitDelay(SampledBlock):
-    """Delay by one period: ``y(t_k) = u(t_k - sample_period)``. It begins with 0: ``start={"taken": 2.0}`` gives another value."""
+    """Delay by one period: ``y(t_k) = u(t_k - sample_period)``. Its initial value is 0, or set by ``start={"taken": 2.0}``."""
 
     u = gl.Input("any", "input signal")
     taken = gl.Discrete("input at the last instant")
@@ -51,7 +51,7 @@ class UnitDelay(SampledBlock):
 
 
 class TriggeredSampler(SISO):
-    """Sampler that another signal triggers: ``y = u`` where ``trigger`` rises above 0.5, held until it does so again."""
+    """Triggered sampler: ``y = u`` when ``trigger`` rises above 0.5, held until the next time."""
 
     trigger = gl.Input("1", "1 or 0; rises where the input is sampled")
     held = gl.Discrete("output between the instants")
@@ -61,11 +61,11 @@ class TriggeredSampler(SISO):
 
 
 class DiscretePID(SampledBlock):
-    """PID controller of a digital computer, with limited output and anti-windup: ``v_k = k (wp u_s - u_m) + I_k + D_k``.
+    """Digital PID controller with limited output and anti-windup: ``v_k = k (wp u_s - u_m) + I_k + D_k``.
 
-    ``y = min(max(v, y_min), y_max)``; the integral by forward differences, ``I_{k+1} = I_k + k h / Ti (u_s - u_m) + h / (Ni Ti) (y - v)``
-    with ``h = sample_period``; the derivative of the measurement by backward differences behind a lag of ``Td / Nd``,
-    ``D_k = (Td D_{k-1} - k Td Nd (u_m - u_m_{k-1})) / (Td + Nd h)``, 0 at the first instant.
+    ``y = min(max(v, y_min), y_max)``; the integral by forward differences, ``I_{k+1} = I_k + k h / Ti (u_s - u_m) + h / (Ni Ti) (y -
+    v)`` with ``h = sample_period``; the derivative of the measurement by backward differences, filtered with the time constant ``Td /
+    Nd``, ``D_k = (Td D_{k-1} - k Td Nd (u_m - u_m_{k-1})) / (Td + Nd h)``, 0 at the first instant.
 
     References
     ----------

@@ -1,14 +1,14 @@
-"""Base classes of signal blocks: outputs and inputs that fit every unit, and no power."""
+"""Base classes of signal blocks, with inputs and outputs of any unit and without power."""
 
 from __future__ import annotations
 
 import gearlib as gl
 
-SHORTEST = 1e-60  # s: a time that something is divided by, as Modelica.Constants.small
+SHORTEST = 1e-60  # s: smallest time constant in a denominator, like Modelica.Constants.small
 
 
 class Block(gl.Component):
-    """Base of signal blocks: they carry no power."""
+    """Base of signal blocks, which carry no power."""
 
     def energies(self) -> gl.Energy:
         return gl.Energy()
@@ -34,7 +34,7 @@ class SI2SO(SO):
 
 
 class SignalSource(SO):
-    """Base of sources: a function of time that begins at ``start_time``, on top of an offset."""
+    """Base of sources: a function of time that begins at ``start_time``, plus an offset."""
 
     offset = gl.Parameter("any", "added to the signal, also before it begins", default=0.0)
     start_time = gl.Parameter("s", "time at which the signal begins", default=0.0)

@@ -1,6 +1,6 @@
-"""Limits, dead zones, hysteresis and switches, as in Modelica.Blocks.Nonlinear and Modelica.Blocks.Logical.
+"""Limiters, dead zones, hysteresis and switches, as in Modelica.Blocks.Nonlinear and Modelica.Blocks.Logical.
 
-Signals that are yes or no are 1 and 0; above 0.5 means yes.
+Boolean signals are 1 and 0; above 0.5 means true.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from gearparts.blocks.interfaces import SHORTEST, SISO, SO
 
 
 class Limiter(SISO):
-    """Limited signal: ``y = min(max(u, y_min), y_max)``."""
+    """Limiter: ``y = min(max(u, y_min), y_max)``."""
 
     y_max = gl.Parameter("any", "upper limit")
     y_min = gl.Parameter("any", "lower limit", default=lambda block: -block.y_max)
@@ -23,9 +23,9 @@ class Limiter(SISO):
 
 
 class RateLimiter(SISO):
-    """Signal whose rate is limited: ``der(y) = min(max((u - y) / Td, falling), rising)``; Modelica's SlewRateLimiter.
+    """Rate limiter: ``der(y) = min(max((u - y) / Td, falling), rising)``; Modelica's SlewRateLimiter.
 
-    ``Td`` is how long it lags behind a signal that changes slowly enough.
+    ``Td`` is its lag behind a slowly changing signal.
     """
 
     rising = gl.Parameter("any", "largest rate, in the signal's unit per s", default=1.0, min=0)
@@ -55,9 +55,9 @@ class DeadZone(SISO):
 
 
 class Hysteresis(SISO):
-    """Two-point switch: ``y = 1`` from ``u > u_high`` until ``u < u_low``, ``y = 0`` otherwise.
+    """Two-point switch with hysteresis: ``y = 1`` from ``u > u_high`` until ``u < u_low``, ``y = 0`` otherwise.
 
-    Between the limits it begins at 0: ``start={"on": 1}`` lets it begin at 1.
+    Between the limits it begins at 0, or at 1 with ``start={"on": 1}``.
     """
 
     u_low = gl.Parameter("any", "below, y becomes 0")
@@ -71,7 +71,7 @@ class Hysteresis(SISO):
 
 
 class Switch(SO):
-    """Choice between two signals: ``y = u1`` where ``u2 > 0.5``, ``y = u3`` otherwise."""
+    """Switch between two signals: ``y = u1`` where ``u2 > 0.5``, ``y = u3`` otherwise."""
 
     u1 = gl.Input("any", "signal where u2 is 1")
     u2 = gl.Input("1", "1 or 0: which signal")
@@ -82,9 +82,9 @@ class Switch(SO):
 
 
 class LogicalSwitch(SO):
-    """Choice between two signals that are yes or no: ``y = 1`` where the chosen one is above 0.5, ``y = 0`` otherwise.
+    """Switch between two Boolean signals: ``y = 1`` if the selected one is above 0.5, ``y = 0`` otherwise.
 
-    It is ``u1`` where ``u2 > 0.5``, and ``u3`` otherwise.
+    The selected one is ``u1`` where ``u2 > 0.5``, and ``u3`` otherwise.
     """
 
     u1 = gl.Input("1", "1 or 0, where u2 is 1")

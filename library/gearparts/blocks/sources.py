@@ -1,4 +1,4 @@
-"""Signals that are functions of time, as in Modelica.Blocks.Sources."""
+"""Signal sources, functions of time, as in Modelica.Blocks.Sources."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ class Sine(SignalSource):
 
 
 class Chirp(SignalSource):
-    """A sine whose frequency grows linearly: ``y = offset + amplitude sin(2 pi (f_start s + (f_end - f_start) s**2 / (2 duration)))``.
+    """Sine with linearly increasing frequency: ``y = offset + amplitude sin(2 pi (f_start s + (f_end - f_start) s**2 / (2 duration)))``.
 
-    ``s = time - start_time``; before 0 and after ``duration`` it is ``y = offset``.
+    ``s = time - start_time``; before the start and after ``duration``, ``y = offset``.
     """
 
     amplitude = gl.Parameter("any", "amplitude", default=1.0)
@@ -82,17 +82,17 @@ class Chirp(SignalSource):
 
 
 class PeriodicSource(SignalSource):
-    """Base of sources that repeat: their period, and how often."""
+    """Base of periodic sources: their period, and the number of periods."""
 
     period = gl.Parameter("s", "period", min=SHORTEST)
     n_period = gl.Parameter("1", "number of periods; negative: without end", default=-1.0)
 
     def over(self) -> Any:
-        """The condition that all periods are over."""
+        """Condition that all periods are over."""
         return gl.And(self.n_period >= 0, gl.time >= self.start_time + self.n_period * self.period)
 
     def between(self, begin: Any, end: Any) -> Any:
-        """The condition that a period has got to ``begin`` and not to ``end``, s after its start; each switches at exact instants."""
+        """Condition that time is between ``begin`` and ``end`` (s after the start of a period); it switches at exact instants."""
         a, b = (alternates(self.period, self.start_time + since) for since in (begin, end))
         return gl.Or(gl.And(a, gl.Not(b)), gl.And(gl.Not(a), b))
 
@@ -109,9 +109,9 @@ class Pulse(PeriodicSource):
 
 
 class Trapezoid(PeriodicSource):
-    """Trapezoids: ``y = offset + amplitude (time - T0) / rising`` in each period, which begins at ``T0``, then up, down, and at rest.
+    """Trapezoidal pulses: a period that begins at ``T0`` rises by ``y = offset + amplitude (time - T0) / rising``, holds, falls, rests.
 
-    It stays up for ``width`` and takes ``falling`` to come down.
+    It holds for ``width`` and falls for ``falling``.
     """
 
     amplitude = gl.Parameter("any", "height of the trapezoids", default=1.0)
@@ -129,7 +129,7 @@ class Trapezoid(PeriodicSource):
         angle = gl.atan2(gl.sin(turn), gl.cos(turn)) / (2 * gl.pi)
         since = self.period * gl.no_event(
             gl.Piecewise((angle, angle >= 0), (angle + 1, True))
-        )  # where a run starts between instants
+        )  # if a run starts between instants
         instant, up, down = gl.sample(self.period, self.start_time), self.rising, self.rising + self.width
         rise = (gl.time - self.T0) / self.rising
         fall = 1 - (gl.time - self.T0 - down) / self.falling
@@ -144,10 +144,10 @@ class Trapezoid(PeriodicSource):
 
 
 class KinematicPTP(SO):
-    """The acceleration that moves something from one place to another as fast as the limits allow: ``y = qdd``.
+    """Acceleration of a time-optimal point-to-point motion within limits: ``y = qdd``.
 
-    It begins at ``start_time`` and accelerates with ``qdd_max`` up to the speed ``qd_max``, turns at that speed, and brakes with
-    ``-qdd_max``, so that ``deltaq`` is covered; where ``deltaq`` is too short for that speed, it brakes half-way.
+    It begins at ``start_time``, accelerates with ``qdd_max`` to the speed ``qd_max``, continues at that speed, and brakes with
+    ``-qdd_max``, so as to cover ``deltaq``; if ``deltaq`` is too short to reach that speed, it brakes half-way.
     """
 
     deltaq = gl.Parameter("any", "distance, with its sign", default=1.0)

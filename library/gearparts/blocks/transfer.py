@@ -1,4 +1,4 @@
-"""Blocks given by matrices and polynomials, as in Modelica.Blocks.Continuous; from python-control's systems, too."""
+"""Blocks given by matrices and polynomials, as in Modelica.Blocks.Continuous; also from python-control systems."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Row = tuple[float, ...]
 class TransferFunction(SISO):
     """Transfer function: ``y = (b[0] s**m + ... + b[m]) / (a[0] s**n + ... + a[n]) u``, with at most as many zeros as poles.
 
-    Its states are ``x[0].y`` to ``x[n-1].y``, of the controllable canonical form: ``der(x[i].y) = x[i+1].y`` and
-    ``der(x[n-1].y) = u - (a[n] x[0].y + ... + a[1] x[n-1].y) / a[0]``. The coefficients are numbers.
+    Its states ``x[0].y`` to ``x[n-1].y`` are those of the controllable canonical form: ``der(x[i].y) = x[i+1].y`` and ``der(x[n-1].y) =
+    u - (a[n] x[0].y + ... + a[1] x[n-1].y) / a[0]``. The coefficients are numbers.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class TransferFunction(SISO):
             )
         n = len(a) - 1
         b = (0.0,) * (len(a) - len(b)) + b
-        feedback = tuple(-c / a[0] for c in a[:0:-1])  # of x[0], x[1], ...
+        feedback = tuple(-c / a[0] for c in a[:0:-1])  # feedback of x[0], x[1], ...
         direct = b[0] / a[0]
         out = tuple((c - direct * d) / a[0] for c, d in zip(b[:0:-1], a[:0:-1], strict=True))
         rows = tuple(tuple(float(j == i + 1) for j in range(n)) for i in range(n - 1)) + ((feedback,) if n else ())
@@ -57,7 +57,7 @@ class TransferFunction(SISO):
 class StateSpace(SISO):
     """Linear system: ``der(x) = A x + B u``, ``y = C x + D u``, with one input and one output.
 
-    The states are ``x[0].y``, ``x[1].y``, .... The matrices are numbers. `StateSpace.of` takes a ``control.StateSpace``;
+    The states are ``x[0].y``, ``x[1].y``, .... The matrices are numbers. `StateSpace.of` converts a ``control.StateSpace``;
     `MultiStateSpace` has several inputs and outputs.
     """
 
@@ -68,7 +68,7 @@ class StateSpace(SISO):
 
     @classmethod
     def of(cls, system: Any, **values: Any) -> StateSpace:
-        """The block of a continuous ``control.StateSpace`` or ``control.TransferFunction``.
+        """Convert a continuous ``control.StateSpace`` or ``control.TransferFunction``.
 
         Raises
         ------
@@ -122,7 +122,7 @@ class MultiStateSpace(Block):
 
     @classmethod
     def of(cls, system: Any, **values: Any) -> MultiStateSpace:
-        """The block of a continuous ``control.StateSpace`` or ``control.TransferFunction``."""
+        """Convert a continuous ``control.StateSpace`` or ``control.TransferFunction``."""
         A, B, C, D = _matrices(system, cls.__name__)
         return cls(A=A, B=B, C=C, D=D, **values)
 
@@ -150,12 +150,12 @@ def _realised(block: SISO, A: Sequence[Row], B: Row, C: Row, D: float) -> Sequen
 
 
 def _symbols(name: str, count: int) -> list[Any]:
-    """What parts that are still to be made will be called."""
+    """Symbols for parts that are yet to be made."""
     return [real_symbol(name.format(i)) for i in range(count)]
 
 
 def _sum(coefficients: Sequence[float], signals: Sequence[Any]) -> Any:
-    """Signals with numbers as factors; zeros are left out."""
+    """Linear combination of signals, without zero terms."""
     return sum((c * s for c, s in zip(coefficients, signals, strict=True) if c != 0), 0)
 
 

@@ -1,4 +1,4 @@
-"""Flank contact of a mesh: force and damping loss over the deflection, with or without backlash."""
+"""Flank contact of a mesh: force and damping loss as functions of the deflection, with or without backlash."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CONTACT = {
 
 
 class Flanks(VaryingStiffness):
-    """Base of meshes with flank contact: force over deflection, and the side of contact."""
+    """Base of meshes with flank contact: force over deflection, and the side in contact."""
 
     backlash = gl.Structural(False, "whether the flanks can part; otherwise force and deflection are proportional")
     d = gl.Parameter("N.s/m", "mesh damping along the line of action; see mesh_damping", min=0)
@@ -52,10 +52,10 @@ class Flanks(VaryingStiffness):
         return (gl.Piecewise((1, drive), (0, True)) + gl.Piecewise((1, coast), (0, True))) * loss
 
     def squeezed(self) -> Any:
-        """The squares of the flanks' deflections, together."""
+        """Sum of the squared deflections of the flanks."""
         half = self.b / 2
         return gl.Max(self.q - half, 0) ** 2 + gl.Max(-self.q - half, 0) ** 2 if self.backlash else self.q**2
 
     def _touching(self) -> tuple[Any, Any]:
-        """Whether each flank is in contact. One of them includes the edge of the gap: without a gap there is always contact."""
+        """Contact flags of both flanks. One of them includes the edge of the gap: without a gap there is always contact."""
         return self.q >= self.b / 2, self.q < -self.b / 2

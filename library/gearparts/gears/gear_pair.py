@@ -21,16 +21,16 @@ from gearlib.language.declarations import offered
 from gearparts.gears.involute import involute, involute_angle
 from gearparts.gears.mesh_phase import stretches
 
-# ISO 6336-1, equation (86): the flexibility of a pair of teeth, in mm um / N
+# ISO 6336-1, equation (86): flexibility of a pair of teeth, in mm um / N
 FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188, 0.00529, 0.00182)
-CORRECTION = 0.8  # C_M, measured over theoretical stiffness of solid gears
+CORRECTION = 0.8  # C_M, ratio of measured to theoretical stiffness of solid gears
 N_PER_MM_UM = 1e9  # N/(mm um) in N/m2
-LIGHT = 1e5  # N/m; below this load per face width the contact is softer
+LIGHT = 1e5  # N/m; at loads per face width below this the contact is softer
 
 
 @dataclass(frozen=True)
 class GearPair:
-    """A pinion (1) that meshes with a wheel (2), both involute and cylindrical.
+    """A pinion (1) in mesh with a wheel (2), both cylindrical with involute teeth.
 
     Parameters
     ----------
@@ -41,22 +41,22 @@ class GearPair:
     width : float
         Common face width, m.
     x_1, x_2 : float
-        Profile shift over the normal module; positive moves the teeth towards their tips, so a ring's towards its axis (ISO 21771).
+        Profile shift coefficients; positive moves the teeth towards their tips, so a ring's towards its axis (ISO 21771).
     alpha_n, beta : float
         Normal pressure angle and helix angle, rad.
     internal : bool
-        Whether the wheel is a ring around the pinion.
+        Whether the wheel is a ring gear around the pinion.
     h_aP, h_fP : float
         Addendum and dedendum of the basic rack over the normal module.
     blank : float
         ISO 6336-1's gear blank factor C_R; 1 for solid discs.
     line_load : float
-        Tangential load with its application factor over the face width, N/m; it matters below 1e5 N/m.
+        Tangential load including its application factor per face width, N/m; it has an effect below 1e5 N/m.
 
     Raises
     ------
     BoundError
-        A pair that cannot exist.
+        A geometrically impossible pair.
 
     Examples
     --------
@@ -105,12 +105,12 @@ class GearPair:
 
     @property
     def sense(self) -> int:
-        """1 for an outer wheel, -1 for a ring; ISO 21771 gives a ring a negative number of teeth."""
+        """1 for an external wheel, -1 for a ring, which has a negative number of teeth in ISO 21771."""
         return -1 if self.internal else 1
 
     @property
     def ratio(self) -> float:
-        """Teeth of the wheel over teeth of the pinion."""
+        """Number of teeth of the wheel over that of the pinion."""
         return self.z_2 / self.z_1
 
     @property
@@ -140,13 +140,13 @@ class GearPair:
 
     @property
     def base_radii(self) -> tuple[float, float]:
-        """Of pinion and wheel, m."""
+        """Base radii of pinion and wheel, m."""
         half = self.m_n / math.cos(self.beta) * math.cos(self.alpha_t) / 2
         return self.z_1 * half, self.z_2 * half
 
     @property
     def tip_radii(self) -> tuple[float, float]:
-        """Of pinion and wheel, m; without tip shortening."""
+        """Tip radii of pinion and wheel, m; without tip shortening."""
         half = self.m_n / math.cos(self.beta) / 2
         reach = self.sense * (self.x_2 + self.h_aP)
         return self.z_1 * half + self.m_n * (self.x_1 + self.h_aP), self.z_2 * half + self.m_n * reach
@@ -158,18 +158,18 @@ class GearPair:
 
     @property
     def tips_reach(self) -> bool:
-        """Whether both tip circles lie outside the base circles and the path of contact has a length."""
+        """Whether both tip circles lie outside the base circles and the path of contact has positive length."""
         outside = all(a > b for a, b in zip(self.tip_radii, self.base_radii, strict=True))
         return outside and self.approach + self.recess > 0
 
     @property
     def recess(self) -> float:
-        """Part of the contact ratio after the pitch point where the pinion drives (ISO 21771: epsilon_1)."""
+        """Part of the contact ratio after the pitch point with the pinion driving (ISO 21771: epsilon_1)."""
         return self._beyond_pitch_point(0)
 
     @property
     def approach(self) -> float:
-        """Part of the contact ratio before the pitch point where the pinion drives (epsilon_2)."""
+        """Part of the contact ratio before the pitch point with the pinion driving (epsilon_2)."""
         return self.sense * self._beyond_pitch_point(1)
 
     def _beyond_pitch_point(self, gear: int) -> float:
@@ -188,10 +188,10 @@ class GearPair:
 
     @property
     def loss_factor(self) -> float:
-        """Mean power lost by sliding, over power and friction coefficient, where the pairs in contact share the load equally.
+        """Mean sliding loss relative to power and friction coefficient, for load shared equally by the pairs in contact.
 
-        ``pi (1/z_1 + 1/z_2) / cos(beta_b)`` with ``-1/z_2`` for a ring, times twice the mean distance of the pairs from the pitch
-        point in base pitches; that is ``1 - eps + eps_1**2 + eps_2**2`` where approach and recess are at most 1 (Niemann, Winter:
+        ``pi (1/z_1 + 1/z_2) / cos(beta_b)`` with ``-1/z_2`` for a ring, times twice the mean distance of the pairs from the pitch point
+        in base pitches; equal to ``1 - eps + eps_1**2 + eps_2**2`` if approach and recess are at most 1 (Niemann, Winter:
         Maschinenelemente, vol. 2).
         """
 
@@ -206,12 +206,12 @@ class GearPair:
         return 2 * math.pi * (1 / self.z_1 + self.sense / self.z_2) / math.cos(self.beta_b) * distance
 
     def efficiency(self, mu: float) -> float:
-        """Of the mesh alone, with a mean friction coefficient ``mu``.
+        """Efficiency of the mesh alone, with a mean friction coefficient ``mu``.
 
         Raises
         ------
         BoundError
-            A negative coefficient, or one so large that the mesh would lose more than all power.
+            A negative coefficient, or one so large that the mesh would dissipate more than the power transmitted.
         """
         if not (is_real(mu) and 0 <= mu * self.loss_factor < 1):
             expected = f"expected a mean friction coefficient from 0 on, below {1 / self.loss_factor:.3g}"
@@ -220,17 +220,17 @@ class GearPair:
 
     @property
     def virtual_teeth(self) -> tuple[float, float]:
-        """Of the spur gears that replace helical ones in the normal section; infinite for a ring, as ISO 6336-1 has it."""
+        """Numbers of teeth of the virtual spur gears in the normal section; infinite for a ring, as in ISO 6336-1."""
         per_tooth = 1 / (math.cos(self.beta_b) ** 2 * math.cos(self.beta))
         return self.z_1 * per_tooth, math.inf if self.internal else self.z_2 * per_tooth
 
     @property
     def single_stiffness(self) -> float:
-        """Largest stiffness of one pair of teeth over the face width, c', N/m2 (ISO 6336-1, method B; steel).
+        """Maximum single stiffness of a tooth pair per face width, c', N/m2 (ISO 6336-1, method B; steel).
 
-        ``c' = 0.8 C_R C_B cos(beta) / q'``, with q' a polynomial of the virtual numbers of teeth and the profile shifts (for
-        ``x_1 >= x_2`` and ``-0.5 <= x_1 + x_2 <= 2``), ``C_B = (1 + 0.5 (1.2 - h_fP)) (1 - 0.02 (20 - alpha_n in degrees))``;
-        in proportion to a load below 100 N/mm.
+        ``c' = 0.8 C_R C_B cos(beta) / q'``, with q' a polynomial of the virtual numbers of teeth and the profile shifts (for ``x_1 >=
+        x_2`` and ``-0.5 <= x_1 + x_2 <= 2``), ``C_B = (1 + 0.5 (1.2 - h_fP)) (1 - 0.02 (20 - alpha_n in degrees))``; proportional to
+        the load below 100 N/mm.
         """
         z_1, z_2 = self.virtual_teeth
         x_1, x_2 = self.x_1, self.x_2
@@ -242,13 +242,13 @@ class GearPair:
 
     @property
     def mesh_stiffness(self) -> float:
-        """Mean mesh stiffness over the face width, c_gamma_alpha = c' (0.75 eps_alpha + 0.25), N/m2 (ISO 6336-1)."""
+        """Mean mesh stiffness per face width, c_gamma_alpha = c' (0.75 eps_alpha + 0.25), N/m2 (ISO 6336-1)."""
         return self.single_stiffness * (0.75 * self.contact_ratio + 0.25)
 
     def mesh_values(self) -> dict[str, float]:
         """Values of the pair for `DetailedExternalMesh` (pinion on flange_a) or `DetailedInternalMesh` (ring on flange_a).
 
-        They are offered (`gearlib.offered`): a mesh without friction leaves those that only friction needs.
+        They are optional values (`gearlib.offered`): a mesh without friction ignores those that only friction needs.
 
         Examples
         --------

@@ -24,7 +24,7 @@ def involute_angle(value: float) -> float:
     >>> round(math.degrees(involute_angle(involute(0.4))), 12) == round(math.degrees(0.4), 12)
     True
     """
-    alpha = min(math.cbrt(3 * value), 1.5)  # tan(a) - a > a**3 / 3: Newton's method comes from above, and stays there
+    alpha = min(math.cbrt(3 * value), 1.5)  # tan(a) - a > a**3 / 3: Newton's method converges monotonically from above
     for _ in range(60):
         step = (involute(alpha) - value) / math.tan(alpha) ** 2 if alpha else 0.0
         alpha -= step

@@ -14,21 +14,21 @@ from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated
 if TYPE_CHECKING:
     from gearlib.language.component import Connection
 
-SMALLEST = 1e-15  # where both efficiencies are 1, both bearing torques are the same, and their difference over this is zero
+SMALLEST = 1e-15  # if both efficiencies are 1, the two bearing torques are equal, and their difference over this is zero
 IDEAL: Rows = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 
 
 class LossyGear(TwoFlangesAndSupport, Dissipative):
     """Gear pair with mesh efficiency and bearing friction: ``tau_b = -ratio (tau_a - tau_loss)``, ``phi_a = ratio phi_b``.
 
-    A row of ``loss_table`` holds a speed of flange_a, the efficiencies ``eta1`` (flange_a drives) and ``eta2`` (flange_b drives)
-    and the bearing torques ``B1``, ``B2`` in both cases, referred to flange_a. With ``T = tau_a``, and flange_a turning forward::
+    A row of ``loss_table`` holds a speed of flange_a, the efficiencies ``eta1`` (flange_a drives) and ``eta2`` (flange_b drives) and
+    the bearing torques ``B1``, ``B2`` in these cases, referred to flange_a. With ``T = tau_a``, for forward rotation of flange_a::
 
         tau_loss = (1 - eta1) T + B1      where T >= B_a, so that flange_a drives
         tau_loss = (1 - 1 / eta2) T + B2  otherwise
 
-    with ``B_a = (B1 - B2) / (eta1 - 1 / eta2)``, the bearing torque at the side of flange_a. Backward, the signs of B1, B2 and B_a
-    change, and so does the side that drives. At rest ``der(w_a) = 0`` as long as the loss lies between these for both directions.
+    with ``B_a = (B1 - B2) / (eta1 - 1 / eta2)``, the bearing torque at flange_a. For backward rotation the signs of B1, B2 and B_a
+    change, and so does the driving side. At rest ``der(w_a) = 0`` as long as the loss lies between its values for the two directions.
 
     References
     ----------
@@ -95,7 +95,7 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         ]
         separable = any(row[1] != 1 or row[2] != 1 for row in rows)
         still, side_forward, side_backward = (_on_side_a(row, separable) for row in (at_rest, *there))
-        drives = self.tau_eta >= 0  # also while locked: it starts on the side that drives then
+        drives = self.tau_eta >= 0  # also while locked: it starts with the side that drives then
         forward = gl.Piecewise((_a_drives(torque, 1, there[0]), drives), (_b_drives(torque, 1, there[0]), True))
         backward = gl.Piecewise((_b_drives(torque, -1, there[1]), drives), (_a_drives(torque, -1, there[1]), True))
         return [
@@ -142,11 +142,11 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
         ]
 
     def _starts(self, sense: int, loss: Any, limit: Any, starts: Any, starts_opposite: Any) -> Any:
-        """Breakaway condition for one sense; multiplied by flags, since the comparison has no meaning unless the gear is stuck.
+        """Breakaway condition for one direction; multiplied by flags, since the comparison is meaningful only while the gear is stuck.
 
-        One that has started in the opposite sense locks first: its curve parameter is no torque then.
+        A gear that has started in the opposite direction locks first: until then its curve parameter is not a torque.
         """
-        started = 1 - (1 - starts) * (1 - gl.pre(starts))  # at this event, or before it
+        started = 1 - (1 - starts) * (1 - gl.pre(starts))  # at this event or before it
         pushed = self.was_stuck * (1 - starts_opposite) * (loss - limit * (1 - ROUNDING * started)) > 0
         return gl.Or(pushed, gl.And(gl.initial(), gl.equals(self.moving, sense)))
 
@@ -155,26 +155,26 @@ class LossyGear(TwoFlangesAndSupport, Dissipative):
 
 
 def _a_drives(torque: Any, sense: int, row: list[Any]) -> Any:
-    """Loss torque with flange_a driving, for one sense of rotation."""
+    """Loss torque with flange_a driving, for one direction of rotation."""
     return (1 - row[0]) * torque + sense * row[2]
 
 
 def _b_drives(torque: Any, sense: int, row: list[Any]) -> Any:
-    """Loss torque with flange_b driving, for one sense of rotation of flange_a."""
+    """Loss torque with flange_b driving, for one direction of rotation of flange_a."""
     return (1 - 1 / row[1]) * torque + sense * row[3]
 
 
 def _on_side_a(row: list[Any], separable: bool) -> Any:
-    """The part of the bearing friction at flange_a; half of it where the efficiencies are 1 throughout and do not tell."""
+    """The part of the bearing friction at flange_a; half of it if the efficiencies are 1 throughout, where it is indeterminate."""
     if not separable:
         return row[2] / 2
     return (row[2] - row[3]) / (row[0] - 1 / row[1] - SMALLEST)
 
 
 class Gearbox(TwoFlanges, MaybeHeated):
-    """`LossyGear`, then `ElastoBacklash`: ``phi_rel = flange_b.phi - lossyGear.flange_b.phi``.
+    """`LossyGear` in series with `ElastoBacklash`: ``phi_rel = flange_b.phi - lossyGear.flange_b.phi``.
 
-    It loses what both parts lose.
+    Its losses are those of both parts.
     """
 
     icon = "lossy_gear"

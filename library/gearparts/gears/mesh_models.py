@@ -1,9 +1,9 @@
 """Detailed meshes: backlash or preload, time-varying stiffness, static transmission error, sliding friction.
 
-As in ``meshes``, the deflection ``q`` along the line of action is a state and counts from unloaded contact in the middle of the
-gap; it is positive where a positive turn of ``flange_a`` presses the teeth together. The mesh phase grows by two pi with every
-tooth of gear a, ``der(phase) = z_a (w_a - w_support)``; at its multiples of two pi a new pair comes into contact. It is a state
-only where something varies with it.
+As in ``meshes``, the deflection ``q`` along the line of action is a state, counted from unloaded contact in the middle of the gap; it
+is positive if a positive rotation of ``flange_a`` presses the teeth together. The mesh phase grows by two pi per tooth of gear a,
+``der(phase) = z_a (w_a - w_support)``; at multiples of two pi a new pair comes into contact. It is a state only if something depends on
+it.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from gearparts.interfaces import Dissipative
 
 
 class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
-    """Base of the detailed meshes: combines the constitutive parts; see `DetailedExternalMesh` for the laws.
+    """Base of the detailed meshes, assembled from the constitutive laws; see `DetailedExternalMesh`.
 
-    The mesh phase (`MeshMotion`), the stiffness over it (`VaryingStiffness`, by a `StiffnessLaw`), the static transmission error
-    (`TransmissionError`), the flanks with or without backlash (`Flanks`) and the friction of the teeth (`ToothFriction`).
+    The mesh phase (`MeshMotion`), phase-dependent stiffness (`VaryingStiffness`, with a `StiffnessLaw`), static transmission error
+    (`TransmissionError`), flanks with or without backlash (`Flanks`) and tooth friction (`ToothFriction`).
     """
 
     icon = "mesh"
@@ -41,7 +41,7 @@ class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
         ]
 
     def energies(self) -> gl.Energy:
-        """The transmission error moves the flanks, and a stiffness that varies stores more, or less, in the same deflection."""
+        """The transmission error moves the flanks, and varying stiffness changes the energy stored at a given deflection."""
         stiffer = self.stiffness_slope() * self.phase_rate() * self.squeezed() / 2
         return gl.Energy(
             stored=self.c_now * self.squeezed() / 2, heat=self.loss_power, supplied=self.f * self.error_rate() + stiffer
@@ -49,28 +49,28 @@ class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
 
 
 class DetailedExternalMesh(DetailedMesh):
-    """Mesh of two external gears with backlash and with stiffness, error and friction that vary over the mesh phase.
+    """Mesh of two external gears with backlash, and with phase-dependent stiffness, transmission error and friction.
 
-    ``der(q) = r_a w_a + r_b w_b + e_rate + der(e)`` with speeds relative to the support. The static transmission error is
-    ``e = sum(E_k sin(k phase + p_k))``, plus a table if there is one.
+    ``der(q) = r_a w_a + r_b w_b + e_rate + der(e)`` with speeds relative to the support. The static transmission error is ``e = sum(E_k
+    sin(k phase + p_k))``, plus a table if one is given.
 
-    Without backlash ``f = c_now q + d v``. With it, each flank that touches adds its part: the drive flank
-    ``c_now (q - b/2) + d v`` where ``q > b/2``, the coast flank ``c_now (q + b/2) + d v`` where ``q < -b/2``. A negative ``b`` is an
-    interference: within ``abs(q) < -b/2`` both flanks touch, pressed by ``-c_now b / 2``, and the mesh is twice as stiff.
+    Without backlash ``f = c_now q + d v``. With it, each flank in contact contributes: the drive flank ``c_now (q - b/2) + d v`` where
+    ``q > b/2``, the coast flank ``c_now (q + b/2) + d v`` where ``q < -b/2``. A negative ``b`` is an interference fit: for ``abs(q) <
+    -b/2`` both flanks are in contact, preloaded by ``-c_now b / 2``, and the mesh is twice as stiff.
 
-    The stiffness ``c_now`` is the mean ``c`` times 1, ``1 + c_amplitude cos(phase)``, ``1 + sum(A_k cos(k phase + p_k))``, the
-    value of a table, or, rectangular, proportional to the number of pairs in contact: the next number above the contact ratio in
-    the fractional part of it of each period, from its beginning, and the number below otherwise. ``phase + c_phase`` stands for
-    the phase. Tables are interpolated by periodic cubic splines (`gearparts.gears.mesh_phase.periodic`); `GearPair` makes some from
-    the geometry.
+    The stiffness ``c_now`` is the mean ``c`` times 1, ``1 + c_amplitude cos(phase)``, ``1 + sum(A_k cos(k phase + p_k))``, the value of
+    a table or, for rectangular variation, a factor proportional to the number of pairs in contact: the integer above the contact ratio
+    during the first part of each period, which is the fractional part of the contact ratio, and the integer below it afterwards. The
+    phase in these laws is ``phase + c_phase``. Tables are interpolated by periodic cubic splines
+    (`gearparts.gears.mesh_phase.periodic`); `GearPair` computes some from the geometry.
 
-    With friction, the pairs in contact share ``f`` equally. A pair that has come ``u`` base pitches ``p = 2 pi r_a / z_a`` along
-    the line of action touches at ``x_a = r_a tan(alpha) + p (u - approach)`` from gear a's tangent point and at
-    ``x_b = r_b tan(alpha) - p (u - approach)`` from gear b's. Its flanks slide with ``v_s = x_a w_a + x_b w_b``, which changes its
-    sign at the pitch point, and rub with ``mu abs(f) / pairs tanh(v_s / v_smooth)``, which has the arms ``x_a`` and ``x_b``. So it
-    always takes power, and at rest none is transmitted. Without vibrations and with ``1 <= contact_ratio <= 2`` the mean loss is
-    ``mu pi (1/z_a + 1/z_b) (1 - eps + eps_1**2 + eps_2**2)`` of the power, with the contact ratios of approach and recess. Both
-    flanks are taken to have the drive flank's positions.
+    With friction, the pairs in contact share ``f`` equally. A pair that has advanced by ``u`` base pitches ``p = 2 pi r_a / z_a`` along
+    the line of action is in contact at ``x_a = r_a tan(alpha) + p (u - approach)`` from gear a's tangent point and at ``x_b = r_b
+    tan(alpha) - p (u - approach)`` from gear b's. Its flanks slide with ``v_s = x_a w_a + x_b w_b``, which changes sign at the pitch
+    point, and the friction force ``mu abs(f) / pairs tanh(v_s / v_smooth)`` has the lever arms ``x_a`` and ``x_b``. So it is always
+    dissipative, and vanishes at rest. Without vibration and for ``1 <= contact_ratio <= 2`` the mean loss is ``mu pi (1/z_a + 1/z_b) (1
+    - eps + eps_1**2 + eps_2**2)`` of the power, with the contact ratios of approach and recess. The positions of the drive flank are
+    used for both flanks.
 
     References
     ----------
@@ -87,7 +87,7 @@ class DetailedExternalMesh(DetailedMesh):
 
 
 class DetailedInternalMesh(DetailedMesh):
-    """A ring on flange_a and a gear inside it: ``der(q) = r_a w_a - r_b w_b + e_rate + der(e)``; else as `DetailedExternalMesh`.
+    """Mesh of a ring on flange_a and a gear inside it: ``der(q) = r_a w_a - r_b w_b + e_rate + der(e)``; see `DetailedExternalMesh`.
 
     With friction, both tangent points lie on one side of the pitch point: ``x_a = r_a tan(alpha) - p (u - approach)``,
     ``x_b = r_b tan(alpha) - p (u - approach)``, ``v_s = x_a w_a - x_b w_b``.
@@ -104,7 +104,7 @@ def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> A
     Parameters
     ----------
     zeta : float or expression
-        Damping ratio of the pair's vibration against each other.
+        Damping ratio of the relative vibration of the pair.
     c : float or expression
         Mean mesh stiffness, N/m.
     J_a, J_b : float or expression
@@ -115,7 +115,7 @@ def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> A
     Raises
     ------
     BoundError
-        A number that is out of range.
+        A value out of range.
 
     Examples
     --------

@@ -1,6 +1,6 @@
 """Mesh kinematics, and periodic functions of the mesh phase: Fourier sums, tables, intervals of constant contact number.
 
-The mesh phase grows by two pi with every tooth; a pattern has the period two pi.
+The mesh phase grows by two pi per tooth; patterns have the period two pi.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class MeshMotion(TwoFlangesAndSupport):
     w_b = gl.Variable("rad/s", "speed of flange_b relative to the support", state="avoid")
 
     def phase_rate(self) -> Any:
-        """The rate of the mesh phase."""
+        """Rate of the mesh phase."""
         return self.z_a * self.w_a
 
     def equations(self) -> list[gl.Eq]:
@@ -50,17 +50,17 @@ class MeshMotion(TwoFlangesAndSupport):
 
 
 def wrapped(phase: Any, centre: float = 0.0) -> Any:
-    """The phase, less whole periods, within pi of ``centre``."""
+    """The phase wrapped to within pi of ``centre``."""
     return centre + gl.atan2(gl.sin(phase - centre), gl.cos(phase - centre))
 
 
 def checked_period(owner: str, rows: Rows) -> Rows:
-    """Rows of phase (rad) and value that lie within one period.
+    """Rows of phase (rad) and value, checked to lie within one period.
 
     Raises
     ------
     BindingError
-        Fewer than three rows, or more than one period; ``owner`` says whose table it is.
+        Fewer than three rows, or more than one period; ``owner`` names the table in the message.
 
     Examples
     --------
@@ -77,23 +77,22 @@ def checked_period(owner: str, rows: Rows) -> Rows:
 
 
 def checked_terms(mesh: Any, name: str) -> Rows:
-    """Rows of order, amplitude and phase, if the mesh has any."""
+    """Rows of order, amplitude and phase; empty if there are none."""
     rows: Rows = getattr(mesh, name)
     return check_rows(f"{type(mesh).__name__}.{name}", rows, 3) if rows else ()
 
 
 def periodic(rows: Rows, x: Any) -> tuple[Any, Any]:
-    """A table over the mesh phase as a smooth periodic function, and its derivative with respect to the phase.
+    """Periodic interpolation of a table over the mesh phase, and its derivative with respect to the phase.
 
-    Between its rows the function is a cubic spline with the period two pi; it has continuous second derivatives, so that no event
-    is made of it.
+    It is a cubic spline with period two pi and continuous second derivative, so that it raises no events.
 
     Parameters
     ----------
     rows : tuple of (float, float)
-        Checked with `checked_period`.
+        Validated by `checked_period`.
     x : expression
-        Mesh phase, rad, in the period that begins at the first row: ``wrapped(phase, rows[0][0] + pi)``.
+        Mesh phase (rad) in the period that begins at the first row: ``wrapped(phase, rows[0][0] + pi)``.
 
     Examples
     --------
@@ -118,24 +117,24 @@ def periodic(rows: Rows, x: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of the mesh period with a constant number of tooth pairs: from ``start`` to ``end``, in periods."""
+    """An interval of the mesh period with a constant number of tooth pairs: from ``start`` to ``end``, in periods."""
 
     start: float
     end: float
     pairs: int
 
     def within(self, phase: Any) -> Any:
-        """The condition that the phase lies in this stretch."""
+        """Condition that the phase lies in this interval."""
         half = pi * (self.end - self.start)
         return gl.cos(phase - pi * (self.start + self.end)) > float(gl.cos(half))
 
     def newest(self, phase: Any) -> Any:
-        """How far the newest pair has come, in base pitches; continues beyond both ends of the stretch."""
+        """Position of the newest pair, in base pitches; defined beyond both ends of the interval."""
         return wrapped(phase, pi * (self.start + self.end)) / (2 * gl.pi)
 
 
 def stretches(owner: str, contact_ratio: float) -> list[Stretch]:
-    """The mesh period from the moment at which a new pair comes into contact; at least two stretches.
+    """Intervals of the mesh period from the instant at which a new pair comes into contact; at least two.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Linear meshes: spring and damper along the line of action, excited by the transmission error.
+"""Linear meshes: a spring and a damper along the line of action, excited by the transmission error.
 
-The deflection ``q`` is counted from unloaded contact and is positive where the teeth are pressed together by a positive turn of
-``flange_a``. It is a state, and the shafts' angles enter by their rates alone, so that no absolute angle becomes one.
+The deflection ``q`` is counted from unloaded contact and is positive if the teeth are pressed together by a positive rotation of
+``flange_a``. It is a state, and the shaft angles enter through their rates only, so that no absolute angle becomes a state.
 
 References
 ----------
@@ -23,7 +23,7 @@ class GearMesh(TwoFlanges, MaybeHeated):
     icon = "mesh"
     radii = ("r_a", "r_b")
 
-    turns_against: ClassVar[int]  # 1 where the gears turn against each other, -1 otherwise
+    turns_against: ClassVar[int]  # 1 if the gears counter-rotate, -1 otherwise
     r_a = gl.Parameter("m", "base radius of the gear on flange_a (pitch radius where forces act along the pitch line)", min=0)
     r_b = gl.Parameter("m", "base radius of the gear on flange_b", min=0)
     c = gl.Parameter("N/m", "mesh stiffness along the line of action", min=0)
@@ -52,7 +52,7 @@ class GearMesh(TwoFlanges, MaybeHeated):
 class ExternalMesh(GearMesh):
     """Mesh of two external gears: ``der(q) = r_a w_a + r_b w_b + e_rate``, ``f = c q + d der(q)``.
 
-    Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
+    If the pair is mounted on a rotating carrier, connect it through `PlanetOnCarrier`.
     """
 
     turns_against = 1
@@ -61,7 +61,7 @@ class ExternalMesh(GearMesh):
 class InternalMesh(GearMesh):
     """Mesh of a ring gear on flange_a and an external gear on flange_b: ``der(q) = r_a w_a - r_b w_b + e_rate``, ``f = c q + d der(q)``.
 
-    Where the pair rides on a turning carrier, connect it through `PlanetOnCarrier`.
+    If the pair is mounted on a rotating carrier, connect it through `PlanetOnCarrier`.
     """
 
     icon = "internal_mesh"

@@ -62,11 +62,11 @@ class RotationToTranslation(gl.Component):
     support_t = TranslationalFlange("housing of the rod", when="use_support_t")
 
     def angle(self) -> Any:
-        """The shaft's angle relative to its housing."""
+        """Angle of the shaft relative to its housing."""
         return self.flange_r.phi - self.support_r.phi if self.use_support_r else self.flange_r.phi
 
     def position(self) -> Any:
-        """The rod's position relative to its housing."""
+        """Position of the rod relative to its housing."""
         return self.flange_t.s - self.support_t.s if self.use_support_t else self.flange_t.s
 
     def equations(self) -> list[gl.Eq]:
@@ -90,7 +90,7 @@ class IdealGearR2T(RotationToTranslation):
 
 
 class IdealRollingWheel(RotationToTranslation):
-    """Wheel that rolls without slip, inertia or losses: ``radius phi_r = s_t``, ``radius f_t + tau_r = 0``."""
+    """Wheel rolling without slip, inertia or losses: ``radius phi_r = s_t``, ``radius f_t + tau_r = 0``."""
 
     radius = gl.Parameter("m", "radius of the wheel")
 

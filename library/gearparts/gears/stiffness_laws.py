@@ -1,4 +1,4 @@
-"""Mesh stiffness over the mesh phase: one class per law, and the base of meshes that use one."""
+"""Mesh stiffness as a function of the mesh phase: one class per law, and the base of meshes that use one."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ EVEN: Rows = ((0.0, 1.0), (2.0, 1.0), (4.0, 1.0))
 
 
 class StiffnessLaw:
-    """Interface of stiffness laws (and the constant one): stiffness over its mean ``mesh.c`` at a mesh phase.
+    """Interface of stiffness laws (and the constant law): stiffness relative to its mean ``mesh.c``, as a function of the mesh phase.
 
-    A law is handed the mesh, whose parameters and structural choices it may use; what it holds itself must be hashable, as in a
-    frozen dataclass. ``phase`` is the mesh phase ahead by ``mesh.c_phase``. Give a law of your own as ``stiffness_law`` of a mesh.
+    A law receives the mesh, whose parameters and structural choices it may use; its own attributes must be hashable, as in a frozen
+    dataclass. ``phase`` is the mesh phase advanced by ``mesh.c_phase``. Pass a user-defined law as ``stiffness_law`` of a mesh.
 
     Examples
     --------
@@ -35,15 +35,15 @@ class StiffnessLaw:
     """
 
     def value(self, mesh: Any, phase: Any) -> Any:
-        """The stiffness over its mean."""
+        """Stiffness relative to its mean."""
         return 1
 
     def slope(self, mesh: Any, phase: Any) -> Any:
-        """Its derivative with respect to the phase, where it does not jump."""
+        """Its derivative with respect to the phase, apart from jumps."""
         return 0
 
     def phase_in_table(self, mesh: Any, phase: Any) -> Any:
-        """The phase within the period of a table, if the law has one: ``mesh.phase_in_stiffness``."""
+        """The phase wrapped to the period of the law's table, if it has one: ``mesh.phase_in_stiffness``."""
         return 0
 
 
@@ -71,7 +71,7 @@ class FourierStiffness(StiffnessLaw):
 
 
 class TabulatedStiffness(StiffnessLaw):
-    """A periodic cubic spline through the rows of a table."""
+    """Periodic cubic spline through the rows of a table."""
 
     def value(self, mesh: Any, phase: Any) -> Any:
         return periodic(self._table(mesh), mesh.phase_in_stiffness)[0]
@@ -87,7 +87,7 @@ class TabulatedStiffness(StiffnessLaw):
 
 
 class RectangularStiffness(StiffnessLaw):
-    """Rectangular: proportional to the number of tooth pairs in contact."""
+    """Rectangular variation, proportional to the number of tooth pairs in contact."""
 
     def value(self, mesh: Any, phase: Any) -> Any:
         first, second = stretches(type(mesh).__name__, mesh.contact_ratio)
@@ -107,7 +107,7 @@ LAWS: dict[str, StiffnessLaw] = {
 
 
 class VaryingStiffness(MeshMotion):
-    """Base of meshes whose stiffness follows a law over the mesh phase."""
+    """Base of meshes with phase-dependent stiffness."""
 
     icon = "mesh"
 
@@ -122,7 +122,7 @@ class VaryingStiffness(MeshMotion):
     phase_in_stiffness = gl.Variable("rad", "table: phase within the period of stiffness_table", state="never")
 
     def law(self) -> StiffnessLaw:
-        """The law of the stiffness."""
+        """The stiffness law."""
         own = self.stiffness_law
         if own is None:
             return LAWS[self.stiffness]
@@ -139,5 +139,5 @@ class VaryingStiffness(MeshMotion):
         ]
 
     def stiffness_slope(self) -> Any:
-        """The derivative of the stiffness with respect to the mesh phase, where it does not jump."""
+        """Derivative of the stiffness with respect to the mesh phase, apart from jumps."""
         return self.c * self.law().slope(self, self.phase + self.c_phase)

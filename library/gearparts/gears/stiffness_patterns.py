@@ -1,4 +1,4 @@
-"""Mesh stiffness over the mesh phase, from a gear pair's geometry: tables for the detailed meshes."""
+"""Mesh stiffness patterns from a gear pair's geometry: tables for the detailed meshes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from gearparts.tables import Rows
 
 @dataclass(frozen=True)
 class StiffnessPattern:
-    """A mesh stiffness over the mesh phase: its mean, and a table relative to it.
+    """Mesh stiffness as a function of the mesh phase: its mean, and a table relative to it.
 
     Attributes
     ----------
     mean : float
         N/m; the parameter ``c`` of a detailed mesh.
     table : tuple of (float, float)
-        Mesh phase (rad) from the moment at which a new pair comes into contact, and stiffness over ``mean``; a detailed mesh's
-        ``stiffness_table``.
+        Mesh phase (rad) from the instant at which a new pair comes into contact, and stiffness over ``mean``: the ``stiffness_table``
+        of a detailed mesh.
     """
 
     mean: float
@@ -29,18 +29,18 @@ class StiffnessPattern:
 
 
 def cai_pair_stiffness(pair: GearPair, place: float) -> float:
-    """Stiffness of one pair of teeth (N/m) at a place of its contact, after Cai.
+    """Stiffness of one tooth pair (N/m) at a position along its path of contact, after Cai.
 
-    Spur gears (Cai and Hayashi): ``k_p (0.55 + 1.8 u - 1.8 u**2)``. Helical gears (Cai):
-    ``k_p exp(C_a abs(eps_gamma (u - 1/2) / (1.125 eps_alpha))**3)`` with ``C_a = 0.322 (beta - 5) + 0.23 width / h - 23.26``, the
-    helix angle in degrees and the tooth height h. ``u`` is 0 where contact begins and 1 where it ends, and ``k_p`` is ISO 6336-1's
-    largest stiffness of one pair, ``c'`` times the face width.
+    Spur gears (Cai and Hayashi): ``k_p (0.55 + 1.8 u - 1.8 u**2)``. Helical gears (Cai): ``k_p exp(C_a abs(eps_gamma (u - 1/2) / (1.125
+    eps_alpha))**3)`` with ``C_a = 0.322 (beta - 5) + 0.23 width / h - 23.26``, the helix angle in degrees and the tooth height h. ``u``
+    is 0 at the beginning of contact and 1 at its end, and ``k_p`` is the maximum single stiffness ``c'`` of ISO 6336-1 times the face
+    width.
 
     Parameters
     ----------
     pair : GearPair
     place : float
-        In base pitches from the beginning of the contact; zero stiffness outside of 0 to the total contact ratio.
+        In base pitches from the beginning of contact; the stiffness is zero outside 0 to the total contact ratio.
 
     References
     ----------
@@ -79,16 +79,16 @@ def _check_pair(pair: object) -> None:
 def cai_stiffness(pair: GearPair, samples: int = 32, mean: float | None = None) -> StiffnessPattern:
     """Mesh stiffness over the mesh phase after Cai: the sum of `cai_pair_stiffness` over the pairs in contact.
 
-    The jumps of a spur pair's stiffness, where a pair comes into or leaves contact, are joined by a spline in the table; more
-    samples make it steeper.
+    The jumps of a spur pair's stiffness, where a pair enters or leaves contact, are smoothed by the table's spline; more samples make
+    them steeper.
 
     Parameters
     ----------
     pair : GearPair
     samples : int
-        Rows of the table, in equal steps of the phase.
+        Number of table rows, at equal phase steps.
     mean : float, optional
-        Mean stiffness, N/m, to which the pattern is scaled; without one, Cai's own.
+        Mean stiffness (N/m) to which the pattern is scaled; by default Cai's own.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def cai_stiffness(pair: GearPair, samples: int = 32, mean: float | None = None) 
     if not (mean is None or (is_real(mean) and mean > 0)):
         raise ArgumentError(f"cai_stiffness(mean={shown(mean)}): expected a positive stiffness, N/m")
     pairs = math.ceil(pair.contact_ratio + pair.overlap_ratio)
-    steps = [(k + 0.5) / samples for k in range(samples)]  # no sample on a jump at the beginning of the period
+    steps = [(k + 0.5) / samples for k in range(samples)]  # avoids sampling a jump at the beginning of the period
     sums = [sum(cai_pair_stiffness(pair, step + n) for n in range(pairs)) for step in steps]
     own_mean = sum(sums) / samples
     table = tuple((2 * math.pi * step, value / own_mean) for step, value in zip(steps, sums, strict=True))

@@ -12,7 +12,7 @@ from gearparts.gears.mesh_phase import stretches
 class ToothFriction(Flanks):
     """Base of meshes with sliding friction: sliding velocities and friction torques of the pairs in contact."""
 
-    turns_against: ClassVar[int]  # 1 where the gears turn against each other, -1 otherwise
+    turns_against: ClassVar[int]  # 1 if the gears counter-rotate, -1 otherwise
 
     friction = gl.Structural(False, "whether the teeth slide with friction")
     mu = gl.Parameter("1", "friction: coefficient of the sliding teeth", default=0.05, min=0)
@@ -53,7 +53,7 @@ class ToothFriction(Flanks):
         newest = gl.Piecewise((early.newest(self.phase), inside), (late.newest(self.phase), True))
 
         def mean(weight: int) -> Any:
-            """Over the pairs, of their signs; with weight 1 each times the pitches that it is ahead of the newest."""
+            """Mean of the friction signs over the pairs, weighted by 1, or by the distance in pitches ahead of the newest pair."""
             speeds = [self.sliding + pair * step * (self.w_a - self.w_b) for pair in range(early.pairs)]
             signs = [pair**weight * gl.tanh(speed / self.v_smooth) for pair, speed in enumerate(speeds)]
             return gl.Piecewise(*((sum(signs[: s.pairs]) / s.pairs, when) for s, when in ((early, inside), (late, True))))
@@ -71,5 +71,5 @@ class ToothFriction(Flanks):
         return [gl.Eq(law, value) for law, value in zip(laws, values, strict=True)]
 
     def friction_torques(self) -> tuple[Any, Any]:
-        """The torques of the friction on both gears."""
+        """Friction torques on both gears."""
         return (self.tau_friction_a, self.tau_friction_b) if self.friction else (0, 0)

@@ -28,7 +28,7 @@ class TransmissionError(MeshMotion):
         return [gl.Eq(self.phase_in_error, within), gl.Eq(self.e, error)]
 
     def error_rate(self) -> Any:
-        """The rate of the whole transmission error: by the mesh phase, and by the input."""
+        """Rate of the total transmission error: from the mesh phase, and from the input."""
         slope = sum(order * amplitude * gl.cos(order * self.phase + shift) for order, amplitude, shift in self._error_terms())
         if self.error_table:
             slope = slope + periodic(self._error_table(), self.phase_in_error)[1]

@@ -1,4 +1,4 @@
-"""Compound planetary sets of automatic gearboxes from rigid sets: double-pinion, Simpson, Ravigneaux.
+"""Compound planetary sets of automatic transmissions from rigid sets: double-pinion, Simpson, Ravigneaux.
 
 References
 ----------
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 class DoublePinionPlanetary(gl.Component):
-    """Planetary set with two planets in mesh between sun and ring: ``(1 - ratio) carrier = sun - ratio ring``.
+    """Planetary set with two meshing planets between sun and ring: ``(1 - ratio) carrier = sun - ratio ring``.
 
-    Seen from the carrier, sun and ring turn in the same sense; it is `IdealPlanetary` with the negative ratio, and needs
+    Relative to the carrier, sun and ring rotate in the same direction; it is `IdealPlanetary` with the negative ratio, and needs
     ``ratio != 1``. Torques: ``ring = -ratio sun``, ``carrier = (ratio - 1) sun``.
     """
 
@@ -37,7 +37,7 @@ class DoublePinionPlanetary(gl.Component):
 
 
 class Simpson(gl.Component):
-    """Simpson's set: two planetary sets with a common sun; the front carrier and the rear ring are the output.
+    """Simpson set: two planetary sets with a common sun; the front carrier and the rear ring are the output.
 
     ``sun + ratio_front ring = (1 + ratio_front) output``, ``sun + ratio_rear output = (1 + ratio_rear) rear_carrier``.
 
@@ -66,7 +66,7 @@ class Simpson(gl.Component):
 
 
 class Ravigneaux(gl.Component):
-    """Ravigneaux's set: a large sun meshes with long planets, a small sun with short ones that mesh with the long; one ring.
+    """Ravigneaux set: a large sun meshes with long planets, a small sun with short ones that mesh with the long ones; one ring.
 
     ``large_sun + ratio_large ring = (1 + ratio_large) carrier`` and ``small_sun - ratio_small ring = (1 - ratio_small) carrier``: a
     simple set and one with double pinions that share ring and carrier.

@@ -18,17 +18,17 @@ NO_FRICTION: Rows = ((0.0, 0.0),)
 
 
 class LossyPlanetary(MaybeHeated):
-    """Planetary set with an efficiency of each mesh and bearing friction, without inertia; `IdealPlanetary` where it loses nothing.
+    """Planetary set with mesh efficiencies and bearing friction, without inertia; the lossy version of `IdealPlanetary`.
 
-    ``(1 + ratio) phi_carrier = phi_sun + ratio phi_ring``. Meshes lose power by the motion relative to the carrier. Seen from
-    there the set is a gear with fixed axes from the sun over the planets to the ring, ``w_sun - w_carrier = -ratio (w_ring -
-    w_carrier)``, and its efficiency is the product of those of its two meshes, ``eta_s eta_r``. So it is a `LossyGear` with the
-    carrier as its housing, whose laws hold in all senses of speed and power and at standstill: with the sun driving relative to
-    the carrier ``tau_ring = ratio (eta tau_sun - B)``, with the ring driving ``tau_ring = ratio (tau_sun / eta - B)``, and
-    ``tau_sun + tau_ring + tau_carrier = 0``.
+    ``(1 + ratio) phi_carrier = phi_sun + ratio phi_ring``. Meshes dissipate power through the motion relative to the carrier. In that
+    frame the set is a fixed-axis gear from the sun over the planets to the ring, ``w_sun - w_carrier = -ratio (w_ring - w_carrier)``,
+    and its efficiency is the product of those of its two meshes, ``eta_s eta_r``. So it is a `LossyGear` with the carrier as its
+    housing, whose laws hold for all directions of speed and power and at standstill: with the sun driving relative to the carrier
+    ``tau_ring = ratio (eta tau_sun - B)``, with the ring driving ``tau_ring = ratio (tau_sun / eta - B)``, and ``tau_sun + tau_ring +
+    tau_carrier = 0``.
 
-    A row of ``sun_mesh`` or ``ring_mesh`` holds the speed of the sun relative to the carrier, the efficiency of this mesh where
-    the sun drives, and where the ring drives. A row of ``bearing`` holds that speed and a friction torque, referred to the sun.
+    A row of ``sun_mesh`` or ``ring_mesh`` holds the speed of the sun relative to the carrier, and the efficiencies of the mesh with the
+    sun driving and with the ring driving. A row of ``bearing`` holds that speed and a friction torque, referred to the sun.
 
     References
     ----------
@@ -68,9 +68,9 @@ class LossyPlanetary(MaybeHeated):
 
 
 def combined_losses(sun_mesh: Rows, ring_mesh: Rows, bearing: Rows = NO_FRICTION) -> Rows:
-    """The loss table of a `LossyGear` from sun to ring, seen from the carrier: the efficiencies of both meshes multiply.
+    """Loss table of the equivalent `LossyGear` from sun to ring in the carrier frame, with the product of both mesh efficiencies.
 
-    Between the speeds of all three tables, the product is interpolated.
+    The product is tabulated at the speeds of all three tables and interpolated between them.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def combined_losses(sun_mesh: Rows, ring_mesh: Rows, bearing: Rows = NO_FRICTION
     Raises
     ------
     BindingError
-        An efficiency outside of 0 (exclusive) to 1, or a table that is none.
+        An efficiency outside of 0 (exclusive) to 1, or an invalid table.
 
     Examples
     --------

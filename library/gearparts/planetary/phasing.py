@@ -31,14 +31,13 @@ class PlanetPhasing:
     Attributes
     ----------
     sun : tuple of float
-        By how much the sun's mesh with each planet lags behind its mesh with the first one (Parker and Lin's gamma_sn).
+        Lag of the sun's mesh with each planet behind its mesh with the first one (Parker and Lin's gamma_sn).
     ring : tuple of float
         The same for the ring's meshes (gamma_rn).
     ring_to_sun : float
-        By how much a planet's mesh with the ring lags behind its mesh with the sun (gamma_rs), both counted from contact at
-        the pitch point.
+        Lag of a planet's mesh with the ring behind its mesh with the sun (gamma_rs), both counted from contact at the pitch point.
     teeth : tuple of int
-        Of sun and ring.
+        Numbers of teeth of sun and ring.
     """
 
     sun: tuple[float, ...]
@@ -47,13 +46,13 @@ class PlanetPhasing:
     teeth: tuple[int, int]
 
     def excites(self, harmonic: int = 1) -> str:
-        """Which modes a harmonic of the mesh frequency can excite where the planets are equally spaced and alike.
+        """Type of mode that a harmonic of the mesh frequency can excite, for identical, equally spaced planets.
 
         Returns
         -------
         str
-            ``"rotational"`` where ``harmonic * Z_s`` is a multiple of the number of planets: the meshes' forces add up to torques.
-            ``"translational"`` where it is one more or one less: they add up to forces on the bearings. ``"planet"`` otherwise.
+            ``"rotational"`` if ``harmonic * Z_s`` is a multiple of the number of planets: the mesh forces add up to torques.
+            ``"translational"`` if it is one more or one less: they add up to bearing forces. ``"planet"`` otherwise.
         """
         planets = len(self.sun)
         rest = harmonic * self.teeth[0] % planets
@@ -68,24 +67,24 @@ def planet_phasing(
 ) -> PlanetPhasing:  # fmt: skip
     """Mesh phases of a planetary set from its numbers of teeth.
 
-    With planets at the angles ``psi_n`` (counted counter-clockwise from the first) that turn clockwise on the carrier,
-    ``gamma_sn = Z_s psi_n / (2 pi)`` and ``gamma_rn = -Z_r psi_n / (2 pi)``, less whole periods; the signs change where they turn
-    counter-clockwise. A planet touches sun and ring with opposite flanks of its teeth at points half a turn apart. Where tooth and
-    space are equally wide at the pitch circle, half a turn is ``Z_p / 2`` teeth and the other flank half a tooth away, so
-    ``gamma_rs = (Z_p - 1) / 2`` less whole periods: 0 for odd ``Z_p``, 1/2 for even.
+    For planets at the angles ``psi_n`` (counter-clockwise from the first) that rotate clockwise on the carrier, ``gamma_sn = Z_s psi_n
+    / (2 pi)`` and ``gamma_rn = -Z_r psi_n / (2 pi)``, modulo whole periods; the signs change for counter-clockwise rotation. A planet
+    meshes with sun and ring on opposite flanks of its teeth at points half a turn apart. If tooth and space are equally wide at the
+    pitch circle, half a turn is ``Z_p / 2`` teeth and the other flank half a tooth away, so ``gamma_rs = (Z_p - 1) / 2`` modulo whole
+    periods: 0 for odd ``Z_p``, 1/2 for even.
 
     Parameters
     ----------
     Z_s, Z_p, Z_r : int
-        Teeth of sun, planet, ring.
+        Numbers of teeth of sun, planet and ring.
     planets : int
         Number of planets.
     positions : sequence of float, optional
-        Angles of the planets on the carrier, rad; equally spaced without.
+        Angles of the planets on the carrier, rad; by default equally spaced.
     clockwise : bool
-        Sense in which the planets turn on the carrier.
+        Direction in which the planets rotate on the carrier.
     ring_to_sun : float, optional
-        gamma_rs of teeth that are not as wide as their spaces.
+        gamma_rs, for teeth that are not as wide as their spaces.
 
     Returns
     -------
@@ -121,10 +120,10 @@ def _fraction(periods: float) -> float:
 
 
 def planet_positions(Z_s: int, Z_r: int, planets: int, *, Z_p: int | None = None) -> tuple[float, ...]:
-    """Angles on the carrier at which planets can be put in, as near to equal spacing as the teeth allow.
+    """Angles on the carrier at which planets can be assembled, as close to equal spacing as the teeth permit.
 
-    Where sun and ring stand still, a planet meshes with both at multiples of ``2 pi / (Z_s + Z_r)`` from the first one. The
-    nearest of them to ``2 pi n / planets`` is taken; of two that are equally near, the smaller one.
+    With sun and ring at rest, a planet meshes with both at multiples of ``2 pi / (Z_s + Z_r)`` from the first one. The one nearest to
+    ``2 pi n / planets`` is taken; of two equally near, the smaller.
 
     Parameters
     ----------
@@ -133,21 +132,21 @@ def planet_positions(Z_s: int, Z_r: int, planets: int, *, Z_p: int | None = None
     planets : int
         Number of planets.
     Z_p : int, optional
-        Teeth of a planet. With it, neighbours whose tip circles (one module outside the pitch circle) meet are refused.
+        Number of teeth of a planet. If given, planets whose tip circles (one module outside the pitch circle) overlap are refused.
 
     Returns
     -------
     tuple of float
-        Angles from the first planet, rad; equally spaced where ``Z_s + Z_r`` is a multiple of ``planets``.
+        Angles from the first planet, rad; equally spaced if ``Z_s + Z_r`` is a multiple of ``planets``.
 
     Raises
     ------
     BindingError
-        The numbers are no numbers of teeth, or there is no room for so many planets.
+        Invalid numbers of teeth, or not enough space for so many planets.
 
     Examples
     --------
-    The train of Zhou and Cui's Table 4, of which three equally spaced planets are no part: 19 + 81 is no multiple of 3.
+    The train of Zhou and Cui's Table 4, which cannot have three equally spaced planets: 19 + 81 is not a multiple of 3.
 
     >>> [round(math.degrees(psi), 3) for psi in planet_positions(19, 81, 3, Z_p=31)]
     [0.0, 118.8, 241.2]
@@ -174,14 +173,14 @@ def _check_numbers(owner: str, numbers: Mapping[str, int]) -> None:
 def check_assembly(
     owner: str, Z_s: int, Z_p: int, Z_r: int, planets: int, positions: Sequence[float] | None = None
 ) -> None:  # fmt: skip
-    """Whether planets fit between sun and ring: each at a multiple of ``2 pi / (Z_s + Z_r)`` from the first.
+    """Check that planets fit between sun and ring: each at a multiple of ``2 pi / (Z_s + Z_r)`` from the first.
 
-    Equally spaced planets do where ``(Z_s + Z_r) / planets`` is a whole number.
+    Equally spaced planets fit if ``(Z_s + Z_r) / planets`` is an integer.
 
     Raises
     ------
     BindingError
-        They do not, or the numbers of teeth are no such set; ``owner`` says whose they are.
+        They do not fit, or the numbers of teeth are inconsistent; ``owner`` names the set in the message.
 
     Examples
     --------
@@ -216,16 +215,16 @@ def check_assembly(
 
 
 def check_angles(owner: str, planets: int, positions: Sequence[float]) -> list[float]:
-    """The angles of planets, rad, one for each; none where none are given.
+    """Angles of the planets (rad), one per planet; empty if none are given.
 
     Raises
     ------
     BindingError
-        They are no angles, or not as many as there are planets; ``owner`` says whose they are.
+        Not angles, or not one per planet; ``owner`` names the set in the message.
     """
     try:
         angles: list[float] = reals("positions", list(positions), "angles, rad").tolist()
-    except Exception:  # no sequence, or one of the user's that fails
+    except Exception:  # not a sequence; a user's object may fail
         raise BindingError(f"{owner}: positions are {shown(positions)}; expected angles, rad") from None
     if angles and len(angles) != planets:
         raise BindingError(f"{owner}: {len(angles)} positions for {planets} planets")

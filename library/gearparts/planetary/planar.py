@@ -1,7 +1,7 @@
 """Planar planetary gears: translational-rotational model with x, y and rotation of each body.
 
-The model of Lin and Parker: bodies in a plane on elastic bearings, meshes as springs along their lines of action, seen in the
-carrier's frame, at rest (no gyroscopic terms). Positions count from the unloaded state.
+The model of Lin and Parker: bodies in a plane on elastic bearings, with meshes as springs along their lines of action, in the frame of
+a carrier at rest (no gyroscopic terms). Positions are counted from the unloaded state.
 
 References
 ----------
@@ -78,7 +78,7 @@ class PlanarShaft(gl.Component):
 
 
 class PlanarSupport(gl.Component):
-    """Springs and dampers between a body's centre and the housing, ``f = k x + d der(x)``, also against its turning."""
+    """Springs and dampers between a body's centre and the housing, ``f = k x + d der(x)``, including rotation."""
 
     centre = PlanarFlange("the body")
     k = gl.Parameter("N/m", "radial stiffness", min=0)
@@ -106,10 +106,10 @@ class PlanarSupport(gl.Component):
 
 
 class PlanarMesh(gl.Component):
-    """A mesh of two bodies: a spring and a damper along the line of action.
+    """Mesh of two bodies: a spring and a damper along the line of action.
 
-    ``der(q) = (v_y_a - v_y_b) cos(theta) - (v_x_a - v_x_b) sin(theta) + r_a w_a + r_b w_b + e_rate``; ``r_b`` is negative
-    for a gear inside a ring. The deflection follows from the displacements, so that it is a state only where it is needed.
+    ``der(q) = (v_y_a - v_y_b) cos(theta) - (v_x_a - v_x_b) sin(theta) + r_a w_a + r_b w_b + e_rate``; ``r_b`` is negative for a gear
+    inside a ring. The deflection follows from the displacements, so that it is a state only if needed.
     """
 
     gear_a = PlanarFlange("gear a")
@@ -139,7 +139,7 @@ class PlanarMesh(gl.Component):
         ]
 
     def energies(self) -> gl.Energy:
-        """What the flanks take and the bodies do not bring is put in by the transmission error."""
+        """The difference between the power into the flanges and from the bodies is supplied by the transmission error."""
         a, b, rate = self.gear_a, self.gear_b, gl.der(self.q)
         sin, cos = gl.sin(self.theta), gl.cos(self.theta)
         sideways = (gl.der(a.y) - gl.der(b.y)) * cos - (gl.der(a.x) - gl.der(b.x)) * sin
@@ -148,9 +148,9 @@ class PlanarMesh(gl.Component):
 
 
 class PlanetBearing(gl.Component):
-    """A planet's bearing on the carrier, at the radius ``r`` and the angle ``psi``: a spring and a damper in both directions.
+    """Bearing of a planet on the carrier, at radius ``r`` and angle ``psi``: a spring and a damper in both directions.
 
-    A pin that is ahead of its place by ``e`` adds to the tangential deflection.
+    A pin that is ahead of its nominal position by ``e`` adds to the tangential deflection.
     """
 
     carrier = PlanarFlange("centre of the carrier")
@@ -192,10 +192,11 @@ class PlanetBearing(gl.Component):
 class PlanarPlanetaryUnit(gl.Component):
     """Planetary gear with bodies that move in the plane, on elastic bearings.
 
-    A sun that floats has no bearing: ``k_s = 0``. Three planets then share the load equally whatever the errors of their pins.
+    A floating sun has no bearing: ``k_s = 0``. Three planets then share the load equally despite pin position errors.
 
-    Moments of inertia are those of the bodies (``I/r^2`` of the literature times the square of the base radius; the carrier's
-    radius is that of the planets' centres). The support ``k_u`` of the literature, in N/m, is a torsional stiffness ``k_u r^2`` here.
+    Moments of inertia are those of the bodies (``I/r^2`` of the literature times the square of the base radius; the carrier's radius is
+    that of the planet centres). The support stiffness ``k_u`` of the literature, in N/m, corresponds to a torsional stiffness ``k_u
+    r^2`` here.
     """
 
     icon = "planetary"

@@ -1,4 +1,4 @@
-"""Planetary sets with elastic meshes, made of bodies, meshes and the kinematics of planets on a carrier."""
+"""Planetary sets with elastic meshes, composed of bodies, meshes and the kinematics of planets on a carrier."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 
 class PlanetOnCarrier(gl.Component):
-    """Kinematics of one planet whose bearing rides on the carrier, without inertia or losses.
+    """Kinematics of one planet whose bearing is mounted on the carrier, without inertia or losses.
 
-    With ``w`` the planet's absolute speed, its pitch line moves with ``r_p w + r_h w_carrier`` at the ring's side, and with
-    ``r_p w - r_h w_carrier`` at the sun's side. ``ring_side`` and ``sun_side`` turn as a planet with a resting centre would
-    have to for the same motion of its pitch line, so that a mesh made for resting centres can be connected to them::
+    With ``w`` the planet's absolute speed, its pitch line moves with ``r_p w + r_h w_carrier`` on the ring's side, and with ``r_p w -
+    r_h w_carrier`` on the sun's side. ``ring_side`` and ``sun_side`` rotate as a planet with fixed centre would have to for the same
+    motion of its pitch line, so that a mesh made for fixed centres can be connected to them::
 
         ring_side.phi = planet.phi + (r_h / r_p) carrier.phi
         sun_side.phi  = planet.phi - (r_h / r_p) carrier.phi
@@ -58,8 +58,8 @@ class PlanetOnCarrier(gl.Component):
 class Planet(gl.Component):
     """A planet: its spin about its own axis (absolute speed), its orbit with the carrier, and their kinematics.
 
-    ``I_spin der(w) = `` torques of both sides, with `PlanetOnCarrier` between them and the carrier; the orbit adds ``I_orbit`` to
-    the carrier.
+    ``I_spin der(w) = `` torques of both sides, with `PlanetOnCarrier` between them and the carrier; the orbit adds ``I_orbit`` to the
+    carrier.
     """
 
     carrier = Flange("carrier shaft")
@@ -86,9 +86,9 @@ class Planet(gl.Component):
 
 
 class PlanetaryUnit(gl.Component):
-    """Planetary differential, two degrees of freedom (the X unit), in several levels of detail: one class for each.
+    """Planetary differential with two degrees of freedom (the X unit), in several levels of detail, one class each.
 
-    ``PlanetaryUnit(level=..., planet_meshes=...)`` makes one of them; bodies and radii are the same in all.
+    ``PlanetaryUnit(level=..., planet_meshes=...)`` makes one of them; bodies and radii are common to all.
 
     =============  =================  ==========================
     ``level``      ``planet_meshes``  class
@@ -100,9 +100,9 @@ class PlanetaryUnit(gl.Component):
     ``"planar"``                      `TranslationalPlanetaryUnit`
     =============  =================  ==========================
 
-    With no deflection, and no slip in the support dampers of ``"lumped"`` (a third degree of freedom), all obey Willis' equation
-    ``R_r w_ring + R_s w_sun = 2 R_h w_carrier`` with ``R_r = R_s + 2 R_p``. Numbers of teeth, where given, must allow the planets to
-    be assembled at their ``positions``.
+    Without deflection, and without slip in the support dampers of ``"lumped"`` (a third degree of freedom), all satisfy Willis'
+    equation ``R_r w_ring + R_s w_sun = 2 R_h w_carrier`` with ``R_r = R_s + 2 R_p``. Numbers of teeth, if given, must permit assembly
+    of the planets at their ``positions``.
 
     References
     ----------
@@ -147,7 +147,7 @@ class PlanetaryUnit(gl.Component):
         return object.__new__(model_of(level, planet_meshes))
 
     def __init__(self, *positional: Any, level: str | None = None, planet_meshes: str | None = None, **values: Any) -> None:
-        # what other models declare is refused when the unit's path is known
+        # values of other models are refused once the unit's path is known
         others = {n: v for n, v in values.items() if n not in self._bindable and any(n in m._bindable for m in MODELS)}
         super().__init__(*positional, **{n: v for n, v in values.items() if n not in others})
         chosen = {"level": level, "planet_meshes": planet_meshes}
@@ -156,7 +156,7 @@ class PlanetaryUnit(gl.Component):
             self.without_effect = without_effect
 
     def refuse_what_has_no_effect(self) -> None:
-        """Raise `BindingError` for a value that only another model of the unit has."""
+        """Raise `BindingError` for a value that only another model of the unit uses."""
         for name, value in self.__dict__.get("without_effect", ()):
             models = [m for m in MODELS if name in m._bindable or (name in CHOICES and getattr(m, name) == value)]
             described: Any = models[0]._declarations.get(name)
@@ -170,32 +170,32 @@ class PlanetaryUnit(gl.Component):
             )
 
     def _other_choices(self, models: list[type[PlanetaryUnit]]) -> list[str]:
-        """The choices that make one of ``models``: one changed, or both where that is needed."""
+        """The choices that select one of ``models``: one changed, or both where needed."""
         single = [f"level={m.level!r}" for m in models if m.level != self.level and m is model_of(m.level, self.planet_meshes)]
         single += [f"planet_meshes={m.planet_meshes!r}" for m in models if m.level == self.level]
         return single or [f"level={m.level!r} and planet_meshes={m.planet_meshes!r}" for m in models]
 
     def check(self) -> None:
-        """Refuse values without effect, and planets that cannot be put between sun and ring."""
+        """Refuse values without effect, and planets that cannot be assembled between sun and ring."""
         self.refuse_what_has_no_effect()
         if self.Z_s or self.Z_p or self.Z_r:
             check_assembly("PlanetaryUnit", self.Z_s, self.Z_p, self.Z_r, self.planets, self.positions or None)
 
     def angles(self) -> list[Any]:
-        """Of the planets on the carrier, rad."""
+        """Angles of the planets on the carrier, rad."""
         check_angles("PlanetaryUnit", self.planets, self.positions)
         return list(self.positions) or [2 * gl.pi * n / self.planets for n in range(self.planets)]
 
 
 def _is_own(value: Any) -> bool:
-    """Whether a value is the unit's own: neither offered, nor handed on by what encloses it."""
+    """Whether a value was given to the unit itself: neither optional, nor passed on by the enclosing component."""
     if type(value) is Offered or value is None or callable(value):
         return False
     return not any(symbol.name != "time" for symbol in getattr(value, "free_symbols", ()))
 
 
 class TurningPlanetaryUnit(PlanetaryUnit):
-    """Declares what the units share whose bodies turn only: the bodies on their shafts."""
+    """Base of the units whose bodies only rotate: bodies with their shafts."""
 
     def bodies(self) -> list[Connection]:
         """Sun, ring, carrier and planets, and their shafts."""
@@ -213,7 +213,7 @@ class TurningPlanetaryUnit(PlanetaryUnit):
         ]
 
     def rigid(self, rigid_set: IdealPlanetary | LossyPlanetary) -> list[Connection]:
-        """The bodies joined by a rigid set, and by a gear without losses that turns the planets."""
+        """The bodies connected by a rigid set, and by a lossless gear that rotates the planets."""
         shafts = self.bodies()
         self.set = rigid_set
         self.rolling = IdealGear(ratio=-self.R_p / self.R_s)
@@ -253,7 +253,7 @@ class LossyPlanetaryUnit(TurningPlanetaryUnit):
 
 
 class MeshValues(PlanetaryUnit):
-    """Declares the stiffness and the damping of elastic meshes."""
+    """Base of units with elastic meshes: their stiffness and damping."""
 
     K_ring = gl.Parameter("N/m", "elastic, planar: stiffness of a mesh at the ring", default=1e8, min=0)
     C_ring = gl.Parameter("N.s/m", "elastic, planar: damping of a mesh at the ring", default=0.0, min=0)
@@ -262,7 +262,7 @@ class MeshValues(PlanetaryUnit):
 
 
 class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
-    """Declares what the units share whose bodies turn and whose meshes are elastic."""
+    """Base of units with rotating bodies and elastic meshes."""
 
     level = "elastic"
 
@@ -276,11 +276,11 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
     e_rate_sun = gl.Input("m/s", "elastic: the same at the sun alone", default=lambda unit: unit.e_rate)
 
     def internal_mesh(self) -> InternalMesh:
-        """A mesh of the ring and a planet."""
+        """Mesh of the ring and a planet."""
         return InternalMesh(r_a=self.R_r, r_b=self.R_p, c=self.K_ring, d=self.C_ring, e_rate=self.e_rate_ring)
 
     def external_mesh(self) -> ExternalMesh:
-        """A mesh of the sun and a planet."""
+        """Mesh of the sun and a planet."""
         return ExternalMesh(r_a=self.R_s, r_b=self.R_p, c=self.K_sun, d=self.C_sun, e_rate=self.e_rate_sun)
 
     def detailed_meshes(self, angles: list[Any]) -> tuple[list[DetailedExternalMesh], list[DetailedInternalMesh]]:
@@ -303,11 +303,11 @@ class ElasticPlanetaryUnit(TurningPlanetaryUnit, MeshValues):
 
 
 class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
-    """Planetary differential after Zhou and Cui: one elastic mesh at the ring and one at the sun stand for those of all planets.
+    """Planetary differential after Zhou and Cui: one elastic mesh at the ring and one at the sun represent those of all planets.
 
-    The meshes have the stiffness of all planets together, and one body each for the planets as that mesh sees them. The planets'
-    spin and orbit follow the body at the ring rigidly; a support damper for each planet leads to the body at the sun, which is a
-    motion of its own. With ``sun_details`` or ``ring_details`` both meshes are detailed ones, in the phase of the first planet.
+    Each mesh has the stiffness of all planets together, and one body represents the planets as that mesh sees them. The planets' spin
+    and orbit follow the body at the ring rigidly; one support damper per planet leads to the body at the sun, which moves
+    independently. With ``sun_details`` or ``ring_details`` both meshes are detailed ones, in the phase of the first planet.
     """
 
     I_at_ring = gl.Parameter("kg.m2", "lumped: planets as the ring's mesh sees them", default=lambda unit: unit.I_spin, min=0)
@@ -329,9 +329,10 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
         ]
 
     def meshes(self) -> list[Connection]:
-        """Both meshes, and what joins them to the planets as the mesh sees them.
+        """Both meshes, and their connections to the planets as each mesh sees them.
 
-        A detailed mesh rides on the carrier, against which its teeth count; `PlanetOnCarrier` brings the planets there.
+        A detailed mesh is mounted on the carrier, relative to which its teeth are counted; `PlanetOnCarrier` transfers the planets to
+        that frame.
         """
         self.ring_mesh: Any
         self.sun_mesh: Any
@@ -355,12 +356,12 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
 
 
 class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
-    """Planetary differential in which every planet has a mesh with the ring and a mesh with the sun, and rides rigidly on the carrier.
+    """Planetary differential with a ring mesh and a sun mesh for every planet, each mounted rigidly on the carrier.
 
-    ``K_ring, C_ring, K_sun, C_sun`` hold for one mesh. With ``sun_details`` or ``ring_details`` the meshes are detailed ones
+    ``K_ring, C_ring, K_sun, C_sun`` apply to one mesh. With ``sun_details`` or ``ring_details`` the meshes are detailed ones
     (`DetailedExternalMesh`, `DetailedInternalMesh`) with these choices and values, whose phases follow from the numbers of teeth:
-    planet n at ``psi_n`` has the mesh phase ``-Z_s psi_n`` at the sun and ``ring_phase - Z_r psi_n`` at the ring
-    (`planet_phasing`). Where the sun drives, the ring's phase decreases, and its patterns are run through backwards.
+    planet n at ``psi_n`` has the mesh phase ``-Z_s psi_n`` at the sun and ``ring_phase - Z_r psi_n`` at the ring (`planet_phasing`).
+    With the sun driving, the ring's phase decreases, and its patterns are traversed backwards.
     """
 
     planet_meshes = "separate"
@@ -392,10 +393,10 @@ class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
 
 
 class TranslationalPlanetaryUnit(MeshValues):
-    """Planetary differential whose bodies also move sideways on elastic bearings: `PlanarPlanetaryUnit` from pitch radii.
+    """Planetary differential with bodies that also move laterally on elastic bearings: `PlanarPlanetaryUnit` from pitch radii.
 
-    ``K_ring, C_ring, K_sun, C_sun`` hold for one mesh. The radii are those at which the meshes' forces act, so the planets' centres
-    are at ``R_h / cos(alpha)``.
+    ``K_ring, C_ring, K_sun, C_sun`` apply to one mesh. The radii are those at which the mesh forces act, so the planet centres are at
+    ``R_h / cos(alpha)``.
     """
 
     level = "planar"
@@ -429,7 +430,7 @@ CHOICES = {name: tuple(dict.fromkeys(getattr(model, name) for model in MODELS)) 
 
 
 def model_of(level: str, planet_meshes: str) -> type[PlanetaryUnit]:
-    """The class of a level of detail; ``planet_meshes`` tells where there are two.
+    """The class for a level of detail; ``planet_meshes`` decides where there are two.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""Parts that turn about a fixed axis: bodies, shafts, friction, sources of torque, prescribed motions, sensors."""
+"""Parts that rotate about a fixed axis: bodies, shafts, friction, torque sources, prescribed motions, sensors."""

@@ -1,4 +1,4 @@
-"""Adaptors between a flange and signals, as for the exchange of models by their inputs and outputs."""
+"""Adaptors between a flange and signals, for the coupling of models by inputs and outputs."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from gearparts.interfaces import Flange
 
 
 class TorqueToAngleAdaptor(gl.Component):
-    """A flange that a torque signal acts on, and whose motion is an output: ``flange.tau = tau``, ``phi = flange.phi``.
+    """Flange driven by a torque signal, with its motion as an output: ``flange.tau = tau``, ``phi = flange.phi``.
 
-    With ``use_w``, ``w = der(phi)``; with ``use_a``, too, ``a = der(w)``; otherwise they are zero. The signal is the torque that
-    the other model takes from this flange, so a positive one brakes what is connected.
+    With ``use_w``, ``w = der(phi)``; with ``use_a`` in addition, ``a = der(w)``; otherwise they are zero. The signal is the torque that
+    the other model takes from this flange, so a positive one decelerates what is connected.
     """
 
     use_w = gl.Structural(True, "whether the speed is an output")
@@ -34,13 +34,13 @@ class TorqueToAngleAdaptor(gl.Component):
 
 
 class AngleToTorqueAdaptor(gl.Component):
-    """A flange that follows signals, and whose torque is an output: ``flange.phi = phi_ref``, ``tau = -flange.tau``.
+    """Flange that follows motion signals, with its torque as an output: ``flange.phi = phi_ref``, ``tau = -flange.tau``.
 
-    The output is the torque that the motion takes, so that it can drive a `TorqueToAngleAdaptor` in the place of what is connected.
+    The output is the torque that the motion takes, so that it can drive a `TorqueToAngleAdaptor` in place of what is connected.
 
-    With ``use_w`` and ``use_a`` none of the signals is differentiated: as in `Move`,
-    ``der(w) = a_ref + 2 k (w_ref - w) + k**2 (phi_ref - phi)`` with ``w = der(phi)``, which starts at ``phi_ref`` and ``w_ref``.
-    Otherwise the angle alone is followed, ``phi = phi_ref``, and must be differentiable twice.
+    With ``use_w`` and ``use_a`` none of the signals is differentiated: as in `Move`, ``der(w) = a_ref + 2 k (w_ref - w) + k**2 (phi_ref
+    - phi)`` with ``w = der(phi)``, which starts at ``phi_ref`` and ``w_ref``. Otherwise the angle alone is followed, ``phi = phi_ref``,
+    and must be twice differentiable.
     """
 
     use_w = gl.Structural(True, "whether the speed is given")

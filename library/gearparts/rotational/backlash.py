@@ -1,4 +1,4 @@
-"""Couplings with backlash: spring and damper that act only beyond a gap."""
+"""Couplings with backlash: spring and damper that act only outside a gap."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ CONTACT = {0.0: "open: coupling {}", 1.0: "in contact: coupling {}", -1.0: "in c
 
 
 class BacklashCoupling(Compliant, Dissipative):
-    """Declares what couplings with backlash share: compliance, gap, and on which side it is closed.
+    """Base of couplings with backlash: compliance, gap, and the side on which it is closed.
 
-    A derived class says by ``contact_torque`` which torque acts where the gap is closed.
+    A derived class defines by ``contact_torque`` the torque in contact.
     """
 
     icon = "backlash"
@@ -30,12 +30,12 @@ class BacklashCoupling(Compliant, Dissipative):
     contact = gl.Discrete("1 above the gap, -1 below it, 0 inside")
 
     def contact_torque(self) -> Any:
-        """The torque where the gap is closed, at either side."""
+        """The torque in contact, on either side."""
         raise NotImplementedError
 
     def equations(self) -> list[gl.Eq]:
         x, half = self.phi_rel - self.phi_rel0, self.b / 2
-        # multiplied by a flag: without a gap the comparisons would make events of no meaning
+        # multiplied by a flag: without a gap the comparisons would raise meaningless events
         above, below = self.has_gap * (x - half) > 0, self.has_gap * (x + half) < 0
         whole, inside = gl.equals(self.has_gap, 0), gl.equals(self.contact, 0)
         return [
@@ -50,12 +50,12 @@ class BacklashCoupling(Compliant, Dissipative):
 
     def energies(self) -> gl.Energy:
         x, half = self.phi_rel - self.phi_rel0, self.b / 2
-        beyond = gl.Max(x - half, 0) - gl.Max(-x - half, 0)  # the gap
+        beyond = gl.Max(x - half, 0) - gl.Max(-x - half, 0)  # deflection beyond the gap
         return gl.Energy(stored=self.c * beyond**2 / 2, heat=self.loss_power)
 
 
 class ElastoBacklash(BacklashCoupling):
-    """Backlash with spring and damper, no pull, and a damping that does not exceed the spring's torque.
+    """Backlash with spring and damper, without pull, and with damping limited to the spring's torque.
 
     With ``x = phi_rel - phi_rel0``: ``tau = max(0, tau_c + min(tau_c, d w_rel))`` with ``tau_c = c (x - b/2)`` for ``x > b/2``,
     ``tau = min(0, tau_c + max(tau_c, d w_rel))`` with ``tau_c = c (x + b/2)`` for ``x < -b/2``, and zero between. So the torque is

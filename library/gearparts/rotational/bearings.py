@@ -12,25 +12,25 @@ from gearparts.tables import Rows
 def palmgren_friction(
     d_m: float, *, f_0: float, viscosity: float, f_1: float = 0.0, load: float = 0.0, w_max: float = 300.0, rows: int = 12
 ) -> Rows:  # fmt: skip
-    """Friction torque of a rolling bearing over its speed, after Palmgren: a load-free part and one in proportion to the load.
+    """Friction torque of a rolling bearing over speed, after Palmgren: a load-independent part and one proportional to the load.
 
-    With ``d_m`` in mm, the kinematic viscosity ``nu`` in mm2/s and the speed ``n`` in 1/min, the load-free part is
-    ``1e-7 f_0 (nu n)**(2/3) d_m**3`` N.mm, and ``160e-7 f_0 d_m**3`` N.mm where ``nu n < 2000``; the other is ``f_1 load d_m``.
+    With ``d_m`` in mm, the kinematic viscosity ``nu`` in mm2/s and the speed ``n`` in 1/min, the load-independent part is ``1e-7 f_0
+    (nu n)**(2/3) d_m**3`` N.mm, or ``160e-7 f_0 d_m**3`` N.mm for ``nu n < 2000``; the other is ``f_1 load d_m``.
 
     Parameters
     ----------
     d_m : float
         Mean diameter of the bearing, m.
     f_0 : float
-        Factor of the bearing's type and lubrication (1.5 to 2 for deep groove ball bearings in an oil bath).
+        Factor for bearing type and lubrication (1.5 to 2 for deep groove ball bearings in an oil bath).
     viscosity : float
-        Kinematic viscosity of the oil at its temperature, m2/s.
+        Kinematic viscosity of the oil at operating temperature, m2/s.
     f_1 : float
         Factor of the load-dependent part (0.0003 to 0.001).
     load : float
         Load on the bearing, N.
     w_max : float
-        Speed up to which the table goes, rad/s; it is extrapolated beyond.
+        Highest speed of the table, rad/s; it is extrapolated beyond.
     rows : int
         Number of rows.
 
@@ -42,7 +42,7 @@ def palmgren_friction(
     Raises
     ------
     ArgumentError
-        A number that is not positive, or fewer than three rows.
+        A value that is not positive, or fewer than three rows.
 
     References
     ----------

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 class CubicSpringDamper(Compliant, Dissipative):
-    """Spring that stiffens (or softens) with its twist, and a damper: ``tau = c x + c_3 x**3 + d w_rel``, ``x = phi_rel - phi_rel0``.
+    """Spring with cubic stiffening (or softening), and a damper: ``tau = c x + c_3 x**3 + d w_rel``, ``x = phi_rel - phi_rel0``.
 
-    It stores ``c x**2 / 2 + c_3 x**4 / 4`` and loses ``d w_rel**2``. Rubber and steel-spring couplings are described so (G. Duffing,
+    It stores ``c x**2 / 2 + c_3 x**4 / 4`` and dissipates ``d w_rel**2``. A model of rubber and steel-spring couplings (G. Duffing,
     "Erzwungene Schwingungen bei veränderlicher Eigenfrequenz", Vieweg, 1918).
     """
 
@@ -42,7 +42,7 @@ class CubicSpringDamper(Compliant, Dissipative):
 class ElasticCoupling(TwoFlanges, MaybeHeated):
     """Two hubs with an elastic element between them.
 
-    The element is, by ``element``, a `SpringDamper` (``"linear"``), a `CubicSpringDamper` (``"cubic"``) or an `ElastoBacklash`
+    Depending on ``element``, it is a `SpringDamper` (``"linear"``), a `CubicSpringDamper` (``"cubic"``) or an `ElastoBacklash`
     (``"backlash"``), with ``phi_rel = flange_b.phi - flange_a.phi``.
     """
 
@@ -80,8 +80,8 @@ class UniversalJoint(TwoFlanges):
     """Universal (Cardan, Hooke) joint between shafts at an angle, without inertia or losses.
 
     ``tan(phi_b) = tan(phi_a) / cos(beta)``; so ``w_b = w_a cos(beta) / (sin(phi_a)**2 + cos(beta)**2 cos(phi_a)**2)``, which varies
-    twice per turn between ``cos(beta)`` and ``1 / cos(beta)`` times ``w_a``, and ``w_a tau_a + w_b tau_b = 0``. At ``phi_a = 0`` the
-    cross's arm in the fork of flange_a lies in the plane of both shafts. The law is written for the difference of the angles,
+    twice per revolution between ``cos(beta)`` and ``1 / cos(beta)`` times ``w_a``, and ``w_a tau_a + w_b tau_b = 0``. At ``phi_a = 0``
+    the arm of the cross in the fork of flange_a lies in the plane of both shafts. The law is written for the difference of the angles,
     ``phi_b - phi_a = atan2((1 - cos(beta)) sin(phi_a) cos(phi_a), sin(phi_a)**2 + cos(beta) cos(phi_a)**2)``, which has no jumps.
 
     References

@@ -1,8 +1,8 @@
 """Coulomb friction with stick and slip: bearings, brakes, clutches, freewheels.
 
-The relation between torque and acceleration is written with a curve parameter ``sa`` (Otter, Elmqvist and Mattsson, "Hybrid
-modeling in Modelica based on the synchronous data flow principle", 1999, https://doi.org/10.1109/CACSD.1999.808640): locked, it is
-the torque; sliding, it is the acceleration beyond the start of sliding. The speed stays a continuous state in every mode.
+The relation between torque and acceleration is parametrised by a curve parameter ``sa`` (Otter, Elmqvist and Mattsson, "Hybrid modeling
+in Modelica based on the synchronous data flow principle", 1999, https://doi.org/10.1109/CACSD.1999.808640): locked, it is the torque;
+sliding, it is the acceleration in excess of that at the onset of sliding. The speed is a continuous state in every mode.
 """
 
 from __future__ import annotations
@@ -16,40 +16,40 @@ from gearparts.interfaces import SLOW, Compliant, Dissipative, Flange, TwoFlange
 from gearparts.tables import SMOOTHNESS, Rows, at_zero, check_rows, interpolated, piecewise_without_events
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
-HYSTERESIS = 1e-4  # of a one-way clutch's break-away torque, relative
-ROUNDING = 1e-10  # an element that could slide, but is held by another one, stands exactly at its limit
-# Locked, the curve parameter is the torque, and the acceleration is nothing. Where the motion is prescribed, that leaves the torque
-# undetermined, and a motion that starts or passes through zero without a solution. With this compliance (rad/s2 per N.m) the torque
-# of a locked element is zero on a prescribed motion that rests, and beyond any limit on one that does not, so that the element slides.
-# Anywhere else it is less than the rounding of the acceleration.
+HYSTERESIS = 1e-4  # relative, for a one-way clutch's break-away torque
+ROUNDING = 1e-10  # an element that could slide, but is held by another one, is exactly at its limit
+# While locked, the curve parameter is the torque and does not affect the acceleration. Under prescribed motion that would leave the
+# torque undetermined, and a motion that starts or passes through zero would have no solution. With this compliance (rad/s2 per N.m) the
+# torque of a locked element is zero on a prescribed motion at rest, and beyond any limit on one that moves, so that the element slides.
+# Everywhere else it is below the rounding of the acceleration.
 YIELD = 1e-25
-BEYOND = 1e13  # N.m: no shaft bears it; what only prescribed motions call for
-AT_REST = 1e-11  # rad/s: slower than that, what was at rest has not begun to move; a solver's rounding has no sign that means anything
+BEYOND = 1e13  # N.m: beyond any real shaft; only prescribed motions require it
+AT_REST = 1e-11  # rad/s: below it, an element at rest has not begun to move; a solver's rounding has no meaningful sign
 
 
 def words(part: str) -> dict[float, str]:
-    """What the values of `Friction.contact` mean, for a kind of part."""
+    """Descriptions of the values of `Friction.contact`, for a kind of part."""
     return {0.0: f"open: {part} {{}}", 1.0: f"stuck: {part} {{}}", 2.0: f"sliding: {part} {{}}"}
 
 
 class SlidingSurfaces(gl.Component):
     """Base of friction elements: sliding torque over speed, and release at zero normal force.
 
-    A derived class equates ``tau0`` and ``free``, and says by ``level`` how the sliding torque depends on the speed.
+    A derived class equates ``tau0`` and ``free``, and defines by ``level`` how the sliding torque depends on the speed.
     """
 
     tau0 = gl.Variable("N.m", "sliding torque at zero speed")
     free = gl.Discrete("nothing presses the surfaces together")
 
     def level(self, speed: Any) -> Any:
-        """The sliding torque at a positive speed."""
+        """Sliding torque at a positive speed."""
         raise NotImplementedError
 
 
 class Friction(SlidingSurfaces, Dissipative):
     """Base of stick-slip elements: curve parameter, contact state and its transitions.
 
-    A derived class equates ``v`` with the speed at which the surfaces slide, and says where ``tau`` acts.
+    A derived class equates ``v`` with the sliding speed, and defines where ``tau`` acts.
     """
 
     peak = gl.Parameter("1", "break-away over sliding torque at zero speed", default=1.0, min=1)
@@ -109,12 +109,12 @@ class Friction(SlidingSurfaces, Dissipative):
         return gl.Energy(heat=self.loss_power)
 
     def _starts(self, sense: int, torque: Any, speed: Any, starts: Any, starts_opposite: Any, was_opposite: Any) -> Any:
-        """Whether it starts to slide in a sense, with torque and speed counted in that sense.
+        """Whether sliding starts in a direction, with torque and speed counted in that direction.
 
-        Where it was stuck, the torque is above its limit, or above the sliding torque if it had started already. One that starts
-        at this event, but is held by another element, stands at its limit exactly, and goes on to start. One that has started in
-        the opposite sense locks first: its curve parameter is no torque, and two elements on one shaft would drive each other to
-        and fro. The comparison is multiplied by flags: where none is set, it would make events of no meaning.
+        While stuck, the torque must exceed its limit, or the sliding torque if it had started already. An element that starts at this
+        event, but is held by another one, is exactly at its limit, and keeps starting. One that has started in the opposite direction
+        locks first: until then its curve parameter is not a torque, and two elements on one shaft would drive each other back and
+        forth. The comparison is multiplied by flags: where none is set, it would raise meaningless events.
         """
         started = gl.pre(starts)
         limit = self.peak * self.tau0 * (1 - started) * (1 - ROUNDING * starts) + (1 - ROUNDING) * self.tau0 * started
@@ -124,9 +124,9 @@ class Friction(SlidingSurfaces, Dissipative):
 
 
 def sign_while(flag: Any, speed: Any, was: Any) -> Any:
-    """The sign of a speed where a flag is 1; zero where it is 0, because the speed may then be rounding.
+    """Sign of a speed while a flag is 1; zero while it is 0, since the speed may then be rounding.
 
-    ``was`` is the sign before: what was at rest has to exceed `AT_REST`, what moves does so until its speed crosses zero.
+    ``was`` is the previous sign: from rest the speed must exceed `AT_REST`; in motion the sign lasts until the speed crosses zero.
     """
     return gl.Piecewise(
         (1, flag * speed > AT_REST * (1 - was * (was + 1) / 2)),
@@ -136,7 +136,7 @@ def sign_while(flag: Any, speed: Any, was: Any) -> Any:
 
 
 def _checked(owner: str, rows: Any) -> Rows:
-    """Rows of speed and friction, which drives nothing."""
+    """Rows of speed and friction, checked to be dissipative."""
     table = check_rows(owner, rows, 2)
     if any(row[1] < 0 for row in table):
         raise BindingError(f"{owner} is {shown(rows)}; expected friction of 0 or more in the second column")
@@ -164,10 +164,10 @@ class FrictionOnHousing(TwoFlanges, Friction):
 
 
 class BearingFriction(FrictionOnHousing):
-    """Friction in a bearing, which slides or sticks: ``tau = tau_pos(w)`` for ``w > 0``, ``tau = -tau_pos(-w)`` for ``w < 0``.
+    """Bearing friction with stick and slip: ``tau = tau_pos(w)`` for ``w > 0``, ``tau = -tau_pos(-w)`` for ``w < 0``.
 
     At rest ``der(w) = 0`` as long as ``abs(tau) <= peak tau_pos(0)``. ``tau_pos`` holds rows of speed and torque, which are
-    interpolated, and extrapolated along the last two.
+    interpolated, and extrapolated from the last two.
     """
 
     icon = "bearing"
@@ -198,7 +198,7 @@ class Pressed(SlidingSurfaces):
         return interpolated(rows, speed, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
 
     def level_at_rest(self) -> Any:
-        """The sliding torque at zero speed."""
+        """Sliding torque at zero speed."""
         rows = _checked(f"{type(self).__name__}.mu_pos", self.mu_pos)
         return at_zero(rows, 1, self.smoothness) * self.cgeo * self.fn_max * self.f_normalized
 
@@ -212,8 +212,8 @@ class Pressed(SlidingSurfaces):
 class Brake(FrictionOnHousing, Pressed):
     """Friction brake between a shaft and its housing: slides with ``tau = mu_pos(w) cgeo fn_max f_normalized``, or locks.
 
-    It slides with the opposite torque where ``w < 0``. At rest ``der(w) = 0`` as long as ``abs(tau)`` does not exceed ``peak``
-    times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
+    The torque is opposite for ``w < 0``. At rest ``der(w) = 0`` as long as ``abs(tau)`` does not exceed ``peak`` times the sliding
+    torque at zero speed. It is released unless ``f_normalized > 0``.
     """
 
     icon = "brake"
@@ -224,8 +224,8 @@ class Brake(FrictionOnHousing, Pressed):
 class Clutch(Compliant, Friction, Pressed):
     """Friction clutch between two shafts: slides with ``tau = mu_pos(w_rel) cgeo fn_max f_normalized``, or locks.
 
-    It slides with the opposite torque where ``w_rel < 0``. At rest ``der(w_rel) = 0`` as long as ``abs(tau)`` does not exceed
-    ``peak`` times the sliding torque at zero speed. Without ``f_normalized > 0`` it is free.
+    The torque is opposite for ``w_rel < 0``. At rest ``der(w_rel) = 0`` as long as ``abs(tau)`` does not exceed ``peak`` times the
+    sliding torque at zero speed. It is released unless ``f_normalized > 0``.
     """
 
     icon = "clutch"
@@ -237,11 +237,11 @@ class Clutch(Compliant, Friction, Pressed):
 
 
 class OneWayClutch(Compliant, Pressed, Dissipative):
-    """Freewheel beside a friction clutch: ``w_rel >= 0``, and ``tau = mu_pos(w_rel) cgeo fn_max f_normalized`` where it slides.
+    """Freewheel in parallel with a friction clutch: ``w_rel >= 0``, sliding with ``tau = mu_pos(w_rel) cgeo fn_max f_normalized``.
 
-    Flange_a cannot overtake flange_b: locked, ``der(w_rel) = 0`` with any ``tau < 0``, and with ``tau > 0`` up to ``peak`` times
-    the sliding torque at zero speed. Where ``f_normalized > 0`` does not hold, flange_b overruns without a torque.
-    A start with ``w_rel < 0`` is refused, and so is a run in which the motions prescribed on both sides let flange_a overtake.
+    Flange_a cannot overtake flange_b: locked, ``der(w_rel) = 0`` with any ``tau < 0``, and with ``tau > 0`` up to ``peak`` times the
+    sliding torque at zero speed. Unless ``f_normalized > 0``, flange_b overruns without torque. A start with ``w_rel < 0`` is refused,
+    and so is a run in which prescribed motions on both sides make flange_a overtake.
     """
 
     icon = "one_way_clutch"

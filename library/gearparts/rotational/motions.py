@@ -1,6 +1,6 @@
-"""Prescribed motions: a shaft follows a given angle, speed or acceleration; the torque results.
+"""Prescribed motions: a shaft follows a given angle, speed or acceleration; the torque is the result.
 
-Where a start value depends on a signal, the difference from the signal is a variable, and that starts at zero.
+If a start value depends on a signal, the deviation from the signal is a variable that starts at zero.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from gearparts.interfaces import OneFlange
 
 
 class Position(OneFlange):
-    """Follows an angle: ``phi = phi_ref`` if ``exact``, which must be differentiable twice; otherwise a filter of it.
+    """Follows an angle: ``phi = phi_ref`` if ``exact``, which must be twice differentiable; otherwise low-pass filtered.
 
     The filter is a second-order Bessel filter that starts at ``phi_ref``:
     ``der(w) = ((phi_ref - phi) w_crit - 1.3617 w) w_crit / 0.6180`` with ``w = der(phi)``, ``w_crit = 2 pi f_crit``.
@@ -38,7 +38,7 @@ class Position(OneFlange):
 
 
 class Speed(OneFlange):
-    """Follows a speed: ``w = w_ref`` if ``exact``, which must be differentiable; otherwise a filter of it.
+    """Follows a speed: ``w = w_ref`` if ``exact``, which must be differentiable; otherwise low-pass filtered.
 
     The filter ``der(w) = (w_ref - w) 2 pi f_crit`` starts at ``w_ref``. The angle starts at 0.
     """
@@ -64,7 +64,7 @@ class Speed(OneFlange):
 
 
 class Accelerate(OneFlange):
-    """Follows an acceleration: ``der(phi) = w``, ``der(w) = a_ref``. Both start at 0 unless ``start`` says otherwise."""
+    """Follows an acceleration: ``der(phi) = w``, ``der(w) = a_ref``. Both start at 0 unless ``start`` is given."""
 
     icon = "acceleration"
 
@@ -82,11 +82,10 @@ class Accelerate(OneFlange):
 
 
 class Move(OneFlange):
-    """Follows an angle, a speed and an acceleration that belong together; none of them is differentiated.
+    """Follows consistent signals of angle, speed and acceleration, without differentiating any of them.
 
-    The acceleration is integrated from the angle and the speed that are given at the start:
-    ``der(w) = a_ref + 2 k (w_ref - w) + k**2 (phi_ref - phi)``, ``w = der(phi)``. Where the signals are each other's
-    derivatives, the corrections are zero but for what rounding and the integration add, which they keep from growing.
+    The acceleration is integrated from the initial angle and speed: ``der(w) = a_ref + 2 k (w_ref - w) + k**2 (phi_ref - phi)``, ``w =
+    der(phi)``. If the signals are each other's derivatives, the corrections only prevent the growth of rounding and integration errors.
     """
 
     icon = "angle"

@@ -1,4 +1,4 @@
-"""Ideal sensors: they measure motion without taking a torque, or a torque without taking an angle."""
+"""Ideal sensors: they measure motion without torque, or torque without relative motion."""
 
 from __future__ import annotations
 

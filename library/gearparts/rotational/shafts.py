@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Fixed(gl.Component):
-    """A flange held at an angle: ``phi = phi0``."""
+    """Flange fixed at an angle: ``phi = phi0``."""
 
     icon = "fixed"
 
@@ -27,7 +27,7 @@ class Fixed(gl.Component):
 
 
 class Inertia(TwoFlanges):
-    """Rigid body turning about a fixed axis: ``J der(w) = flange_a.tau + flange_b.tau``."""
+    """Rigid body rotating about a fixed axis: ``J der(w) = flange_a.tau + flange_b.tau``."""
 
     icon = "inertia"
 
@@ -49,7 +49,7 @@ class Inertia(TwoFlanges):
 
 
 class Disc(TwoFlanges):
-    """Turns flange_b against flange_a by a constant angle: ``phi_b = phi_a + delta_phi``, ``tau_a + tau_b = 0``."""
+    """Constant angle between two flanges: ``phi_b = phi_a + delta_phi``, ``tau_a + tau_b = 0``."""
 
     icon = "disc"
 
@@ -83,7 +83,7 @@ class Spring(Compliant):
 
 
 class Damper(Compliant, Dissipative):
-    """Linear torsional damper: ``tau = d w_rel``; it loses ``tau w_rel``."""
+    """Linear torsional damper: ``tau = d w_rel``; it dissipates ``tau w_rel``."""
 
     icon = "damper"
 
@@ -100,7 +100,7 @@ class Damper(Compliant, Dissipative):
 
 
 class SpringDamper(Compliant, Dissipative):
-    """Spring and damper in parallel: ``tau = c (phi_rel - phi_rel0) + d w_rel``; it loses ``d w_rel**2``."""
+    """Spring and damper in parallel: ``tau = c (phi_rel - phi_rel0) + d w_rel``; it dissipates ``d w_rel**2``."""
 
     icon = "spring_damper"
 
@@ -119,7 +119,7 @@ class SpringDamper(Compliant, Dissipative):
 
 
 class RelativeStates(TwoFlanges):
-    """Offers the relative motion of two shafts as states: ``phi_rel = phi_b - phi_a``, ``w_rel = der(phi_rel)``; no torque."""
+    """Provides the relative motion of two shafts as states: ``phi_rel = phi_b - phi_a``, ``w_rel = der(phi_rel)``; no torque."""
 
     icon = "link"
 
@@ -141,10 +141,10 @@ class RelativeStates(TwoFlanges):
 
 
 class InitializeFlange(gl.Component):
-    """Fixes where a shaft starts: ``phi = phi_start``, ``w = w_start`` and ``a = a_start`` at the start only; no torque.
+    """Fixes the start of a shaft: ``phi = phi_start``, ``w = w_start`` and ``a = a_start``, at the start only; no torque.
 
-    What is fixed are the start values of the differences, which are variables that nothing else depends on. The number of
-    values chosen must fit the model: with an acceleration, one start value elsewhere has to be free.
+    It fixes start values of deviations, which are variables on which nothing else depends. The number of values must fit the model: for
+    an acceleration, one start value elsewhere must be free.
     """
 
     use_phi_start = gl.Structural(True, "whether the angle starts at phi_start")
@@ -175,10 +175,10 @@ class InitializeFlange(gl.Component):
 
 
 class TorsionalShaft(TwoFlanges, MaybeHeated):
-    """Elastic shaft with distributed inertia, cut into equal segments that are springs with half their inertia at each end.
+    """Elastic shaft with distributed inertia, divided into equal segments: springs with half of their inertia at each end.
 
-    Without damping and with free ends its natural frequencies are ``w_k = 2 n sqrt(c / J) sin(k pi / (2 n))``, which tends to
-    the continuous shaft's ``k pi sqrt(c / J)`` as n grows. With ``use_heat_port`` all segments lose to one heat port.
+    Undamped and with free ends its natural frequencies are ``w_k = 2 n sqrt(c / J) sin(k pi / (2 n))``, which tend to the continuous
+    shaft's ``k pi sqrt(c / J)`` as n grows. With ``use_heat_port`` all segments share one heat port.
     """
 
     icon = "shaft"

@@ -1,4 +1,4 @@
-"""Torque sources and loads, functions of time or of speed; prescribed motions are in ``motions``.
+"""Torque sources and loads, as functions of time or speed; prescribed motions are in ``motions``.
 
 A positive torque accelerates the connected shaft, so ``flange.tau = -tau``.
 """
@@ -8,11 +8,11 @@ from __future__ import annotations
 import gearlib as gl
 from gearparts.interfaces import Dissipative, OneFlange, TwoFlanges
 
-SMALLEST = 1e-15  # as Modelica.Constants.eps: a speed that something is divided by
+SMALLEST = 1e-15  # smallest speed in a denominator, like Modelica.Constants.eps
 
 
 class Torque(OneFlange):
-    """A given torque: ``flange.tau = -tau``; a positive ``tau`` accelerates the connected shaft."""
+    """Prescribed torque: ``flange.tau = -tau``; a positive ``tau`` accelerates the connected shaft."""
 
     icon = "torque"
 
@@ -23,7 +23,7 @@ class Torque(OneFlange):
 
 
 class Torque2(TwoFlanges):
-    """A given torque between two shafts: ``flange_a.tau = tau``, ``flange_b.tau = -tau``; positive: it accelerates flange_b."""
+    """Prescribed torque between two shafts: ``flange_a.tau = tau``, ``flange_b.tau = -tau``; a positive one accelerates flange_b."""
 
     icon = "torque_between"
 
@@ -37,7 +37,7 @@ class Torque2(TwoFlanges):
 
 
 class ConstantTorque(OneFlange):
-    """A constant torque: ``flange.tau = -tau_constant``."""
+    """Constant torque: ``flange.tau = -tau_constant``."""
 
     icon = "torque"
 
@@ -48,7 +48,7 @@ class ConstantTorque(OneFlange):
 
 
 class TorqueStep(OneFlange):
-    """A torque that jumps: ``tau = offset_torque`` before ``start_time``, ``offset_torque + step_torque`` from then on."""
+    """Torque step: ``tau = offset_torque`` before ``start_time``, ``offset_torque + step_torque`` from then on."""
 
     icon = "torque"
 
@@ -77,16 +77,16 @@ class SpeedDependentTorque(OneFlange):
         return [gl.Eq(self.w, gl.der(self.angle())), gl.Eq(self.flange.tau, -self.tau)]
 
     def energies(self) -> gl.Energy:
-        """It drives, or it loses what it takes, as a fan does."""
+        """It either drives, or dissipates the power it takes, as a fan does."""
         power = self.tau * self.w
         return gl.Energy(supplied=gl.Max(power, 0), heat=gl.Max(-power, 0))
 
 
 class LinearSpeedDependentTorque(SpeedDependentTorque):
-    """Torque that grows with speed: ``tau = tau_nominal w / w_nominal``.
+    """Torque proportional to speed: ``tau = tau_nominal w / w_nominal``.
 
-    With ``torque_direction`` (the default) ``abs(w)`` stands for ``w``: the torque has the sign of ``tau_nominal`` whichever
-    way the shaft turns.
+    With ``torque_direction`` (the default) ``abs(w)`` replaces ``w``: the torque has the sign of ``tau_nominal`` in both directions of
+    rotation.
     """
 
     tau_nominal = gl.Parameter("N.m", "torque at nominal speed; negative: a load")
@@ -99,10 +99,10 @@ class LinearSpeedDependentTorque(SpeedDependentTorque):
 
 
 class QuadraticSpeedDependentTorque(SpeedDependentTorque):
-    """Torque that grows with speed squared: ``tau = tau_nominal (w / w_nominal)**2``.
+    """Torque proportional to speed squared: ``tau = tau_nominal (w / w_nominal)**2``.
 
-    With ``torque_direction`` (the default) it has the sign of ``tau_nominal`` whichever way the shaft turns; without, it
-    changes sign with the speed, as a fan's does: ``tau = tau_nominal w abs(w) / w_nominal**2``.
+    With ``torque_direction`` (the default) it has the sign of ``tau_nominal`` in both directions of rotation; without, it changes sign
+    with the speed, like that of a fan: ``tau = tau_nominal w abs(w) / w_nominal**2``.
     """
 
     tau_nominal = gl.Parameter("N.m", "torque at nominal speed; negative: a load")
@@ -115,11 +115,11 @@ class QuadraticSpeedDependentTorque(SpeedDependentTorque):
 
 
 class InverseSpeedDependentTorque(SpeedDependentTorque):
-    """Torque of constant power: ``tau = tau_nominal w_nominal / w`` from the speed ``w0`` on.
+    """Torque of constant power: ``tau = tau_nominal w_nominal / w`` above the speed ``w0``.
 
-    With ``torque_direction`` (the default) ``abs(w)`` stands for ``w``, and below ``w0`` the torque stays as it is there.
-    Without, it is ``tau_nominal w / w0`` below ``w0``, so that it jumps by the factor ``w_nominal / w0`` at that speed; this
-    is how the Modelica Standard Library 4.1.0 has it.
+    With ``torque_direction`` (the default) ``abs(w)`` replaces ``w``, and below ``w0`` the torque is constant. Without, it is
+    ``tau_nominal w / w0`` below ``w0``, so that it jumps by the factor ``w_nominal / w0`` at that speed, as in the Modelica Standard
+    Library 4.1.0.
     """
 
     tau_nominal = gl.Parameter("N.m", "torque at nominal speed; negative: a load")
@@ -137,7 +137,7 @@ class InverseSpeedDependentTorque(SpeedDependentTorque):
 
 
 class SignTorque(SpeedDependentTorque):
-    """Constant torque whose sign follows the speed: ``tau = tau_nominal sign(w)``, made continuous near standstill.
+    """Constant torque with the sign of the speed: ``tau = tau_nominal sign(w)``, smoothed near standstill.
 
     ``"exp"``: ``tau_nominal (2 / (1 + exp(-w / (0.01 w0))) - 1)`` at any speed. Within ``-w0 < w < w0``, ``"sine"``:
     ``tau_nominal sin(pi w / (2 w0))``; ``"linear"``: ``tau_nominal w / w0``; ``"cosine"``:
@@ -153,7 +153,7 @@ class SignTorque(SpeedDependentTorque):
     def equations(self) -> list[gl.Eq]:
         x = self.w / self.w0
         if self.reg == "exp":
-            direction = gl.tanh(50 * x)  # the same function, without the overflow
+            direction = gl.tanh(50 * x)  # the same function, without overflow
         else:
             smooth = gl.no_event(gl.sign(self.w)) * (1 - gl.cos(gl.pi * x / 2))
             inside = {"sine": gl.sin(gl.pi * x / 2), "linear": x, "cosine": smooth}[self.reg]
@@ -164,8 +164,8 @@ class SignTorque(SpeedDependentTorque):
 class EddyCurrentTorque(OneFlange, Dissipative):
     """Eddy current brake after Kloss: ``tau = 2 tau_nominal excitation**2 w_n / (1 + w_n**2)``, ``flange.tau = +tau``.
 
-    ``w_n = w / (w_nominal (1 + alpha (T - T_ref)))`` with ``alpha = alpha20 / (1 + alpha20 (T_ref - 293.15))``: a warm disc
-    brakes best at a higher speed. The temperature is that of the heat port, or ``T`` without one. It loses ``tau w``.
+    ``w_n = w / (w_nominal (1 + alpha (T - T_ref)))`` with ``alpha = alpha20 / (1 + alpha20 (T_ref - 293.15))``: a hot disc has its peak
+    torque at a higher speed. The temperature is that of the heat port or, without one, ``T``. It dissipates ``tau w``.
     """
 
     icon = "eddy_brake"

@@ -1,8 +1,8 @@
 """The bond graphs of Zhou and Cui (2022): P unit (Fig. 1), X unit (Fig. 2) and XP single-loop train (Fig. 3).
 
-The numbers of the storage elements, resistances and sources are the paper's, as equations (2)-(9) use them. The figures are
-not reprinted here, and the numbers of the bonds between are chosen so that all run from 1 to 85. The 0-junction of bonds 67
-and 68, in the shaft's end, is where a shaft's compliance would stand. The modulus m7 is in no equation, and in no graph.
+The numbers of the storage elements, resistances and sources are the paper's, as used in equations (2)-(9). The figures are not
+reprinted here, and the numbers of the other bonds are chosen so that all run from 1 to 85. The 0-junction of bonds 67 and 68, at the
+end of the shaft, is the place for a shaft compliance. The modulus m7 occurs in no equation, and in no graph.
 
 All rotations are angular velocities and torques, the meshes are deflection rates and forces along the line of action.
 
@@ -34,19 +34,19 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Figure:
-    """A bond graph, where its elements stand in the drawing, and which way its bonds go there."""
+    """A bond graph, with the positions of its elements and the routes of its bonds in the drawing."""
 
     graph: BondGraph
     positions: Mapping[Element, Point]
     routes: Mapping[int, tuple[Point, ...]]
 
     def draw(self, causality: Causality | None = None, ax: Any = None, scale: float = 0.6) -> Any:
-        """The drawing, as :func:`gearlib.bondgraph.draw` makes it."""
+        """The drawing made by :func:`gearlib.bondgraph.draw`."""
         return draw(self.graph, self.positions, routes=self.routes, causality=causality, ax=ax, scale=scale)
 
 
 class _Sketch:
-    """Bonds and positions, while a figure is being put together."""
+    """Bonds and positions of a figure under construction."""
 
     def __init__(self) -> None:
         self.bonds: list[Ends] = []
@@ -85,7 +85,7 @@ def _m(index: int) -> Any:
 
 
 def _mesh(sketch: _Sketch, sum_of: Zero, source: int, bond: int, spring: int, damper: int, side: Point) -> None:
-    """Mesh compliance and damping on the 0-junction that adds the deflection rates, and the transmission error's rate."""
+    """Mesh compliance and damping on the 0-junction that sums the deflection rates, and the rate of the transmission error."""
     x, y = sketch.positions[sum_of]
     dx, dy = side
     deflection = sketch.one(f"deflection {spring}", x + dx, y + dy)
@@ -96,10 +96,10 @@ def _mesh(sketch: _Sketch, sum_of: Zero, source: int, bond: int, spring: int, da
 
 
 def _planet(sketch: _Sketch, y: float, bonds: tuple[int, ...], moduli: tuple[int, ...], ends: tuple[One, One, One]) -> None:
-    """One planet: spin and orbit, held by the ring's side, the sun's side and the carrier.
+    """One planet: spin and orbit, connected to the ring side, the sun side and the carrier.
 
-    ``bonds`` are those to the ring's side, the sun's side and the carrier, the damper's, and the first of the ten in a row
-    that make up the planet.
+    ``bonds`` are those to the ring side, the sun side and the carrier, the damper's, and the first of ten consecutive ones that make up
+    the planet.
     """
     to_ring, to_sun, link, damper, first = bonds
     spins, seen, carried, turns = (_m(index) for index in moduli)

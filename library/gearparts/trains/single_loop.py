@@ -1,7 +1,7 @@
-"""Single-loop trains beside the XP train: PX, whose power splits at the input, and XX, of two planetary units.
+"""Single-loop trains besides the XP train: PX, with a power split at the input, and XX, with two planetary units.
 
-A P unit (gears on fixed axes) has two shafts and one degree of freedom, an X unit (planetary differential) three shafts and two.
-A loop of one of each leaves one degree of freedom, a loop of two X units leaves two, of which one is held.
+A P unit (gears on fixed axes) has two shafts and one degree of freedom, an X unit (planetary differential) three shafts and two. A loop
+of one of each leaves one degree of freedom, a loop of two X units leaves two, one of which is held.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 class PXTrain(XPSymbols):
-    """The PX single-loop train: the input drives the sun and, over a P unit, the ring; the carrier adds both (input split).
+    """The PX single-loop train: the input drives the sun and, through a P unit, the ring; the carrier sums both (input split).
 
     Shaft - sun - meshes - planets - carrier, and shaft - gear 1 - mesh - gear 2 - coupling - ring - meshes - planets: the loop of
-    `XPTrain` with the P unit between sun and ring. Rigid, with the shaft's speed ``w``, ``w_sun = w / m_18``,
-    ``w_ring = m_19 R_1 / (R_2 m_22) w`` and ``2 R_h w_carrier = R_s w_sun + R_r w_ring``.
+    `XPTrain` with the P unit between sun and ring. With rigid meshes and the shaft speed ``w``, ``w_sun = w / m_18``, ``w_ring = m_19
+    R_1 / (R_2 m_22) w`` and ``2 R_h w_carrier = R_s w_sun + R_r w_ring``.
 
-    The symbols are those of `XPTrain`; ``m_22`` is the speed of gear 2 over the speed of the ring, against each other.
+    The symbols are those of `XPTrain`; ``m_22`` is the speed of gear 2 over that of the ring, in opposite directions.
     """
 
     planet_meshes = gl.Structural(
@@ -62,12 +62,11 @@ class PXTrain(XPSymbols):
 
 
 class XXTrain(gl.Component):
-    """The XX single-loop train: two planetary units with a common sun shaft; the first one's carrier drives the second one's ring.
+    """The XX single-loop train: two planetary units with a common sun shaft; the first carrier drives the second ring.
 
-    The second carrier is the output. The first ring is held by the housing, or is a third shaft with ``ring_free``. Rigid, with
-    ``k = R_r / R_s`` of each unit and the first ring held, ``w_carrier1 = w_sun / (1 + k_1)`` and
-    ``w_carrier2 = (w_sun + k_2 w_carrier1) / (1 + k_2)``. All bodies and meshes are those of `PlanetaryUnit`; the defaults are
-    those of `XPTrain`.
+    The second carrier is the output. The first ring is held by the housing or, with ``ring_free``, is a third shaft. With rigid meshes,
+    ``k = R_r / R_s`` of each unit and the first ring held, ``w_carrier1 = w_sun / (1 + k_1)`` and ``w_carrier2 = (w_sun + k_2
+    w_carrier1) / (1 + k_2)``. Bodies and meshes are those of `PlanetaryUnit`; the defaults are those of `XPTrain`.
     """
 
     planets = gl.Structural(3, "number of planets of each unit")

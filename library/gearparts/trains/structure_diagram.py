@@ -1,7 +1,7 @@
-"""Structure diagrams of gear trains (Tables 1-3 of Zhou and Cui, 2022): units, and the nodes that join their shafts.
+"""Structure diagrams of gear trains (Tables 1-3 of Zhou and Cui, 2022): units, and the nodes that connect their shafts.
 
-A P unit (a pair on fixed axes) is a square with two shafts, an X unit (a planetary differential) a circle with three. Shafts
-meet in nodes; a shaft that ends in the open is the train's input I or output O.
+A P unit (a gear pair on fixed axes) is a square with two shafts, an X unit (a planetary differential) a circle with three. Shafts meet
+at nodes; a shaft with a free end is the train's input I or output O.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Unit:
     kind : str
         ``"P"`` or ``"X"``.
     name : str
-        What the drawing calls it.
+        Label in the drawing.
     position : tuple of float
-        Where it stands in the drawing.
+        Position in the drawing.
     """
 
     kind: str
@@ -50,7 +50,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class StructureDiagram:
-    """Units, and the nodes in which their shafts meet.
+    """Units, and the nodes at which their shafts meet.
 
     Parameters
     ----------
@@ -59,11 +59,11 @@ class StructureDiagram:
     units : tuple of Unit
         The units.
     nodes : mapping
-        Node name to its position.
+        Maps node names to positions.
     shafts : mapping
-        (unit name, shaft) to the name of the node on which that shaft ends.
+        Maps (unit name, shaft) to the name of the node at which that shaft ends.
     terminals : mapping
-        Input or output to the node that it is led out of, where that node joins several shafts.
+        Maps inputs and outputs to the nodes that they are led out of, where that node joins several shafts.
 
     Examples
     --------
@@ -90,12 +90,12 @@ class StructureDiagram:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Independent speeds: one for each node, less the relation that each unit imposes on its shafts."""
+        """Independent speeds: one per node, minus the constraint that each unit imposes on its shafts."""
         return len(set(self.shafts.values())) - len(self.units)
 
     @property
     def loops(self) -> int:
-        """Closed power loops: cycles of the graph of units and nodes."""
+        """Closed power loops: independent cycles in the graph of units and nodes."""
         return len(self.shafts) - len(self.units) - len(set(self.shafts.values())) + 1
 
     def draw(self, ax: Any = None) -> Any:
@@ -104,7 +104,7 @@ class StructureDiagram:
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure otherwise.
+            Axes to draw into; by default a new figure.
 
         Returns
         -------
@@ -157,9 +157,9 @@ def unit_diagram(kind: str) -> StructureDiagram:
 def single_loop(kind: str) -> StructureDiagram:
     """A single-loop train of two units (Table 3): ``"XP"``, ``"PX"`` or ``"XX"``.
 
-    In ``XP`` the power comes in at a shaft of the X unit, and the P unit and another shaft of the X unit meet at the output
-    (output confluence: the train of the paper). In ``PX`` the input is split between both. In ``XX`` two differentials share
-    two of their shafts.
+    In ``XP`` the power enters at a shaft of the X unit, and the P unit and another shaft of the X unit meet at the output (output
+    confluence: the train of the paper). In ``PX`` the input is split between both. In ``XX`` two differentials share two of their
+    shafts.
 
     >>> [(kind, single_loop(kind).loops, single_loop(kind).degrees_of_freedom) for kind in ("XP", "PX", "XX")]
     [('XP', 1, 1), ('PX', 1, 1), ('XX', 1, 2)]

@@ -1,4 +1,4 @@
-"""Gear units, and the trains made of them: the XP single-loop train of Zhou and Cui (2022).
+"""Gear units and the trains composed of them: the XP single-loop train of Zhou and Cui (2022).
 
 References
 ----------
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 class FixedAxisUnit(TwoFlanges):
-    """Two outer gears on fixed axes with an elastic mesh, one degree of freedom (the P unit).
+    """Two external gears on fixed axes with an elastic mesh, one degree of freedom (the P unit).
 
-    Rigid, ``R_1 w_1 = -R_2 w_2``; the deflection ``q`` of the mesh has the rate ``R_1 w_1 + R_2 w_2 + e_rate``. With ``details`` the
-    mesh is a `DetailedExternalMesh` with these choices and values, whose phase counts the teeth of gear 1.
+    If rigid, ``R_1 w_1 = -R_2 w_2``; the mesh deflection ``q`` has the rate ``R_1 w_1 + R_2 w_2 + e_rate``. With ``details`` the mesh
+    is a `DetailedExternalMesh` with these choices and values, whose phase counts the teeth of gear 1.
     """
 
     icon = "mesh"
@@ -60,11 +60,11 @@ class FixedAxisUnit(TwoFlanges):
 
 
 class XPSymbols(gl.Component):
-    """Base of the XP train's models: parameters with Table 4's symbols and values, then those that the paper leaves open.
+    """Base of the XP train's models: parameters with Table 4's symbols and values, and those that the paper leaves open.
 
-    The table is silent about the P unit's gears, the shaft's two ends, the planets' inertias as the meshes see them, and the
-    moduli m18, m19 and m22. Their defaults are assumptions: gear 1 is like the sun and gear 2 like a planet, each end of the
-    shaft has I_f, all inertias of planets are I_p, and the moduli are 1. C_v acts along the line of action, as C_g does.
+    The table does not give the P unit's gears, the shaft's two ends, the planets' inertias as seen by the meshes, and the moduli m18,
+    m19 and m22. Their defaults are assumptions: gear 1 equals the sun and gear 2 a planet, each end of the shaft has I_f, all planet
+    inertias are I_p, and the moduli are 1. C_v acts along the line of action, as C_g does.
     """
 
     planets = gl.Structural(3, "number of planets")
@@ -114,7 +114,7 @@ class XPSymbols(gl.Component):
     m_22 = gl.Parameter("1", "speed of gear 2 over speed of the carrier, against each other", default=1.0)
 
     def symbols(self) -> dict[str, Any]:
-        """All of them by name, to be handed to a part that has the same."""
+        """All of them by name, to be passed to a part with the same parameters."""
         return {n: getattr(self, n) for n, d in vars(XPSymbols).items() if isinstance(d, (gl.Parameter, gl.Structural))}
 
     def planetary(self, e_rate_ring: Any, e_rate_sun: Any, planet_meshes: str) -> PlanetaryUnit:
@@ -140,13 +140,12 @@ class XPSymbols(gl.Component):
 class XPTrain(XPSymbols):
     """The XP single-loop train: an X unit whose sun drives a P unit that joins the X unit's carrier at the output.
 
-    Ring - mesh - planets - support dampers - mesh - sun - shaft - gear 1 - mesh - gear 2 - coupling - carrier, which moves the
-    planets: the loop is closed. The paper counts one degree of freedom for it. In its equations, and here, the planets are two
-    bodies, one for each mesh, which only the support dampers hold together; with rigid meshes two speeds are therefore free
-    (`gearlib.mobility` says 2), and their difference dies out in the dampers. Without slip in the dampers one is left.
-    With ``planet_meshes="separate"`` each planet has two meshes of its own (``K_g`` and ``C_g`` then hold for one) and rides rigidly on
-    the carrier, so that rigid meshes leave one degree of freedom: ``m_18 m_19 R_1 w_sun = m_22 R_2 w_carrier`` and
-    ``R_r w_ring + R_s w_sun = 2 R_h w_carrier``.
+    Ring - mesh - planets - support dampers - mesh - sun - shaft - gear 1 - mesh - gear 2 - coupling - carrier, which moves the planets:
+    the loop is closed. The paper counts one degree of freedom. In its equations, and here, the planets are two bodies, one per mesh,
+    coupled by the support dampers only; with rigid meshes two speeds are therefore free (`gearlib.mobility` returns 2), and their
+    difference decays in the dampers. Without slip in the dampers one is left. With ``planet_meshes="separate"`` each planet has two
+    meshes of its own (``K_g`` and ``C_g`` then apply to one) and is mounted rigidly on the carrier, so that rigid meshes leave one
+    degree of freedom: ``m_18 m_19 R_1 w_sun = m_22 R_2 w_carrier`` and ``R_r w_ring + R_s w_sun = 2 R_h w_carrier``.
     """
 
     planet_meshes = gl.Structural("lumped", "one mesh for all planets, or one for each", choices=("lumped", "separate"))
@@ -189,9 +188,9 @@ class XPTrain(XPSymbols):
 class ZhouCui2022(XPSymbols):
     """The paper's complete system: a driving torque on the ring, the XP train, and a damper ``C_v R_h**2`` as load.
 
-    All three meshes are excited by the transmission error's rate ``e_amplitude cos(e_omega t + e_phase)``, or each by one of its own.
-    The symbols of Table 4 are its parameters, numbers of teeth included; its planets stand where these let them be assembled, since
-    19 and 81 teeth leave no room for three that are equally spaced.
+    All three meshes are excited by the transmission-error rate ``e_amplitude cos(e_omega t + e_phase)``, or each by its own. The
+    symbols of Table 4 are its parameters, including numbers of teeth; its planets are positioned so that these permit assembly, since
+    19 and 81 teeth do not allow three equally spaced planets.
     """
 
     planet_meshes = gl.Structural(
@@ -213,7 +212,7 @@ class ZhouCui2022(XPSymbols):
     q_pair = gl.Variable("m", "deflection of the P unit's mesh (q74)", nominal=1e-6)
 
     def __init__(self, *positional: Any, **values: Any) -> None:
-        # Table 4 has K_s, and equations (2)-(9) have not: the table may be given as a whole, another K_s with elastic_shafts only
+        # Table 4 has K_s, but equations (2)-(9) do not: the table may be given as a whole, another K_s with elastic_shafts only
         table = {n: v for n, v in values.items() if n == "K_s" and v == XPSymbols.K_s.default}
         super().__init__(*positional, **values | gl.offered(table))
 

@@ -1,11 +1,11 @@
 """Zhou and Cui's XP single-loop gear train: Table 4 and the explicit state equations (2)-(9), in plain NumPy.
 
-The equations stand here term by term as the paper prints them, with the paper's letters and bond numbers. This file shares
-nothing with the engine, so that a simulation of :class:`gearparts.ZhouCui2022` can be compared with it.
+The equations are transcribed term by term, with the paper's letters and bond numbers. This file shares nothing with the engine, so that
+it can serve as a reference for :class:`gearparts.ZhouCui2022`.
 
-The states are x = (p2, q6, p11, p26, q30, p35, q74, p78), the sources u = (Se1, Sf8, Sf32, Sf72). The other ten momenta have
-derivative causality: they are combinations of the five independent momenta, and their derivatives stand on the right of
-equations (4), (5) and (9). With those collected on the left the system is E dx/dt = A x + B u with a constant E.
+The states are x = (p2, q6, p11, p26, q30, p35, q74, p78), the sources u = (Se1, Sf8, Sf32, Sf72). The other ten momenta have derivative
+causality: they are linear combinations of the five independent momenta, and their derivatives occur on the right of equations (4), (5)
+and (9). With these collected on the left the system is E dx/dt = A x + B u with a constant E.
 
 References
 ----------
@@ -78,22 +78,22 @@ TABLE_4: Mapping[str, Quantity] = MappingProxyType({
 
 @dataclass(frozen=True)
 class Repairs:
-    """Departures from the letter of the printed equations; each can be switched off.
+    """Corrections of the printed equations; each can be switched off.
 
-    Two more marks of equation (9) are damaged in the text at hand and leave no choice: the first denominator is read as
-    m22 I35. The paper calls dp17/dt ``e17`` there, which is the same thing.
+    Two more characters of equation (9) are damaged in the text at hand and leave no choice: the first denominator is read as m22 I35.
+    The paper denotes dp17/dt by ``e17`` there, which is the same quantity.
 
     Parameters
     ----------
     shaft_inertia : bool
-        Equation (5) leaves out ``- m18 dp62/dt``, the inertia of the shaft I62. Without the term the equations hold for
-        I62 = 0 only: they do not conserve energy otherwise.
+        Equation (5) lacks ``- m18 dp62/dt``, the inertia of the shaft I62. Without the term the equations hold only for I62 = 0:
+        otherwise they do not conserve energy.
     sun_mesh_source : bool
-        Equation (5) has ``- R31/m3 Sf8`` where the sun's mesh is driven by Sf32, as in equations (6) and (7). With the
-        excitation of Table 4 both sources are equal, and nothing changes.
+        Equation (5) has ``- R31/m3 Sf8`` where the sun's mesh is driven by Sf32, as in equations (6) and (7). With the excitation of
+        Table 4 both sources are equal, and nothing changes.
     p69_term : bool
-        The p69 term of equation (9) is damaged in the text at hand; it is read as ``- m20 m21 R75 / I69 p69``. Switched off,
-        the term is left out.
+        The p69 term of equation (9) is damaged in the text at hand; it is read as ``- m20 m21 R75 / I69 p69``. If switched off, the
+        term is omitted.
     """
 
     shaft_inertia: bool = True
@@ -111,7 +111,7 @@ class BondParameters:
     Parameters
     ----------
     m : array of 23
-        Moduli m1 to m22 of the transformers; entry 0 has no meaning, and m7 is in no equation.
+        Moduli m1 to m22 of the transformers; entry 0 is unused, and m7 occurs in no equation.
     I, R, C : mapping
         Inertias (kg.m2), resistances (N.s/m at the meshes, N.m.s/rad at R82-R85) and compliances (m/N), by bond.
     """
@@ -135,7 +135,7 @@ class BondParameters:
 
     @cached_property
     def matrices(self) -> tuple[Array, Array]:
-        """The result of :func:`explicit_matrices`, kept."""
+        """The result of :func:`explicit_matrices`, cached."""
         return explicit_matrices(self)
 
 
@@ -143,10 +143,10 @@ def moduli_from_geometry(
     R_s: float, R_p: float, R_r: float, R_h: float, *,
     R_1: float, R_2: float, m_18: float = 1.0, m_19: float = 1.0, m_22: float = 1.0,
 ) -> Array:  # fmt: skip
-    """Moduli that make the kinematics exact when every rotation is counted as an angular velocity.
+    """Moduli for which the kinematics are exact with every rotation counted as an angular velocity.
 
-    The paper prints no values for them. Without mesh deflections and without slip in the support dampers (f83 = f84 = f85 = 0)
-    they give Willis' equation R_r w_r + R_s w_s = 2 R_h w_h.
+    The paper prints no values. Without mesh deflections and without slip in the support dampers (f83 = f84 = f85 = 0) they yield
+    Willis' equation R_r w_r + R_s w_s = 2 R_h w_h.
 
     Parameters
     ----------
@@ -155,14 +155,14 @@ def moduli_from_geometry(
     R_1, R_2 : float
         Pitch radii of the P unit's gear 1 and gear 2 (m).
     m_22 : float
-        Ratio of the coupling that brings gear 2 back to the carrier's axis: f81 = -f78 / m22.
+        Ratio of the coupling that leads gear 2 back to the carrier's axis: f81 = -f78 / m22.
     m_18, m_19 : float
         Ratios between the sun, the shaft and gear 1.
 
     Returns
     -------
     array of 23
-        m1 to m22 at their own numbers.
+        m1 to m22 at their own indices.
 
     >>> float(round(moduli_from_geometry(0.0285, 0.0465, 0.1215, 0.075, R_1=0.0285, R_2=0.0465)[8], 6))
     1.612903
@@ -191,8 +191,8 @@ def bond_parameters(
     R_s, R_p, R_r, R_h, I_s, I_p, I_r, I_h, I_f, K_g, C_g, C_v : float
         Symbols of Table 4, with its units and values.
     R_1, R_2, I_1, I_2 : float, optional
-        Pitch radius (m) and moment of inertia (kg.m2) of the P unit's gears. Table 4 is silent; by default gear 1 is like
-        the sun and gear 2 like a planet.
+        Pitch radius (m) and moment of inertia (kg.m2) of the P unit's gears. Table 4 does not give them; by default gear 1 equals the
+        sun and gear 2 a planet.
     I_62, I_66 : float, optional
         Moments of inertia of the shaft between the sun and the P unit, by default I_f each (kg.m2).
     m_18, m_19, m_22 : float
@@ -217,7 +217,7 @@ def bond_parameters(
 
 
 def transmission_error_rate(t: Any, amplitude: float = 0.0027, omega: float = 28.0, phase: float = 21 * math.pi) -> Any:
-    """Rate of the static transmission error, de/dt = amplitude cos(omega t + phase) in m/s, at the times t (s).
+    """Rate of the static transmission error, de/dt = amplitude cos(omega t + phase) in m/s, at times t (s).
 
     >>> round(float(transmission_error_rate(0.0)), 12)
     -0.0027
@@ -226,14 +226,14 @@ def transmission_error_rate(t: Any, amplitude: float = 0.0027, omega: float = 28
 
 
 def printed_rhs(x: Any, p: Any, dp: Any, u: Any, params: BondParameters, repairs: Repairs = ALL_REPAIRS) -> Array:
-    """Right sides of equations (2)-(9), term by term as printed.
+    """Right-hand sides of equations (2)-(9), term by term as printed.
 
     Parameters
     ----------
     x, u : arrays of 8 and 4
-        :data:`STATES` (momenta in kg.m2/s, deflections in m) and :data:`SOURCES` (N.m, then m/s), in their orders.
+        :data:`STATES` (momenta in kg.m2/s, deflections in m) and :data:`SOURCES` (N.m, then m/s), in this order.
     p, dp : array of 10
-        Momenta of the bonds :data:`DEPENDENT` and their derivatives. The equations take them as given.
+        Momenta of the bonds :data:`DEPENDENT` and their derivatives, which the equations take as given.
     params, repairs : BondParameters, Repairs
         Moduli, inertias, resistances and compliances; departures from the printed text.
 
@@ -288,7 +288,7 @@ def printed_rhs(x: Any, p: Any, dp: Any, u: Any, params: BondParameters, repairs
 
 
 def flow_rows(params: BondParameters) -> dict[int, Array]:
-    """Flow of every numbered bond of the reading as a row over (f2, f11, f26, f35, f78, Sf8, Sf32, Sf72).
+    """Flow of every numbered bond as a row over (f2, f11, f26, f35, f78, Sf8, Sf32, Sf72).
 
     Rotations are in rad/s, mesh flows in m/s.
     """
@@ -306,7 +306,7 @@ def flow_rows(params: BondParameters) -> dict[int, Array]:
 
 
 def flows(x: Any, params: BondParameters, u: Any = NO_SOURCES) -> dict[int, float]:
-    """Flows of the numbered bonds in the state x with the sources u, by bond number.
+    """Flows of the numbered bonds in state x with sources u, by bond number.
 
     >>> params = bond_parameters()
     >>> f = flows([0, 0, 0, 0, 0, 0, 0, params.I[78]], params)
@@ -320,7 +320,7 @@ def flows(x: Any, params: BondParameters, u: Any = NO_SOURCES) -> dict[int, floa
 
 
 def momentum_map(params: BondParameters) -> Array:
-    """Matrix (10, 8) that gives the momenta of :data:`DEPENDENT` from the states."""
+    """Matrix (10, 8) that maps the states to the momenta of :data:`DEPENDENT`."""
     rows, result = flow_rows(params), np.zeros((10, 8))
     for k, bond in enumerate(DEPENDENT):
         result[k, [0, 2, 3, 5, 7]] = params.I[bond] * rows[bond][:5] / [params.I[b] for b in INDEPENDENT]
@@ -328,7 +328,7 @@ def momentum_map(params: BondParameters) -> Array:
 
 
 def implicit_matrices(params: BondParameters, repairs: Repairs = ALL_REPAIRS) -> tuple[Array, Array, Array]:
-    """E, A and B of E dx/dt = A x + B u: the printed equations, every derivative on the left; (8, 8), (8, 8), (8, 4)."""
+    """E, A and B of E dx/dt = A x + B u: the printed equations, with all derivatives on the left; (8, 8), (8, 8), (8, 4)."""
     x0, p0, u0 = np.zeros(8), np.zeros(10), np.zeros(4)
     by_x = np.column_stack([printed_rhs(e, p0, p0, u0, params, repairs) for e in np.eye(8)])
     by_p = np.column_stack([printed_rhs(x0, e, p0, u0, params, repairs) for e in np.eye(10)])
@@ -350,7 +350,7 @@ def explicit_matrices(params: BondParameters, repairs: Repairs = ALL_REPAIRS) ->
 
 
 def explicit_rhs(t: float, x: Any, params: BondParameters, sources: Callable[[float], Any] | Any = NO_SOURCES) -> Array:
-    """dx/dt at the time t (s) in the state x, with all repairs.
+    """dx/dt at time t in state x, with all corrections.
 
     Parameters
     ----------
@@ -359,7 +359,7 @@ def explicit_rhs(t: float, x: Any, params: BondParameters, sources: Callable[[fl
     x : array of 8
         States, in the order of :data:`STATES`.
     params : BondParameters
-        Parameters; the matrices are computed once and kept with them.
+        Parameters, which cache the matrices.
     sources : callable or array of 4
         (Se1, Sf8, Sf32, Sf72), or a function of time that returns them.
 
@@ -373,11 +373,11 @@ def explicit_rhs(t: float, x: Any, params: BondParameters, sources: Callable[[fl
 
 
 def energy_rhs(x: Any, u: Any, params: BondParameters) -> Array:
-    """dx/dt from energies and constraint forces, with no use of the printed equations nor of :func:`flow_rows`.
+    """dx/dt from energies and constraint forces, without the printed equations or :func:`flow_rows`.
 
-    All fifteen bodies keep a velocity v of their own, with the kinetic energy sum(I v**2)/2. The teeth, shafts and pins that
-    join them are constraints G v = 0, the elastic energy is sum(q**2/C)/2 and the dissipation sum(R f**2)/2 with f = S v + Sf.
-    Lagrange's equations of the first kind, I dv/dt = Se - S' (q/C + R f) - G' z with G dv/dt = 0, are solved as they stand.
+    Each of the fifteen bodies has its own velocity v, with the kinetic energy sum(I v**2)/2. The teeth, shafts and pins that join them
+    are constraints G v = 0, the elastic energy is sum(q**2/C)/2 and the dissipation sum(R f**2)/2 with f = S v + Sf. Lagrange's
+    equations of the first kind, I dv/dt = Se - S' (q/C + R f) - G' z with G dv/dt = 0, are solved directly.
 
     The arguments and the result are those of :func:`printed_rhs`.
     """
@@ -385,8 +385,8 @@ def energy_rhs(x: Any, u: Any, params: BondParameters) -> Array:
     v = dict(zip(INERTIAS, np.eye(15), strict=True))  # of each body, as a row over all of them
     m = params.m
     G = np.array([
-        v[62] - m[18] * v[26], v[66] - m[19] * v[62], v[69] - v[66],  # the shaft, from the sun to the P unit
-        m[22] * v[81] + v[78],  # the coupling of the P unit and the carrier
+        v[62] - m[18] * v[26], v[66] - m[19] * v[62], v[69] - v[66],  # shaft from the sun to the P unit
+        m[22] * v[81] + v[78],  # coupling of the P unit and the carrier
         v[22] - v[81], v[46] - v[81], v[56] - v[81],  # the carrier's pins
         v[17] / m[5] - m[9] * v[22] + v[11], v[41] / m[10] - m[13] * v[46] + v[11], v[51] / m[14] - m[17] * v[56] + v[11],
     ])  # fmt: skip
