@@ -160,7 +160,7 @@ class System(Compiled):
         check_form("ida", form, "native")
         free = own.start(own.scene, own.parameter_values(None), 0.0, None, [0.0] * len(own.inputs)).free
         handed = None if form == "ode" else scene_form(own.scene, form).equations
-        return summary(own.name, own.scene, own.outputs, free, own.special, own.inputs, handed)
+        return summary(own.name, own.scene, own.outputs, free, own.special, own.inputs, handed, sum(map(len, own.rounds)))
 
     def graph(self, reduced: bool = False) -> Any:
         """The equations as a networkx graph.

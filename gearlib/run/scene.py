@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.errors import SingularError
 from gearlib.flatten.model import FlatModel
 from gearlib.native.evaluator import CompiledProgram, Evaluator
 from gearlib.native.layout import Shared, fill, lay_out
@@ -77,7 +78,12 @@ class Scene:
     @cached_property
     def program(self) -> Program:
         """Computes the derivatives of the states."""
-        return build(self.structure, [(v, k + 1) for v, k in self.states], self.states, dynamic=True)
+        return build(self.structure, self.rates, self.states, dynamic=True)
+
+    @property
+    def rates(self) -> list[Node]:
+        """The derivatives of the states."""
+        return [(v, k + 1) for v, k in self.states]
 
     @cached_property
     def jacobian(self) -> DerivativePlan:
@@ -239,6 +245,14 @@ class Scene:
     def prepared(self, parameters: Floats) -> Numbers:
         """The same, cached for the most recent parameters."""
         return recent(self._prepared, parameters.tobytes(), lambda: self.numbers(parameters))
+
+    def can_be_prepared(self, parameters: Floats) -> bool:
+        """Whether equations that determine unknowns together are not singular, as far as their coefficients are constant."""
+        try:
+            self.prepared(parameters)
+        except SingularError:
+            return False
+        return True
 
     def modes(
         self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,

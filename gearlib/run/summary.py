@@ -15,7 +15,7 @@ MOST = 12
 
 def summary(
     name: str, scene: Scene, outputs: tuple[str, ...] | None, free: Sequence[str], special: Sequence[str],
-    inputs: Sequence[str], handed: ResidualForm | None = None,
+    inputs: Sequence[str], handed: ResidualForm | None = None, sums: int = 0,
 ) -> str:  # fmt: skip
     """A few lines per phase."""
     structure, model, program = scene.structure, scene.model, scene.program
@@ -49,6 +49,8 @@ def summary(
         )
     if special:
         lines.append(f"  zeros       translated with these values, at which a coefficient is zero: {_some(list(special))}")
+    if sums:
+        lines.append(f"  sums        {sums} in which the highest derivatives cancel, each in place of one of its equations")
     kind = "linear, time-invariant" if program.is_linear else "nonlinear, or with coefficients that vary"
     lines.append(f"  scene       {kind}; outputs: {_some(list(outputs)) if outputs is not None else 'everything, on demand'}")
     if inputs:

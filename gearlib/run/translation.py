@@ -20,6 +20,7 @@ from gearlib.flatten.specialise import Special
 from gearlib.language.component import Component
 from gearlib.language.recipes import packed
 from gearlib.reduce.coefficients import coefficients_of
+from gearlib.reduce.combinations import CancellingSum, cancel, combinations, replaced
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
 from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers
@@ -33,6 +34,9 @@ from gearlib.structure.incidence import Node
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 States = tuple[Node, ...]
+Rounds = tuple[tuple[CancellingSum, ...], ...]
+MOST_ROUNDS = 10  # in which sums take the place of equations, each of which raises the index of what it acts on
+MOST_COMBINED = 8  # translations with such sums that are kept
 
 
 def translate(component: Component, outputs: tuple[str, ...] | None) -> Translation:
@@ -71,6 +75,7 @@ class Variants:
     names: tuple[str, ...]
     known: dict[Special, Translation] = field(default_factory=dict)  # keyed by the substituted values
     chosen: dict[Special, Translation] = field(default_factory=dict)  # keyed by the values that make a coefficient zero
+    combined: dict[Special, dict[Rounds, Translation]] = field(default_factory=dict)  # with sums in place of equations
 
     def special(self, parameters: Floats) -> Special:
         """The parameters, with their values, that make a variable's coefficient zero."""
@@ -96,7 +101,30 @@ class Variants:
         special = self.special(parameters)
         if special not in self.chosen:
             self.chosen[special] = self._tried(special, parameters)
-        return self.chosen[special]
+        return self.without_cancelling(self.chosen[special], parameters)
+
+    def without_cancelling(self, found: Translation, parameters: Floats) -> Translation:
+        """A translation, or one with sums of equations in which the highest derivatives cancel; the former where none can be solved."""
+        if found.scene.can_be_prepared(parameters):
+            return found
+        known = self.combined.setdefault(found.put_in, {})
+        for other in known.values():
+            if other.cancels_as_before(parameters) and other.scene.can_be_prepared(parameters):
+                return other
+        other = found
+        try:
+            for _ in range(MOST_ROUNDS):
+                sums = combinations(other.structure, parameters, other.scene.rates)
+                if not sums:
+                    return found
+                other = other.with_sums(sums, parameters)
+                if other.scene.can_be_prepared(parameters):
+                    while len(known) >= MOST_COMBINED:
+                        del known[next(iter(known))]
+                    return known.setdefault(other.rounds, other)
+        except ModelError:  # nothing is left that determines what cancels
+            pass
+        return found
 
     def _tried(self, special: Special, parameters: Floats) -> Translation:
         if not special:
@@ -110,7 +138,7 @@ class Variants:
             pass  # not solvable with the zeros substituted: fall through to the general translation
         try:
             found = self.translated(special, parameters)
-            found.scene.numbers(parameters)
+            self.without_cancelling(found, parameters).scene.prepared(parameters)
         except ModelError as problem:
             if general is not None and any(value for _, value in special):
                 general.scene.numbers(parameters)  # names the coefficient that is divided by although it cancels
@@ -140,6 +168,12 @@ class Translation:
         Other translations of the same component.
     put_in : frozenset of (int, float)
         Parameters whose values are substituted into the equations, since a coefficient vanishes there.
+    rounds : tuple
+        Sums of equations whose highest derivatives cancel, round by round; each replaces one of its equations.
+    before : tuple of Structure
+        Structure before each round.
+    decisive : frozenset of (int, float)
+        Parameters, with their values, on which the cancellation depends.
     scenes : dict
         Scenes with other states, made for runs and analyses; grows.
     switched : dict
@@ -152,6 +186,9 @@ class Translation:
     component: Component
     variants: Variants
     put_in: Special
+    rounds: Rounds = ()
+    before: tuple[Structure, ...] = ()
+    decisive: Special = frozenset()
     scenes: dict[tuple[States, tuple[int, ...], States], Scene] = field(default_factory=dict)
     switched: dict[States, Scene] = field(default_factory=dict)
 
@@ -190,6 +227,35 @@ class Translation:
     def special(self) -> list[str]:
         """The parameters whose values are substituted into the equations, such as ``body.J = 0``."""
         return self.variants.named(self.put_in)
+
+    @property
+    def decided_by(self) -> Special:
+        """Parameters, with their values, that decided which equation determines what."""
+        return self.put_in | self.decisive
+
+    def cancels_as_before(self, parameters: Floats) -> bool:
+        """Whether the highest derivatives cancel in all sums of equations with these parameters, too."""
+        return all(cancel(s, sums, parameters) for s, sums in zip(self.before, self.rounds, strict=True))
+
+    def with_sums(self, sums: tuple[CancellingSum, ...], parameters: Floats) -> Translation:
+        """The translation with sums in place of equations.
+
+        Raises
+        ------
+        ModelError
+            What is left of them determines nothing.
+        """
+        model = replaced(self.structure, sums)
+        structure = analyse(model, coefficients_of(model, parameters, 0.0))
+        if structure.redundant or structure.closed:
+            raise LoopError("what is left of equations says nothing new")
+        structure = replace(
+            structure, redundant=self.structure.redundant, closed=self.structure.closed, complete=self.structure.complete
+        )
+        decisive = self.decisive | {(p, float(parameters[p])) for each in sums for p in each.decisive}
+        scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
+        return Translation(structure, scene, self.outputs, self.component, self.variants, self.put_in, (*self.rounds, sums),
+                           (*self.before, self.structure), decisive)  # fmt: skip
 
     def unit(self, name: str) -> str:
         """Unit of a variable or derivative, if known."""
@@ -241,7 +307,8 @@ class Translation:
         Zeros may change the matching (a body without inertia has no acceleration of its own), so where a zero would be divided by, the
         model is translated again, once per set of zeros.
         """
-        if not self.put_in and not self.variants.special(parameters):
+        general = not self.put_in and not self.rounds and not self.variants.special(parameters)
+        if general and self.scene.can_be_prepared(parameters):
             return self
         return self.variants.fitting(parameters)
 
@@ -301,7 +368,7 @@ class Translation:
         seeds = [table.number(name) for name in names]
         fixed = self._given(numbers) if given is None else {table.index[name] for name in given}
         changes = table.derivatives(numbers, seeds, fixed)
-        inside = {p for p, _ in self.put_in}
+        inside = {p for p, _ in self.decided_by}
         for p, k, weight in changes:
             if p in inside and weight:
                 what = f"{names[k]} changes {table.names[p]}, which" if table.names[p] != names[k] else names[k]
@@ -406,20 +473,22 @@ class Translation:
         return replace(begin, modes=modes[:, 0])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _translated_again, (packed((self.component, self.outputs)), self.put_in)
+        return _translated_again, (packed((self.component, self.outputs)), self.put_in, self.rounds, self.decisive)
 
 
 @lru_cache(maxsize=16)
-def _translated_again(recipe: bytes, put_in: Special) -> Translation:
+def _translated_again(recipe: bytes, put_in: Special, rounds: Rounds = (), decisive: Special = frozenset()) -> Translation:
     """Unpickle a translation in another process, or a copy: translated once for all results from there."""
     component, outputs = pickle.loads(recipe)
     found = translate(component, outputs)
-    if found.put_in == put_in:
-        return found
     numbers = found.model.parameters.defaults.copy()
-    for p, value in put_in:
+    for p, value in put_in | decisive:
         numbers[p] = value
-    return found.variants.translated(put_in, numbers)
+    if found.put_in != put_in or found.rounds != rounds:
+        found = found.variants.translated(put_in, numbers)
+        for sums in rounds:
+            found = found.with_sums(sums, numbers)
+    return found
 
 
 def output_nodes(structure: Structure, outputs: Iterable[str]) -> list[Node]:

@@ -1,0 +1,265 @@
+"""Equations whose highest derivatives cancel in a sum at the values of the parameters; the sum takes the place of one of them.
+
+Index reduction looks at structure, which does not see that three dampers between three massless nodes leave their common speed open, or
+that gears without inertia pass on no more torques than are put in. Where rows of constant coefficients A of the highest derivatives depend
+on each other, ``y' A = 0``, the sum of these equations with the weights y holds lower derivatives only: a constraint, which must be
+differentiated as others are (the springs at those nodes balance each other). It is put in place of the equation of the sum that is
+differentiated least often, which follows from it and the rest.
+
+References
+----------
+N. S. Nedialkov, G. Tan, J. D. Pryce, "Conversion methods for improving structural analysis of differential-algebraic equation systems",
+BIT Numerical Mathematics 57 (2017) 845-865, doi 10.1007/s10543-017-0655-z: the linear combination method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import sympy
+
+from gearlib.equations.kernel import differentiated, partial_kernel
+from gearlib.equations.template import Relation, Template, column_symbol, make_template
+from gearlib.flatten.model import EquationGroup, FlatModel, Floats
+from gearlib.reduce.reduction import Structure
+from gearlib.reduce.rows import some
+from gearlib.structure.incidence import Node
+from gearlib.structure.sorting import Block, reach, sort_blocks
+
+DEPENDENT = 1e-11  # singular value of scaled rows that counts as zero
+CANCELLED = 1e-9  # sum of coefficients over the sum of their sizes
+MOST = 400  # unknowns of a block that is examined
+BESIDE = 1e-3  # relative change of a parameter with which it is seen whether what cancels depends on it
+
+
+@dataclass(frozen=True)
+class CancellingSum:
+    """A sum of equations, and the one that it replaces.
+
+    Attributes
+    ----------
+    terms : tuple of (equation, times differentiated, weight)
+    replaced : int
+        One of these equations.
+    gone : tuple of nodes
+        Variables with their orders that cancel.
+    decisive : tuple of int
+        Parameters that these cancel at certain values of only.
+    """
+
+    terms: tuple[tuple[int, int, float], ...]
+    replaced: int
+    gone: tuple[Node, ...]
+    decisive: tuple[int, ...]
+
+
+def combinations(structure: Structure, parameters: Floats, targets: Iterable[Node]) -> tuple[CancellingSum, ...]:
+    """The sums in which what is computed for some targets cancels; none where nothing does, or where nothing is left.
+
+    Parameters
+    ----------
+    structure : Structure
+    parameters : array
+    targets : iterable of nodes
+        What a run computes: the derivatives of its states.
+    """
+    unknowns, _ = reach(structure.dependence, targets, dynamic=True, events=True)
+    blocks = [b for b in sort_blocks(structure.dependence, unknowns) if 1 < len(b) <= MOST]
+    return tuple(found for block in blocks for found in _of_block(structure, block, parameters))
+
+
+def cancel(structure: Structure, found: Sequence[CancellingSum], parameters: Floats) -> bool:
+    """Whether what cancelled in sums of equations of a structure does with these parameters, too."""
+    return all(set(c.gone) <= _cancelled(structure, c.terms, parameters) for c in found)
+
+
+def replaced(structure: Structure, found: Sequence[CancellingSum]) -> FlatModel:
+    """The model with the sums in place of equations."""
+    model, groups = structure.model, list(structure.model.groups)
+    sums = [_combined(structure, combination) for combination in found]
+    for g in {structure.rows[c.replaced][0] for c in found}:
+        gone = [structure.rows[c.replaced][1] for c in found if structure.rows[c.replaced][0] == g]
+        group = groups[g]
+        groups[g] = EquationGroup(
+            group.template, np.delete(group.variables, gone, 0), np.delete(group.signs, gone, 0),
+            np.delete(group.parameters, gone, 0), np.delete(group.owners, gone, 0), np.delete(group.discretes, gone, 0),
+        )  # fmt: skip
+    return model.with_groups((*groups, *sums), model.redundant)
+
+
+@dataclass(frozen=True)
+class _Equation:
+    """One equation, differentiated so often: its template, and what stands in the columns of that (sign 0: nothing)."""
+
+    template: Template
+    group: EquationGroup
+    place: int
+
+    def nodes(self) -> list[tuple[int, Node, int]]:
+        """(column, node, sign) of what it holds."""
+        where = {name: j for j, name in enumerate(self.group.template.locals)}
+        variables, signs = self.group.variables[self.place].tolist(), self.group.signs[self.place].tolist()
+        named = [(c, where[name], order) for c, (name, order) in enumerate(self.template.columns)]
+        return [(c, (variables[j], order), signs[j]) for c, j, order in named if signs[j]]
+
+    def parameters(self, column: int) -> list[int]:
+        """The parameters that a constant coefficient depends on."""
+        kernel, own = partial_kernel(self.template, column), self.group.template.parameters
+        return [int(self.group.parameters[self.place, own.index(self.template.parameters[p])]) for p in kernel.parameters]
+
+    def coefficient(self, column: int, sign: int, parameters: Floats) -> float:
+        """A constant coefficient."""
+        with np.errstate(all="ignore"):
+            value = partial_kernel(self.template, column).function(0.0, *parameters[self.parameters(column)])
+        return sign * float(value)
+
+
+def _row(structure: Structure, equation: int, times: int) -> _Equation:
+    g, i = structure.rows[equation]
+    group = structure.model.groups[g]
+    return _Equation(differentiated(group.template, times), group, i)
+
+
+def _of_block(structure: Structure, block: Block, parameters: Floats) -> list[CancellingSum]:
+    """The sums of the equations of one block."""
+    place = {node: c for c, node in enumerate(block)}
+    solving = sorted((structure.choice.solved_by[node] for node in block), key=lambda row: (row[1], row[0]))
+    rows: list[tuple[int, int]] = []
+    entries: list[Floats] = []
+    for e, k in solving:
+        row, values = _row(structure, e, k), np.zeros(len(block))
+        inside = [(c, node, sign) for c, node, sign in row.nodes() if node in place]
+        if all(row.template.partials[c].constant for c, _, _ in inside):
+            for c, node, sign in inside:
+                values[place[node]] += row.coefficient(c, sign, parameters)
+            rows.append((e, k))
+            entries.append(values)
+    if not rows or not np.isfinite(entries).all():
+        return []
+    found = []
+    for weights in dependent_rows(np.array(entries)):
+        used = np.flatnonzero(weights).tolist()
+        least = min(rows[r][1] for r in used)
+        lead = next(r for r in used if rows[r][1] == least)
+        terms = tuple((rows[r][0], rows[r][1] - least, float(weights[r] / weights[lead])) for r in used)
+        gone = _cancelled(structure, terms, parameters)
+        held = {node for e, k, _ in terms for _, node, _ in _row(structure, e, k).nodes()}
+        if not {(v, order - least) for v, order in block} & held <= gone or held <= gone:
+            continue
+        combination = CancellingSum(terms, rows[lead][0], tuple(sorted(gone)), ())
+        found.append(
+            CancellingSum(terms, combination.replaced, combination.gone, _decisive(structure, combination, parameters))
+        )
+    return found
+
+
+def dependent_rows(matrix: Floats) -> list[Floats]:
+    """Weights with which rows add up to zero: as many as depend on the others, each without the first row of another.
+
+    Examples
+    --------
+    Three dampers between three nodes, ``tau = d (w_a - w_b)`` with their balances put in:
+
+    >>> [w.tolist() for w in dependent_rows(np.array([[2.0, -1.0, -1.0], [-1.0, 4.0, -3.0], [-1.0, -3.0, 4.0]]))]
+    [[1.0, 1.0, 1.0]]
+    >>> dependent_rows(np.eye(2))
+    []
+    """
+    row_scale = np.abs(matrix).max(axis=1)
+    if not row_scale.all():  # nothing is left of such an equation
+        return []
+    scaled = matrix / row_scale[:, None]
+    column_scale = np.abs(scaled).max(axis=0)
+    scaled = scaled / np.where(column_scale > 0, column_scale, 1.0)
+    left, sizes, _ = np.linalg.svd(scaled)
+    rank = int((sizes > DEPENDENT * sizes.max(initial=0.0)).sum())
+    vectors = left[:, rank:].T.copy()
+    lead = 0
+    for column in range(vectors.shape[1]):
+        if lead == len(vectors):
+            break
+        best = lead + int(np.argmax(np.abs(vectors[lead:, column])))
+        if abs(vectors[best, column]) < CANCELLED:
+            continue
+        vectors[[lead, best]] = vectors[[best, lead]]
+        vectors[lead] /= vectors[lead, column]
+        others = np.arange(len(vectors)) != lead
+        vectors[others] -= vectors[others, column, None] * vectors[lead]
+        lead += 1
+    vectors[np.abs(vectors) < CANCELLED] = 0.0
+    weights = [vector / row_scale for vector in vectors]
+    plain = [w / w[np.flatnonzero(w)[0]] for w in weights]
+    return [np.where(np.abs(w - np.round(w)) < 1e-12 * np.abs(w).max(), np.round(w), w) for w in plain]
+
+
+def _cancelled(structure: Structure, terms: Sequence[tuple[int, int, float]], parameters: Floats) -> set[Node]:
+    """The variables, with their orders, that stand in the terms with constant coefficients and not in their sum."""
+    total: dict[Node, float] = {}
+    size: dict[Node, float] = {}
+    for e, k, weight in terms:
+        row = _row(structure, e, k)
+        for c, node, sign in row.nodes():
+            constant = row.template.partials[c].constant
+            value = weight * row.coefficient(c, sign, parameters) if constant else np.nan
+            total[node] = total.get(node, 0.0) + value
+            size[node] = size.get(node, 0.0) + abs(value)
+    return {node for node, value in total.items() if abs(value) <= CANCELLED * size[node]}
+
+
+def _decisive(structure: Structure, combination: CancellingSum, parameters: Floats) -> tuple[int, ...]:
+    involved: set[int] = set()
+    for e, k, _ in combination.terms:
+        row = _row(structure, e, k)
+        for c, node, _ in row.nodes():
+            if node in combination.gone:
+                involved.update(row.parameters(c))
+    found = []
+    for p in sorted(involved):
+        beside = parameters.copy()
+        beside[p] += BESIDE * (abs(beside[p]) or 1.0)
+        if not cancel(structure, [combination], beside):
+            found.append(p)
+    return tuple(found)
+
+
+def _combined(structure: Structure, combination: CancellingSum) -> EquationGroup:
+    """The sum as a template of its own, over the variables and parameters of the model."""
+    model, gone = structure.model, set(combination.gone)
+    residual: sympy.Expr = sympy.S.Zero
+    relations: list[Relation] = []
+    parameters: dict[str, int] = {}
+    discretes: dict[str, int] = {}
+    for e, k, weight in combination.terms:
+        row = _row(structure, e, k)
+        group, i = row.group, row.place
+        where = {name: j for j, name in enumerate(group.template.locals)}
+        table: dict[sympy.Symbol, sympy.Expr] = {}
+        for name, order in (*row.template.columns, *row.template.relation_columns):
+            v, sign = int(group.variables[i, where[name]]), int(group.signs[i, where[name]])
+            table[column_symbol((name, order))] = sign * column_symbol((f"v{v}", order))
+        for j, name in enumerate(group.template.parameters):
+            parameters[f"p{group.parameters[i, j]}"] = int(group.parameters[i, j])
+            table[sympy.Symbol(name, real=True)] = sympy.Symbol(f"p{group.parameters[i, j]}", real=True)
+        for j, name in enumerate(group.template.discretes):
+            discretes[f"d{group.discretes[i, j]}"] = int(group.discretes[i, j])
+            table[sympy.Symbol(name, real=True)] = sympy.Symbol(f"d{group.discretes[i, j]}", real=True)
+        for j in range(len(row.template.relations)):
+            table[sympy.Symbol(f"relation_{j}", real=True)] = sympy.Symbol(f"relation_{len(relations) + j}", real=True)
+        relations += [Relation(r.g.xreplace(table), r.strict, r.negated) for r in row.template.relations]
+        absent = {column_symbol((f"v{v}", order)): sympy.S.Zero for v, order in gone}
+        value = sympy.Integer(int(weight)) if float(weight).is_integer() else sympy.Float(weight)
+        residual += value * row.template.residual.xreplace(table).xreplace(absent)
+    owners = [model.owner(*structure.rows[e]) for e, _, _ in combination.terms]
+    named = [o for o in dict.fromkeys(owners) if o != "connection"]
+    label = (
+        f"what the equations of {some(named, ', ')} leave of each other" if named else "what connections leave of each other"
+    )
+    template = make_template(label, sympy.expand_mul(residual), parameters, tuple(relations), discretes)
+    variables = np.array([[int(name[1:]) for name in template.locals]], np.int64)
+    g, i = structure.rows[combination.replaced]
+    return EquationGroup(
+        template, variables, np.ones_like(variables), np.array([[parameters[n] for n in template.parameters]], np.int64),
+        model.groups[g].owners[i : i + 1], np.array([[discretes[n] for n in template.discretes]], np.int64),
+    )  # fmt: skip

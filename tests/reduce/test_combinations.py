@@ -1,0 +1,211 @@
+"""Trains in which equations without inertia leave a constraint between springs, against equations written by hand."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, ModelError
+from gearlib.reduce.combinations import dependent_rows
+from gearparts.interfaces import Compliant
+
+c = gl.connect
+
+
+class Hardening(Compliant):
+    """A spring with a cubic part."""
+
+    c = gl.Parameter("N.m/rad", "stiffness")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.tau, self.c * (self.phi_rel + self.phi_rel**3 / 4))]
+
+
+class Block(gl.Component):
+    """A body, a spring, a planetary set without inertia, locked to itself, with a damper across that, a spring, a body."""
+
+    ratio = gl.Parameter("1", "of the set", default=4.0)
+    spring = gl.Structural(gp.Spring)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.a, self.b = gp.Torque(tau=3.0), gp.Inertia(J=2.0, start={"w": 1.0}), gp.Inertia(J=1.0)
+        self.s, self.p, self.k = self.spring(c=22.0), gp.IdealPlanetary(ratio=self.ratio), gp.Spring(c=10.0)
+        self.d = gp.Damper(d=2.0)
+        return [
+            c(self.torque.flange, self.a.flange_a), c(self.a.flange_b, self.s.flange_a), c(self.s.flange_b, self.p.sun),
+            c(self.p.sun, self.p.carrier, self.d.flange_a), c(self.p.ring, self.k.flange_a, self.d.flange_b),
+            c(self.k.flange_b, self.b.flange_a),
+        ]  # fmt: skip
+
+
+def two_bodies(torque: Any) -> list[float]:
+    """Speeds of a and b after 2 s, with a torque between them that depends on the angle between them."""
+
+    def rates(t: float, x: Any) -> Any:
+        between = torque(x[0] - x[2])
+        return [x[1], (3.0 - between) / 2.0, x[3], between]
+
+    found = solve_ivp(rates, (0.0, 2.0), [0.0, 1.0, 0.0, 0.0], method="DOP853", rtol=1e-11, atol=1e-12)
+    return [float(found.y[1, -1]), float(found.y[3, -1])]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida", "exact"])
+def test_springs_balance_each_other_at_a_set_without_inertia(method: str) -> None:
+    system = gl.compile(Block())
+    right = two_bodies(lambda q: q / (1 / 22 + 1 / 10))
+    for ratio in (4.0, 2.5):
+        result = system.simulate(2.0, samples=3, rtol=1e-9, method=method, parameters={"ratio": ratio})
+        assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx(right, rel=1e-7)
+        assert result["s.tau"] == pytest.approx(result["k.tau"], abs=1e-9)
+        assert result["p.ring.tau"] == pytest.approx(ratio * result["p.sun.tau"], abs=1e-9)
+    assert pickle.loads(pickle.dumps(result))["p.ring.tau"].tolist() == result["p.ring.tau"].tolist()
+
+
+def test_the_springs_may_be_nonlinear() -> None:
+    def torque(q: float) -> float:
+        first = brentq(lambda p: 22 * (p + p**3 / 4) - 10 * (q - p), -50, 50, xtol=1e-15)
+        return 10 * (q - float(first))
+
+    for method in ("rk", "ida"):
+        result = gl.compile(Block(spring=Hardening)).simulate(2.0, samples=3, rtol=1e-9, method=method)
+        assert [result["a.w"][-1], result["b.w"][-1]] == pytest.approx(two_bodies(torque), rel=1e-6)
+
+
+def test_linear_analyses_know_the_constraint() -> None:
+    system = gl.compile(Block(), ["a.w"])
+    found = gl.modes(system)
+    assert found.frequencies[-1] == pytest.approx(np.sqrt((1 / 2 + 1) / (1 / 22 + 1 / 10)) / (2 * np.pi))
+    poles = np.linalg.eigvals(system.linearize(["torque.tau"], ["a.w"]).A)
+    assert np.abs(poles).max() == pytest.approx(2 * np.pi * found.frequencies[-1])
+
+
+class Delta(gl.Component):
+    """Three bodies on springs, and three dampers between the springs' other ends."""
+
+    d = gl.Parameter("N.m.s/rad", "damping", default=4.0)
+
+    def assemble(self) -> list[Any]:
+        self.torque = gp.Torque(tau=3.0)
+        self.bodies = [gp.Inertia(J=J) for J in (2.0, 1.0, 3.0)]
+        self.springs = [gp.Spring(c=k) for k in (22.0, 10.0, 5.0)]
+        self.dampers = [gp.Damper(d=d) for d in (self.d, 2 * self.d, 3.0)]
+        ends = [s.flange_b for s in self.springs]
+        between = [c(d.flange_a, ends[i]) for i, d in enumerate(self.dampers)]
+        between += [c(d.flange_b, ends[(i + 1) % 3]) for i, d in enumerate(self.dampers)]
+        joined = [c(b.flange_b, s.flange_a) for b, s in zip(self.bodies, self.springs, strict=True)]
+        return [c(self.torque.flange, self.bodies[0].flange_a), *joined, *between]
+
+
+def delta_by_hand(d: float) -> list[float]:
+    """Speeds of the bodies after 2 s: the sum of the springs' torques is zero, and stays so."""
+    J, k = np.array([2.0, 1.0, 3.0]), np.array([22.0, 10.0, 5.0])
+    D = np.zeros((3, 3))
+    for i, damping in enumerate((d, 2 * d, 3.0)):
+        j = (i + 1) % 3
+        D[[i, j], [i, j]] += damping
+        D[[i, j], [j, i]] -= damping
+    whole = np.vstack([np.hstack([D, np.zeros((3, 1))])[:2], [*k, 0.0]])[:, :3]
+
+    def rates(t: float, x: Any) -> Any:
+        q, w = x[:3], x[3:]  # deflections of the springs; D n = k q at the nodes, of which two say all, and k . (w - n) = 0
+        n = np.linalg.solve(whole, [*(k * q)[:2], k @ w])
+        return [*(w - n), *((np.array([3.0, 0, 0]) - k * q) / J)]
+
+    found = solve_ivp(rates, (0.0, 2.0), np.zeros(6), method="DOP853", rtol=1e-11, atol=1e-12)
+    return [float(w) for w in found.y[3:, -1]]
+
+
+def test_a_delta_of_dampers_between_nodes_without_inertia() -> None:
+    system = gl.compile(Delta(), [f"bodies[{i}].w" for i in range(3)])
+    for d in (4.0, 1.0):
+        result = system.simulate(2.0, samples=2, rtol=1e-9, parameters={"d": d}, method="ida")
+        assert [result[f"bodies[{i}].w"][-1] for i in range(3)] == pytest.approx(delta_by_hand(d), rel=1e-6)
+    one, other = (system.translation.fitted({"d": d})[0] for d in (4.0, 1.0))
+    assert one is other is not system.translation  # what cancels does so whatever the damping
+    assert one.fitted({"d": 2.0})[0] is one
+    rates = system.simulate(2.0, samples=2, rtol=1e-9, sensitivities=["d"])
+    by_differences = (np.array(delta_by_hand(4.0 + 1e-3)) - np.array(delta_by_hand(4.0 - 1e-3))) / 2e-3
+    assert rates.sensitivity("bodies[1].w", "d")[-1] == pytest.approx(by_differences[1], rel=1e-4)
+
+
+class Geared(gl.Component):
+    """Two gears without inertia between two springs, and a damper beside them, in which nothing turns if the gears cancel."""
+
+    ratio = gl.Parameter("1", "of the first gear", default=4.0)
+    J = gl.Parameter("kg.m2", "of the wheel between them", default=0.0, min=0)
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.a, self.b = gp.Torque(tau=3.0), gp.Inertia(J=2.0), gp.Inertia(J=1.0)
+        self.s, self.k, self.d, self.wheel = gp.Spring(c=22.0), gp.Spring(c=10.0), gp.Damper(d=2.0), gp.Inertia(J=self.J)
+        self.first, self.second = gp.IdealGear(ratio=self.ratio, use_support=True), gp.IdealGear(ratio=0.25, use_support=True)
+        self.ground = gp.Fixed()
+        return [
+            c(self.torque.flange, self.a.flange_a), c(self.a.flange_b, self.s.flange_a),
+            c(self.s.flange_b, self.first.flange_a, self.d.flange_a),
+            c(self.first.flange_b, self.wheel.flange_a), c(self.wheel.flange_b, self.second.flange_a),
+            c(self.second.flange_b, self.k.flange_a, self.d.flange_b), c(self.k.flange_b, self.b.flange_a),
+            c(self.ground.flange, self.first.support, self.second.support),
+        ]  # fmt: skip
+
+
+def geared_by_hand(ratio: float, J: float) -> float:
+    """Speed of b after 2 s: the first node turns ``ratio`` times, the second one 4 times as fast as the wheel, to angle n."""
+
+    def rates(t: float, x: Any) -> Any:
+        a, n, b, wa, wb, wn = x
+        left, right = 22 * (a - ratio * n), 10 * (4 * n - b)
+        push, damping = ratio * left - 4 * right, 2 * (ratio - 4) ** 2
+        if J == 0 and damping:
+            wn = push / damping
+        elif J == 0:
+            wn = (22 * ratio * wa + 40 * wb) / (22 * ratio**2 + 160)
+        return [wa, wn, wb, (3 - left) / 2, right, (push - damping * wn) / J if J else 0.0]
+
+    found = solve_ivp(rates, (0.0, 2.0), np.zeros(6), method="Radau", rtol=1e-9, atol=1e-11)
+    return float(found.y[4, -1])
+
+
+def test_what_cancels_may_depend_on_values() -> None:
+    """Gears of 4 and 1/4 cancel, with a wheel that has no inertia: other values, and the same ones again."""
+    system = gl.compile(Geared(), ["b.w"])
+    for ratio, J in ((4.0, 0.0), (3.0, 0.0), (4.0, 0.5), (4.0, 0.0)):
+        result = system.simulate(2.0, samples=2, rtol=1e-9, parameters={"ratio": ratio, "J": J}, method="ida")
+        assert result["b.w"][-1] == pytest.approx(geared_by_hand(ratio, J), rel=1e-6), (ratio, J)
+    decided = system.translation.fitted({})[0]
+    assert "sums        2 in which the highest derivatives cancel" in gl.System(decided).summary()
+    assert {"first.ratio = 4", "wheel.J = 0"} <= set(system.translation.variants.named(decided.decided_by))
+    with pytest.raises(ArgumentError, match=r"first.ratio, which is 4, and that decided which equation determines what"):
+        system.simulate(2.0, samples=2, sensitivities=["ratio"])
+
+
+def test_what_nothing_determines_is_refused_by_name() -> None:
+    class Loose(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.a, self.p = gp.Torque(tau=1.0), gp.Inertia(J=1.0), gp.IdealPlanetary(ratio=2.0)
+            self.push = gp.Torque(tau=gl.sin(gl.time))
+            return [
+                c(self.torque.flange, self.a.flange_a),
+                c(self.push.flange, self.p.sun),
+                c(self.p.sun, self.p.carrier, self.p.ring),
+            ]
+
+    with pytest.raises(ModelError, match=r"p\.sun\.phi"):
+        gl.compile(Loose(), ["p.sun.phi"]).simulate(1.0, samples=2)
+
+
+@pytest.mark.parametrize("n", [2, 5, 9])
+def test_dependent_rows_are_found_whatever_their_sizes(n: int) -> None:
+    rng = np.random.default_rng(n)
+    whole = rng.normal(size=(n, n + 2))
+    mixed = np.vstack([whole, whole[0] * 3 - whole[-1]]) * 10.0 ** rng.integers(-6, 6, (n + 1, 1))
+    (weights,) = dependent_rows(mixed)
+    assert np.abs(weights @ mixed).max() <= 1e-9 * np.abs(weights[:, None] * mixed).max()
+    assert set(np.flatnonzero(weights).tolist()) == {0, n - 1, n}
+    assert dependent_rows(whole) == []
