@@ -43,26 +43,18 @@ FORMS = (
 IMPLEMENTATIONS = {
     "differentiating a program": (
         "gearlib.program.derivatives.entries",
-        "gearlib.reduce.coefficients.coefficients_of",
-        "gearlib.statics.steady_motion.assemble",
-    ),
+    ),  # before there is a program, `EquationGroup.values` evaluates the partial derivatives of equations
     "event iteration": (
         "gearlib.program.event_iteration.EventIteration",
         "gearlib.solvers.drive.drive_loop.settle",
     ),
     "sparse elimination": (
-        "gearlib.structure.sparse_elimination.factorise",
         "gearlib.structure.sparse_rows.eliminate",
-    ),
+    ),  # what chooses its pivots: rigid_loops, states, sparse_elimination
     "integration driver": ("gearlib.solvers.drive.driver.Driver",),
     "Newton's method": (
-        "gearlib.program.interpret._newton",
+        "gearlib.program.newton.newton",
         "gearlib.native.source._newton",
-        "gearlib.run.start_values._satisfy",
-        "gearlib.run.steady._closed",
-        "gearlib.statics.steady_motion.newton",
-        "gearlib.periodic.first_motion._newton",
-        "gearlib.periodic.continuation._Continuation.newton",
     ),
     "compiler": ("gearlib.compiler.translate.translated",),
 }

@@ -15,7 +15,16 @@ import numpy as np
 import sympy
 
 from gearlib.arguments import shown
-from gearlib.equations.template import Relation, Template, checked, lift_relations, make_template, parse_column, piecewise
+from gearlib.equations.template import (
+    Relation,
+    Template,
+    checked,
+    is_relation,
+    lift_relations,
+    make_template,
+    parse_column,
+    piecewise,
+)
 from gearlib.errors import BindingError, BoundError
 from gearlib.language.expressions import check_depth, real_symbol, time, value_of
 
@@ -120,7 +129,7 @@ def bind_input(
     renamed: dict[Any, Any] = {}
     for symbol in sorted(symbols, key=str):
         name = symbol.name
-        if symbol == time or name in values or name.startswith("relation_") or is_discrete_name(name):
+        if symbol == time or name in values or is_relation(name) or is_discrete_name(name):
             continue
         base, order = parse_column(name)
         if is_parameter(base):
@@ -141,5 +150,5 @@ def _template(value: Any, relations: tuple[Relation, ...], parameters: tuple[str
     if key not in _templates:
         symbols = value.free_symbols.union(*(r.g.free_symbols for r in relations))
         discretes = {s.name for s in symbols if is_discrete_name(s.name)}
-        _templates[key] = make_template("binding", real_symbol("bound") - value, parameters, relations, discretes)
+        _templates[key] = make_template("binding", real_symbol("bound") - value, parameters, relations, discretes, binds=True)
     return _templates[key]

@@ -17,7 +17,7 @@ import sympy
 from sympy.printing.numpy import NumPyPrinter
 from sympy.printing.pycode import PythonCodePrinter
 
-from gearlib.equations.template import Relation, Template, column_symbol, memoised
+from gearlib.equations.template import Relation, Template, column_symbol, memoised, relation_symbol
 from gearlib.language.expressions import time
 
 CALL, DIVISION = 20, 4  # cost, in additions, of an elementary function such as the sine, and of a division or square root
@@ -141,9 +141,8 @@ def _kernel(template: Template, expression: Any) -> Kernel:
         if symbol in used:
             table[symbol] = sympy.Symbol(f"p{i}", real=True)
             parameters.append(i)
-    modes = [*(f"relation_{i}" for i in range(len(template.relations))), *template.discretes]
-    for i, name_ in enumerate(modes):
-        symbol = sympy.Symbol(name_, real=True)
+    modes = [*map(relation_symbol, range(len(template.relations))), *(sympy.Symbol(n, real=True) for n in template.discretes)]
+    for i, symbol in enumerate(modes):
         if symbol in used:
             table[symbol] = sympy.Symbol(f"r{i}", real=True)
             relations.append(i)

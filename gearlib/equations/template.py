@@ -89,9 +89,11 @@ class Template:
     parameters : tuple of str
         Names of the parameters.
     relations : tuple of Relation
-        Comparisons, replaced by the symbols ``relation_0``, ``relation_1``, ... (1: true, 0: false).
+        Comparisons, replaced by the symbols of `relation_symbol` (1: true, 0: false).
     discretes : tuple of str
         Discrete variables: ``mode``, ``pre(mode)``, ``initial()``.
+    binds : bool
+        Whether it is the binding of an input, ``bound``, to an expression.
     """
 
     label: str
@@ -100,6 +102,7 @@ class Template:
     parameters: tuple[str, ...]
     relations: tuple[Relation, ...] = ()
     discretes: tuple[str, ...] = ()
+    binds: bool = False
     memo: dict[Any, Any] = field(init=False, default_factory=dict)  # cache of `memoised` functions
 
     @cached_property
@@ -137,7 +140,7 @@ class Template:
         for symbol in self.symbols:
             d = sympy.diff(self.residual, symbol)
             free = d.free_symbols
-            discrete = any(s.name in self.discretes or s.name.startswith("relation_") for s in free)
+            discrete = any(s.name in self.discretes or is_relation(s.name) for s in free)
             result.append(Partial(d, frozenset(position[s] for s in free if s in position), time in free, discrete))
         return tuple(result)
 
@@ -193,9 +196,21 @@ class Template:
     @cached_property
     def derivative(self) -> Template:
         """The equation differentiated with respect to time."""
-        constant = frozenset({*self.parameters, *self.discretes, *(f"relation_{i}" for i in range(len(self.relations)))})
+        constant = frozenset(
+            {*self.parameters, *self.discretes, *(relation_symbol(i).name for i in range(len(self.relations)))}
+        )
         residual = total_derivative(self.residual, constant)
         return make_template(f"der({self.label})", residual, self.parameters, self.relations, self.discretes)
+
+
+def relation_symbol(number: int) -> Any:
+    """The symbol of a relation of a template; no variable of a model can have its name."""
+    return real_symbol(f"relation({number})")
+
+
+def is_relation(name: str) -> bool:
+    """Whether a symbol's name is that of a relation."""
+    return name.startswith("relation(")
 
 
 def column_symbol(column: Column) -> Any:
@@ -224,15 +239,16 @@ def make_template(
     parameters: Collection[str],
     relations: tuple[Relation, ...] = (),
     discretes: Collection[str] = (),
+    binds: bool = False,
 ) -> Template:
     """A template for a residual whose relations have been replaced."""
     named = sorted(s.name for s in residual.free_symbols if s != time)
     apart = {*parameters, *discretes}
-    columns = tuple(parse_column(n) for n in named if n not in apart and not n.startswith("relation_"))
+    columns = tuple(parse_column(n) for n in named if n not in apart and not is_relation(n))
     used = {s.name for r in relations for s in r.g.free_symbols}.union(named)
     return Template(
         label, residual, columns, tuple(n for n in sorted(parameters) if n in used), relations,
-        tuple(n for n in sorted(discretes) if n in used),
+        tuple(n for n in sorted(discretes) if n in used), binds,
     )  # fmt: skip
 
 
@@ -316,7 +332,7 @@ def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) 
             raise DeclarationError(f"the comparison {atom}: use <, <=, >, >=; equality of real numbers is no event")
         less = isinstance(atom, (sympy.StrictLessThan, sympy.LessThan))
         found.append(Relation(atom.lhs - atom.rhs, isinstance(atom, (sympy.StrictLessThan, sympy.StrictGreaterThan)), less))
-        lifted[atom] = sympy.Ne(sympy.Symbol(f"relation_{len(found) - 1}", real=True), 0)
+        lifted[atom] = sympy.Ne(relation_symbol(len(found) - 1), 0)
     expression = expression.xreplace(lifted)
     plain = {dummy: piecewise(call.args[0].replace(_no_event, lambda e: e.args[0])) for call, dummy in protected.items()}
     return expression.xreplace(plain), tuple(found)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import sympy
 
-from gearlib.equations.template import Relation, Template, column_symbol, make_template, memoised
+from gearlib.equations.template import Relation, Template, column_symbol, make_template, memoised, relation_symbol
 from gearlib.errors import SingularError
 from gearlib.flatten.aliases import Aliases, Integers
 from gearlib.flatten.model import EquationGroup
@@ -46,12 +46,12 @@ def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[st
     known = {}
     for i, relation in enumerate(template.relations):
         g = sympy.sympify(relation.g).xreplace(table)
-        symbol = sympy.Symbol(f"relation_{i}", real=True)
+        symbol = relation_symbol(i)
         if g.is_number:  # a constant condition
             holds = bool(g < 0 if relation.negated else g > 0) or (not relation.strict and g == 0)
             known[symbol] = sympy.Integer(holds)
         else:
-            known[symbol] = sympy.Symbol(f"relation_{len(relations)}", real=True)
+            known[symbol] = relation_symbol(len(relations))
             relations.append(Relation(g, relation.strict, relation.negated))
     residual = residual.xreplace(known)
     if values:
@@ -59,7 +59,7 @@ def specialised(template: Template, pattern: Pattern, values: frozenset[tuple[st
         residual = residual.xreplace({r: sympy.Float(float(r)) for r in fractions})
     if residual.has(sympy.zoo, sympy.nan, sympy.oo, sympy.S.NegativeInfinity):
         raise SingularError(f"{template.label} divides by zero")
-    return make_template(template.label, residual, template.parameters, tuple(relations), template.discretes)
+    return make_template(template.label, residual, template.parameters, tuple(relations), template.discretes, template.binds)
 
 
 def with_values(raw: EquationGroup, values: Mapping[int, float], names: Sequence[str]) -> list[EquationGroup]:

@@ -34,7 +34,7 @@ def input_names(model: FlatModel) -> list[str]:
     unbound = [model.name(int(v)) for v in model.inputs]
     bound = []
     for group in model.groups:
-        if group.template.label == "binding":
+        if group.template.binds:
             j = group.template.locals.index("bound")
             bound += [model.name(int(v)) for v in group.variables[:, j]]
     return unbound + bound
@@ -63,7 +63,7 @@ def read_by_equations(model: FlatModel) -> frozenset[int]:
     read: set[int] = set()
     for group in [*model.groups, *(u.equations for u in model.discretes.updates)]:
         used = group.signs != 0
-        if group.template.label != "binding":
+        if not group.template.binds:
             read.update(group.variables[used].tolist())
             continue
         j = group.template.locals.index("bound")

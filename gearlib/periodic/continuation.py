@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
+from gearlib.program.newton import Correction, newton
 
 Floats = NDArray[np.float64]
 # (z, w) -> residual, derivatives with respect to z and w
@@ -174,33 +175,43 @@ class _Continuation:
 
     def corrected(self, spot: _Spot, length: float) -> _Spot | None:
         """Newton's method in the plane orthogonal to the tangent, at a given distance ahead."""
-        return self.newton(spot.y + length * spot.tangent, self.normal(spot), spot)
+        return self.on_plane(spot.y + length * spot.tangent, self.normal(spot), spot)
 
-    def newton(self, guess: Floats, normal: Floats, before: _Spot) -> _Spot | None:
-        y = guess.copy()
-        right = np.zeros((len(y), 2))
+    def on_plane(self, guess: Floats, normal: Floats, before: _Spot) -> _Spot | None:
+        """The branch's point on a plane through a guess."""
+        right = np.zeros((len(guess), 2))
         right[-1, 1] = 1.0  # the second column yields the tangent
-        for iteration in range(1, 13):
-            try:
-                right[:-1, 0], gradient = self.extended(y)
-                right[-1, 0] = normal @ (y - guess)
-                change, direction = np.linalg.solve(np.vstack([gradient, normal]), right).T
-            except np.linalg.LinAlgError:
-                return None
-            y = y - change
-            if not np.isfinite(y).all() or self.place(y) <= 0.0 < self.start:
-                return None
-            if np.linalg.norm(change) <= CONVERGED * (1.0 + np.linalg.norm(y)):
-                tangent = np.asarray(direction / np.sqrt(self.inner(direction, direction, before)), np.float64)
-                return _Spot(y, tangent, iteration, max(before.largest, self.size(y)))
-        return None
+        direction = before.tangent
+
+        def equations(y: Floats) -> tuple[Floats, Correction]:
+            if self.place(y) <= 0.0 < self.start:
+                raise np.linalg.LinAlgError("no frequency")
+            rest, gradient = self.extended(y)
+            matrix = np.vstack([gradient, normal])
+
+            def correction(rest: Floats) -> Floats:
+                nonlocal direction
+                right[:, 0] = rest
+                change, direction = np.linalg.solve(matrix, right).T
+                return np.asarray(change, np.float64)
+
+            return np.append(rest, normal @ (y - guess)), correction
+
+        def settled(y: Floats, change: Floats, _: Floats) -> bool:
+            return bool(np.linalg.norm(change) <= CONVERGED * (1.0 + np.linalg.norm(y)))
+
+        found = newton(equations, guess, settled, 12)
+        if not found.settled or self.place(found.x) <= 0.0 < self.start:
+            return None
+        tangent = np.asarray(direction / np.sqrt(self.inner(direction, direction, before)), np.float64)
+        return _Spot(found.x, tangent, found.iterations, max(before.largest, self.size(found.x)))
 
     def at_border(self, spot: _Spot, beyond: _Spot, border: float) -> _Spot | None:
         """Point at which the branch leaves the interval."""
         share = (border - spot.y[-1]) / (beyond.y[-1] - spot.y[-1])
         guess = spot.y + share * (beyond.y - spot.y)
         guess[-1] = border
-        found = self.newton(guess, np.append(np.zeros(len(guess) - 1), 1.0), spot)
+        found = self.on_plane(guess, np.append(np.zeros(len(guess) - 1), 1.0), spot)
         if found is not None:
             found.y[-1] = border
         return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from gearlib.arguments import finite, is_real, name_list, shown
 from gearlib.errors import ArgumentError, NameLookupError, SolverError, nearest
 from gearlib.periodic.fourier_balance import HarmonicEquations, rigid_motions
 from gearlib.periodic.periods import Driven, fourier
+from gearlib.program.newton import Correction, newton
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene, needed_states, node_name
 from gearlib.run.simulate import run
@@ -159,10 +160,10 @@ class Forced:
         c[0] = means
         if known is not None:
             c[: len(known)] = known
-        z = _newton(balance, balance.unknowns(c), omega)
+        z = _solved(balance, balance.unknowns(c), omega)
         if z is None and not self.turning:
             c = self._settled(scene, omega, samples, guess)
-            z = _newton(balance, balance.unknowns(c), omega)
+            z = _solved(balance, balance.unknowns(c), omega)
         if z is None:
             _refuse_undetermined(balance, balance.unknowns(c), omega)
             raise SolverError(
@@ -266,26 +267,19 @@ def _refuse_undetermined(balance: HarmonicEquations, z: Floats, omega: float) ->
     )
 
 
-def _newton(balance: HarmonicEquations, z: Floats, omega: float) -> Floats | None:
-    """Newton's method at a fixed frequency, with step halving."""
-    rest, matrix, _ = balance.equations(z, omega)
-    for _ in range(60):
-        try:
-            change = np.linalg.solve(matrix, rest)
-        except np.linalg.LinAlgError:
-            return None
-        if not np.isfinite(change).all():
-            return None
-        for share in (1.0, 0.5, 0.25, 0.1):
-            tried = balance.equations(z - share * change, omega)
-            if np.linalg.norm(tried[0]) < np.linalg.norm(rest):
-                break
-        z, (rest, matrix, _) = z - share * change, tried
-        if share * np.abs(change).max() <= 1e-11 * np.abs(z).max() + 1e-300:
-            return z
-        if np.linalg.norm(rest) <= 1e-13 * max(float(np.linalg.norm(z)), 1e-300):
-            return z
-    return None
+def _solved(balance: HarmonicEquations, z: Floats, omega: float) -> Floats | None:
+    """Newton's method at a fixed frequency; steps that do not help are halved."""
+
+    def equations(z: Floats) -> tuple[Floats, Correction]:
+        rest, matrix, _ = balance.equations(z, omega)
+        return rest, partial(np.linalg.solve, matrix)
+
+    def settled(z: Floats, step: Floats, rest: Floats) -> bool:
+        small = np.abs(step).max() <= 1e-11 * np.abs(z).max() + 1e-300
+        return bool(small or np.linalg.norm(rest) <= 1e-13 * max(float(np.linalg.norm(z)), 1e-300))
+
+    found = newton(equations, z, settled, 60, (1.0, 0.5, 0.25, 0.1))
+    return found.x if found.settled else None
 
 
 def _rescaled(balance: HarmonicEquations, z: Floats, driven: Driven, nominal: Floats) -> First:

@@ -185,7 +185,7 @@ class Builder:
         if not kernel.is_copy:
             return False
         source = [(n, s) for c, n, s in self._positions(template, g, i) if c == kernel.columns[0]]
-        if len(source) != 1 or source[0][1] * sign != 1 or template.label == "binding":
+        if len(source) != 1 or source[0][1] * sign != 1 or template.binds:
             return False
         (v, k), (w, m) = node, source[0][0]
         self.table[k, v] = self.slots[node] = self.table[m, w]

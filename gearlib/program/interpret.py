@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SingularError, SolverError
 from gearlib.program.factored import Factored
+from gearlib.program.newton import Correction, newton
 from gearlib.program.program import ROUNDING, Batch, Linear, Newton, Program
 from gearlib.program.scalars import constants
 from gearlib.recent import recent
@@ -240,14 +241,14 @@ def evaluate(
             slots[step.unknowns] = next(solutions) @ slots[step.known]
         else:
             try:
-                _newton(step, prepared, t, slots, relations, guess)
+                _solve_block(step, prepared, t, slots, relations, guess)
             except SolverError:
                 if not forgiving:
                     raise
     return slots
 
 
-def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None) -> None:
+def _solve_block(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, guess: Floats | None) -> None:
     """Solve a block: at all times at once where each has its own guess, else sequentially, each from the solution before."""
     n, times = len(step.unknowns), len(t)
     if step.linear or (guess is not None and guess.ndim == 2):
@@ -267,31 +268,43 @@ def _newton(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relation
 
 def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relations: Floats, start: Floats) -> None:
     """Newton's method, vectorised over time; if any matrix is singular, the times are solved one by one."""
-    n, z, left = len(step.unknowns), start.copy(), np.arange(len(t))
-    for iteration in range(50):
+    n, left, iteration = len(step.unknowns), np.arange(len(t)), 0
+
+    def equations(z: Floats) -> tuple[Floats, Correction]:
         here, flags, now = slots[:, left], relations[:, left], t[left]
         here[step.unknowns] = z[:, left]
-        residual = assemble(step.residuals, now, here, prepared.parameters, flags, n)
         matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n).T.reshape(-1, n, n)
-        try:
-            change = np.linalg.solve(matrix, residual.T[:, :, None])[:, :, 0].T
-        except np.linalg.LinAlgError:
-            if len(left) > 1:
-                slots[step.unknowns] = z
-                for i in left.tolist():
-                    one = slice(i, i + 1)
-                    _iterate(step, prepared, t[one], slots[:, one], relations[:, one], start[:, one])
-                return
-            change = _singular_step(step, prepared.structure, matrix[0], residual[:, 0], z[:, left[0]], float(now[0]))[:, None]
-        z[:, left] -= change
-        size, moved = np.abs(z[:, left]).max(axis=0), np.abs(change).max(axis=0)
+
+        def correction(residual: Floats) -> Floats:
+            change = np.zeros_like(z)
+            try:
+                change[:, left] = np.linalg.solve(matrix, residual.T[:, :, None])[:, :, 0].T
+            except np.linalg.LinAlgError:
+                if len(left) > 1:
+                    raise
+                own = z[:, left[0]], float(now[0])
+                change[:, left[0]] = _singular_step(step, prepared.structure, matrix[0], residual[:, 0], *own)
+            return change
+
+        return assemble(step.residuals, now, here, prepared.parameters, flags, n), correction
+
+    def settled(z: Floats, change: Floats, _: Floats) -> bool:
+        nonlocal left, iteration
+        size, moved = np.abs(z[:, left]).max(axis=0), np.abs(change[:, left]).max(axis=0)
         done = moved <= 1e-14 * size + 1e-300
         if iteration > 8:
             done |= moved <= 1e-11 * size + ROUNDING
-        left = left[~done] if not step.linear else left[:0]
-        if not len(left):
-            break
-    slots[step.unknowns] = z
+        iteration += 1
+        left = left[:0] if step.linear else left[~done]
+        return not len(left)
+
+    found = newton(equations, start, settled, 50)
+    slots[step.unknowns] = found.x
+    if found.singular:
+        for i in left.tolist():
+            one = slice(i, i + 1)
+            _iterate(step, prepared, t[one], slots[:, one], relations[:, one], start[:, one])
+        return
     if len(left):
         raise SolverError(
             f"the nonlinear equations {_labels(step, prepared.structure)} were not solved at t = {t[left[0]]:g} s; they have no "

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearlib.equations.template import Template
 from gearlib.flatten.model import FlatModel, Instance
 from gearlib.language.declarations import Flow, Input, Potential
 from gearlib.reduce.rows import Rows, listed, some
@@ -112,12 +113,13 @@ def explained(model: FlatModel, rows: Rows, balance: Balance) -> str:
 def _given_twice(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
     """Bound inputs that an equation of an enclosing component, or their own, would have to determine."""
     excess = [e for e in balance.excess_equations if rows.place[e] and _owner(model, rows, e) is not None]
-    bound = {v for e in excess if _label(model, rows, e) == "binding" for v, _ in rows.columns(e, 0)}
+    bound = {v for e in excess if _template(model, rows, e).binds for v, _ in rows.columns(e, 0)}
     text: dict[str, None] = {}
     for e in excess:
-        owner, label = _owner(model, rows, e), _label(model, rows, e)
-        if owner is None or label == "binding":
+        owner, template = _owner(model, rows, e), _template(model, rows, e)
+        if owner is None or template.binds:
             continue
+        label = template.label
         here = {v for v, _ in rows.columns(e, 0)}
         for v in sorted(here & {*bound, *model.inputs.tolist()}):
             for same in np.flatnonzero(model.representative == v).tolist():
@@ -196,7 +198,7 @@ def _massless(model: FlatModel, rows: Rows, e: int, loose: dict[int, list[str]])
     connectors = loose.get(int(group.owners[i]), ())
     if not connectors or any(order for _, order in group.template.columns):
         return False
-    if group.template.label == "binding":
+    if group.template.binds:
         return not rows.columns(e, 0) or not any(v not in set(model.inputs.tolist()) for v, _ in rows.columns(e, 0))
     instance = model.instances[int(group.owners[i])]
     flows = {f"{c}.{n}" for c in connectors for n, v in instance.connectors[c].variables.items() if isinstance(v, Flow)}
@@ -225,6 +227,5 @@ def _owner(model: FlatModel, rows: Rows, e: int) -> Instance | None:
     return model.instances[number] if number >= 0 else None
 
 
-def _label(model: FlatModel, rows: Rows, e: int) -> str:
-    label: str = model.groups[rows.place[e][0]].template.label
-    return label
+def _template(model: FlatModel, rows: Rows, e: int) -> Template:
+    return model.groups[rows.place[e][0]].template

@@ -31,7 +31,7 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[
     constants: list[float] = []
     for g, group in enumerate(model.groups):
         t = group.template
-        if not (t.linear and (t.columns or t.parameters)) or any(order for _, order in t.columns) or t.label == "binding":
+        if not (t.linear and (t.columns or t.parameters)) or any(order for _, order in t.columns) or t.binds:
             continue
         eligible = ~(model.flow[group.variables] & (group.signs != 0)).any(axis=1)
         if not eligible.any():

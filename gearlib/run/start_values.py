@@ -14,6 +14,7 @@ from gearlib.program.build import build
 from gearlib.program.derivative_plan import derivative_plan
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import evaluate, prepare
+from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Program
 from gearlib.program.relations import relations_of
 from gearlib.reduce.coefficients import start_guess
@@ -223,24 +224,32 @@ def _satisfy(
     nothing = _rounding(value for value, _ in fixed.values())
     least = LEAST * structure.model.nominal[[v for v, _ in others]]
     last = np.inf
-    for _ in range(30):
+    slots, found, gradient, wrong = (np.empty(0) for _ in range(4))
+
+    def equations(free_states: Floats) -> tuple[Floats, Correction]:
+        nonlocal slots, flags, found, gradient, wrong, moved
+        if (x[free] != free_states).any():
+            x[free] = free_states
+            flags = settle(x)
         slots = evaluate(prepared, now, x[:, None], u, flags, start)
-        found = slots[slots_of, 0]
-        error, gradient = found - wanted, gradients(slots)
+        found, gradient = slots[slots_of, 0], gradients(slots)
         if not moved and free:
             moved = {free[i] for i in _independent(gradient[:, free] * scale)}
         # an error is relative to its own terms, not to other values: even at 1e9 rad, 3 rad are not rounding
         terms = np.abs(gradient) @ np.abs(x) + np.abs(found - gradient @ x) + np.abs(wanted)
-        wrong = ~(np.abs(error) <= ROUNDING * terms + nothing + least * (np.abs(wanted) <= least))
-        worst = float(np.abs(error).max())
-        if (not wrong.any() and not worst < 0.1 * last) or not free:
-            break
+        wrong = ~(np.abs(found - wanted) <= ROUNDING * terms + nothing + least * (np.abs(wanted) <= least))
+        return found - wanted, correction
+
+    def correction(error: Floats) -> Floats:
+        """Nothing once the errors are rounding and fall no further."""
+        nonlocal last
+        worst, before = float(np.abs(error).max()), last
+        if not wrong.any() and not worst < 0.1 * before:
+            return np.zeros(len(free))
         last = worst
-        step = _basic_solution(gradient[:, free] * scale, -error) * scale
-        if not step.any():
-            break
-        x[free] += step
-        flags = settle(x)
+        return _basic_solution(gradient[:, free] * scale, error) * scale
+
+    newton(equations, x[free], lambda _, step, error: not step.any(), 30)
     bad = np.flatnonzero(wrong)
     if len(bad):
         i = int(bad[0])

@@ -30,6 +30,7 @@ from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.invariance import symmetries
+from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Newton
 from gearlib.program.relations import relations_of
 from gearlib.run.integrate import integrate
@@ -349,25 +350,35 @@ def _closed(search: Search, x: Floats) -> End:
     It is steady where each rate vanishes up to the rounding of its own terms, or would after a change of the states that is small
     beside these. Components that no equation constrains are not changed.
     """
-    last, free = np.inf, False
-    for _ in range(30):
-        try:
-            f, gradient, noise = search.equations(x)
-            equations = _Equations(search, gradient)
-            change = equations.change(f)
-            size = float(np.abs(change).max())
-            if size <= SETTLED * float(np.abs(x / search.scale).max()) or size >= 0.5 * last:
-                free = not equations.hold(f, noise)
-                small = np.abs(change) <= SETTLED * np.abs(x / search.scale) + equations.largest_change(noise)
-                if free or not small.all():
-                    break
-                x = x + search.scale * change
-                forbidden = _forbidden(search, x)
-                return End(x, not forbidden and _goes_on(search, x), forbidden=forbidden)
-            x, last = x + search.scale * change, size
-        except SolverError:
-            break
-    return End(x, False, free)
+    last = np.inf
+    point: tuple[Floats, Floats, Floats, _Equations]
+
+    def equations(x: Floats) -> tuple[Floats, Correction]:
+        nonlocal point
+        f, gradient, noise = search.equations(x)
+        linear = _Equations(search, gradient)
+        point = x, f, noise, linear
+        return f, lambda f: -search.scale * linear.change(f)
+
+    def settled(_: Floats, step: Floats, f: Floats) -> bool:
+        """Whether the steps are small, or shrink no further."""
+        nonlocal last
+        last, before = float(np.abs(step / search.scale).max()), last
+        return last <= SETTLED * float(np.abs(point[0] / search.scale).max()) or last >= 0.5 * before
+
+    try:
+        found = newton(equations, x, settled, 30)
+    except SolverError:
+        return End(x, False)
+    if not found.settled:
+        return End(found.x, False)
+    x, f, noise, linear = point
+    small = np.abs(linear.change(f)) <= SETTLED * np.abs(x / search.scale) + linear.largest_change(noise)
+    free = not linear.hold(f, noise)
+    if free or not small.all():
+        return End(x, False, free)
+    forbidden = _forbidden(search, found.x)
+    return End(found.x, not forbidden and _goes_on(search, found.x), forbidden=forbidden)
 
 
 def _forbidden(search: Search, x: Floats) -> bool:

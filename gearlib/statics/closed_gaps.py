@@ -17,7 +17,7 @@ from gearlib.equations.kernel import relation_kernel
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import EquationGroup, FlatModel
 from gearlib.statics.mesh_turn import apply
-from gearlib.statics.steady_motion import CONTRADICTION, Given, Motion, newton
+from gearlib.statics.steady_motion import CONTRADICTION, Given, Motion, motion_from
 
 Floats = NDArray[np.float64]
 STILL = 1e-9  # relative to the fastest rate: rounding
@@ -39,7 +39,7 @@ def with_gaps_closed(model: FlatModel, parameters: Floats, given: Sequence[Given
         x = np.concatenate([motion.constants, motion.rates])
         x[gaps] = APART * np.array(trial)
         x[n + gaps] = 0.0
-        found = newton(model, parameters, given, x)
+        found = motion_from(model, parameters, given, x)
         if not (found.residual > CONTRADICTION).any() and not drifting(model, parameters, found):
             return found
     return motion

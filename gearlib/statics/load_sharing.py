@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import partial_kernel
 from gearlib.flatten.model import FlatModel
 from gearlib.statics.mesh_turn import apply
-from gearlib.statics.steady_motion import Given, Motion, newton
+from gearlib.statics.steady_motion import Given, Motion, motion_from
 from gearlib.structure.sparse_elimination import Factors
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ def shared(model: FlatModel, parameters: Floats, given: Sequence[Given], motion:
             initial=0.0
         ):
             break
-        motion = newton(model, parameters, given, np.concatenate([constants, motion.rates]))
+        motion = motion_from(model, parameters, given, np.concatenate([constants, motion.rates]))
     return motion
 
 

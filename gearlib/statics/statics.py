@@ -24,7 +24,7 @@ from gearlib.statics.steady_motion import (
     Motion,
     guesses,
     kinematics,
-    newton,
+    motion_from,
     refuse_contradiction,
     solve,
 )
@@ -139,7 +139,7 @@ def _reached(translation: Translation, numbers: Floats, given: Sequence[Given]) 
     motion = with_gaps_closed(model, numbers, given, motion)
     if (motion.residual > CONTRADICTION).any() or guesses(model, numbers):
         return motion
-    other = newton(model, numbers, given, -np.concatenate([motion.constants, motion.rates]))
+    other = motion_from(model, numbers, given, -np.concatenate([motion.constants, motion.rates]))
     other = with_gaps_closed(model, numbers, given, other)
     same = max(SAME * np.abs(motion.rates).max(initial=0.0), REST)
     different = np.abs(other.rates - motion.rates)

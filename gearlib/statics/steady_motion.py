@@ -18,6 +18,7 @@ from gearlib.equations.kernel import partial_kernel, relation_kernel, residual_k
 from gearlib.errors import ArgumentError
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Flow
+from gearlib.program.newton import Correction, newton
 from gearlib.statics.mesh_turn import Turn, apply, argument, generic, mean, repeating_columns, turn
 from gearlib.structure.sparse_elimination import Factors, factorise
 
@@ -94,7 +95,7 @@ def assemble(
     replaced = np.array([g.variable for g in given if g.order == VALUE], np.int64)
     for g, group in enumerate(model.groups):
         keep = np.arange(len(group))
-        if group.template.label == "binding":
+        if group.template.binds:
             keep = np.flatnonzero(~np.isin(group.variables[:, group.template.locals.index("bound")], replaced))
         value, torques = _group(model, entries, g, keep, parameters, a, b, modes, repeating.get(g, ()), over)
         rest.append(value)
@@ -130,7 +131,7 @@ def _group(
     group, n, count = model.groups[g], model.n_variables, len(keep)
     template = group.template
     torques, growth, rows = np.zeros(len(group), bool), np.zeros(len(group)), np.arange(count)
-    on_time = template.label == "binding" and template.on_time
+    on_time = template.binds and template.on_time
     for c, (name, order) in enumerate(template.columns):
         j = template.locals.index(name)
         v = group.variables[:, j]
@@ -177,10 +178,10 @@ def solve(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Se
     """The steady motion by Newton's method: near given speeds if there are any, else from rest, or from the model's guesses."""
     n = model.n_variables
     if near:
-        return newton(model, parameters, given, speeds_near(model, parameters, given, near))
-    motion = newton(model, parameters, given, np.zeros(2 * n))
+        return motion_from(model, parameters, given, speeds_near(model, parameters, given, near))
+    motion = motion_from(model, parameters, given, np.zeros(2 * n))
     if (motion.residual > CONTRADICTION).any() and any(not group.template.linear for group in model.groups):
-        other = newton(model, parameters, given, speeds_near(model, parameters, given, guesses(model, parameters)))
+        other = motion_from(model, parameters, given, speeds_near(model, parameters, given, guesses(model, parameters)))
         if not (other.residual > CONTRADICTION).any():
             return other
     return motion
@@ -203,27 +204,39 @@ def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], ne
     return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
 
 
-def newton(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
+def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
     """Newton's method for the unknowns, inside an iteration for the flags of events (such as the driving side of a lossy gear)."""
     n = model.n_variables
     modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else initial_modes(model)
-    last: Factors | None = None
+    rows, factors = _linearised(model, parameters, given, x, modes)
+
+    def equations(x: Floats) -> tuple[Floats, Correction]:
+        nonlocal rows, factors
+        rows, factors = _linearised(model, parameters, given, x, modes, factors)
+        return rows.residual, factors.solve
+
+    def settled(x: Floats, change: Floats, _: Floats) -> bool:
+        size = np.abs(x / factors.column).max(initial=0.0)
+        return bool(np.abs(change / factors.column).max(initial=0.0) <= 1e-14 * size)
+
     for _ in range(40):
-        for _ in range(30):
-            rows = assemble(model, parameters, given, x[:n], x[n:], modes)
-            last = _factors(rows.matrix, last)
-            change = last.solve(rows.residual)
-            x = x - change
-            if np.abs(change / last.column).max(initial=0.0) <= 1e-14 * np.abs(x / last.column).max(initial=0.0):
-                break
+        x = newton(equations, x, settled, 30).x
         new = settled_modes(model, parameters, x[:n], x[n:])
         if (new == modes).all():
             break
         modes = new
-    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
-    factors = _factors(rows.matrix, last)
+    rows, factors = _linearised(model, parameters, given, x, modes, factors)
     contradiction = factors.contradiction(rows.residual, x)
     return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, modes)
+
+
+def _linearised(
+    model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats, modes: Floats, last: Factors | None = None
+) -> tuple[MotionEquations, Factors]:
+    """The equations about some unknowns, with their factors."""
+    n = model.n_variables
+    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+    return rows, _factors(rows.matrix, last)
 
 
 def _factors(matrix: Any, last: Factors | None) -> Factors:

@@ -116,7 +116,7 @@ def _rows(
         for i, owner in enumerate(owners):
             numbers[i] = count[owner]
             count[owner] += 1
-        if group.template.label == "binding":
+        if group.template.binds:
             continue
         variables = np.where(group.signs == 0, _silent(model, group), group.variables).tolist()
         signs = np.where((group.signs == 0) & (np.array(variables).reshape(group.signs.shape) < 0), 1, group.signs).tolist()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 import sympy
 
@@ -132,3 +133,19 @@ def test_names_of_derivatives() -> None:
 def test_the_sign_of_zero_is_zero() -> None:
     written = piecewise(sympy.sign(x))
     assert [written.subs(x, value) for value in (-0.3, 0, 0.3)] == [-1, 0, 1]
+
+
+class Growth(gl.Component):
+    """x' = 2 x + 3 until 0.5 s, then back."""
+
+    relation_0 = gl.Variable("1", "rate, named as the symbol of a relation might be")
+    x = gl.Variable("1", "what grows", start=0.0)
+
+    def equations(self) -> list[gl.Eq]:
+        forth = gl.Piecewise((1.0, gl.time < 0.5), (-1.0, True))
+        return [gl.Eq(self.relation_0, 2.0 * self.x + 3.0), gl.Eq(gl.der(self.x), self.relation_0 * forth)]
+
+
+def test_a_variable_may_have_any_name_beside_a_relation() -> None:
+    found = gl.compile(Growth()).simulate(1.0, samples=3, rtol=1e-10)
+    np.testing.assert_allclose(found["x"], [0.0, 1.5 * (np.e - 1.0), 0.0], rtol=1e-8, atol=1e-8)

@@ -201,7 +201,7 @@ def test_numbers_of_an_input_are_parameters_and_share_one_equation() -> None:
             return [c(t.flange, self.load.flange_a) for t in self.torque]
 
     model = flatten(Two())
-    assert sum(g.template.label == "binding" for g in model.groups) == 1
+    assert sum(g.template.binds for g in model.groups) == 1
 
 
 def test_a_class_is_analysed_once_for_each_structural_choice() -> None:

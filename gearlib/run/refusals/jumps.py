@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import differentiated
 from gearlib.equations.quasipolynomials import TIME, OutsideClassError
 from gearlib.equations.switch_times import switch_times
-from gearlib.equations.template import Template, memoised
+from gearlib.equations.template import Template, memoised, relation_symbol
 from gearlib.errors import ModelError
 from gearlib.program.program import Batch, Newton, Program
 from gearlib.reduce.reduction import Structure
@@ -100,9 +100,7 @@ def _compared(template: Template, j: int, symbols: tuple[Any, ...]) -> Function:
 @memoised
 def _pieces(template: Template, symbols: tuple[Any, ...], *sides: tuple[tuple[int, int], ...]) -> list[Function] | None:
     """An equation on both sides of a switch, as functions of time and the parameters; None where the difference depends on variables."""
-    found = [
-        template.residual.xreplace({sympy.Symbol(f"relation_{j}", real=True): sympy.Integer(x) for j, x in s}) for s in sides
-    ]
+    found = [template.residual.xreplace({relation_symbol(j): sympy.Integer(x) for j, x in s}) for s in sides]
     if (found[1] - found[0]).free_symbols - {TIME, *symbols}:
         return None
     return [_function(x.xreplace({s: sympy.S.Zero for s in x.free_symbols - {TIME, *symbols}}), symbols) for x in found]

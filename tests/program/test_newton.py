@@ -1,0 +1,67 @@
+"""Newton's method: where it converges, against SciPy's solver, and how it says that it does not."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import root
+
+from gearlib.program.newton import Correction, newton
+
+Floats = NDArray[np.float64]
+
+
+def small(x: Floats, step: Floats, residual: Floats) -> bool:
+    return bool(np.abs(step).max() <= 1e-14 * np.abs(x).max())
+
+
+def coupled(x: Floats, stiffness: Floats) -> Floats:
+    """Hardening springs in a ring, each loaded by 1."""
+    return stiffness * x + x**3 + 0.3 * np.roll(x, 1) - 1.0
+
+
+def equations(x: Floats, stiffness: Floats) -> tuple[Floats, Correction]:
+    n = len(x)
+    matrix = np.diag(stiffness + 3 * x**2) + 0.3 * np.roll(np.eye(n), -1, axis=1)
+    return coupled(x, stiffness), partial(np.linalg.solve, matrix)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_it_comes_to_the_root_that_scipy_finds(seed: int) -> None:
+    stiffness = np.random.default_rng(seed).uniform(1.0, 3.0, 6)
+    found = newton(lambda x: equations(x, stiffness), np.zeros(6), small, 20)
+    expected = root(coupled, np.zeros(6), (stiffness,), tol=1e-14).x
+    assert found.settled
+    np.testing.assert_allclose(found.x, expected, rtol=1e-12)
+
+
+def arctangent(x: Floats) -> tuple[Floats, Correction]:
+    return np.arctan(x), lambda r: r * (1.0 + x**2)
+
+
+def test_damping_reaches_what_whole_steps_run_away_from() -> None:
+    start = np.array([3.0])
+    assert not newton(arctangent, start, lambda x, step, rest: abs(x[0]) < 1e-12, 5).settled
+    found = newton(arctangent, start, lambda x, step, rest: abs(rest[0]) < 1e-12, 30, (1.0, 0.5, 0.25, 0.1))
+    assert found.settled
+    assert abs(found.x[0]) < 1e-12
+
+
+def test_a_singular_matrix_ends_it_where_it_is() -> None:
+    found = newton(lambda x: (x, partial(np.linalg.solve, np.zeros((2, 2)))), np.ones(2), small, 5)
+    assert (found.settled, found.singular, found.iterations) == (False, True, 1)
+    assert found.x.tolist() == [1.0, 1.0]
+
+
+def test_equations_that_cannot_be_evaluated_end_it() -> None:
+    found = newton(lambda x: (x * np.nan, lambda r: r), np.ones(2), small, 5)
+    assert (found.settled, found.singular, found.iterations) == (False, False, 1)
+    assert found.x.tolist() == [1.0, 1.0]
+
+
+def test_it_gives_up_after_so_many_iterations() -> None:
+    found = newton(lambda x: (x**2 + 1.0, lambda r: r / (2.0 * x)), np.array([0.7]), small, 7)
+    assert (found.settled, found.singular, found.iterations) == (False, False, 7)
