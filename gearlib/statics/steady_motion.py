@@ -208,16 +208,17 @@ def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x:
     """Newton's method for the unknowns, inside an iteration for the flags of events (such as the driving side of a lossy gear)."""
     n = model.n_variables
     modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else initial_modes(model)
-    rows, factors = _linearised(model, parameters, given, x, modes)
+    last: Factors | None = None
 
     def equations(x: Floats) -> tuple[Floats, Correction]:
-        nonlocal rows, factors
-        rows, factors = _linearised(model, parameters, given, x, modes, factors)
-        return rows.residual, factors.solve
+        nonlocal last
+        rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+        last = _factors(rows.matrix, last)
+        return rows.residual, last.solve
 
     def settled(x: Floats, change: Floats, _: Floats) -> bool:
-        size = np.abs(x / factors.column).max(initial=0.0)
-        return bool(np.abs(change / factors.column).max(initial=0.0) <= 1e-14 * size)
+        column = last.column if last is not None else 1.0
+        return bool(np.abs(change / column).max(initial=0.0) <= 1e-14 * np.abs(x / column).max(initial=0.0))
 
     for _ in range(40):
         x = newton(equations, x, settled, 30).x
@@ -225,18 +226,10 @@ def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x:
         if (new == modes).all():
             break
         modes = new
-    rows, factors = _linearised(model, parameters, given, x, modes, factors)
+    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
+    factors = _factors(rows.matrix, last)
     contradiction = factors.contradiction(rows.residual, x)
     return Motion(x[:n], x[n:], factors.undetermined, contradiction, factors, rows.owner, modes)
-
-
-def _linearised(
-    model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats, modes: Floats, last: Factors | None = None
-) -> tuple[MotionEquations, Factors]:
-    """The equations about some unknowns, with their factors."""
-    n = model.n_variables
-    rows = assemble(model, parameters, given, x[:n], x[n:], modes)
-    return rows, _factors(rows.matrix, last)
 
 
 def _factors(matrix: Any, last: Factors | None) -> Factors:
