@@ -258,5 +258,11 @@ def _part(kernel: Kernel, expression: Any) -> Kernel:
 @memoised
 def rest_of(kernel: Kernel) -> Kernel:
     """The kernel with all its columns set to zero."""
-    zeros = {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in kernel.columns}
+    return without_columns(kernel, frozenset(kernel.columns))
+
+
+@memoised
+def without_columns(kernel: Kernel, columns: frozenset[int]) -> Kernel:
+    """The kernel with some of its columns set to zero."""
+    zeros = {sympy.Symbol(f"x{c}", real=True): sympy.S.Zero for c in columns}
     return _part(kernel, kernel.expression.xreplace(zeros))

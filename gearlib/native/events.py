@@ -45,7 +45,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
     gives their offset and number. ``notes``: whether to record, behind the body's part of ``data``, how often states were
     re-initialised, and from which discrete state and states, up to `MOST_STEPS` times.
     """
-    body = looped(relations.program, layout)
+    body = looped(relations.program, layout, holding=False)  # the modes change from one iteration to the next
     numbers = root_numbers(relations)
     passes = _passes(body, relations, model, numbers)
     iteration = relations.event_iteration
@@ -96,7 +96,7 @@ def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
     Only the final discrete state must admit a solution of the equations: on the way, a moving friction element may be tried as stuck.
     What does not settle here may settle in the event iteration of the run.
     """
-    body = looped(relations.program, layout, forgiving=True)
+    body = looped(relations.program, layout, forgiving=True, holding=False)
     passes = _passes(body, relations, model, None)
     started = ["    data[r + nr + 2 * nd] = 0.0"] if len(model.discretes) else []
     body.lines = [

@@ -132,7 +132,7 @@ def accumulate(
     inverted = {id(s): (place, rows) for (s, rows), place in zip(inverted_blocks(plan), inverses, strict=False)}
     right = at + plan.n_entries
     scratch = right + max((n * s.width for s, n in implicit), default=0)
-    end = scratch + max((n * n + 2 * n + 1 for _, n in implicit), default=0)
+    end = scratch + max((n * (n + s.width) + n + 1 for s, n in implicit), default=0)
     head = body.array([at, plan.n_entries, right, scratch])
     body.lines += [f"h = {head}", "d = index[h]", "for k in range(index[h + 1]):", "    data[d + k] = 0.0"]
     if implicit:
@@ -251,7 +251,7 @@ def _applied(body: Body, step: Solved, place: int, equations: Integers, n_ones: 
 
 
 def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
-    """Implicit differentiation of a block: dz = -inverse(J) (dr/dx), solved column by column."""
+    """Implicit differentiation of a block: dz = -inverse(J) (dr/dx)."""
     block = step.step
     n = len(block.unknowns)
     lead = 0 if isinstance(block, Linear) else block.lead
@@ -261,18 +261,20 @@ def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
         body.include(piece)
     body.lines += [
         f"a, h = {rows}, {head}",
-        "q, lead = index[h], index[h + 2]",
-        "for l in range(index[h + 1]):",
-        "    for k in range(q * q):",
-        "        data[w + q + k] = 0.0",
+        "q, p, lead = index[h], index[h + 1], index[h + 2]",
+        "f = w + q * p",
+        "for k in range(q * q):",
+        "    data[f + k] = 0.0",
     ]
     for batch in block.matrix if isinstance(block, Linear) else block.jacobian:
-        loop(body, batch, "data[w + q + {target}] += {value}", "    ")
+        loop(body, batch, "data[f + {target}] += {value}")
     body.lines += [
-        "    for k in range(q):",
-        "        data[w + k] = -data[e + k * index[h + 1] + l]",
-        "    if solve(data, w + q, w, q, lead) != 0:",
-        "        return 1",
-        "    for k in range(index[h + 3]):",
-        "        data[d + index[h + 4] + k * index[h + 1] + l] = data[w + index[a + k]]",
+        "for k in range(q):",
+        "    for j in range(p):",
+        "        data[w + q * j + k] = -data[e + k * p + j]",
+        "if solve(data, f, w, q, p, p, lead) != 0:",
+        "    return 1",
+        "for k in range(index[h + 3]):",
+        "    for j in range(p):",
+        "        data[d + index[h + 4] + k * p + j] = data[w + q * j + index[a + k]]",
     ]

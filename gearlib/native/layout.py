@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 # Signature of a model's native function: ``int32 f(double t, void *x, void *out, void *data, void *index)``.
 MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
+MOST_HELD = 400  # unknowns up to which a block whose matrix only events change is solved by its inverse
 SEARCH = 6.0  # cost of one operation of pivoted elimination in short loops, relative to an addition
 EACH = 3  # numbers stored per divisor
 
@@ -42,6 +43,25 @@ class Shared:
 
 
 @dataclass(frozen=True)
+class Held:
+    """Where the solution matrix of a block is kept whose matrix only events change, and what it depends on.
+
+    At ``place`` stand whether there is one (1; 2 where equations depend on each other), the modes that it was computed for, and its
+    entries: a row per unknown that anything uses, a column per equation that is not zero where all unknowns are.
+    """
+
+    place: int
+    modes: Integers  # entries of the discrete state that the block's matrix depends on
+    needed: Integers  # unknowns
+    rests: tuple[Batch, ...]  # equations that are not zero where all unknowns are; targets: rows
+    known: Integers  # their rows
+
+    @property
+    def size(self) -> int:
+        return 1 + len(self.modes) + len(self.needed) * len(self.known)
+
+
+@dataclass(frozen=True)
 class Layout:
     """One function's section of ``data``: solution matrices of its linear blocks, slots, scratch."""
 
@@ -52,6 +72,7 @@ class Layout:
     guards: int  # per divisor: its sign (0.5 if stale since an event), the largest magnitudes of it and of its numerator
     size: int  # end of the section
     needed: tuple[Integers, ...]  # per linear block: the unknowns that anything uses
+    held: tuple[Held | None, ...]  # per Newton block
 
     @property
     def relations(self) -> int:
@@ -62,8 +83,11 @@ class Layout:
         return self.shared.inputs
 
 
-def lay_out(program: Program, shared: Shared, base: int, also: Integers | None = None) -> Layout:
-    """Lay out the section of one program from offset ``base``; slots that ``also`` are used must be computed, too."""
+def lay_out(program: Program, shared: Shared, base: int, also: Integers | None = None, hold: bool = False) -> Layout:
+    """Lay out the section of one program from offset ``base``; slots that ``also`` are used must be computed, too.
+
+    ``hold``: whether matrices that only events change are kept between them; parameters must not change then.
+    """
     used = np.zeros(program.n_slots, bool)
     used[program.output_slots] = True
     if also is not None:
@@ -72,10 +96,13 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
         if isinstance(step, Batch):
             used[step.arguments[step.argument_signs != 0]] = True
         elif isinstance(step, Newton):
+            own = np.isin(np.arange(program.n_slots), step.unknowns) & ~used
             for batch in (*step.residuals, *step.jacobian):
                 used[batch.arguments[batch.argument_signs != 0]] = True
+            if hold and step.switched:
+                used[own] = False
     at = base
-    solutions, needed = [], []
+    solutions, needed, held = [], [], []
     scratch = 0
     for step in program.steps:
         if isinstance(step, Linear):
@@ -85,11 +112,20 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
             at += len(rows) * len(step.known)
         elif isinstance(step, Newton):
             n = len(step.unknowns)
-            scratch = max(scratch, n * n + 2 * n + 1)  # right-hand side, matrix, column order
+            kept = None
+            if hold and step.switched and n <= MOST_HELD:
+                rests = step.rests
+                known = np.unique(np.concatenate([np.empty(0, np.int64), *(b.targets for b in rests)]))
+                kept = Held(at, step.modes, np.flatnonzero(used[step.unknowns]), rests, known)
+                at += kept.size
+            held.append(kept)
+            # right-hand sides, matrix, column order
+            scratch = max(scratch, n * n + (2 if kept is None else 2 + len(kept.known)) * n + 1)
     end = at + program.n_slots
     memory = len(program.iterated)  # a reference determinant each
     guards = end + scratch + memory
-    return Layout(shared, tuple(solutions), at, end, guards, guards + EACH * program.n_guards, tuple(needed))
+    size = guards + EACH * program.n_guards
+    return Layout(shared, tuple(solutions), at, end, guards, size, tuple(needed), tuple(held))
 
 
 def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: Prepared, guess: Floats | None = None) -> None:
@@ -107,12 +143,14 @@ def fill(data: Floats, layout: Layout, coefficients: Sequence[Batch], prepared: 
 
 def operations(program: Program, layout: Layout) -> float:
     """Approximate cost of one evaluation of a program, in additions; two iterations are assumed for nonlinear blocks."""
-    total, needed = 0.0, iter(layout.needed)
+    total, needed, held = 0.0, iter(layout.needed), iter(layout.held)
     for step in program.steps:
         if isinstance(step, Batch):
             total += len(step) * step.kernel.operations
         elif isinstance(step, Linear):
             total += 2.0 * len(next(needed)) * len(step.known)
+        elif (kept := next(held)) is not None:
+            total += 2.0 * len(kept.needed) * len(kept.known) + sum(len(b) * (1 + b.kernel.operations) for b in kept.rests)
         else:
             n = len(step.unknowns)
             inside = sum(len(b) * (1 + b.kernel.operations) for b in (*step.residuals, *step.jacobian))

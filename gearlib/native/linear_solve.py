@@ -1,11 +1,12 @@
 """Source of dense Gaussian elimination with complete pivoting, inlined into code with varying or nonlinear blocks."""
 
 SOLVE = '''
-def solve(data: floats, a: int, b: int, n: int, lead: int) -> int:
-    """Gaussian elimination with complete pivoting, in place: the matrix at ``a``, the right-hand side and then the solution at ``b``.
+def solve(data: floats, a: int, b: int, n: int, sides: int, agreeing: int, lead: int) -> int:
+    """Gaussian elimination with complete pivoting, in place: the matrix at ``a``, right-hand sides and then solutions at ``b``.
 
-    Equations that depend on others (two stuck clutches on one rigid path) are left out if they agree with these; what they leave
-    undetermined is zero. The numbers of columns stand behind the matrix.
+    The ``sides`` right-hand sides follow each other. Equations that depend on others (two stuck clutches on one rigid path) are left
+    out if they agree with these for the first ``agreeing`` of them; what they leave undetermined is zero. The order of the columns
+    stands behind the matrix, and behind it the logarithm of the determinant.
     """
     p = a + n * n
     size = 0.0
@@ -17,7 +18,8 @@ def solve(data: floats, a: int, b: int, n: int, lead: int) -> int:
         if s > 0.0:
             for j in range(n):
                 data[a + i * n + j] /= s
-            data[b + i] /= s
+            for side in range(sides):
+                data[b + n * side + i] /= s
             size += log(s)
     rank = n
     for k in range(n):
@@ -38,7 +40,9 @@ def solve(data: floats, a: int, b: int, n: int, lead: int) -> int:
         if r != k:
             for j in range(n):
                 data[a + k * n + j], data[a + r * n + j] = data[a + r * n + j], data[a + k * n + j]
-            data[b + k], data[b + r] = data[b + r], data[b + k]
+            for side in range(sides):
+                h = b + n * side
+                data[h + k], data[h + r] = data[h + r], data[h + k]
         if c != k:
             for i in range(n):
                 data[a + i * n + k], data[a + i * n + c] = data[a + i * n + c], data[a + i * n + k]
@@ -48,24 +52,30 @@ def solve(data: floats, a: int, b: int, n: int, lead: int) -> int:
             if f != 0.0:
                 for j in range(max(k + 1, lead), n):
                     data[a + i * n + j] -= f * data[a + k * n + j]
-                data[b + i] -= f * data[b + k]
+                for side in range(sides):
+                    h = b + n * side
+                    data[h + i] -= f * data[h + k]
     data[p + n] = size
-    largest = 1e-300
-    for i in range(rank):
-        largest = max(largest, abs(data[b + i]))
-    for i in range(rank, n):
-        if not abs(data[b + i]) <= 1e-9 * max(largest, 1.0):
-            return 1
-        data[b + i] = 0.0
-    for k in range(rank - 1, -1, -1):
-        s = data[b + k]
-        for j in range(k + 1, rank):
-            s -= data[a + k * n + j] * data[b + j]
-        data[b + k] = s / data[a + k * n + k]
-    for i in range(n):
-        data[a + i] = data[b + i]
-    for i in range(n):
-        data[b + int(data[p + i])] = data[a + i]
+    for side in range(sides):
+        h = b + n * side
+        largest = 1e-300
+        for i in range(rank):
+            largest = max(largest, abs(data[h + i]))
+        for i in range(rank, n):
+            if side < agreeing and not abs(data[h + i]) <= 1e-9 * max(largest, 1.0):
+                return 1
+            data[h + i] = 0.0
+        for k in range(rank - 1, -1, -1):
+            s = data[h + k]
+            for j in range(k + 1, rank):
+                s -= data[a + k * n + j] * data[h + j]
+            data[h + k] = s / data[a + k * n + k]
+    for side in range(sides):
+        h = b + n * side
+        for i in range(n):
+            data[a + i] = data[h + i]
+        for i in range(n):
+            data[h + int(data[p + i])] = data[a + i]
     return 0
 
 

@@ -91,7 +91,7 @@ def compile_scene(
         Their derivatives in directions, one seed each, where the right-hand side is extended by tangents.
     """
     shared = Shared(len(model.parameters.names), model.n_modes, len(program.inputs))
-    layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied)
+    layout = lay_out(program, shared, shared.size, None if tangents is None else tangents.multiplied, hold=True)
     if tangents is None:
         text, body = rhs_source(program, layout, names, model.parameters.names)
         weights = end = layout.size + body.n_coefficients
@@ -102,13 +102,13 @@ def compile_scene(
     guards = layout.guards, program.n_guards
     noted, jac, pattern, roots, update = 0, None, None, None, None
     if jacobian is not None:
-        layout = lay_out(program, shared, end, jacobian.multiplied)
+        layout = lay_out(program, shared, end, jacobian.multiplied, hold=True)
         copies = 0 if tangents is None else tangents.n_seeds
         pattern = pattern_of(jacobian, copies)
         body, end = jacobian_body(program, layout, jacobian, copies)
         jac = compile_function("jac", function("jac", ["x", "values", "data", "index"], body, JAC), body, layout)
     if relations is not None:
-        layout = lay_out(relations.program, shared, end)
+        layout = lay_out(relations.program, shared, end, hold=True)
         if len(root_numbers(relations)):
             body = roots_body(relations, layout)
             roots = compile_function("roots", function("roots", ["x", "values", "data", "index"], body, ROOTS), body, layout)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import Kernel
 from gearlib.native.consecutive import coefficient_batches, has_runs, run_index, run_lines, starts_of_runs
 from gearlib.native.identifiers import identifiers
-from gearlib.native.layout import EACH, Layout
+from gearlib.native.layout import EACH, Held, Layout
 from gearlib.program.program import LOST, ROUNDING, Batch, Linear, Newton, Program
 from gearlib.program.text import expression
 
@@ -166,7 +166,9 @@ def _guard(divisor: str, numerator: str, value: str, quotient: str, place: str) 
 CLOSING = 6  # lines at the end of a looped body that store the derivatives
 
 
-def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: bool = False) -> Body:
+def looped(
+    program: Program, layout: Layout, guarded: bool = False, forgiving: bool = False, holding: bool = True
+) -> Body:  # fmt: skip
     """Looped source, one loop per kernel and level; its size depends only on the kinds of equations.
 
     ``guarded``: no divisor may pass through zero. ``forgiving``: equations without a solution leave their unknowns unchanged.
@@ -186,7 +188,7 @@ def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: b
         body.lines += ["for k in range(m):", "    data[v + n + k] = data[u + k]"]
     pieces: list[Body] = []
     memory = layout.guards - len(program.iterated)
-    block = 0
+    block, held = 0, iter(layout.held)
     for step in program.steps:
         if isinstance(step, Batch):
             for rows in sign_groups(step, body.signed):
@@ -204,7 +206,8 @@ def looped(program: Program, layout: Layout, guarded: bool = False, forgiving: b
             _linear(pieces[-1], step, layout.solutions[block], layout.needed[block])
             block += 1
         else:
-            _newton(pieces[-1], step, memory, forgiving)
+            kept = next(held)
+            _newton(pieces[-1], step, memory, forgiving, kept if holding else None)
             memory += not step.linear
     body.include_all(pieces)
     if guarded and program.guards:
@@ -330,29 +333,69 @@ def _linear(body: Body, step: Linear, place: int, rows: Integers) -> None:
     ]
 
 
-def _newton(body: Body, step: Newton, memory: int, forgiving: bool) -> None:
+def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: Held | None) -> None:
     """Newton's iteration; ``memory`` holds the logarithm of the first determinant.
 
     If the determinant has fallen to a ten-thousandth of it, another solution branch is near and the evaluation fails; with constraints
     on the states, already at a fifth, since the states may soon no longer determine the unknowns, and `gearlib.run.state_switching`
     looks for others.
+
+    ``held``: a matrix that only events change is factorised when they have changed it, for a right-hand side per equation that is not
+    zero where all unknowns are; until the next change the solution is a product. Dependent equations are eliminated in each evaluation.
     """
     n = len(step.unknowns)
+    columns = 0 if held is None else len(held.known)
     unknowns = body.array(step.unknowns)
+    turns = str(2 if step.linear else 25)
     body.lines += [
-        f"h, z = {body.array([n, step.lead, memory])}, {unknowns}",
-        "q, lead = index[h], index[h + 1]",
-        f"for iteration in range({2 if step.linear else 25}):",
-        "    for k in range(q + q * q):",
+        f"h, z = {body.array([n, step.lead, memory, n * (1 + columns), columns])}, {unknowns}",
+        "q, lead, a = index[h], index[h + 1], w + index[h + 3]",
+    ]
+    if held is not None:
+        turns = f"0 if data[p] == 1.0 else {turns}"
+        body.lines += [
+            f"p, o = {body.array([held.place])}, {body.array([len(held.modes), *held.modes])}",
+            "p = index[p]",
+            "for k in range(index[o]):",
+            "    if data[p + 1 + k] != data[r + index[o + 1 + k]]:",
+            "        data[p] = 0.0",
+            "        data[p + 1 + k] = data[r + index[o + 1 + k]]",
+        ]
+    body.lines += [
+        f"for iteration in range({turns}):",
+        "    for k in range(a + q * q - w):",
         "        data[w + k] = 0.0",
     ]
     for batch in step.residuals:
         loop(body, batch, "data[w + {target}] += {value}", "    ")
     for batch in step.jacobian:
-        loop(body, batch, "data[w + q + {target}] += {value}", "    ")
+        loop(body, batch, "data[a + {target}] += {value}", "    ")
+    sides = "1"
+    if held is not None:
+        sides = "(1 + index[h + 4]) if data[p] == 0.0 else 1"
+        body.lines += [
+            f"    o = {body.array(held.known)}",
+            "    for k in range(index[h + 4]):",
+            "        data[w + q * (1 + k) + index[o + k]] = -1.0",
+        ]
     body.lines += [
-        "    if solve(data, w + q, w, q, lead) != 0:",
+        f"    if solve(data, a, w, q, {sides}, 1, lead) != 0:",
         "        break" if forgiving else "        return 1",
+    ]
+    if held is not None:
+        needed = body.array([len(held.needed), *held.needed])
+        body.lines += [
+            "    if data[p] == 0.0:",
+            "        data[p] = 2.0",
+            "        if data[a + q * q + q] > -1e299:",
+            "            data[p] = 1.0",
+            f"            g, o = p + 1 + {len(held.modes)}, {needed}",
+            "            for i in range(index[o]):",
+            "                for k in range(index[h + 4]):",
+            "                    data[g + i * index[h + 4] + k] = data[w + q * (1 + k) + index[o + 1 + i]]",
+            "            break",
+        ]
+    body.lines += [
         "    e, f = 0.0, 0.0",
         "    for k in range(q):",
         "        data[v + index[z + k]] -= data[w + k]",
@@ -362,6 +405,8 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool) -> None:
         else f"    if e <= 1e-14 * f + 1e-300 or (iteration > 7 and e <= {ROUNDING}):",
         "        break",
     ]
+    if held is not None:
+        body.lines += ["if data[p] == 1.0:", *(f"    {line}" for line in _product(body, held, step))]
     if not (step.linear or forgiving):
         body.lines += [
             f"if not e <= 1e-10 * f + {ROUNDING}:",
@@ -372,6 +417,33 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool) -> None:
             f"elif s < data[h] - {SMALLER_CONSTRAINED if step.constrained else SMALLER}:",
             "    return 1",
         ]
+
+
+def _product(body: Body, held: Held, step: Newton) -> list[str]:
+    """The unknowns that are used, by the solution matrix at hand."""
+    before, body.lines = body.lines, []
+    inside = [b.arguments[np.isin(b.arguments, step.unknowns) & (b.argument_signs != 0)] for b in held.rests]
+    zeros = np.unique(np.concatenate([np.empty(0, np.int64), *inside]))
+    body.lines += [
+        f"o = {body.array([len(zeros), *zeros])}",
+        "for k in range(index[o]):",
+        "    data[v + index[o + 1 + k]] = 0.0",
+        "for k in range(index[h + 4]):",
+        "    data[w + k] = 0.0",
+    ]
+    for batch in held.rests:
+        loop(body, replace(batch, targets=np.searchsorted(held.known, batch.targets)), "data[w + {target}] += {value}")
+    targets = step.unknowns[held.needed]
+    body.lines += [
+        f"g, o, c = p + 1 + {len(held.modes)}, {body.array([len(targets), *targets])}, index[h + 4]",
+        "for i in range(index[o]):",
+        "    s = 0.0",
+        "    for k in range(c):",
+        "        s += data[g + i * c + k] * data[w + k]",
+        "    data[v + index[o + 1 + i]] = s",
+    ]
+    found, body.lines = body.lines, before
+    return found
 
 
 def function(name: str, arguments: Sequence[str], body: Body, part: int) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.equations.kernel import Kernel, derivative_of, rest_of
+from gearlib.equations.kernel import Kernel, derivative_of, rest_of, without_columns
 from gearlib.structure.incidence import Node
 
 Integers = NDArray[np.int64]
@@ -149,6 +149,28 @@ class Newton:
     equations: Integers
     lead: int  # the first unknowns, which follow from the others in sequence: a leading lower triangular part of the matrix
     constrained: bool  # whether constraints on the states are among the equations, so that other states may be needed somewhere
+
+    @cached_property
+    def switched(self) -> bool:
+        """Whether the equations are linear with a matrix that only events change, as that of friction that sticks or slides."""
+        return self.linear and not any(b.kernel.columns or b.kernel.on_time for b in self.jacobian)
+
+    @cached_property
+    def modes(self) -> Integers:
+        """Entries of the discrete state that the matrix depends on."""
+        return np.unique(np.concatenate([np.empty(0, np.int64), *(b.relations.ravel() for b in self.jacobian)]))
+
+    @cached_property
+    def rests(self) -> tuple[Batch, ...]:
+        """The residuals of equations that are not zero where all unknowns are; targets: row."""
+        found = []
+        for batch in self.residuals:
+            inside = np.isin(batch.arguments, self.unknowns) & (batch.argument_signs != 0)
+            for pattern in np.unique(inside, axis=0):
+                without = frozenset(batch.kernel.columns[a] for a in np.flatnonzero(pattern))
+                if not without_columns(batch.kernel, without).is_zero:
+                    found.append(batch.take(np.flatnonzero((inside == pattern).all(axis=1))))
+        return tuple(found)
 
 
 Step = Batch | Linear | Newton

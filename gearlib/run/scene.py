@@ -162,7 +162,7 @@ class Scene:
         """The generated source of the derivatives."""
         names, program = self.model.parameters.names, self.program
         shared = Shared(len(names), self.n_modes, len(program.inputs))
-        return rhs_source(program, lay_out(program, shared, shared.size), lambda: self.slot_names, names)[0]
+        return rhs_source(program, lay_out(program, shared, shared.size, hold=True), lambda: self.slot_names, names)[0]
 
     @cached_property
     def native(self) -> NativeScene:

@@ -164,7 +164,7 @@ def memory(scene: Scene, data: Floats) -> tuple[Floats, Floats]:
     """Slots and modes where a run ended: its branch of nonlinear equations and the modes of friction are carried on."""
     program = scene.program
     shared = Shared(len(scene.model.parameters.names), scene.n_modes, len(program.inputs))
-    slots = data[lay_out(program, shared, shared.size).slots :][: program.n_slots]
+    slots = data[lay_out(program, shared, shared.size, hold=True).slots :][: program.n_slots]
     return slots.copy(), data[shared.relations :][: shared.n_modes].copy()
 
 

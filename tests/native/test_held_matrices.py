@@ -1,0 +1,102 @@
+"""Matrices that only events change: kept between events, and the same as an elimination in each evaluation."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import SolverError
+from gearlib.native.layout import lay_out, operations
+from gearlib.program.interpret import evaluate
+from gearlib.program.program import Newton
+
+MODEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[ctypes.c_void_p] * 4)
+
+
+class Gearbox(gl.Component):
+    """Two planetary sets with two brakes and two clutches; the second clutch is on a path that the first may close, too."""
+
+    parallel = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.engine, self.shaft = gp.ConstantTorque(tau_constant=40.0), gp.Inertia(J=0.3, start={"w": 30.0})
+        self.p, self.q = gp.IdealPlanetary(ratio=2.0), gp.IdealPlanetary(ratio=1.6)
+        self.A, self.B = gp.Brake(fn_max=100.0), gp.Brake(fn_max=150.0)
+        self.C, self.D = gp.Clutch(fn_max=120.0), gp.Clutch(fn_max=130.0)
+        self.sun, self.ring, self.out = gp.Inertia(J=0.02), gp.Inertia(J=0.03), gp.Inertia(J=2.0)
+        self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-20.0, w_nominal=10.0)
+        ends = (self.C.flange_a, self.C.flange_b) if self.parallel else (self.sun.flange_a, self.out.flange_b)
+        return [
+            gl.connect(self.engine.flange, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.p.carrier, self.C.flange_a),
+            gl.connect(self.p.sun, self.sun.flange_a, self.A.flange_a),
+            gl.connect(self.p.ring, self.q.sun, self.ring.flange_a, self.C.flange_b),
+            gl.connect(self.q.ring, self.B.flange_a),
+            gl.connect(self.q.carrier, self.out.flange_a),
+            gl.connect(self.D.flange_a, ends[0]),
+            gl.connect(self.D.flange_b, ends[1]),
+            gl.connect(self.out.flange_b, self.fan.flange),
+        ]
+
+
+@cache
+def compiled(parallel: bool) -> gl.System:
+    return gl.compile(Gearbox(parallel=parallel), outputs=["shaft.w", "out.w"])
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_rates_agree_with_the_interpreter_in_every_order_of_modes(parallel: bool) -> None:
+    scene = compiled(parallel).translation.scene
+    rng, model, program = np.random.default_rng(4), scene.model, scene.program
+    (block,) = [s for s in program.steps if isinstance(s, Newton)]
+    assert block.switched
+    numbers = scene.prepared(compiled(parallel).translation.parameter_values({}))
+    flags = scene.modes(numbers, np.zeros(1), np.zeros((len(scene.states), 1)), np.full((len(program.inputs), 1), 0.5))[:, 0]
+    data = scene.data(scene.native, numbers, np.zeros(len(program.inputs)), flags, np.zeros(model.n_variables))
+    shared, rhs = scene.native.shared, MODEL(scene.native.rhs.address)
+    agreed = 0
+    patterns = [np.where(rng.random(len(flags)) < 0.3, 1.0 - flags, flags) for _ in range(12)]
+    now = patterns[0]
+    for turn in range(60):
+        now = patterns[int(rng.integers(len(patterns)))] if turn % 3 == 0 else now  # each is met again, after others
+        x, u = rng.normal(size=len(scene.states)), rng.random(len(program.inputs))
+        data[shared.relations :][: shared.n_relations] = now
+        data[shared.inputs :][: shared.n_inputs] = u
+        rates = np.empty(len(scene.states))
+        status = rhs(0.1, x.ctypes.data, rates.ctypes.data, data.ctypes.data, scene.native.index.ctypes.data)
+        try:
+            slots = evaluate(numbers.main, np.array([0.1]), x[:, None], u[:, None], now[:, None])[:, 0]
+        except SolverError:
+            assert status != 0
+            continue
+        assert status == 0
+        right = slots[program.output_slots]
+        rounding = 1e-9 * float(np.abs(right).max()) + 1e-11  # where it is stuck, zero is a difference of some 100 rad/s2
+        assert rates == pytest.approx(right, rel=1e-9, abs=rounding)
+        agreed += 1
+    assert agreed > 20
+
+
+def test_an_evaluation_costs_a_product_and_no_elimination() -> None:
+    program = compiled(False).translation.scene.program
+    layout = compiled(False).translation.scene.native.rhs.layout
+    without = lay_out(program, layout.shared, layout.shared.size)
+    assert 10.0 * operations(program, layout) < operations(program, without)
+
+
+def test_parallel_clutches_stuck_together_share_a_torque() -> None:
+    """Both close on one path, so that their equations depend on each other: the train turns as with one clutch of both capacities."""
+    system = compiled(True)
+    pressed = {"A.f_normalized": 0.0, "B.f_normalized": 1.0, "C.f_normalized": 0.5, "D.f_normalized": 0.5}
+    run = system.simulate(2.0, inputs=pressed, rtol=1e-8)
+    closed = {**pressed, "C.f_normalized": 0.5 + 0.5 * 130 / 120, "D.f_normalized": 0.0}
+    other = system.simulate(2.0, inputs=closed, rtol=1e-8)
+    assert run["out.w"] == pytest.approx(other["out.w"], rel=1e-6)
+    assert math.isfinite(float(run["shaft.w"][-1]))
