@@ -282,7 +282,9 @@ class System(Compiled):
             names those that the outputs depend on. Without ``outputs`` every variable is available, and the warning names all of them.
         max_step : float, optional
             Maximum step size, s. No event or pulse that lasts longer is stepped over. By default a hundredth of the run if there are
-            event functions; if time drives the scene, that or two sample intervals, whichever is shorter.
+            event functions or time drives the scene, and at most half the shortest period of what time drives, a sixteenth of it if
+            there are event functions. If that is unknown, as for a Python function among the inputs, it is two sample intervals,
+            and ``stats["max_step"]`` says why.
         progress : bool
             Whether to show progress; or a callback.
         audit : bool

@@ -23,6 +23,7 @@ from gearlib.program.program import Newton, Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.recent import recent
 from gearlib.reduce.reduction import Structure
+from gearlib.run.fastest_drive import FastestDrive, fastest_drive
 from gearlib.run.time_switches import TimeSwitches, time_switches
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
@@ -149,6 +150,11 @@ class Scene:
     def time_switches(self) -> TimeSwitches:
         """Switching times of conditions on time."""
         return time_switches(self.relations)
+
+    @cached_property
+    def fastest_drive(self) -> FastestDrive:
+        """How fast time drives it."""
+        return fastest_drive(self.program, self.relations)
 
     @cached_property
     def slot_names(self) -> list[str]:

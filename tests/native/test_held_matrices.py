@@ -67,7 +67,7 @@ def test_rates_agree_with_the_interpreter_in_every_order_of_modes(parallel: bool
     for turn in range(60):
         now = patterns[int(rng.integers(len(patterns)))] if turn % 3 == 0 else now  # each is met again, after others
         x, u = rng.normal(size=len(scene.states)), rng.random(len(program.inputs))
-        data[shared.relations :][: shared.n_relations] = now
+        data[shared.relations :][: shared.n_modes] = now
         data[shared.inputs :][: shared.n_inputs] = u
         rates = np.empty(len(scene.states))
         status = rhs(0.1, x.ctypes.data, rates.ctypes.data, data.ctypes.data, scene.native.index.ctypes.data)

@@ -55,8 +55,51 @@ def test_a_pulse_on_a_body_at_rest(free: gl.System, method: str, width: float) -
 @pytest.mark.parametrize("method", ["rk8", "ida"])
 def test_a_step_limit_that_is_given(free: gl.System, method: str) -> None:
     options: dict[str, Any] = {"times": [0.0, 10.0], "method": method, "parameters": {"width": 0.001}}
-    assert abs(free.simulate(10.0, **options)["body.w"][-1]) < 1e-6  # stepped over: nothing else is sampled
+    assert abs(free.simulate(10.0, max_step=1.0, **options)["body.w"][-1]) < 1e-6  # stepped over
     assert free.simulate(10.0, max_step=1e-3, **options)["body.w"][-1] == pytest.approx(3e-3 * math.sqrt(math.pi), rel=1e-4)
+
+
+class Opaque(gl.Component):
+    """A torque that is given to a body with a fan, or a pulse whose width cannot be told from its expression."""
+
+    pulse = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        tau = {"tau": 3 / (1 + ((gl.time - 5) / 0.05) ** 2)} if self.pulse else {}
+        self.torque, self.body = gp.Torque(**tau), gp.Inertia(J=1.0)
+        self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-1e-9, w_nominal=1.0, torque_direction=False)
+        return [gl.connect(self.torque.flange, self.body.flange_a), gl.connect(self.body.flange_b, self.fan.flange)]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("component", [Pulse(stuck=True), Swing()])
+def test_samples_do_not_change_the_steps(component: gl.Component, method: str) -> None:
+    system = gl.compile(component, outputs=["body.w", "body.phi"])
+    runs = [system.simulate(10.0, samples=samples, method=method) for samples in (2, 11, 2001)]
+    assert len({(r.stats["steps"], tuple(r.events)) for r in runs}) == 1
+    assert not any("max_step" in r.stats for r in runs)
+    for name in ("body.w", "body.phi"):
+        np.testing.assert_array_equal(runs[1][name], runs[2][name][::200])
+
+
+@pytest.mark.parametrize("method", ["rk8", "ida"])
+def test_a_pulse_between_two_samples_is_found(free: gl.System, method: str) -> None:
+    found = free.simulate(10.0, samples=2, method=method, parameters={"width": 0.001})["body.w"][-1]
+    assert found == pytest.approx(3e-3 * math.sqrt(math.pi), rel=1e-3)
+
+
+@pytest.mark.parametrize("pulse", [False, True])
+def test_what_is_not_known_follows_the_samples_and_says_so(pulse: bool) -> None:
+    system = gl.compile(Opaque(pulse=pulse), outputs=["body.w"])
+    inputs = None if pulse else {"torque.tau": lambda t: 3 / (1 + ((t - 5) / 0.05) ** 2)}
+    run = system.simulate(10.0, samples=1001, inputs=inputs)
+    said = "an expression of time" if pulse else "torque.tau: a Python function"
+    assert run.stats[
+        "max_step"
+    ] == f"two sample intervals, because of {said}, whose shortest pulse is not known; give max_step".replace(
+        "time, whose", "time whose"
+    )
+    assert run["body.w"][-1] == pytest.approx(0.3 * math.atan(100), rel=1e-4)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -126,6 +126,8 @@ def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
         found = solution.x[:, n:] if n else np.empty((len(solution.x), 0))
         solution = replace(solution, tangents=found.reshape(len(found), n, len(run.tangents.directions)))
     stats: dict[str, Any] = {"method": name, "why": why, "states": n, **solution.stats}
+    if limited := run.follows_samples:
+        stats["max_step"] = f"two sample intervals, because of {limited}; give max_step"
     if handed is not None:
         branch = handed.slots(solution.x_last)
         solution = replace(solution, algebraic=handed.histories(solution.x), branch=branch)

@@ -17,6 +17,9 @@ from gearlib.run.tangents.tangents import Tangents
 from gearlib.solvers.inputs.table import Table
 
 Floats = NDArray[np.float64]
+# Longest step in periods of the fastest sinusoid of time: enough for the stages of a step to see it; for events, of which one may last
+# a tenth of a period
+SEEN, SEARCHED = 0.5, 1 / 16
 LATE = 100.0  # start time over run length at which the clock's resolution counts as coarse
 LEAST_STEPS = 100  # assumed number of steps before it is known
 
@@ -48,15 +51,35 @@ class Run:
     def longest_step(self) -> float:
         """Largest step that cannot skip an event, or a pulse that lasts longer than it.
 
-        With event functions, a hundredth of the run by default; where time drives the scene, at most two sample intervals as well,
-        since a pulse between two steps would go unnoticed.
+        Where there are events that are searched for, or time drives the scene, a hundredth of the run by default; where time drives it,
+        also a share of its shortest period; see `follows_samples` for where that is not known.
         """
         if self.max_step is not None:
             return self.max_step
         scene, share = self.scene, 0.01 * float(self.times[-1] - self.times[0]) or math.inf
-        if self.driven:
+        searched = scene.relations is not None and not scene.relations.on_time.all()
+        if self.follows_samples:
             return min(2.0 * float(np.diff(self.times).max(initial=0.0)), share) or math.inf
-        return share if scene.relations is not None and not scene.relations.on_time.all() else math.inf
+        if self.driven:
+            rate = scene.fastest_drive(self.numbers.parameters)
+            return min(share, (SEARCHED if searched else SEEN) * math.tau / rate) if rate else share
+        return share if searched else math.inf
+
+    @property
+    def follows_samples(self) -> str:
+        """Why steps are limited to two sample intervals: a pulse between two steps would not be noticed. Or nothing."""
+        if self.max_step is not None:
+            return ""
+        names = [
+            self.scene.model.name(v)
+            for (v, _), s in zip(self.scene.program.inputs, self.signals, strict=False)
+            if is_function(s)
+        ]
+        if names:
+            return f"{', '.join(names)}: a Python function, whose shortest pulse is not known"
+        if self.driven and not self.scene.fastest_drive.known:
+            return "an expression of time whose shortest pulse is not known"
+        return ""
 
     @property
     def driven(self) -> bool:
