@@ -73,6 +73,7 @@ def _driven(program: Program, relations: Relations | None) -> Iterable[Batch]:
         for batch in [step] if isinstance(step, Batch) else step.residuals if isinstance(step, Newton) else ():
             if batch.kernel.on_time:
                 yield batch
-    for batch in () if relations is None else relations.batches:
-        if batch.kernel.on_time and not relations.on_time[np.isin(relations.used, batch.targets)].all():
-            yield batch
+    if relations is not None:
+        for batch in relations.batches:
+            if batch.kernel.on_time and not relations.on_time[np.isin(relations.used, batch.targets)].all():
+                yield batch
