@@ -78,6 +78,7 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
         *(f"    {line}" for line in forget),
         "    for k in range(nd):",
         "        data[r + nr + nd + k] = data[r + nr + k]",
+        *_started(model),
         "    if moved == 0:",
         "        break",
         "    result = max(result, 1)",
@@ -90,6 +91,11 @@ def update_body(relations: Relations, layout: Layout, model: FlatModel, guards: 
     return body
 
 
+def _started(model: FlatModel) -> list[str]:
+    """After the first iteration the run is not being started any more."""
+    return ["    data[r + nr + 2 * nd] = 0.0"] if len(model.discretes) else []
+
+
 def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
     """Body of the event iteration at the start of a run, for relations and discrete variables as `modes_at_start` finds them.
 
@@ -98,7 +104,6 @@ def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
     """
     body = looped(relations.program, layout, forgiving=True, holding=False)
     passes = _passes(body, relations, model, None)
-    started = ["    data[r + nr + 2 * nd] = 0.0"] if len(model.discretes) else []
     body.lines = [
         *passes,
         "    moved = 0",
@@ -106,7 +111,7 @@ def settle_body(relations: Relations, layout: Layout, model: FlatModel) -> Body:
         "        if data[r + nr + nd + k] != data[r + nr + k]:",
         "            moved = 1",
         "        data[r + nr + nd + k] = data[r + nr + k]",
-        *started,
+        *_started(model),
         "    if changed != 0 or moved == 0:",
         "        break",
     ]  # fmt: skip

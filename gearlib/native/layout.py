@@ -43,7 +43,7 @@ class Shared:
 
 
 @dataclass(frozen=True)
-class Held:
+class KeptMatrix:
     """Where the solution matrix of a block is kept whose matrix only events change, and what it depends on.
 
     At ``place`` stand whether there is one (1; 2 where equations depend on each other), the modes that it was computed for, and its
@@ -72,7 +72,7 @@ class Layout:
     guards: int  # per divisor: its sign (0.5 if stale since an event), the largest magnitudes of it and of its numerator
     size: int  # end of the section
     needed: tuple[Integers, ...]  # per linear block: the unknowns that anything uses
-    held: tuple[Held | None, ...]  # per Newton block
+    held: tuple[KeptMatrix | None, ...]  # per Newton block
 
     @property
     def relations(self) -> int:
@@ -116,7 +116,7 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
             if hold and step.switched and n <= MOST_HELD:
                 rests = step.rests
                 known = np.unique(np.concatenate([np.empty(0, np.int64), *(b.targets for b in rests)]))
-                kept = Held(at, step.modes, np.flatnonzero(used[step.unknowns]), rests, known)
+                kept = KeptMatrix(at, step.modes, np.flatnonzero(used[step.unknowns]), rests, known)
                 at += kept.size
             held.append(kept)
             # right-hand sides, matrix, column order

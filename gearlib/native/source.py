@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import Kernel
 from gearlib.native.consecutive import coefficient_batches, has_runs, run_index, run_lines, starts_of_runs
 from gearlib.native.identifiers import identifiers
-from gearlib.native.layout import EACH, Held, Layout
+from gearlib.native.layout import EACH, KeptMatrix, Layout
 from gearlib.program.program import LOST, ROUNDING, Batch, Linear, Newton, Program
 from gearlib.program.text import expression
 
@@ -333,7 +333,7 @@ def _linear(body: Body, step: Linear, place: int, rows: Integers) -> None:
     ]
 
 
-def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: Held | None) -> None:
+def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMatrix | None) -> None:
     """Newton's iteration; ``memory`` holds the logarithm of the first determinant.
 
     If the determinant has fallen to a ten-thousandth of it, another solution branch is near and the evaluation fails; with constraints
@@ -419,7 +419,7 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: Held |
         ]
 
 
-def _product(body: Body, held: Held, step: Newton) -> list[str]:
+def _product(body: Body, held: KeptMatrix, step: Newton) -> list[str]:
     """The unknowns that are used, by the solution matrix at hand."""
     before, body.lines = body.lines, []
     inside = [b.arguments[np.isin(b.arguments, step.unknowns) & (b.argument_signs != 0)] for b in held.rests]

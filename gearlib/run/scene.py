@@ -23,8 +23,7 @@ from gearlib.program.program import Newton, Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.recent import recent
 from gearlib.reduce.reduction import Structure
-from gearlib.run.fastest_drive import FastestDrive, fastest_drive
-from gearlib.run.time_switches import TimeSwitches, time_switches
+from gearlib.run.time_switches import FastestDrive, TimeSwitches, fastest_drive, time_switches
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
 
@@ -69,6 +68,7 @@ class Scene:
     _computing: dict[Node, Program] = field(default_factory=dict)
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
     _prepared: dict[bytes, Numbers] = field(default_factory=dict)
+    constraints: dict[tuple[Node, ...], Any] = field(default_factory=dict)  # on start values, made by `start_values`
     forms: dict[str, Any] = field(default_factory=dict)  # made by `scene_form` and `linear_form`
     tangent_codes: dict[Any, Any] = field(default_factory=dict)  # made by `gearlib.run.tangents.tangents`
 
@@ -331,16 +331,22 @@ def relation_names(structure: Structure, relations: Relations | None) -> dict[in
     return owner
 
 
+def modes_before(model: FlatModel, discretes: Floats | None = None) -> Floats:
+    """Discrete state before the event iteration of a start: no relation holds, and discrete variables have their start values."""
+    modes = np.zeros(model.n_modes)
+    n, d = model.n_relations, len(model.discretes)
+    modes[n : n + d] = modes[n + d : n + 2 * d] = model.discretes.starts if discretes is None else discretes
+    modes[n + 2 * d :] = 1.0
+    return modes
+
+
 def modes_at_start(
     model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
     discretes: Floats | None = None, guess: Floats | None = None,
 ) -> Floats:  # fmt: skip
     """Relations and discrete variables of a run that starts at a time, shape (modes, times)."""
-    modes = np.zeros((model.n_modes, len(t)))
     n, d = model.n_relations, len(model.discretes)
-    if d:
-        modes[n : n + d] = modes[n + d : n + 2 * d] = (model.discretes.starts if discretes is None else discretes)[:, None]
-        modes[n + 2 * d] = 1.0
+    modes = np.repeat(modes_before(model, discretes)[:, None], len(t), axis=1)
     for _ in range(100):
         for _ in range(100):
             # only the final modes must admit a solution: on the way, a moving friction element may be tried as stuck

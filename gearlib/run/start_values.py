@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from gearlib.errors import NameLookupError, StartError
 from gearlib.flatten.model import FlatModel
 from gearlib.program.build import build
-from gearlib.program.derivative_plan import derivative_plan
+from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.derivatives import At, dense, entries
 from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Program
-from gearlib.program.relations import relations_of
+from gearlib.program.relations import Relations, relations_of
 from gearlib.reduce.coefficients import start_guess
 from gearlib.reduce.reduction import Structure
 from gearlib.run.scene import Scene, modes_at_start, node_name
@@ -186,6 +186,36 @@ class _Change:
         return cls(seeds, given, np.where(orders[:, None] == 0, given[variables], 0.0))
 
 
+@dataclass(frozen=True, eq=False)
+class _Constraints:
+    """Equations of fixed start values that are no states: the program that computes these from all states, and its derivatives."""
+
+    here: Scene  # with all states
+    program: Program
+    plan: DerivativePlan
+    relations: Relations | None
+
+    @classmethod
+    def of(cls, structure: Structure, others: Sequence[Node]) -> _Constraints:
+        n, program = len(structure.states), build(structure, others, structure.states, dynamic=False)
+        plan = derivative_plan(program, [(i, i) for i in range(n)], program.output_slots, n)
+        relations = relations_of(structure, program) if structure.model.n_modes else None
+        used = relations is not None and (len(relations.used) > 0 or bool(relations.discretes))
+        return cls(Scene(structure, structure.states), program, plan, relations if used else None)
+
+    def modes(
+        self, parameters: Floats, t: Floats, inputs: Floats, guess: Floats, discretes: Floats | None
+    ) -> Callable[[Floats], Floats]:  # fmt: skip
+        """The modes of the program at a start, as a function of the states."""
+        model, relations = self.here.model, self.relations
+        if relations is None:
+            none = np.zeros((model.n_modes, 1))
+            return lambda x: none
+        prepared = prepare(relations.program, self.here.structure, parameters)
+        start = self.here.guess(relations.program, guess)
+        return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs, discretes, start)
+
+
 def _satisfy(
     structure: Structure, scene: Scene, parameters: Floats, inputs: Floats, t: float, x: Floats, guess: Floats,
     others: list[Node], fixed: dict[int, tuple[float, str]], free: list[int], own: Collection[int] = (),
@@ -196,17 +226,17 @@ def _satisfy(
     A variable given for this run (one of ``own``) that follows from a single state stands for that state, so that the model's start
     value of the state gives way.
     """
-    program = build(structure, others, structure.states, dynamic=False)
+    constraints = scene.constraints.get(tuple(others))
+    if constraints is None:
+        constraints = scene.constraints[tuple(others)] = _Constraints.of(structure, others)
+    here, program, plan = constraints.here, constraints.program, constraints.plan
     prepared = prepare(program, structure, parameters)
     wanted = np.array([fixed[v][0] for v, _ in others])
-    here = Scene(structure, structure.states)
     start = here.guess(program, guess)
     slots_of = program.output_slots
     u, now = inputs[:, None], np.array([t])
-    settle = _modes_of(here, program, parameters, now, u, guess, discretes)
+    settle = constraints.modes(parameters, now, u, guess, discretes)
     flags = settle(x)
-
-    plan = derivative_plan(program, [(i, i) for i in range(len(x))], slots_of, len(x))
 
     def gradients(slots: Floats) -> Floats:
         gradient: Floats = dense(plan, entries(plan, At(prepared, now, slots, flags)))[0]
@@ -280,26 +310,6 @@ def _follows(structure: Structure, name: str, gradient: Floats) -> str:
     """The states that a variable is computed from, as the end of a message."""
     states = [node_name(structure.model, structure.states[i]) for i in np.flatnonzero(gradient).tolist()]
     return f"; {name} follows from {', '.join(states[:6])}{', ...' if len(states) > 6 else ''}" if states else ""
-
-
-def _modes_of(
-    scene: Scene,
-    program: Program,
-    parameters: Floats,
-    t: Floats,
-    inputs: Floats,
-    guess: Floats,
-    discretes: Floats | None = None,
-) -> Callable[[Floats], Floats]:
-    """The modes of a program at the start, as a function of the states."""
-    structure, model = scene.structure, scene.model
-    relations = relations_of(structure, program) if model.n_modes else None
-    if relations is None or not (len(relations.used) or relations.discretes):
-        none = np.zeros((model.n_modes, 1))
-        return lambda x: none
-    prepared = prepare(relations.program, structure, parameters)
-    start = scene.guess(relations.program, guess)
-    return lambda x: modes_at_start(model, relations, prepared, t, x[:, None], inputs, discretes, start)
 
 
 def _independent(matrix: Floats) -> NDArray[np.int64]:

@@ -27,7 +27,7 @@ class Drive(gl.Component):
             "power": gl.sin(w * t) ** 4,
             "bell": gl.exp(-((w * (t - 1)) ** 2) / 2),
             "decay": gl.exp(-3 * t) * t,
-            "chirp": gl.sin(w * t**2),
+            "chirp": gl.sin((w * t) ** 2),
             "quotient": 1 / (2 + gl.sin(w * t)),
         }[self.kind]
         self.torque, self.body = gp.Torque(tau=tau), gp.Inertia(J=1.0)

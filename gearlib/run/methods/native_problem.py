@@ -15,7 +15,7 @@ from gearlib.native.layout import EACH, Shared, lay_out, operations
 from gearlib.native.scene_functions import NativeScene
 from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
-from gearlib.run.scene import Scene, settle_once
+from gearlib.run.scene import Scene, modes_before, settle_once
 from gearlib.run.tangents.event_tangents import EventTangents
 from gearlib.run.tangents.tangents import tangent_code
 from gearlib.solvers.inputs.callback import Callbacks, with_callbacks
@@ -25,6 +25,7 @@ from gearlib.solvers.problem import Effort, Native, Problem, Solution
 Floats = NDArray[np.float64]
 MOST_STEPS = 100_000_000
 MOST_STEPS_CONSTRAINED = 500_000  # with nonlinear constraints, whose steps shrink without end near a singularity
+_MODEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *(ctypes.c_void_p,) * 4)
 # Measured, ns: call of a native function, one addition in it, call of a Python function, look-up in a table
 CALL, ADDITION, CALLBACK, LOOK_UP = 15.0, 0.3, 1500.0, 30.0
 
@@ -40,7 +41,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     inputs = values(run.signals, run.times[:1], len(program.inputs))[:, 0]
     modes = run.modes
     if modes is None:
-        modes = scene.modes(run.numbers, run.times[:1], run.start.states[:, None], inputs[:, None], start=run.start.guess)[:, 0]
+        modes = first_modes(run, native, inputs)
     data = scene.data(native, run.numbers, inputs, modes, run.start.guess, run.slots)
     if code is not None and tangents is not None:
         if run.slots is None:  # the run begins here
@@ -58,6 +59,23 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
         run, callbacks, scene, native, data, np.append(run.start.states, nothing), np.append(scene.nominal, nothing),
         np.ones(max(len(scene.states), 1), bool), run.atol if scene.states else None,
     )  # fmt: skip
+
+
+def first_modes(run: Run, native: NativeScene, inputs: Floats) -> Floats:
+    """Relations and discrete variables in which a run begins, shape (modes,): by the compiled event iteration where it settles.
+
+    That does not re-initialise states, and comes to its end, where it sets the sides of all event functions, only if all equations on
+    the way have a solution: friction that moves may be tried as stuck. The interpreter does all else.
+    """
+    scene, start, t = run.scene, run.start, float(run.times[0])
+    relations = scene.relations
+    if relations is not None and native.update is not None and not (relations.on_time.all() or relations.reinits):
+        data = scene.data(native, run.numbers, inputs, modes_before(scene.model), start.guess)
+        x, fired = start.states.copy(), np.zeros(len(relations.used), np.int32)
+        update = _MODEL(native.update.address)
+        if update(t, x.ctypes.data, fired.ctypes.data, data.ctypes.data, native.index.ctypes.data) >= 0 and fired[0]:
+            return data[native.shared.relations :][: native.shared.n_modes].copy()
+    return scene.modes(run.numbers, run.times[:1], start.states[:, None], inputs[:, None], start=start.guess)[:, 0]
 
 
 def _handed_problem(run: Run, callbacks: Callbacks, form: SceneForm) -> Problem:
