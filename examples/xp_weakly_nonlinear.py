@@ -3,9 +3,9 @@ The XP train with backlash
 ==========================
 
 Zhou and Cui [1]_ compare the linear XP train with a "weakly nonlinear" one (Fig. 6) without saying what makes it nonlinear. Here
-all three meshes have a backlash of 100 µm. Under 100 N.m each is pressed together by 4.6 µm, and a transmission error of 1 µm excites
-them. Where the resonance near 930 Hz makes a mesh vibrate by more than it is pressed together, its flanks part: the resonance bends to
-lower speeds, and between two folds there are two stable motions.
+one, two or all three meshes have a backlash of 100 µm. Under 100 N.m each is pressed together by 4.6 µm, and a transmission error
+of 1 µm excites them. Where the resonance near 930 Hz makes a mesh vibrate by more than it is pressed together, its flanks part: the
+resonance bends to lower speeds, and between two folds there are two stable motions.
 
 Three roads: the describing function (one harmonic), harmonic balance of the whole train, and time integration that starts from
 either side. The linear train has no folds, and the same verdict at every speed.
@@ -25,18 +25,21 @@ import gearparts as gp
 FIGURES = Path("examples/figures" if Path("examples").is_dir() else "figures")
 FIGURES.mkdir(exist_ok=True)
 GAP = (("backlash", True), ("b", 100e-6))
+MESHES = ("ring", "sun", "pair")
 
 
 class Loaded(gl.Component):
     """The XP train between a constant torque and a damper; all meshes have the transmission error ``E sin(w t)``."""
 
-    backlash = gl.Structural(True, "whether the meshes have backlash")
+    gaps = gl.Structural(MESHES, "meshes that have backlash")
     E = gl.Parameter("m", "amplitude of the transmission error", default=1e-6)
     w = gl.Parameter("rad/s", "its angular frequency", default=8500.0)
     q = gl.Variable("m", "deflection of the ring's mesh")
+    q_sun = gl.Variable("m", "deflection of the sun's mesh")
+    q_pair = gl.Variable("m", "deflection of the P unit's mesh")
 
     def assemble(self):
-        details = {f"{mesh}_details": GAP for mesh in ("ring", "sun", "pair")} if self.backlash else {}
+        details = {f"{mesh}_details": GAP for mesh in self.gaps}
         self.drive, self.ground = gp.ConstantTorque(tau_constant=100.0), gp.Fixed()
         self.train = gp.XPTrain(Z_s=19, Z_p=31, Z_r=81, e_rate=self.E * self.w * gl.cos(self.w * gl.time), **details)
         self.load = gp.Damper(d=1800 * 0.075**2)
@@ -47,30 +50,60 @@ class Loaded(gl.Component):
         ]
 
     def equations(self):
-        return [gl.Eq(self.q, self.train.x_unit.ring_mesh.q)]
+        unit = self.train.x_unit
+        meshes = (unit.ring_mesh, unit.sun_mesh, self.train.p_unit.mesh)
+        return [gl.Eq(q, mesh.q) for q, mesh in zip((self.q, self.q_sun, self.q_pair), meshes)]
 
 
 # %%
 # The linear train first: stable, and passive whatever its parameters.
 
-linear = gl.compile(Loaded(backlash=False), outputs=["q"])
+linear = gl.compile(Loaded(gaps=()), outputs=["q"])
 print(gl.stability(linear))
 
 # %%
-# With backlash: the motion at rest, under the torque alone, is where the search for vibrations begins.
+# With backlash: the motion at rest, under the torque alone, is where the search for vibrations begins. The branch of periodic motions is
+# followed through its folds, where runs jump; the Floquet multipliers of each motion say whether it is stable.
 
-system = gl.compile(Loaded(), outputs=["q", "load.w_rel"])
-rest = system.simulate(3.0, samples=2, parameters={"E": 0.0})
-guess = {name: float(rest[name][-1]) for name in system.states}
+FROM, TO = 5900.0, 5000.0
+
+
+def follow(gaps, **options):
+    """The train with backlash in these meshes, its rest, and its branch of periodic motions."""
+    system = gl.compile(Loaded(gaps=gaps), outputs=["q", "q_sun", "q_pair"])
+    rest = system.simulate(3.0, samples=2, parameters={"E": 0.0})
+    guess = {name: float(rest[name][-1]) for name in system.states}
+    outputs = ["q", "q_sun", "q_pair"]
+    return system, guess, gl.harmonic_balance(system, FROM, TO, frequency="w", guess=guess, outputs=outputs, **options)
+
+
+def parted(branch, name):
+    """Whether the flanks of a mesh part, for each motion of a branch."""
+    waves = (branch.waveform(name, n, 64)[1] for n in range(len(branch.omega)))
+    return np.array([np.abs(wave).min() < 50e-6 for wave in waves])
+
+
+system, guess, branch = follow(MESHES, step=0.08)
+single = gl.harmonic_balance(system, FROM, TO, frequency="w", guess=guess, outputs=["q"], harmonics=1, step=0.12)
 pressed = guess["q"] - 50e-6
-print(f"\nthe ring's mesh is pressed together by {1e6 * pressed:.3f} um")
-
-branch = gl.harmonic_balance(system, 5900.0, 5000.0, frequency="w", guess=guess, outputs=["q"], step=0.06)
-single = gl.harmonic_balance(system, 5900.0, 5000.0, frequency="w", guess=guess, outputs=["q"], harmonics=1, step=0.06)
-print(f"{branch.reached}; folds at {', '.join(f'{w:.1f}' for w in branch.fold_omega)} rad/s")
+print(f"\nthe ring's mesh is pressed together by {1e6 * pressed:.3f} um\n{branch.reached}")
 print(f"one harmonic (describing function): folds at {', '.join(f'{w:.1f}' for w in single.fold_omega)} rad/s")
+print("\nbacklash in       folds, rad/s       motions by Floquet              flanks part, rad/s (ring, sun, P unit)")
+branches = {MESHES: branch} | {gaps: follow(gaps, step=0.25)[2] for gaps in (("ring",), ("sun", "pair"))}
+for gaps, found in branches.items():
+    folds = ", ".join(f"{w:.1f}" for w in found.fold_omega) or "none"
+    between = found.omega[~found.stable]
+    verdict = f"unstable {between.min():.0f} to {between.max():.0f}" if len(between) else "stable"
+    lost = []
+    for mesh, name in zip(MESHES, ("q", "q_sun", "q_pair")):
+        apart = found.omega[parted(found, name)] if mesh in gaps else np.array([])
+        lost.append(f"{apart.min():.0f} to {apart.max():.0f}" if len(apart) else "never")
+    print(f"{', '.join(gaps):16} {folds:18} {verdict:30}  {'; '.join(lost)}")
+print("none (linear)    none               stable at every speed, and passive")
 
 # %%
+# The ring's mesh alone parts: it vibrates most at this resonance. Gaps in the others stay closed by the load, and change nothing.
+#
 # Time integration finds the motion that its start leads to: from rest the small one, from a large motion the large one, if there is
 # one. Each run lasts until it repeats.
 

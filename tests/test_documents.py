@@ -74,12 +74,39 @@ def test_every_page_is_in_the_navigation() -> None:
     assert sorted(named) == sorted({"gallery/index"} | {page.stem for page in docs.glob("*.md")} - {"index"})
 
 
-def test_files_that_the_row_by_row_page_names_exist() -> None:
+def paper_rows() -> list[list[str]]:
+    """Cells of the table of `docs/paper.md`, without its head."""
     page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
-    named = re.findall(r"`((?:tests|examples|gearparts)/[\w/]+(?:\.py)?)`", page)
-    assert len(named) > 10
-    missing = [n for n in named if not ((ROOT / n).exists() or (ROOT / "library" / n).exists())]
-    assert missing == []
+    rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in page.splitlines() if line.startswith("| ")]
+    return rows[1:]
+
+
+def test_every_row_of_the_paper_has_a_file_a_test_and_what_differs() -> None:
+    rows = paper_rows()
+    assert [row for row in rows if len(row) != 4 or not all(row)] == []
+    sections = ["1", "2.1.1", "2.1.2", "2.1.3", "2.2.1", "2.2.2", "2.2.3", "3", "4.1", "4.2", "4.3.1", "4.3.2", "4.3.3", "5"]
+    first = [row[0] for row in rows]
+    assert [found[0] for cell in first if (found := re.match(r"[\d.]+(?=[ ,])", cell))] == sections
+    for word, last in {"Fig.": 8, "Table": 4}.items():
+        assert sorted(int(n) for cell in first for n in re.findall(rf"{re.escape(word)} (\d)", cell)) == [*range(1, last + 1)]
+    assert sorted(int(n) for cell in first for n in re.findall(r"\((\d)\)", cell)) == [*range(1, 10)]
+
+
+def test_what_the_row_by_row_page_names_exists() -> None:
+    rows = paper_rows()
+    cells = " ".join(cell for row in rows for cell in row)
+    files = re.findall(r"`((?:tests|examples|gearparts)/[\w/]+(?:\.py)?)(?:::(\w+))?`", cells)
+    assert len(files) > 25
+    for name, test in files:
+        found = next(path for path in (ROOT / name, ROOT / "library" / name) if path.exists())
+        assert not test or f"def {test}(" in found.read_text(encoding="utf-8"), f"{name}::{test}"
+    assert [cell for _, _, cell, _ in rows if not ("::" in cell or cell.startswith("the same"))] == []
+    assert [
+        page for page in re.findall(r"\{doc\}`(?:[^`<]*<)?(\w+)", cells) if not (ROOT / "docs" / f"{page}.md").exists()
+    ] == []
+    assert [name for name in re.findall(r"`gp\.(\w+)", cells) if not hasattr(gearparts, name)] == []
+    graphs = (ROOT / "library" / "gearparts" / "trains" / "paper_graphs.py").read_text(encoding="utf-8")
+    assert all(f"def {name}(" in graphs for name in ("fixed_axis_unit", "planetary_unit", "single_loop_train"))
 
 
 FUNCTIONS = {

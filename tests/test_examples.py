@@ -56,3 +56,25 @@ def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pyt
         assert sorted(float(predicted) > 0 for *_, predicted, _ in rows) == [False] * 3 + [True] * 4
         for *_, predicted, measured in rows:
             assert float(measured) == pytest.approx(float(predicted), rel=1e-3, abs=0.1)
+    if script.stem == "paper_section_4":
+        number = r"(-?\d+\.\d+|infinite|inf)"
+        page = (script.parents[1] / "docs" / "paper_section_4.md").read_text(encoding="utf-8")
+        verdicts = "stable|marginal|unstable"
+        shown = re.findall(rf"\| {number} \| {number} \| (\d) \| ({verdicts}) \|", page)
+        found = re.findall(rf" {number} +{number} +(\d)  ({verdicts})$", printed, re.MULTILINE)
+        assert len(shown) > 35
+        assert {tuple(cell.replace("infinite", "inf") for cell in row) for row in shown} <= set(found)
+    if script.stem == "xp_weakly_nonlinear":
+        folds = dict(re.findall(r"^([\w ,]+?)  +(\d+\.\d, \d+\.\d|none) +(?:stable|unstable)", printed, re.MULTILINE))
+        assert folds["sun, pair"] == "none"
+        assert folds["ring"] == folds["ring, sun, pair"] != "none"
+        rows = re.findall(r"^ +(\d+) +(\S+) +(\S+)   (.+)$", printed, re.MULTILINE)
+        assert len(rows) == 4
+        for (
+            _,
+            below,
+            above,
+            balance,
+        ) in rows:  # runs from either side end in the stable motions of harmonic balance, and in no others
+            expected = sorted(float(a) for a in balance.split(","))
+            assert sorted({float(below), float(above)}) == pytest.approx(expected, rel=5e-3)
