@@ -51,7 +51,7 @@ def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pyt
         assert re.search(r" 0\.000 rad/s\n.*efficiency 0\.0000", printed)  # the design that locks, driven backwards
         assert float(re.search(r"largest difference of the map .*: (\S+)", printed)[1]) < 1e-12
     if script.stem == "xp_parametric_resonance":
-        rows = re.findall(r"^[XP] unit: .* (\S+) +(\S+) +(\S+) +(\S+)$", printed, re.MULTILINE)
+        rows = re.findall(r"^[XP] unit: .* (\d+) +(\d\.\d\d) +(\S+) +(\S+)$", printed, re.MULTILINE)
         assert len(rows) == 7
         assert sorted(float(predicted) > 0 for *_, predicted, _ in rows) == [False] * 3 + [True] * 4
         for *_, predicted, measured in rows:
