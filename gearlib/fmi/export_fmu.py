@@ -20,6 +20,7 @@ from gearlib.fmi.fmu_variables import fmu_variables
 from gearlib.fmi.model_description import Description, description_2, description_3
 from gearlib.fmi.model_source import model_source
 from gearlib.fmi.model_tables import model_tables, record_header
+from gearlib.fmi.terminals import terminals, terminals_text
 from gearlib.run.translation import Translation
 
 VERSIONS = ("3.0", "2.0")
@@ -66,6 +67,8 @@ def export_fmu(
         entries[f"binaries/{folder}/{identifier}{platform.suffix}"] = shared_library(
             platform, source.text, tables, FACES[version]
         )
+    if version == "3.0" and (flanges := terminals(exported, description.variables)):
+        entries["terminalsAndIcons/terminalsAndIcons.xml"] = terminals_text(flanges)
     entries["documentation/licenses/FMI.txt"] = (HERE / "headers" / "LICENSE.txt").read_bytes()
     with replacing(target) as beside:
         Path(beside).write_bytes(_archive(entries))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import zipfile
 from pathlib import Path
@@ -33,6 +34,8 @@ def test_every_golden_scene_moves_as_in_gearlib(name: str, tmp_path: Path) -> No
     assert validate_fmu(str(path)) == []
     names = list(scene.outputs or system.states)
     expected = system.simulate(scene.t_end, samples=101, rtol=1e-12, method="rk", **scene.options)
+    events = np.array([math.inf, *(t for t, _ in expected.events)])
+    clear = np.abs(expected.time[:, None] - events).min(axis=1) > 1e-6  # at an event a state may jump
     for kind, accuracy, outputs in (
         ("CoSimulation", 1e-6, 100),
         ("ModelExchange", 1e-5, 1000),
@@ -44,7 +47,9 @@ def test_every_golden_scene_moves_as_in_gearlib(name: str, tmp_path: Path) -> No
         for column in names:
             values = np.interp(expected.time, found["time"], found[column])
             size = max(float(np.abs(expected[column]).max()), 1e-9)
-            np.testing.assert_allclose(values, expected[column], rtol=0, atol=accuracy * size, err_msg=f"{kind}: {column}")
+            np.testing.assert_allclose(
+                values[clear], expected[column][clear], rtol=0, atol=accuracy * size, err_msg=f"{kind}: {column}"
+            )
 
 
 @pytest.mark.slow

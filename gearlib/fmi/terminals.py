@@ -1,0 +1,131 @@
+"""Terminals of an FMU (FMI 3.0): which of its inputs and outputs belong to one flange, so that a tool connects shafts and not signals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from gearlib.flatten.model import FlatModel
+from gearlib.fmi.exported_model import ExportedModel
+from gearlib.fmi.fmu_variables import FmuVariables, differentiated_unit
+from gearlib.language.declarations import Flow, Potential
+
+MOTIONS = {"phi": ("phi", "w", "a"), "s": ("s", "v", "a")}  # a potential and its derivatives, as Modelica calls them
+
+
+@dataclass(frozen=True)
+class Member:
+    """A variable of a terminal.
+
+    Attributes
+    ----------
+    variable : str
+        Of the FMU.
+    name : str
+        What it is at the terminal: ``"phi"``, ``"w"``, ``"tau"``.
+    kind : str
+        ``"signal"``; ``"inflow"`` or ``"outflow"``, where it is a flow that counts positive into the FMU or out of it.
+    """
+
+    variable: str
+    name: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """A flange at which an FMU is driven, by the path of the connector, with what is given and what comes back there."""
+
+    name: str
+    description: str
+    members: tuple[Member, ...]
+
+
+def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[Terminal, ...]:
+    """Flanges of parts that an input of the FMU drives, with all of its inputs and outputs there.
+
+    A flange is one where a flow and a motion (or a temperature) are among the inputs and outputs; those that only one of both is
+    known of are no terminals.
+    """
+    model = exported.model
+    public = {v.name: v.causality for v in variables.listed if v.causality in ("input", "output")}
+    driven = {name.rpartition(".")[0] for name, causality in public.items() if causality == "input"}
+    found = []
+    for instance in model.instances:
+        if instance.path not in driven:
+            continue
+        groups: dict[str, dict[str, Potential | Flow]] = {}
+        for name, declared in instance.variables.items():
+            connector, _, member = name.rpartition(".")
+            if connector and isinstance(declared, (Potential, Flow)):
+                groups.setdefault(connector, {})[member] = declared
+        for connector, members in groups.items():
+            path = f"{instance.path}.{connector}" if instance.path else connector
+            known = tuple(_members(exported, public, instance.path, path, members))
+            if {m.kind == "signal" for m in known} == {True, False}:
+                found.append(Terminal(path, f"{instance.path or exported.translation.name}: a flange", known))
+    return tuple(found)
+
+
+def _members(
+    exported: ExportedModel, public: dict[str, str], owner: str, connector: str, declared: dict[str, Potential | Flow]
+) -> Iterator[Member]:
+    """The inputs and outputs that are a connector's variables, or derivatives of its potential; an input's unit tells what it gives."""
+    model = exported.model
+    speeds = _speeds(model)
+    for member, variable in declared.items():
+        at, sign = _place(model, f"{connector}.{member}")
+        if isinstance(variable, Flow):
+            for name in public:
+                place, own = _place(model, name)
+                if place == at >= 0 and own:
+                    yield Member(name, member, "outflow" if sign * own > 0 else "inflow")  # into the part is out of the rest
+            continue
+        orders = [{at}, speeds.get(at, set())]
+        orders.append({a for w in orders[1] for a in speeds.get(w, ())})
+        names = MOTIONS.get(member, (member, f"der({member})", f"der(der({member}))"))
+        units = [differentiated_unit(variable.unit, k) for k in range(len(names))]
+        for name, causality in public.items():
+            place, own = _place(model, name)
+            if causality == "input":
+                of = model.declaration(model.variable(name))
+                if name.rpartition(".")[0] == owner and of is not None and of.unit in units:
+                    yield Member(name, names[units.index(of.unit)], "signal")
+            elif order := [k for k, places in enumerate(orders) if place in places and own == (1 if k else sign)]:
+                yield Member(name, names[order[0]], "signal")
+
+
+def _place(model: FlatModel, name: str) -> tuple[int, int]:
+    """The variable that stands for one, and with which sign; -1 where there is none."""
+    k = model.find(name)
+    return (-1, 0) if k is None else (int(model.representative[k]), int(model.sign[k]))
+
+
+def _speeds(model: FlatModel) -> dict[int, set[int]]:
+    """Variables that an equation says to be the derivative of another one: ``der(phi) = w``."""
+    found: dict[int, set[int]] = {}
+    for group in model.groups:
+        t = group.template
+        if sorted(order for _, order in t.columns) != [0, 1] or t.parameters or t.discretes or t.relations or t.on_time:
+            continue
+        (first, _), (second, _) = t.local_columns
+        partials = [p.number for p in t.partials]
+        differentiated = 0 if t.columns[0][1] else 1
+        for row, signs in zip(group.variables.tolist(), group.signs.tolist(), strict=True):
+            places, factors = (row[first], row[second]), (signs[first], signs[second])
+            if None not in partials and partials[0] * factors[0] + partials[1] * factors[1] == 0 != factors[0]:
+                found.setdefault(places[differentiated], set()).add(places[1 - differentiated])
+    return found
+
+
+def terminals_text(found: tuple[Terminal, ...]) -> bytes:
+    """``terminalsAndIcons.xml``."""
+    root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    listed = SubElement(root, "Terminals")
+    for terminal in found:
+        element = SubElement(listed, "Terminal", name=terminal.name, matchingRule="plug", description=terminal.description)
+        for m in terminal.members:
+            SubElement(element, "TerminalMemberVariable", variableName=m.variable, memberName=m.name, variableKind=m.kind)
+    indent(root)
+    return bytes(tostring(root, encoding="UTF-8", xml_declaration=True))

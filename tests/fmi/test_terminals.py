@@ -1,0 +1,90 @@
+"""Terminals of FMUs: the variables at each flange that an input drives, and a file that is valid by the schema of FMI 3.0."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import pytest
+from lxml import etree
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.fmi.exported_model import exported_model
+from gearlib.fmi.fmu_variables import fmu_variables
+from gearlib.fmi.terminals import Terminal, terminals
+
+SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
+
+
+class Front(gl.Component):
+    """A motor with a torque from outside at the end of its shaft, and one at its rotor."""
+
+    def assemble(self) -> list[Any]:
+        self.motor, self.rotor = gp.Torque(), gp.Inertia(J=0.5, start={"w": 3.0, "phi": 0.1})
+        self.shaft, self.hub = gp.SpringDamper(c=50.0, d=0.5), gp.Inertia(J=0.2)
+        self.end = gp.TorqueToAngleAdaptor()
+        return [
+            gl.connect(self.motor.flange, self.rotor.flange_a),
+            gl.connect(self.rotor.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.hub.flange_a),
+            gl.connect(self.hub.flange_b, self.end.flange),
+        ]
+
+
+class Rear(gl.Component):
+    """A load behind a shaft whose other end is moved from outside."""
+
+    def assemble(self) -> list[Any]:
+        self.start, self.shaft, self.load = gp.AngleToTorqueAdaptor(), gp.SpringDamper(c=80.0, d=0.1), gp.Inertia(J=1.0)
+        return [
+            gl.connect(self.start.flange, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.load.flange_a),
+        ]
+
+
+OUTPUTS: dict[Callable[[], gl.Component], list[str]] = {
+    Front: ["rotor.phi", "rotor.w", "shaft.w_rel", "shaft.tau", "end.phi", "end.w", "end.a"],
+    Rear: ["start.tau", "load.w"],
+}
+EXPECTED = {
+    Front: {
+        "motor.flange": {("motor.tau", "tau", "inflow"), ("rotor.phi", "phi", "signal"), ("rotor.w", "w", "signal")},
+        "end.flange": {
+            ("end.tau", "tau", "outflow"), ("end.phi", "phi", "signal"), ("end.w", "w", "signal"), ("end.a", "a", "signal"),
+        },
+    },
+    Rear: {
+        "start.flange": {
+            ("start.phi_ref", "phi", "signal"), ("start.tau", "tau", "inflow"),
+        },
+    },
+}  # fmt: skip
+
+
+def found(component: gl.Component, outputs: list[str] | None) -> tuple[Terminal, ...]:
+    exported = exported_model(gl.compile(component, outputs=outputs).translation, None, None, None)
+    return terminals(exported, fmu_variables(exported, 0))
+
+
+@pytest.mark.parametrize("make", OUTPUTS)
+def test_inputs_and_outputs_at_a_flange_are_a_terminal(make: Callable[[], gl.Component]) -> None:
+    members = {t.name: {(m.variable, m.name, m.kind) for m in t.members} for t in found(make(), OUTPUTS[make])}
+    assert members == EXPECTED[make]
+
+
+def test_the_file_of_an_fmu_is_valid_and_names_its_variables(tmp_path: Path) -> None:
+    path = gl.compile(Rear(), outputs=OUTPUTS[Rear]).export_fmu(tmp_path / "rear.fmu", kind="cs")
+    with zipfile.ZipFile(path) as archive:
+        text = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+    etree.XMLSchema(etree.parse(str(SCHEMA))).assertValid(text)
+    known = {v.name for v in fmpy.read_model_description(str(path), validate=True).modelVariables}
+    assert {m.get("variableName") for m in text.iter("TerminalMemberVariable")} == {"start.phi_ref", "start.tau"} <= known
+
+
+def test_what_nothing_drives_or_nobody_sees_is_no_terminal() -> None:
+    assert found(gp.Inertia(J=1.0), None) == ()
+    assert [t.name for t in found(Front(), ["end.w"])] == ["end.flange"]
