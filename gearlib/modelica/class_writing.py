@@ -230,14 +230,16 @@ class ClassText:
             attributes["min"] = repr(float(declared.min))
         if state != "default":
             attributes["stateSelect"] = f"StateSelect.{state}"
-        value, is_input = "", isinstance(declared, Input)
-        if is_input:
+        value = ""
+        if isinstance(declared, Input):
             given = outer.values.get(name, declared.default) if outer is not None else declared.default
             if given is not NO_VALUE and given is not None:
                 value = f" = {self.text(evaluated_in(self.component, given))}"
         if name in joined:
             value = f" = {joined[name]}"
-        prefix = "input " if is_input and not (value and outer is not None) else ""  # what is bound is no input of the system
+        prefix = (
+            "input " if isinstance(declared, Input) and not (value and outer is not None) else ""
+        )  # what is bound is no input of the system
         return (
             f"{prefix}Real {safe_name(name)}{attributes_text(attributes, declared.unit)}{value}{comment(declared.description)};"
         )

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from gearparts.blocks.sources import Sine as Sine
     from gearparts.blocks.sources import Step as Step
     from gearparts.blocks.sources import Trapezoid as Trapezoid
+    from gearparts.blocks.time_tables import CombiTimeTable as CombiTimeTable
     from gearparts.blocks.transfer import MultiStateSpace as MultiStateSpace
     from gearparts.blocks.transfer import StateSpace as StateSpace
     from gearparts.blocks.transfer import TransferFunction as TransferFunction
@@ -59,6 +60,7 @@ _HOME = {
     **dict.fromkeys(
         ["Chirp", "Constant", "KinematicPTP", "Pulse", "Ramp", "Sine", "Step", "Trapezoid"], "gearparts.blocks.sources"
     ),
+    "CombiTimeTable": "gearparts.blocks.time_tables",
     **dict.fromkeys(["MultiStateSpace", "StateSpace", "TransferFunction"], "gearparts.blocks.transfer"),
 }  # fmt: skip
 

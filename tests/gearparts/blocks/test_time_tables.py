@@ -1,0 +1,98 @@
+"""CombiTimeTable against numpy and scipy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import BindingError
+from tests.gearparts.blocks.bench import answer, close
+
+B = gp.blocks
+ROWS = [[0.0, 1.0, 2.0], [0.3, 2.0, 0.0], [0.4, -1.0, 0.5], [0.9, 0.0, 3.0]]
+T, Y = np.array(ROWS).T[0], np.array(ROWS).T[1:]
+
+
+def lines(y: Any, t: Any) -> Any:
+    first, last = (y[1] - y[0]) / (T[1] - T[0]), (y[-1] - y[-2]) / (T[-1] - T[-2])
+    return np.where(t < T[0], y[0] + first * (t - T[0]), np.where(t > T[-1], y[-1] + last * (t - T[-1]), np.interp(t, T, y)))
+
+
+def steps(y: Any, t: Any) -> Any:
+    return y[np.clip(np.searchsorted(T, t, side="right") - 1, 0, None)]
+
+
+LAWS = {
+    ("linear", "hold"): lambda y, t: np.interp(t, T, y),
+    ("linear", "lines"): lines,
+    ("linear", "periodic"): lambda y, t: np.interp(t % 0.9, T, y),
+    ("constant", "hold"): steps,
+    ("constant", "lines"): steps,
+    ("constant", "periodic"): lambda y, t: steps(y, t % 0.9),
+    ("akima", "hold"): lambda y, t: Akima1DInterpolator(T, y)(np.clip(t, T[0], T[-1])),
+    ("akima", "periodic"): lambda y, t: Akima1DInterpolator(T, y)(t % 0.9),
+    ("monotone", "lines"): lambda y, t: (
+        PchipInterpolator(T, y)(np.clip(t, T[0], T[-1]))
+        + np.where(t > T[-1], PchipInterpolator(T, y).derivative()(T[-1]) * (t - T[-1]), 0.0)
+    ),
+}
+
+
+@pytest.mark.parametrize(("smoothness", "extrapolation"), LAWS)
+def test_columns_follow_their_rows(smoothness: str, extrapolation: str) -> None:
+    for k in (0, 1):
+        t, y = answer(
+            B.CombiTimeTable,
+            t_end=2.0,
+            samples=38,
+            out=f"outputs[{k}].y",
+            table=ROWS,
+            smoothness=smoothness,
+            extrapolation=extrapolation,
+        )
+        assert close(y, LAWS[smoothness, extrapolation](Y[k], t), 1e-9)
+
+
+def test_offset_start_and_shift() -> None:
+    t, y = answer(B.CombiTimeTable, out="outputs[0].y", table=ROWS, offset=0.5, start_time=0.33, shift_time=-0.1, columns=[2])
+    assert close(y, 0.5 + np.where(t < 0.33, 0.0, lines(Y[1], t + 0.1)), 1e-9)
+    t, y = answer(B.CombiTimeTable, out="outputs[0].y", table=ROWS, start_time=0.77, extrapolation="periodic")
+    assert close(y, np.where(t < 0.77, 0.0, np.interp((t - 0.77) % 0.9, T, Y[0])), 1e-9)
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+def test_corners_are_stepped_to(method: str) -> None:
+    class Drive(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.plan, self.torque, self.load = (
+                B.CombiTimeTable(table=ROWS, smoothness="constant", extrapolation="periodic"),
+                gp.Torque(),
+                gp.Inertia(J=2.0),
+            )
+            return [gl.connect(self.plan.outputs[0].y, self.torque.tau), gl.connect(self.torque.flange, self.load.flange_a)]
+
+    r = gl.simulate(Drive(), 1.8, samples=2, method=method)
+    assert r["load.w"][-1] == pytest.approx((0.3 * 1.0 + 0.1 * 2.0 - 0.5 * 1.0) / 2.0 * 2, abs=1e-9)
+    assert gl.simulate(Drive(), 1.1, t_start=1.0, samples=2, method=method)["plan.outputs[0].y"].tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"table": []}, "expected rows of a time and one or more values"),
+        ({"table": [[0.0]]}, "expected rows of a time and one or more values"),
+        ({"table": [[1.0, 2.0], [0.0, 1.0]]}, "the first column must increase"),
+        ({"table": ROWS, "columns": [3]}, "expected numbers from 1 to 2"),
+        ({"table": ROWS, "smoothness": "cubic"}, "smoothness is 'cubic'; expected 'linear'"),
+        ({"table": ROWS, "extrapolation": "none"}, "extrapolation is 'none'; expected 'lines'"),
+        ({"table": ROWS[:1], "extrapolation": "periodic"}, "needs two rows"),
+    ],
+)
+def test_what_is_no_table_is_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(BindingError, match=message):
+        answer(B.CombiTimeTable, out="outputs[0].y", **values)
