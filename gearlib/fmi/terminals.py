@@ -15,7 +15,7 @@ MOTIONS = {"phi": ("phi", "w", "a"), "s": ("s", "v", "a")}  # a potential and it
 
 
 @dataclass(frozen=True)
-class Member:
+class TerminalMember:
     """A variable of a terminal.
 
     Attributes
@@ -34,15 +34,15 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Terminal:
+class FlangeTerminal:
     """A flange at which an FMU is driven, by the path of the connector, with what is given and what comes back there."""
 
     name: str
     description: str
-    members: tuple[Member, ...]
+    members: tuple[TerminalMember, ...]
 
 
-def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[Terminal, ...]:
+def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[FlangeTerminal, ...]:
     """Flanges of parts that an input of the FMU drives, with all of its inputs and outputs there.
 
     A flange is one where a flow and a motion (or a temperature) are among the inputs and outputs; those that only one of both is
@@ -64,13 +64,13 @@ def terminals(exported: ExportedModel, variables: FmuVariables) -> tuple[Termina
             path = f"{instance.path}.{connector}" if instance.path else connector
             known = tuple(_members(exported, public, instance.path, path, members))
             if {m.kind == "signal" for m in known} == {True, False}:
-                found.append(Terminal(path, f"{instance.path or exported.translation.name}: a flange", known))
+                found.append(FlangeTerminal(path, f"{instance.path or exported.translation.name}: a flange", known))
     return tuple(found)
 
 
 def _members(
     exported: ExportedModel, public: dict[str, str], owner: str, connector: str, declared: dict[str, Potential | Flow]
-) -> Iterator[Member]:
+) -> Iterator[TerminalMember]:
     """The inputs and outputs that are a connector's variables, or derivatives of its potential; an input's unit tells what it gives."""
     model = exported.model
     speeds = _speeds(model)
@@ -80,7 +80,9 @@ def _members(
             for name in public:
                 place, own = _place(model, name)
                 if place == at >= 0 and own:
-                    yield Member(name, member, "outflow" if sign * own > 0 else "inflow")  # into the part is out of the rest
+                    yield TerminalMember(
+                        name, member, "outflow" if sign * own > 0 else "inflow"
+                    )  # into the part is out of the rest
             continue
         orders = [{at}, speeds.get(at, set())]
         orders.append({a for w in orders[1] for a in speeds.get(w, ())})
@@ -91,9 +93,9 @@ def _members(
             if causality == "input":
                 of = model.declaration(model.variable(name))
                 if name.rpartition(".")[0] == owner and of is not None and of.unit in units:
-                    yield Member(name, names[units.index(of.unit)], "signal")
+                    yield TerminalMember(name, names[units.index(of.unit)], "signal")
             elif order := [k for k, places in enumerate(orders) if place in places and own == (1 if k else sign)]:
-                yield Member(name, names[order[0]], "signal")
+                yield TerminalMember(name, names[order[0]], "signal")
 
 
 def _place(model: FlatModel, name: str) -> tuple[int, int]:
@@ -119,7 +121,7 @@ def _speeds(model: FlatModel) -> dict[int, set[int]]:
     return found
 
 
-def terminals_text(found: tuple[Terminal, ...]) -> bytes:
+def terminals_text(found: tuple[FlangeTerminal, ...]) -> bytes:
     """``terminalsAndIcons.xml``."""
     root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     listed = SubElement(root, "Terminals")

@@ -15,7 +15,7 @@ import gearlib as gl
 import gearparts as gp
 from gearlib.fmi.exported_model import exported_model
 from gearlib.fmi.fmu_variables import fmu_variables
-from gearlib.fmi.terminals import Terminal, terminals
+from gearlib.fmi.terminals import FlangeTerminal, terminals
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
@@ -65,7 +65,7 @@ EXPECTED = {
 }  # fmt: skip
 
 
-def found(component: gl.Component, outputs: list[str] | None) -> tuple[Terminal, ...]:
+def found(component: gl.Component, outputs: list[str] | None) -> tuple[FlangeTerminal, ...]:
     exported = exported_model(gl.compile(component, outputs=outputs).translation, None, None, None)
     return terminals(exported, fmu_variables(exported, 0))
 
