@@ -24,7 +24,7 @@ from gearlib.solvers.ida.sundials import UnavailableError, load
 if TYPE_CHECKING:
     from gearlib.solvers.ida.ida_stepper import IdaStepper
 
-__all__ = ["ida"]
+__all__ = ["ida", "is_native"]
 
 
 def ida(native: bool = True, linear_solver: str | None = None) -> IdaStepper:
@@ -68,3 +68,13 @@ def ida(native: bool = True, linear_solver: str | None = None) -> IdaStepper:
     from gearlib.solvers.ida.sksundae_backend import SundaeIda
 
     return SundaeIda(reason, linear_solver)
+
+
+def is_native(native: bool = True) -> bool:
+    """Whether `ida` drives the libraries directly."""
+    if native:
+        try:
+            load()
+        except UnavailableError:
+            return False
+    return native
