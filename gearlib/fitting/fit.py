@@ -14,9 +14,9 @@ from gearlib.arguments import by_name, reals, shown, whole
 from gearlib.errors import ArgumentError, GearlibError
 from gearlib.fitting.fit_result import Fit, FittedSeries
 from gearlib.fitting.identifiability import identifiability
-from gearlib.fitting.measured import START, Measured, MeasuredHistories, MeasuredSeries, as_real, checked_noise
+from gearlib.fitting.measured import Measured, MeasuredHistories, MeasuredSeries, as_real, checked_noise
 from gearlib.progress import Told, check_progress, reporting
-from gearlib.run.start_values import start_variable
+from gearlib.run.start_values import start_named, start_variable
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
 
@@ -191,8 +191,8 @@ def _ranges(translation: Translation, free: Any, common: Mapping[str, float], ex
         raise ArgumentError("free is empty; expected the parameters to find with their bounds: free={'shaft.c': (1e3, 1e5)}")
     table, found = translation.model.parameters, []
     for name, bounds in given.items():
-        if name.startswith(START) and name.endswith(")"):
-            start_variable(translation.model, name[len(START) : -1])
+        if (started := start_named(name)) is not None:
+            start_variable(translation.model, started)
         else:
             table.number(name, " (in free)")
         fixed = next((o for o in (common, *(e.parameters for e in experiments)) if name in o), None)
@@ -260,4 +260,5 @@ def _result(
 
 
 def _start_unit(translation: Translation, name: str) -> str:
-    return translation.unit(name[len(START) : -1]) if name.startswith(START) else ""
+    started = start_named(name)
+    return "" if started is None else translation.unit(started)

@@ -16,11 +16,11 @@ from gearlib.feedback.stability import stability
 from gearlib.linear.frequency_response import frequency_response
 from gearlib.run.request import Request
 from gearlib.run.simulate import request, run
+from gearlib.run.start_values import start_named
 from gearlib.run.translation import Compiled
 from gearlib.vibration.modes import modes
 
 Floats = NDArray[np.float64]
-START = "start("  # prefix of the names of start values: start(load.w)
 TIME = "time"
 MARGINS = ("gain_margin_db", "phase_margin", "delay_margin", "modulus_margin")
 STEP = 1e-5  # relative step of central differences, for runs without tangents
@@ -103,8 +103,9 @@ def checked_noise(noise: Any, names: Sequence[str]) -> dict[str, float]:
 
 def split(free: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
     """Free parameters, and free start values by path of their variable."""
-    starts = {name[len(START) : -1]: value for name, value in free.items() if name.startswith(START)}
-    return {name: value for name, value in free.items() if not name.startswith(START)}, starts
+    own = {name: start_named(name) for name in free}
+    starts = {variable: free[name] for name, variable in own.items() if variable is not None}
+    return {name: value for name, value in free.items() if own[name] is None}, starts
 
 
 class MeasuredHistories(Measured):

@@ -433,6 +433,14 @@ class FlatModel:
         """Number of relations and discrete values (see `Discretes`)."""
         return self.n_relations + (2 * len(self.discretes) + 1 if len(self.discretes) else 0)
 
+    def initial_modes(self, starts: Floats | None = None) -> Floats:
+        """The discrete state before anything is evaluated: relations false, discrete variables at their start values or those given."""
+        modes = np.zeros(self.n_modes)
+        n, d = self.n_relations, len(self.discretes)
+        modes[n : n + d] = modes[n + d : n + 2 * d] = self.discretes.starts if starts is None else starts
+        modes[n + 2 * d :] = 1.0  # initial()
+        return modes
+
     def owner(self, group: int, row: int) -> str:
         """Path of the component that an equation comes from."""
         i = int(self.groups[group].owners[row])

@@ -94,7 +94,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
     body, end = jacobian_body(observed, layout, exported.plan)
     add(JAC, body)
 
-    n_roots, n_discrete = 0, len(model.discretes)
+    n_roots = 0
     if relations is None:
         for number in (ROOTS, UPDATE, SETTLE):
             add(number, Body(), fired=number == UPDATE)
@@ -122,11 +122,7 @@ def model_source(exported: ExportedModel) -> ModelSource:
         base += len(packed[-1])
     data = np.zeros(end)
     data[: len(names)] = exported.numbers
-    modes = data[shared.relations : shared.relations + shared.n_modes]
-    if n_discrete:
-        n = model.n_relations
-        modes[n : n + n_discrete] = modes[n + n_discrete : n + 2 * n_discrete] = model.discretes.starts
-        modes[n + 2 * n_discrete] = 1.0  # initial()
+    data[shared.relations : shared.inputs] = model.initial_modes()
     data[shared.inputs : shared.inputs + len(exported.input_starts)] = exported.input_starts
     source = "\n\n".join([HEADER.rstrip(), SOLVE.strip(), INVERT.strip(), *texts])
     index = np.concatenate([np.array(bases, np.int64), *packed])

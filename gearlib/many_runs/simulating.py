@@ -14,10 +14,9 @@ from gearlib.many_runs.samples import Samples
 from gearlib.many_runs.work import Row, Work, reduced
 from gearlib.run.request import Request
 from gearlib.run.simulate import run
-from gearlib.run.start_values import start_variable
+from gearlib.run.start_values import start_named, start_variable
 from gearlib.run.translation import Translation
 
-START = "start("  # prefix of the names of start values: start(load.w)
 TIME = "time"
 
 
@@ -55,7 +54,7 @@ class Simulating(Work):
             if kind == "parameter":
                 parameters[name] = value
             elif kind == "start":
-                start[name[len(START) : -1]] = value
+                start[start_named(name) or name] = value
             else:
                 inputs[name] = value
         translation, numbers = own.fitted(parameters)
@@ -86,8 +85,8 @@ class Simulating(Work):
         own = self.translation
         if name in own.model.parameters.index:
             return own.parameter_units.get(name, "")
-        if name.startswith(START):
-            return own.unit(name[len(START) : -1])
+        if (started := start_named(name)) is not None:
+            return own.unit(started)
         known = (name in self.outputs and name not in own.model.discretes.names) or name in own.inputs
         return own.unit(name) if known else ""
 
@@ -164,8 +163,7 @@ def kind_of(translation: Translation, name: str) -> str:
         It is none of these.
     """
     model = translation.model
-    if name.startswith(START) and name.endswith(")"):
-        inner = name[len(START) : -1]
+    if (inner := start_named(name)) is not None:
         if inner not in model.discretes.names:
             start_variable(model, inner)
         return "start"

@@ -11,9 +11,10 @@ from gearlib.files.sweep_files import sweep_path
 from gearlib.many_runs.carry_out import carry_out, check_executor
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import as_samples
-from gearlib.many_runs.simulating import START, kind_of, simulating
+from gearlib.many_runs.simulating import kind_of, simulating
 from gearlib.progress import check_progress
 from gearlib.run.simulate import request, warn_of_zero_inputs
+from gearlib.run.start_values import start_named
 from gearlib.run.translation import Translation
 
 
@@ -31,7 +32,7 @@ def sweep_runs(
     fixed = {name: value for name, value in samples.fixed.items() if kinds[name] == "parameter"}
     given = {name: value for name, value in samples.fixed.items() if kinds[name] == "input"}
     first = {name: samples.columns[name][0] for name in samples.columns if kinds[name] == "input"}
-    starts = {name[len(START) : -1]: value for name, value in samples.fixed.items() if kinds[name] == "start"}
+    starts = {start_named(name) or name: value for name, value in samples.fixed.items() if kinds[name] == "start"}
     if starts and not (start is None or isinstance(start, Mapping)):
         raise ArgumentError(f"parameters give {next(iter(starts))} a start value, and start={start!r:.60} gives all of them")
     if inputs is not None:

@@ -331,22 +331,13 @@ def relation_names(structure: Structure, relations: Relations | None) -> dict[in
     return owner
 
 
-def modes_before(model: FlatModel, discretes: Floats | None = None) -> Floats:
-    """Discrete state before the event iteration of a start: no relation holds, and discrete variables have their start values."""
-    modes = np.zeros(model.n_modes)
-    n, d = model.n_relations, len(model.discretes)
-    modes[n : n + d] = modes[n + d : n + 2 * d] = model.discretes.starts if discretes is None else discretes
-    modes[n + 2 * d :] = 1.0
-    return modes
-
-
 def modes_at_start(
     model: FlatModel, relations: Relations, prepared: Prepared, t: Floats, states: Floats, inputs: Floats,
     discretes: Floats | None = None, guess: Floats | None = None,
 ) -> Floats:  # fmt: skip
     """Relations and discrete variables of a run that starts at a time, shape (modes, times)."""
     n, d = model.n_relations, len(model.discretes)
-    modes = np.repeat(modes_before(model, discretes)[:, None], len(t), axis=1)
+    modes = np.repeat(model.initial_modes(discretes)[:, None], len(t), axis=1)
     for _ in range(100):
         for _ in range(100):
             # only the final modes must admit a solution: on the way, a moving friction element may be tried as stuck

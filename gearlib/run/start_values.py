@@ -41,6 +41,15 @@ class Start:
     changes: Floats | None = None  # derivatives of the states with respect to parameters, (states, seeds), if requested
 
 
+def start_named(name: str) -> str | None:
+    """The variable whose start value a name stands for; None of another name.
+
+    >>> start_named("start(load.w)"), start_named("load.w")
+    ('load.w', None)
+    """
+    return name[len("start(") : -1] if name.startswith("start(") and name.endswith(")") else None
+
+
 def start_variable(model: FlatModel, name: str) -> int:
     """Number of the variable that a start value is given for.
 

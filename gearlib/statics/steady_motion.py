@@ -200,14 +200,14 @@ def guesses(model: FlatModel, parameters: Floats) -> list[Given]:
 def speeds_near(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Sequence[Given]) -> Floats:
     """Consistent speeds, as close as possible to the wanted ones."""
     zero = np.zeros(model.n_variables)
-    rows = assemble(model, parameters, [*given, *near], zero, zero, initial_modes(model))
+    rows = assemble(model, parameters, [*given, *near], zero, zero, model.initial_modes())
     return -factorise(rows.matrix[np.flatnonzero(rows.kinematic)]).solve(rows.residual[rows.kinematic])
 
 
 def motion_from(model: FlatModel, parameters: Floats, given: Sequence[Given], x: Floats) -> Motion:
     """Newton's method for the unknowns, inside an iteration for the flags of events (such as the driving side of a lossy gear)."""
     n = model.n_variables
-    modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else initial_modes(model)
+    modes = settled_modes(model, parameters, x[:n], x[n:]) if x.any() else model.initial_modes()
     last: Factors | None = None
 
     def equations(x: Floats) -> tuple[Floats, Correction]:
@@ -245,10 +245,10 @@ def kinematics(
     model: FlatModel, parameters: Floats, wanted: Integers, given: Sequence[Given] = ()
 ) -> tuple[MotionEquations, Factors, Integers]:
     """The equations between speeds alone, independent of torques: the rows on which the wanted unknowns depend."""
-    rows = _kinematic_rows(model, parameters, given, initial_modes(model))
+    rows = _kinematic_rows(model, parameters, given, model.initial_modes())
     found = _connected(rows, wanted)
     if model.n_relations:  # backlash is taken up: a mesh inside its gap turns its wheels as soon as it has crossed it
-        touching = initial_modes(model)
+        touching = model.initial_modes()
         touching[: model.n_relations] = 1.0
         rows_closed = _kinematic_rows(model, parameters, given, touching)
         closed = _connected(rows_closed, wanted)
@@ -285,19 +285,9 @@ def _connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Intege
     return factorise(matrix[chosen]), np.flatnonzero(rows.kinematic)[chosen]
 
 
-def initial_modes(model: FlatModel) -> Floats:
-    """Relations false, discrete variables at their start values."""
-    modes = np.zeros(model.n_modes)
-    first, d = model.n_relations, len(model.discretes)
-    if d:
-        modes[first : first + d] = modes[first + d : first + 2 * d] = model.discretes.starts
-        modes[first + 2 * d] = 1.0
-    return modes
-
-
 def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) -> Floats:
     """Relations and discrete variables of a run that starts in this motion."""
-    modes = initial_modes(model)
+    modes = model.initial_modes()
     groups = [*model.groups, *(u.equations for u in model.discretes.updates)]
     first, d = model.n_relations, len(model.discretes)
     for _ in range(50):

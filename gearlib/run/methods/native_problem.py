@@ -15,7 +15,7 @@ from gearlib.native.layout import EACH, Shared, lay_out, operations
 from gearlib.native.scene_functions import NativeScene
 from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
-from gearlib.run.scene import Scene, modes_before, settle_once
+from gearlib.run.scene import Scene, settle_once
 from gearlib.run.tangents.event_tangents import EventTangents
 from gearlib.run.tangents.tangents import tangent_code
 from gearlib.solvers.inputs.callback import Callbacks, with_callbacks
@@ -70,7 +70,7 @@ def first_modes(run: Run, native: NativeScene, inputs: Floats) -> Floats:
     scene, start, t = run.scene, run.start, float(run.times[0])
     relations = scene.relations
     if relations is not None and native.update is not None and not (relations.on_time.all() or relations.reinits):
-        data = scene.data(native, run.numbers, inputs, modes_before(scene.model), start.guess)
+        data = scene.data(native, run.numbers, inputs, scene.model.initial_modes(), start.guess)
         x, fired = start.states.copy(), np.zeros(len(relations.used), np.int32)
         update = _MODEL(native.update.address)
         if update(t, x.ctypes.data, fired.ctypes.data, data.ctypes.data, native.index.ctypes.data) >= 0 and fired[0]:

@@ -12,7 +12,7 @@ from gearlib.arguments import name_list
 from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
 from gearlib.language.declarations import Structural
-from gearlib.run.start_values import start_variable
+from gearlib.run.start_values import start_named, start_variable
 from gearlib.run.tangents.directions import TangentDirections
 from gearlib.run.translation import Translation
 
@@ -53,18 +53,18 @@ def directions(
     starts: list[tuple[int, int, int]] = []
     sizes = np.ones(len(chosen))
     for k, name in enumerate(chosen):
-        if name.startswith("start(") and name.endswith(")"):
-            v = start_variable(model, name[len("start(") : -1])
+        if (own := start_named(name)) is not None:
+            v = start_variable(model, own)
             rep, sign = int(model.representative[v]), int(model.sign[v])
             if sign == 0:
-                raise ArgumentError(f"sensitivities names {name!r}, and {name[6:-1]} is always zero")
+                raise ArgumentError(f"sensitivities names {name!r}, and {own} is always zero")
             if not (
                 _starts_by_itself(translation, rep)
                 or (isinstance(start, Mapping) and any(rep == _start(model, n) for n in start))
             ):
                 raise ArgumentError(
-                    f"sensitivities names {name!r}, and {name[6:-1]} has no start value: it follows from those of the states. Give it one: "
-                    f"start={{{name[6:-1]!r}: ...}}"
+                    f"sensitivities names {name!r}, and {own} has no start value: it follows from those of the states. Give it one: "
+                    f"start={{{own!r}: ...}}"
                 )
             starts.append((rep, k, sign))
             sizes[k] = model.nominal[rep]
