@@ -69,6 +69,7 @@ class Scene:
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
     _prepared: dict[bytes, Numbers] = field(default_factory=dict)
     constraints: dict[tuple[Node, ...], Any] = field(default_factory=dict)  # on start values, made by `start_values`
+    started: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # the last start values that equations were solved for
     forms: dict[str, Any] = field(default_factory=dict)  # made by `scene_form` and `linear_form`
     tangent_codes: dict[Any, Any] = field(default_factory=dict)  # made by `gearlib.run.tangents.tangents`
 

@@ -57,6 +57,26 @@ def test_many_random_trains_begin_alike(seed: int, monkeypatch: pytest.MonkeyPat
     begins_alike(gl.compile(Model(train=hybrid_train(seed))), monkeypatch)
 
 
+def test_a_start_is_found_once_for_the_same_numbers() -> None:
+    system = gl.compile(msl.CoupledClutches())
+    translation = system.translation
+    scene, numbers = translation.scene, translation.parameter_values({})
+    none = [0.0] * len(translation.inputs)
+    first = translation.start(scene, numbers, 0.0, None, none)
+    first.states[:] = np.nan  # whoever changes what was returned changes nothing else
+    first.guess[:] = np.nan
+    second = translation.start(scene, numbers, 0.0, None, none)
+    assert np.isfinite(second.states).all()
+    for other in ({"J1.w": 5.0}, None):
+        again = translation.start(scene, numbers, 0.0, other, none)
+        scene.started.clear()
+        anew = translation.start(scene, numbers, 0.0, other, none)
+        np.testing.assert_array_equal(again.states, anew.states)
+        np.testing.assert_array_equal(again.guess, anew.guess)
+        assert again.free == anew.free
+    assert not np.array_equal(translation.start(scene, numbers, 0.0, {"J1.w": 5.0}, none).states, second.states)
+
+
 def test_constraints_on_start_values_are_analysed_once() -> None:
     system = gl.compile(msl.CoupledClutches())
     scene = system.translation.scene
