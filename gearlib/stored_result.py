@@ -17,6 +17,7 @@ from gearlib.files.formats import load_record
 from gearlib.run.result import Result
 
 if TYPE_CHECKING:
+    from gearlib.language.component import Component
     from gearlib.run.energy.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
@@ -111,6 +112,18 @@ class StoredResult(Result):
             Always.
         """
         raise ArgumentError("a result that was read from a file has no model to do the run again; ask the result of simulate()")
+
+    def model_drawn(self) -> Component:
+        """Refused: files hold histories only.
+
+        Raises
+        ------
+        ArgumentError
+            Always.
+        """
+        raise ArgumentError(
+            "a result that was read from a file has no model whose gears could be drawn; ask the result of simulate()"
+        )
 
     def sensitivity(self, name: str, parameter: str) -> Floats:
         """Refused, since files contain histories only.

@@ -95,16 +95,16 @@ def text_width(content: str, size: float = 11.0) -> float:
 
 
 class Picture:
-    """An SVG picture: displayed in notebooks, and saved as a file."""
+    """An SVG picture: displayed in notebooks, and saved as a file; with ``html`` also as an HTML page that animates it."""
 
-    def __init__(self, svg: str) -> None:
-        self.svg = svg
+    def __init__(self, svg: str, html: str | None = None) -> None:
+        self.svg, self.html = svg, html
 
     def _repr_svg_(self) -> str:
         return self.svg
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the picture to an ``.svg`` file, and return its path.
+        """Write the picture to an ``.svg`` file (``.html``: the page that animates it, if there is one), and return its path.
 
         Raises
         ------
@@ -112,7 +112,14 @@ class Picture:
             Another suffix: no other format is written.
         """
         target = as_path("path", path, "train.svg")
-        if target.suffix.lower() != ".svg":
-            raise ArgumentError(f"save({shown(str(path))}): the picture is SVG; name it ....svg (a browser prints it to PDF)")
-        target.write_text(self.svg, encoding="utf-8")
+        suffix = target.suffix.lower()
+        if suffix == ".html" and self.html is not None:
+            target.write_text(self.html, encoding="utf-8")
+        elif suffix == ".svg":
+            target.write_text(self.svg, encoding="utf-8")
+        else:
+            others = "" if self.html is None else ", or ....html for a page with a slider"
+            raise ArgumentError(
+                f"save({shown(str(path))}): the picture is SVG; name it ....svg{others} (a browser prints it to PDF)"
+            )
         return target

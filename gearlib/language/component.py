@@ -35,6 +35,8 @@ from gearlib.language.interior import parts_of, path_of
 
 if TYPE_CHECKING:
     from gearlib.drawing.diagram import Diagram
+    from gearlib.drawing.gears.gear_set import GearSet
+    from gearlib.drawing.gears.gear_view import GearView
     from gearlib.drawing.scheme.stick_diagram import Scheme
 
 _scope: ContextVar[Component | None] = ContextVar("scope", default=None)
@@ -362,6 +364,45 @@ class Component:
         from gearlib.language.outline import scheme_of
 
         return scheme_of(self)
+
+    def drawn_gears(self) -> GearSet | None:
+        """The gears of the component with their teeth, as `gear_view` shows them; None: it has none, or their teeth are not known."""
+        return None
+
+    def gear_view(
+        self, part: str | None = None, *, angle: float | Sequence[float] = 0.0, held: str | None = None, gears: GearSet | None = None
+    ) -> GearView:  # fmt: skip
+        """Gears seen along their axes, with the flanks of their teeth; an SVG picture that notebooks show.
+
+        Shown are pairs and planetary sets whose numbers of teeth are known: meshes with ``z_a``, units with ``Z_s, Z_p, Z_r`` or
+        ``Z_1``. Where a model knows nothing of profile shifts, a pair's teeth are as thick as each other at the pitch circles; `gears`
+        gives the true ones. `Result.gear_view` shows a run with the forces of the meshes.
+
+        Parameters
+        ----------
+        part : str, optional
+            Path of a pair or of a set, or of what contains some; all without.
+        angle : float or sequence of float
+            Of each pair's first gear, of each set's sun (of its carrier, where the sun is held), rad; several make the picture move.
+        held : {"ring", "carrier", "sun"}, optional
+            The shaft of planetary sets that stands still; the ring without.
+        gears : GearSet, optional
+            The gears of ``part``, such as ``GearPair(...).drawn_gears()``.
+
+        Raises
+        ------
+        ModelError
+            There are no gears whose teeth are known.
+
+        Examples
+        --------
+        >>> import gearparts as gp
+        >>> gp.ZhouCui2022(Z_s=19, Z_p=31, Z_r=81).gear_view("train.x_unit", angle=[0.0, 0.1, 0.2])
+        <GearView of ZhouCui2022: 5 gears, 3 frames; save('gears.svg') or save('gears.html') writes it>
+        """
+        from gearlib.language.gears_of import turned
+
+        return turned(self, part, angle, held, gears)
 
     def _structural_value(self, declared: Structural, value: Any) -> Any:
         where = f"{type(self).__name__}: structural choice '{declared.name}'"

@@ -28,6 +28,11 @@ choices_read_of: Callable[[Any], set[str]] = attrgetter("_read")  # names of tho
 radii_of: Callable[[Any], tuple[float, ...]] = methodcaller("_radii")  # m, of its gears; nan for missing values
 
 
+def number_of(component: Any, name: str) -> float | None:
+    """The number that a parameter has by what was given, by its default, or by what encloses the component; None: it has none."""
+    return methodcaller("_number", name)(component)  # type: ignore[no-any-return]
+
+
 def path_of(component: Any, scope: Any = None) -> str:
     """Path of a component relative to an enclosing one, or to the root.
 

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+    from gearlib.drawing.gears.gear_set import GearSet
+    from gearlib.drawing.gears.gear_view import GearView
     from gearlib.drawing.histories import History
+    from gearlib.language.component import Component
     from gearlib.run.energy.energy_balance import EnergyBalance
 
 Floats = NDArray[np.float64]
@@ -317,6 +320,48 @@ class Result(ABC):
         shown = shown_units([history], units)[0]
         return plot_spectrum(history, shown, window=window, t_start=t_start, f_max=f_max, axes=axes)
 
+    def gear_view(
+        self, part: str | None = None, *, t: float | Sequence[float] | None = None, gears: GearSet | None = None
+    ) -> GearView:
+        """Gears seen along their axes in the course of the run, with the forces of their meshes: `Component.gear_view` of a run.
+
+        Wheels are drawn where the set's first gear and its carrier are, in mesh; deflections are too small to be seen.
+
+        Parameters
+        ----------
+        part : str, optional
+            Path of a pair or of a planetary set, or of what contains some; all without.
+        t : float or sequence of float, optional
+            Times, s; several make the picture move. Without, 100 times over the run.
+        gears : GearSet, optional
+            The gears of ``part``, such as ``GearPair(...).drawn_gears()``.
+
+        Raises
+        ------
+        ArgumentError
+            A time that the run does not go to, or a result that was read from a file.
+        ModelError
+            There are no gears whose teeth are known.
+        """
+        from gearlib.language.gears_of import frames, in_motion
+
+        component = self.model_drawn()
+        first, last = float(self.time[0]), float(self.time[-1])
+        times = np.linspace(first, last, 100) if t is None else frames("t", t, "a time in s, or a sequence of them")
+        if not (first <= times.min() and times.max() <= last):
+            raise ArgumentError(f"t is {shown(t)}; the run goes from {first:g} to {last:g} s")
+        return in_motion(component, part, times, lambda name: np.interp(times, self.time, self[name]), gears)
+
+    @abstractmethod
+    def model_drawn(self) -> Component:
+        """The component that was simulated, as `gear_view` draws it.
+
+        Raises
+        ------
+        ArgumentError
+            The result was read from a file.
+        """
+
     def history(self, name: str, run: str = "") -> History:
         """A variable over time with its unit, as plots take it; ``run`` labels this run."""
         from gearlib.drawing.histories import History
@@ -385,6 +430,9 @@ class SimulatedResult(Result):
         if sign == 0:
             return np.zeros_like(self.time)
         return sign * self.history_of(node)
+
+    def model_drawn(self) -> Component:
+        return self.translation.component
 
     def sensitivity(self, name: str, parameter: str) -> Floats:
         name, parameter = one_name("name", name, "load.w"), one_name("parameter", parameter, "load.J")

@@ -296,6 +296,11 @@ def methods() -> list[Call]:
     def animated(mode: Any, frames: Any = 2, degrees: Any = 40.0) -> None:
         modes.animate(mode, frames=frames, degrees=degrees)._draw_was_started = True  # else it warns that it was not drawn
 
+    view = gp.ZhouCui2022(Z_s=19, Z_p=31, Z_r=81).gear_view("train.p_unit")
+
+    def turning(interval: Any = 50.0) -> None:
+        view.animate(interval)._draw_was_started = True
+
     return [
         Call("System.simulate", s.simulate, lambda: {"t_end": 0.1, "samples": 3}),
         Call("System.simulate with times", s.simulate, lambda: {"t_end": 0.1, "times": [0.0, 0.1], "start": {"load.w": 1.0}}),
@@ -315,6 +320,12 @@ def methods() -> list[Call]:
         Call("System.export_fmu", s.export_fmu, lambda: {"path": FOLDER / "drive.fmu", "outputs": ["load.w"]}),
         Call("Component.diagram", Drive().diagram, lambda: {"depth": 1}),
         Call("Component.scheme", Drive().scheme),
+        Call(
+            "Component.gear_view",
+            gp.ZhouCui2022(Z_s=19, Z_p=31, Z_r=81).gear_view,
+            lambda: {"part": "train.p_unit", "angle": 0.1},
+        ),
+        Call("GearView.animate", turning, lambda: {"interval": 50.0}),
         Call("System.stepper", s.stepper, lambda: {"t_start": 0.0, "inputs": {"torque.tau": 1.0}}),
         Call("SteppedRun[]", steps().__getitem__, lambda: {"name": "load.w"}),
         Call("SteppedRun.advance", lambda t: steps().advance(t), lambda: {"t": 0.1}),
@@ -323,6 +334,8 @@ def methods() -> list[Call]:
         Call("SteppedRun.state", lambda: steps().state()),
         Call("Result[]", r.__getitem__, lambda: {"name": "load.w"}),
         Call("in Result", r.__contains__, lambda: {"name": "load.w"}),
+        Call("Result.gear_view", r.gear_view, lambda: {"t": 0.05, "gears": gp.GearPair(20, 40, 0.002, 0.02).drawn_gears()}),
+        Call("Result.model_drawn", r.model_drawn),
         Call("Result.plot", r.plot, positional=lambda: ["load.w"]),
         Call("Result.plot_against", r.plot_against, lambda: {"x": "load.phi", "y": "load.w"}),
         Call("Result.plot_spectrum", r.plot_spectrum, lambda: {"name": "load.w"}),

@@ -16,10 +16,13 @@ from functools import cached_property
 import numpy as np
 
 from gearlib.arguments import is_real, shown
+from gearlib.drawing.gears.gear_set import GearSet
 from gearlib.errors import BoundError
 from gearlib.language.declarations import offered
+from gearparts.gears.drawn_gears import pair_of
 from gearparts.gears.involute import involute, involute_angle
 from gearparts.gears.mesh_phase import stretches
+from gearparts.gears.tooth_form import ToothForm
 
 # ISO 6336-1, equation (86): flexibility of a pair of teeth, in mm um / N
 FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188, 0.00529, 0.00182)
@@ -244,6 +247,21 @@ class GearPair:
     def mesh_stiffness(self) -> float:
         """Mean mesh stiffness per face width, c_gamma_alpha = c' (0.75 eps_alpha + 0.25), N/m2 (ISO 6336-1)."""
         return self.single_stiffness * (0.75 * self.contact_ratio + 0.25)
+
+    def drawn_gears(self) -> GearSet:
+        """The pair in the transverse section with its profile shifts, for ``gear_view(part, gears=...)``; a ring is the first gear."""
+        m, teeth = self.m_n / math.cos(self.beta), (self.z_1, self.z_2)
+        stretched = math.cos(self.beta)  # the rack's lengths are normal modules
+        forms = [
+            ToothForm(
+                int(z), m, self.alpha_t, x * stretched, ring, tip,
+                h_fP=self.h_fP * stretched, rho=min(0.38, 0.9 * self.h_fP) * stretched,
+            )
+            for z, x, ring, tip in zip(teeth, (self.x_1, self.x_2), (False, self.internal), self.tip_radii, strict=True)
+        ]  # fmt: skip
+        if self.internal:
+            return pair_of(forms[1], forms[0], self.centre_distance, self.alpha_wt, names=("ring", "pinion"))
+        return pair_of(forms[0], forms[1], self.centre_distance, self.alpha_wt, names=("pinion", "wheel"))
 
     def mesh_values(self) -> dict[str, float]:
         """Values of the pair for `DetailedExternalMesh` (pinion on flange_a) or `DetailedInternalMesh` (ring on flange_a).

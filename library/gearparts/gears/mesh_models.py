@@ -14,7 +14,9 @@ import sympy
 
 import gearlib as gl
 from gearlib.arguments import is_real, shown
+from gearlib.drawing.gears.gear_set import GearSet
 from gearlib.errors import BoundError
+from gearparts.gears.drawn_gears import meshing_pair
 from gearparts.gears.tooth_friction import ToothFriction
 from gearparts.gears.transmission_error import TransmissionError
 from gearparts.interfaces import Dissipative
@@ -39,6 +41,10 @@ class DetailedMesh(TransmissionError, ToothFriction, Dissipative):
             gl.Eq(self.flange_b.tau, r_b * self.f + rubbing_b),
             gl.Eq(self.loss_power, self.damping_loss() + rubbing_a * self.w_a + rubbing_b * self.w_b),
         ]
+
+    def drawn_gears(self) -> GearSet | None:
+        """From base radii, teeth, working pressure angle and path of contact; both gears have teeth as thick as their spaces."""
+        return meshing_pair(self, "support.phi" if self.use_support else "")
 
     def energies(self) -> gl.Energy:
         """The transmission error moves the flanks, and varying stiffness changes the energy stored at a given deflection."""

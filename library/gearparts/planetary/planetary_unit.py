@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import gearlib as gl
 from gearlib.arguments import shown
+from gearlib.drawing.gears.gear_set import GearSet
 from gearlib.errors import BindingError
 from gearlib.language.declarations import Offered
-from gearlib.language.interior import path_of
+from gearlib.language.interior import path_of, radii_of
+from gearparts.gears.drawn_gears import planetary_set
 from gearparts.gears.mesh_models import DetailedExternalMesh, DetailedInternalMesh
 from gearparts.gears.meshes import ExternalMesh, InternalMesh
 from gearparts.gears.rigid_gears import IdealGear, IdealPlanetary
@@ -181,6 +183,20 @@ class PlanetaryUnit(gl.Component):
         if self.Z_s or self.Z_p or self.Z_r:
             check_assembly("PlanetaryUnit", self.Z_s, self.Z_p, self.Z_r, self.planets, self.positions or None)
 
+    def drawn_gears(self) -> GearSet | None:
+        """With numbers of teeth, from the sun's pitch radius."""
+        R_s = radii_of(self)[0]
+        if not (self.Z_s and self.Z_p and self.Z_r and R_s > 0):
+            return None
+        self.check()
+        distance = R_s * (self.Z_s + self.Z_p) / self.Z_s
+        at_sun, at_ring = self.mesh_forces()
+        return planetary_set((self.Z_s, self.Z_p, self.Z_r), distance, [float(psi) for psi in self.angles()], at_sun, at_ring)
+
+    def mesh_forces(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Variables of the forces at sun and ring: one for each planet, one for all of them, or none."""
+        return (), ()
+
     def angles(self) -> list[Any]:
         """Angles of the planets on the carrier, rad."""
         check_angles("PlanetaryUnit", self.planets, self.positions)
@@ -328,6 +344,9 @@ class LumpedPlanetaryUnit(ElasticPlanetaryUnit):
             *(gl.connect(p.sun_side, s.flange_b) for p, s in zip(self.planet, self.support, strict=True)),
         ]
 
+    def mesh_forces(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        return ("sun_mesh.f",), ("ring_mesh.f",)
+
     def meshes(self) -> list[Connection]:
         """Both meshes, and their connections to the planets as each mesh sees them.
 
@@ -365,6 +384,11 @@ class TorsionalPlanetaryUnit(ElasticPlanetaryUnit):
     """
 
     planet_meshes = "separate"
+
+    def mesh_forces(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        return tuple(f"sun_meshes[{n}].f" for n in range(self.planets)), tuple(
+            f"ring_meshes[{n}].f" for n in range(self.planets)
+        )
 
     def assemble(self) -> list[Connection]:
         shafts = self.bodies()
@@ -410,6 +434,12 @@ class TranslationalPlanetaryUnit(MeshValues):
     k_h = gl.Parameter("N/m", "planar: bearing stiffness of the carrier", default=1e9, min=0)
     k_p = gl.Parameter("N/m", "planar: bearing stiffness of a planet", default=1e9, min=0)
     pin_errors = gl.Structural((), "planar: by how much each planet's pin is ahead of its place on the carrier, m")
+
+    def mesh_forces(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        return (
+            tuple(f"planar.sun_mesh[{n}].f" for n in range(self.planets)),
+            tuple(f"planar.ring_mesh[{n}].f" for n in range(self.planets)),
+        )
 
     def assemble(self) -> list[Connection]:
         self.check()

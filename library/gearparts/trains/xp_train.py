@@ -11,6 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gearlib as gl
+from gearlib.drawing.gears.gear_set import GearSet
+from gearparts.gears.drawn_gears import pitched_pair
 from gearparts.gears.mesh_models import DetailedExternalMesh
 from gearparts.gears.meshes import ExternalMesh
 from gearparts.gears.rigid_gears import IdealGear
@@ -44,6 +46,10 @@ class FixedAxisUnit(TwoFlanges):
     K_g = gl.Parameter("N/m", "mesh stiffness", min=0)
     C_g = gl.Parameter("N.s/m", "mesh damping", min=0)
     e_rate = gl.Input("m/s", "rate of the transmission error", default=0.0)
+
+    def drawn_gears(self) -> GearSet | None:
+        """With Z_1, from the pitch radii; gear 2 has the teeth that its radius asks for."""
+        return pitched_pair(self, self.Z_1, "mesh.f") if self.Z_1 else None
 
     def assemble(self) -> list[Connection]:
         self.gear_1, self.gear_2 = Inertia(J=self.I_1), Inertia(J=self.I_2)

@@ -1,0 +1,1 @@
+"""Gears seen along their axes: what is shown, and how it is drawn and moved."""

@@ -1,0 +1,98 @@
+"""Gears for views: pairs and planetary sets whose wheels stand in mesh, and the directions of their forces."""
+
+import math
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ModelError
+from gearparts.gears.drawn_gears import planetary_set
+
+UNIT = {"I_s": 1.0, "I_r": 1.0, "I_h": 1.0, "I_spin": 1.0, "I_orbit": 1.0}
+
+
+def off_a_whole_turn(angle):
+    return abs(np.exp(1j * angle) - 1)
+
+
+def test_every_planet_stands_in_mesh_with_sun_and_ring():
+    rng, left = np.random.default_rng(5), 40
+    while left:
+        z_s, z_p, more, planets = (int(n) for n in rng.integers([9, 9, -1, 2], [50, 40, 2, 6]))
+        z_r = z_s + 2 * z_p + more
+        try:
+            angles = gp.planet_positions(z_s, z_r, planets, Z_p=z_p)
+            gears = planetary_set((z_s, z_p, z_r), 0.1, angles, ["f"], ["g"])
+        except gl.GearlibError:
+            continue
+        left -= 1
+        at_sun, *at_planets, at_ring = gears.placed(*rng.uniform(-5, 5, 2))
+        for planet in at_planets:  # a tooth stands on the line of centres as far from it as a space of the other gear
+            line = math.atan2(planet.y, planet.x)
+            assert off_a_whole_turn(z_r * (at_ring.angle - line) - z_p * (planet.angle - line)) < 1e-6
+            assert off_a_whole_turn(z_s * (at_sun.angle - line) + z_p * (planet.angle - line - math.pi) - math.pi) < 1e-6
+
+
+@pytest.mark.parametrize("held", ["ring", "carrier", "sun"])
+def test_the_held_shaft_stands_still_and_the_others_obey_willis(held):
+    gears = planetary_set((20, 15, 50), 0.1, [0.0, 2.4], ["f"], ["g"])
+    first, carrier = gears.holding[held]
+    before, after = gears.placed(0.0, 0.0), gears.placed(first, carrier)
+    sun, ring = after[0].angle - before[0].angle, after[-1].angle - before[-1].angle
+    assert {"ring": ring, "carrier": carrier, "sun": sun}[held] == pytest.approx(0.0, abs=1e-12)
+    assert 20 * sun + 50 * ring == pytest.approx(70 * carrier, abs=1e-12)
+
+
+@pytest.mark.parametrize("internal", [False, True])
+@pytest.mark.parametrize("force", [300.0, -200.0])
+def test_moments_of_the_drawn_force_are_those_of_the_mesh(internal, force):
+    """About both axes it has the base radius as its arm: the torques that the mesh's equations have."""
+    pair = gp.GearPair(20, 50, 2e-3, 0.02, x_1=0.2, internal=internal)
+    gears = pair.drawn_gears()
+    a, b = gears.placed(0.3, 0.0)
+    x, y, fx, fy = gears.force_on_b(gears.contacts[0], [a, b], force)
+    assert math.hypot(fx, fy) == pytest.approx(abs(force))
+    r_a, r_b = (pair.base_radii[1], pair.base_radii[0]) if internal else pair.base_radii
+    assert x * fy - y * fx == pytest.approx(r_a * force)  # what a gives away
+    about_b = (x - b.x) * fy - (y - b.y) * fx
+    assert about_b == pytest.approx((1 if internal else -1) * r_b * force)
+
+
+def test_a_mesh_with_the_values_of_a_pair_is_drawn_like_the_pair():
+    for pair in (gp.GearPair(20, 40, 3e-3, 0.02), gp.GearPair(20, 60, 3e-3, 0.02, internal=True)):
+        kind = gp.DetailedInternalMesh if pair.internal else gp.DetailedExternalMesh
+        own, other = kind(d=0.0, **pair.mesh_values()).drawn_gears(), pair.drawn_gears()
+        for wheel, same in zip(own.wheels, other.wheels, strict=True):
+            assert wheel.orbit == pytest.approx(same.orbit)
+            assert wheel.turn == pytest.approx(same.turn)
+            assert np.abs(np.hypot(*wheel.outline.T).max() - np.hypot(*same.outline.T).max()) < 1e-9
+            assert wheel.pitch_radius == pytest.approx(same.pitch_radius)
+
+
+def test_what_is_not_known_is_not_drawn():
+    assert gp.DetailedExternalMesh(r_a=0.1, r_b=0.2, c=1e8, d=0.0).drawn_gears() is None
+    assert gp.PlanetaryUnit(R_s=0.03, R_p=0.02, **UNIT).drawn_gears() is None
+    assert gp.Inertia(J=1.0).drawn_gears() is None
+
+
+def test_numbers_of_teeth_that_do_not_fit_are_refused():
+    with pytest.raises(
+        ModelError, match=r"DetailedExternalMesh: .* give the other one 33\.3333 teeth; expected a whole number"
+    ):
+        gp.DetailedExternalMesh(r_a=0.03, r_b=0.05, z_a=20, c=1e8, d=0.0).drawn_gears()
+    with pytest.raises(ModelError, match=r"no profile shift lets the ring mesh .* expected a ring of about 70 teeth"):
+        planetary_set((30, 20, 90), 0.1, [0.0], [], [])
+
+
+@pytest.mark.parametrize(
+    ("level", "meshes", "forces"), [("ideal", "lumped", 0), ("elastic", "lumped", 6), ("elastic", "separate", 6)]
+)
+def test_units_of_all_levels_have_gears(level, meshes, forces):
+    unit = gp.PlanetaryUnit(level=level, planet_meshes=meshes, R_s=0.03, R_p=0.02, Z_s=30, Z_p=20, Z_r=70, planets=5, **UNIT)
+    gears = unit.drawn_gears()
+    assert [w.name for w in gears.wheels] == ["sun: 30", *(f"planet {n}: 20" for n in range(1, 6)), "ring: 70"]
+    assert len(gears.contacts) == (10 if forces else 0)
+    assert gears.wheels[1].orbit == pytest.approx(0.05)
+    assert sum(c.share for c in gears.contacts) == pytest.approx(0 if not forces else 2 if meshes == "lumped" else 10)

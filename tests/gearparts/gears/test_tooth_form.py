@@ -1,0 +1,149 @@
+"""Involute teeth: the involute of the base circle, thickness, fillets as a rack cuts them, flanks that touch and do not overlap."""
+
+import math
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from matplotlib.path import Path
+
+import gearparts as gp
+from gearlib.errors import BoundError
+from gearparts.gears.tooth_form import ToothForm
+
+
+@pytest.mark.parametrize("form", [ToothForm(20, 2e-3), ToothForm(12, 3e-3, x=0.4), ToothForm(45, 1e-3, 0.3, x=-0.2)])
+@pytest.mark.parametrize("ring", [False, True])
+def test_flanks_are_involutes_of_the_base_circle(form, ring):
+    form = ToothForm(form.z, form.m, form.alpha, form.x, ring=ring)
+    radii, half = form.flank()
+    radii, half = radii[radii > form.base_radius * 1.0001], half[radii > form.base_radius * 1.0001]
+    unrolled = np.sqrt((radii / form.base_radius) ** 2 - 1)  # length of the thread over the base radius
+    if not ring:  # below the flank there is the fillet
+        flank = half <= [form.half_angle(r) + 1e-15 for r in radii]
+        flank &= radii > form._fillet()[0].max() + 1e-12
+        half, unrolled = half[flank], unrolled[flank]
+    assert len(half) > 5
+    assert half + unrolled - np.arctan(unrolled) == pytest.approx(half[0] + unrolled[0] - np.arctan(unrolled[0]), abs=1e-14)
+
+
+@pytest.mark.parametrize("ring", [False, True])
+@pytest.mark.parametrize("x", [-0.3, 0.0, 0.5])
+def test_thickness_at_the_reference_circle(x, ring):
+    form = ToothForm(31, 2e-3, x=x, ring=ring)
+    width = 2 * form.pitch_radius * form.half_angle(form.pitch_radius)
+    thickness = math.pi * form.m - width if ring else width
+    assert thickness == pytest.approx(form.m * (math.pi / 2 + 2 * x * math.tan(form.alpha)), rel=1e-14)
+
+
+@pytest.mark.parametrize(("z", "x"), [(20, 0.0), (30, 0.3), (60, -0.4)])
+def test_the_fillet_ends_on_the_flank_where_nothing_is_cut_under(z, x):
+    form = ToothForm(z, 1.0, x=x)
+    radii, angles = form._fillet()
+    assert radii[0] == pytest.approx(form.root_radius, rel=1e-14)
+    assert angles[-1] == pytest.approx(form.half_angle(radii[-1]), abs=1e-14)
+    # where a rack's straight flank ends, on the line of action: (h_fP - rho (1 - sin(alpha)) - x) m below the pitch point
+    below = 1.25 - 0.38 * (1 - math.sin(form.alpha)) - x
+    along = form.pitch_radius * math.sin(form.alpha) - below / math.sin(form.alpha)
+    assert radii[-1] == pytest.approx(math.hypot(form.base_radius, along), rel=1e-14)
+
+
+def test_few_teeth_are_cut_under():
+    form = ToothForm(9, 1.0)
+    radii, half = form.flank()
+    assert (np.diff(radii) > 0).all()
+    waist = half * radii
+    assert waist.min() < waist[radii > form.base_radius * 1.05].max() - 0.1  # narrower below than further out
+    assert half[0] == pytest.approx(form._fillet()[1][0])
+
+
+def test_pointed_teeth_end_where_their_flanks_meet():
+    form = ToothForm(10, 1.0, x=0.9)
+    assert form.tip_radius < form.pitch_radius + 1.9
+    assert form.half_angle(form.tip_radius) == pytest.approx(0.0, abs=1e-12)
+
+
+def random_pairs(count):
+    rng = np.random.default_rng(17)
+    while count:
+        z_1, ring = int(rng.integers(9, 60)), bool(rng.integers(2))
+        z_2 = int(rng.integers(z_1 + 15, z_1 + 90) if ring else rng.integers(9, 90))
+        x_1, x_2 = rng.uniform(-0.3, 0.6, 2)
+        with suppress(BoundError):
+            pair = gp.GearPair(z_1, z_2, 2e-3, 0.02, x_1=x_1, x_2=x_2, beta=rng.uniform(0.0, 0.4), internal=ring)
+            if 0.05 < pair.alpha_wt < 0.8:
+                count -= 1
+                yield pair
+
+
+def placed(points, at):
+    c, s = math.cos(at.angle), math.sin(at.angle)
+    return points @ np.array([[c, s], [-s, c]]) + [at.x, at.y]
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_both_flanks_touch_in_each_point_of_the_line_of_action(side):
+    """A point of the line of action is on a flank of the one gear where it is on one of the other, on the drive and the coast side."""
+    for angle, pair in enumerate(random_pairs(40)):
+        gears = pair.drawn_gears()
+        forms = _forms(pair)[:: -1 if pair.internal else 1]
+        places = gears.placed(angle / 7, 0.0)
+        incline = -side * pair.alpha_wt
+        reach = 0.99 * min(wheel.pitch_radius for wheel in gears.wheels) * math.sin(pair.alpha_wt)  # not beyond a tangent point
+        along = np.linspace(-1, 1, 7) * min(0.8 * pair.base_pitch, reach)
+        points = np.array([gears.wheels[0].pitch_radius, 0.0]) + along[:, None] * [-math.sin(incline), math.cos(incline)]
+        phases = []
+        for form, at in zip(forms, places, strict=True):
+            x, y = (points - [at.x, at.y]).T
+            half = np.array([form.half_angle(r) for r in np.hypot(x, y)])
+            phases.append(form.z * (np.arctan2(y, x) - at.angle - side * half))
+        together = phases[0] - phases[1] if pair.internal else phases[0] + phases[1]
+        assert np.abs(np.exp(1j * together) - 1).max() < 1e-8, pair
+
+
+def _forms(pair):
+    m, turn = pair.m_n / math.cos(pair.beta), math.cos(pair.beta)
+    return (
+        ToothForm(pair.z_1, m, pair.alpha_t, pair.x_1 * turn),
+        ToothForm(pair.z_2, m, pair.alpha_t, pair.x_2 * turn, ring=pair.internal),
+    )
+
+
+@pytest.mark.parametrize(
+    ("z_1", "z_2", "x_1", "x_2", "ring"),
+    [
+        (20, 40, 0, 0, False),
+        (12, 30, 0.3, -0.3, False),
+        (10, 35, 0.5, 0.2, False),
+        (25, 70, 0, 0, True),
+        (20, 60, 0.3, 0.3, True),
+    ],
+)
+@pytest.mark.parametrize("angle", [0.0, 0.05, 0.11])
+def test_gears_in_mesh_do_not_overlap(z_1, z_2, x_1, x_2, ring, angle):
+    pair = gp.GearPair(z_1, z_2, 1.0, 1.0, x_1=x_1, x_2=x_2, internal=ring)
+    gears = pair.drawn_gears()
+    a, b = (placed(w.outline, at) for w, at in zip(gears.wheels, gears.placed(angle, 0.0), strict=True))
+    inside = Path(a).contains_points(b)
+    wrong = b[~inside] if ring else b[inside]
+    depth = max((_distance(a, point) for point in wrong), default=0.0)
+    assert depth < 2e-3  # of a module: chords for arcs
+    assert Path(b).contains_points(a).any() == ring or Path(b).contains_points(a).sum() < 5
+
+
+def _distance(polygon, point):
+    start, end = polygon, np.roll(polygon, -1, axis=0)
+    along = end - start
+    share = np.clip(((point - start) * along).sum(1) / (along**2).sum(1), 0, 1)
+    return np.hypot(*(start + share[:, None] * along - point).T).min()
+
+
+def test_an_outline_is_a_whole_gear():
+    form = ToothForm(23, 2e-3)
+    outline = form.outline()
+    radii = np.hypot(*outline.T)
+    assert radii.max() == pytest.approx(form.tip_radius)
+    assert radii.min() == pytest.approx(form.root_radius)
+    x, y = outline.T
+    area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+    assert math.pi * form.root_radius**2 < area < math.pi * form.tip_radius**2
