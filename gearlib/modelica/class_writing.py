@@ -19,6 +19,7 @@ from gearlib.language.component import (
     given_to,
 )
 from gearlib.language.declarations import NO_VALUE, Connector, Discrete, Flow, Input, Parameter, Variable, declared_by
+from gearlib.language.delayed import Delayed
 from gearlib.language.expressions import Eq, Reinit, When, time, value_of
 from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.sampled import Sampled
@@ -155,6 +156,8 @@ class ClassText:
         for name, part in self.parts.items():
             if isinstance(part, Sampled):
                 raise ModelicaError(f"{name} calls a Python function, which cannot be written in Modelica")
+            if isinstance(part, Delayed) and self.counterparts[name] is None:
+                raise ModelicaError(f"{name} delays a signal: that is written with standard_library=True only, and not flat")
 
     # ------------------------------------------------------------ names
 
@@ -327,12 +330,14 @@ class ClassText:
 
     def _lift(self, name: str, part: Component, values: Mapping[str, Any], joined: Mapping[str, str], at: Any) -> None:
         """Turn unbound inputs of parts into inputs of the class."""
+        known = self.counterparts[name]
         unbound = [
             Lifted(n, v.unit, v.description)
             for n, v in declared_by(part).variables.items()
             if isinstance(v, Input) and v.default is NO_VALUE and values.get(n) is None and n not in joined
+            if known is None or n not in known[1].own
         ]
-        if self.counterparts[name] is None:
+        if known is None:
             unbound += self.package.lifted.get(self.package.class_name(part), ())
         for each in unbound:
             own = f"{name}_{each.name}".replace("[", "_").replace("]", "").replace(".", "_")

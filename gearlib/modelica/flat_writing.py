@@ -19,6 +19,7 @@ from gearlib.language.component import (
     given_to,
 )
 from gearlib.language.declarations import NO_VALUE, Flow, Input, Variable, declared_by
+from gearlib.language.delayed import Delayed
 from gearlib.language.expressions import time, value_of
 from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.sampled import Sampled
@@ -47,6 +48,10 @@ class FlatText:
         for prefix, part in self.members.items():
             if isinstance(part, Sampled):
                 raise ModelicaError(f"{prefix[:-1]} calls a Python function, which cannot be written in Modelica")
+            if isinstance(part, Delayed):
+                raise ModelicaError(
+                    f"{prefix[:-1]} delays a signal: that is written with standard_library=True only, and not flat"
+                )
             declared = declared_by(part)
             for name in (*declared.parameters, *declared.variables, *declared.discretes):
                 self._name(prefix + name)

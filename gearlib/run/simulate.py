@@ -22,9 +22,10 @@ from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.refusals.limits import refuse_start, refuse_too_small
 from gearlib.run.request import Request, absolute_tolerance, check_form, check_options, output_times
 from gearlib.run.result import Result, SimulatedResult
-from gearlib.run.sampling.instants import integrate_sampled
+from gearlib.run.sampling.instants import begun_with, given_before, integrate_sampled
 from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
+from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
 from gearlib.run.tangents.asked import directions
 from gearlib.run.tangents.tangents import Tangents
@@ -50,19 +51,32 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     if translation.structure.switching:
         refuse_jumps(translation.structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
     earlier = earlier_run(translation, asked.start)
+    absolute = absolute_tolerance(asked.atol, len(scene.states))
+
+    def begun(begin: Start) -> Run:
+        return Run(
+            scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step, form=asked.form,
+            backend=asked.backend,
+        )  # fmt: skip
+
     if earlier:
         begin = earlier[0].moment(scene, earlier[1])
+        signals = given_before(translation.controllers, earlier[0].request.signals, signals)
+        first = begun(begin)
     else:
         varied = asked.directions
         seeds = None if varied is None else varied.seeds
         own_seeds = () if varied is None else varied.starts
-        begin = translation.start(scene, parameters, float(grid[0]), asked.start, signals, True, seeds, own_seeds)
+
+        def start(with_inputs: tuple[Any, ...]) -> Start:
+            return translation.start(scene, parameters, float(grid[0]), asked.start, with_inputs, True, seeds, own_seeds)
+
+        begin = start(signals)
+        first = begun(begin)
+        if translation.controllers:
+            first = begun_with(start, first, translation.controllers)
+            begin, signals = first.start, first.signals
         refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
-    absolute = absolute_tolerance(asked.atol, len(scene.states))
-    first = Run(
-        scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step, form=asked.form,
-        backend=asked.backend,
-    )  # fmt: skip
     if asked.directions is not None:
         assert begin.changes is not None, "they were asked for"
         first = replace(first, tangents=Tangents(asked.directions, begin.changes))

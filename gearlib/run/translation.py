@@ -24,6 +24,7 @@ from gearlib.reduce.combinations import CancellingSum, cancel, combinations, rep
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
 from gearlib.run.sampling.controllers import Controller, controllers_of, read_by_controllers
+from gearlib.run.sampling.delays import Delay
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Seed, Start, start_values, start_variable
 from gearlib.run.steady import search_steady, steady_changes
@@ -213,13 +214,13 @@ class Translation:
         return tuple(self.model.name(int(v)) for v in self.model.inputs)
 
     @cached_property
-    def controllers(self) -> tuple[Controller, ...]:
-        """The sampled controllers, which set some of these."""
-        return controllers_of(self.component, self.inputs)
+    def controllers(self) -> tuple[Controller | Delay, ...]:
+        """The sampled controllers and delays, which set some of these."""
+        return controllers_of(self.component, self.inputs, self.model.parameters.names)
 
     @property
     def open_inputs(self) -> tuple[str, ...]:
-        """Paths of the inputs that must be given: those that no sampled controller sets."""
+        """Paths of the inputs that must be given: those that no sampled controller or delay sets."""
         given = {k for controller in self.controllers for k in controller.gives}
         return tuple(name for k, name in enumerate(self.inputs) if k not in given)
 

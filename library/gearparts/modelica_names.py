@@ -16,6 +16,7 @@ COMPLIANT: dict[str, Any] = {
 SPELLINGS = (
     "useSupport", "useHeatPort", "heatPort", "lossPower", "lossTable", "stepTorque", "offsetTorque", "startTime", "deltaPhi",
     "TorqueDirection", "ForceDirection", "controllerType", "yMax", "yMin", "uMax", "uMin", "uHigh", "uLow", "samplePeriod",
+    "delayTime",
     "startForward", "startBackward",
 )  # fmt: skip
 NO_CHANGE = frozenset({"strict", "homotopyType", "limitsAtInit", "verboseExtrapolation", "significantDigits"})
@@ -130,6 +131,7 @@ _BLOCKS = {
     ),
     **_same("Blocks.Continuous", "gearparts.blocks.transfer", "TransferFunction", ignored=frozenset({"initType"})),
     **_same("Blocks.Nonlinear", _NONLINEAR, "Limiter", names=_LIMITS, ignored=NO_CHANGE),
+    **_same("Blocks.Nonlinear", "gearparts.blocks.delays", "FixedDelay", own=frozenset({"past", "now", "age", "total"})),
     **_same("Blocks.Nonlinear", _NONLINEAR, "DeadZone", ignored=frozenset({"deadZoneAtInit"})),
     "Modelica.Blocks.Nonlinear.SlewRateLimiter": Counterpart(
         f"{_NONLINEAR}:RateLimiter", names={"Rising": "rising", "Falling": "falling"}, starts={"y_start": "y"},

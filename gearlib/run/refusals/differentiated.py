@@ -23,7 +23,7 @@ def refuse_tangents(translation: Translation, form: str, start: Any) -> None:
         )
     if translation.controllers:
         raise ArgumentError(
-            f"{translation.name} has sampled controllers, which are functions of Python: how what they give changes with a parameter is "
+            f"{translation.name} has sampled controllers, functions of Python, or delays: how what they give changes with a parameter is "
             "not known, so that there are no sensitivities; write the controller as equations"
         )
     if isinstance(start[0] if isinstance(start, tuple) else start, Result):

@@ -13,7 +13,9 @@ from gearlib.arguments import is_real, shown
 from gearlib.equations.switch_times import MOST_INSTANTS, rounding
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component, parts_below
+from gearlib.language.delayed import Delayed
 from gearlib.language.sampled import Sampled
+from gearlib.run.sampling.delays import Delay
 
 Floats = NDArray[np.float64]
 
@@ -51,25 +53,40 @@ class Controller:
         return [float(number) for number in numbers]
 
 
-def controllers_of(component: Component, inputs: Sequence[str]) -> tuple[Controller, ...]:
-    """The sampled controllers in a component, with the indices of their inputs among the unbound inputs."""
-    found = []
+def controllers_of(component: Component, inputs: Sequence[str], parameters: Sequence[str]) -> tuple[Controller | Delay, ...]:
+    """The sampled controllers and delays in a component, with the indices of their inputs among the unbound inputs."""
+    found: list[Controller | Delay] = []
     for path, part in parts_below(component):
         if isinstance(part, Sampled):
             read, given = part.counts
             gives = tuple(inputs.index(f"{path}.outputs[{k}].u") for k in range(given))
             found.append(Controller(path, part, tuple(f"{path}.inputs[{k}].y" for k in range(read)), gives))
+        elif isinstance(part, Delayed):
+            head = f"{path}." if path else ""
+            places = (inputs.index(f"{head}past"),)
+            found.append(Delay(path or type(part).__name__, (f"{head}now",), places, parameters.index(f"{head}delay_time")))
     return tuple(found)
 
 
 def read_by_controllers(component: Component) -> tuple[str, ...]:
-    """Paths of the signals that the sampled controllers in a component read."""
-    parts = ((path, part.counts[0]) for path, part in parts_below(component) if isinstance(part, Sampled))
-    return tuple(f"{path}.inputs[{k}].y" for path, count in parts for k in range(count))
+    """Paths of the signals that the sampled controllers and delays in a component read."""
+    found: list[str] = []
+    for path, part in parts_below(component):
+        if isinstance(part, Sampled):
+            found += [f"{path}.inputs[{k}].y" for k in range(part.counts[0])]
+        elif isinstance(part, Delayed):
+            found += [f"{path}.{name}" if path else name for name in ("now", "total")]
+    return tuple(found)
 
 
 def refuse_controllers(component: Component, what: str) -> None:
-    """Raise `ArgumentError` if a component has sampled controllers, whose equations ``what`` does not know."""
+    """Raise `ArgumentError` if a component has sampled controllers or delays, whose equations ``what`` does not know."""
+    delays = ", ".join(path for path, part in parts_below(component) if isinstance(part, Delayed))
+    if delays:
+        raise ArgumentError(
+            f"{what} needs equations without a history, and {delays} delays a signal; put a rational approximation in its place, such as "
+            "gearparts.blocks.TransferFunction with the coefficients of control.pade(delay_time, 3)"
+        )
     named = ", ".join(path for path, part in parts_below(component) if isinstance(part, Sampled))
     if named:
         raise ArgumentError(

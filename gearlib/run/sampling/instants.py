@@ -1,4 +1,5 @@
-"""Runs with sampled controllers: the run is split at the sample instants, where Python functions set signals held up to the next.
+"""Runs with sampled controllers and delays: the run is split at the sample instants, where Python functions set signals held up to the
+next, and into pieces no longer than a delay, in which the delayed signals are those of earlier pieces.
 
 Every piece continues from the state, the discrete state and the solution branch in which the one before ended, with the same
 tolerances. The functions' return values are recorded, so that a run repeated for other variables or samples calls no function again.
@@ -7,7 +8,7 @@ tolerances. The functions' return values are recorded, so that a run repeated fo
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,33 +16,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.switch_times import rounding
-from gearlib.errors import ArgumentError, SolverError
+from gearlib.errors import ArgumentError, SolverError, StartError
 from gearlib.run.methods.method import Integrates
 from gearlib.run.methods.method_table import BY_TURNS, METHODS
 from gearlib.run.methods.run import Run
 from gearlib.run.sampling.controllers import Controller
+from gearlib.run.sampling.delays import FEWEST, SHARE, Delay, DelayHistory, more_points, points, separate
 from gearlib.run.segment import Segment
+from gearlib.run.start_values import Start
 from gearlib.run.state_switching import Switched, integrate_through
-from gearlib.solvers.inputs.table import Table, values
+from gearlib.solvers.inputs.table import Table, breakpoints, values
 from gearlib.solvers.problem import Solution
 
 Floats = NDArray[np.float64]
+MOST_CUTS = 1_000_000
+MOST_PASSES = 60  # for the signal at the start
+STEPS = 8  # of a piece with delays: a pulse in what they give must not be stepped over
 ADDED = ("steps", "attempts", "rejected", "rhs", "jac", "events", "restarts", "work", "seconds")  # over the pieces of a run
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """Recorded outputs of sampled controllers: the times at which pieces of a run begin, and all inputs from there on."""
+    """Recorded outputs of sampled controllers and delays.
+
+    Attributes
+    ----------
+    times : tuple of float
+        When its pieces begin, s.
+    signals : tuple of tuple
+        All inputs from there on.
+    histories : mapping of int to Table
+        Inputs that delays give, by number, to one delay after the end.
+    after : tuple
+        All inputs with which the run goes on.
+    """
 
     times: tuple[float, ...]
     signals: tuple[tuple[Any, ...], ...]
+    histories: Mapping[int, Table]
+    after: tuple[Any, ...]
 
 
 def integrate_sampled(
-    first: Run, method: Integrates, switched: Switched, controllers: Sequence[Controller], known: Pieces | None = None,
+    first: Run, method: Integrates, switched: Switched, controllers: Sequence[Controller | Delay], known: Pieces | None = None,
     begun: bool = False,
 ) -> tuple[Run, Solution, Pieces]:  # fmt: skip
-    """Integrate a run with sampled controllers, as one run in which the inputs they set are tables.
+    """Integrate a run with sampled controllers and delays, as one run in which the inputs they set are tables.
 
     Parameters
     ----------
@@ -49,7 +69,7 @@ def integrate_sampled(
     method : Integrates
     switched : dict
         As for `integrate_through`.
-    controllers : sequence of Controller
+    controllers : sequence of Controller and Delay
     known : Pieces, optional
         Recorded controller outputs of this run: the functions are not called again.
     begun : bool
@@ -63,23 +83,32 @@ def integrate_sampled(
         The integration failed.
     """
     if method is METHODS["exact"]:
-        raise ArgumentError(
-            f"method='exact' does not call the function of {controllers[0].path}; use method='auto', 'rk' or 'ida'"
-        )
+        doing = "know the history" if isinstance(controllers[0], Delay) else "call the function"
+        raise ArgumentError(f"method='exact' does not {doing} of {controllers[0].path}; use method='auto', 'rk' or 'ida'")
     method = BY_TURNS if method is METHODS["auto"] else method
     t0, t1 = float(first.times[0]), float(first.times[-1])
-    acting = _acting(controllers, t0, t1)
+    acting = _acting([c for c in controllers if isinstance(c, Controller)], t0, t1)
     if begun:
         acting.pop(t0, None)
-    begins, longest = sorted({t0, *acting}), first.longest_step
+    histories = {
+        d.gives[0]: DelayHistory.going_on(float(first.numbers.parameters[d.parameter]), first.signals[d.gives[0]], t0)
+        for d in controllers if isinstance(d, Delay)
+    }  # fmt: skip
+    begins, longest = sorted({t0, *acting, *_cuts(histories, acting, t0, t1)}), first.longest_step
     here = replace(first, signals=_at(first.signals, controllers, t0), max_step=longest if longest < math.inf else None)
     done: list[tuple[Run, Solution]] = []
+    count = FEWEST
     for n, (t, end) in enumerate(zip(begins, [*begins[1:], t1], strict=True)):
+        here = replace(
+            here, signals=tuple(histories[k].window(t, end) if k in histories else s for k, s in enumerate(here.signals))
+        )
         signals = known.signals[n] if known is not None else _asked(here, t, acting.get(t, ()))
         inner = first.times[(first.times > t) & (first.times < end)]
-        parts = integrate_through(
-            replace(here, times=np.array([t, *inner, end] if end > t else [t]), signals=signals), method, switched
-        )
+        piece = replace(here, times=np.array([t, *inner, end] if end > t else [t]), signals=signals)
+        if histories and known is None and end > t:
+            parts, count = _with_history(piece, method, switched, controllers, histories, count)
+        else:
+            parts = integrate_through(piece, method, switched)
         if len(parts) > 1:
             raise SolverError(
                 f"the states of the run become singular at t = {parts[0][1].t_last:.9g} s, and a run with sampled controllers does not go "
@@ -87,8 +116,98 @@ def integrate_sampled(
             )
         done += parts
         here = _following(*parts[0], end)
-    pieces = Pieces(tuple(begins), tuple(run.signals for run, _ in done))
+    after = tuple(
+        histories[k].window(t1, t1 + histories[k].delay) if k in histories else s for k, s in enumerate(done[-1][0].signals)
+    )
+    whole = {k: history.whole(t0) for k, history in histories.items()}
+    pieces = Pieces(tuple(begins), tuple(run.signals for run, _ in done), whole, after) if known is None else known
     return *_joined(first, done, pieces, controllers), pieces
+
+
+def _cuts(histories: Mapping[int, DelayHistory], acting: Collection[float], t0: float, t1: float) -> list[float]:
+    """Times at which the run is cut, so that no piece is longer than a delay; not next to the instants of controllers."""
+    if not histories:
+        return []
+    least, shortest = min((h.delay, k) for k, h in histories.items())[0], rounding(t0, t1)
+    if (t1 - t0) / least > MOST_CUTS:
+        raise ArgumentError(f"a delay of {least:g} s cuts the run from {t0:g} to {t1:g} s into more than {MOST_CUTS} pieces")
+    cuts, taken = t0 + least * np.arange(1, math.ceil((t1 - t0) / least)), np.array([-math.inf, *acting, t1])
+    return [t for t in cuts.tolist() if np.abs(taken - t).min() > shortest]
+
+
+def _with_history(
+    run: Run, method: Integrates, switched: Switched, controllers: Sequence[Controller | Delay], histories: dict[int, DelayHistory],
+    count: int,
+) -> tuple[list[tuple[Run, Solution]], int]:  # fmt: skip
+    """Integrate a piece, and add what delays read in it to their histories: with so many points that splines through them are right."""
+    t, end = float(run.times[0]), float(run.times[-1])
+    run = replace(run, max_step=min(run.longest_step, (end - t) / STEPS))
+    before = [(b, level) for history in histories.values() for b, level in history.bends if t <= b < end]
+    times = separate([*breakpoints(run.signals).tolist(), *(b for b, _ in before)], t, end)
+    while True:
+        grids = points(times, end, end - t, count)
+        parts = integrate_through(replace(run, times=np.unique(np.concatenate([run.times, *grids]))), method, switched)
+        piece, solution = parts[0]
+        found = separate([*times[1:], *solution.event_times.tolist()], t, end)
+        if len(parts) > 1:
+            return parts, count
+        if len(found) > len(times):
+            times = found
+            continue
+        segment, read = Segment.of(piece, solution), {}
+        for delay in controllers:
+            if isinstance(delay, Delay):
+                node, sign = run.scene.named(delay.reads[0])
+                u = sign * segment.history(node) if sign else np.zeros(len(segment.time))
+                read[delay.gives[0]] = [(grid, u[np.searchsorted(segment.time, grid)]) for grid in grids]
+        if max(histories[k].error(points_read) for k, points_read in read.items()) <= SHARE * run.rtol:
+            break
+        count = more_points(count, controllers[0].path, end)
+    for k, points_read in read.items():
+        histories[k].add(times, points_read, before)
+    return parts, count
+
+
+def begun_with(begin: Callable[[tuple[Any, ...]], Start], run: Run, controllers: Sequence[Controller | Delay]) -> Run:
+    """A run with its start, and with what delays give at it: the signal's value at the start.
+
+    Parameters
+    ----------
+    begin : callable
+        The start with certain inputs.
+    run : Run
+        With the inputs, but for those that delays give.
+    controllers : sequence of Controller and Delay
+
+    Raises
+    ------
+    StartError
+        A signal at the start that follows from itself, and does not settle.
+    """
+    delays = [d for d in controllers if isinstance(d, Delay) and not isinstance(run.signals[d.gives[0]], Table)]
+    for _ in range(MOST_PASSES if delays else 1):
+        start = begin(run.signals)
+        run = replace(run, start=start, modes=start.modes)
+        signals, settled = list(run.signals), True
+        for delay in delays:
+            node, sign = run.scene.named(delay.reads[0])
+            u = float(sign * _segment(run, float(run.times[0])).history(node)[0]) if sign else 0.0
+            k = delay.gives[0]
+            settled = settled and abs(u - signals[k]) <= 1e-13 * max(abs(u), 1e-3)
+            signals[k] = u
+        if settled:
+            return run
+        run = replace(run, signals=tuple(signals))
+    raise StartError(
+        f"the signal of {', '.join(d.path for d in delays)} at the start follows from itself: the delay gives at first what it takes, and "
+        "the value does not settle. Let it pass a block with a state, such as gearparts.blocks.FirstOrder"
+    )
+
+
+def given_before(controllers: Sequence[Controller | Delay], before: Sequence[Any], signals: Sequence[Any]) -> tuple[Any, ...]:
+    """Inputs with which a run goes on: those that controllers and delays give are as the earlier run has left them."""
+    given = {k for controller in controllers for k in controller.gives}
+    return tuple(before[k] if k in given else s for k, s in enumerate(signals))
 
 
 def _acting(controllers: Sequence[Controller], t0: float, t1: float) -> dict[float, tuple[Controller, ...]]:
@@ -101,9 +220,9 @@ def _acting(controllers: Sequence[Controller], t0: float, t1: float) -> dict[flo
     return found
 
 
-def _at(signals: Sequence[Any], controllers: Sequence[Controller], t: float) -> tuple[Any, ...]:
+def _at(signals: Sequence[Any], controllers: Sequence[Controller | Delay], t: float) -> tuple[Any, ...]:
     """Inputs from a time on: recorded controller outputs of an earlier run, held constant."""
-    given = {k for controller in controllers for k in controller.gives}
+    given = {k for controller in controllers if isinstance(controller, Controller) for k in controller.gives}
     return tuple(float(s(t)) if k in given and isinstance(s, Table) else s for k, s in enumerate(signals))
 
 
@@ -144,7 +263,7 @@ def _following(run: Run, solution: Solution, t: float) -> Run:
 
 
 def _joined(
-    first: Run, done: Sequence[tuple[Run, Solution]], pieces: Pieces, controllers: Sequence[Controller]
+    first: Run, done: Sequence[tuple[Run, Solution]], pieces: Pieces, controllers: Sequence[Controller | Delay]
 ) -> tuple[Run, Solution]:
     """The pieces joined into one run with its own samples; a sample at an instant holds the right-hand limit."""
     chosen = np.searchsorted(np.concatenate([run.times for run, _ in done]), first.times, side="right") - 1
@@ -159,7 +278,11 @@ def _joined(
     stats |= {"pieces": len(done), "why": f"{stats['why']}; cut at the instants of {', '.join(c.path for c in controllers)}"}
     signals = list(pieces.signals[-1])
     for k in (k for controller in controllers for k in controller.gives):
-        signals[k] = Table(pieces.times, [piece[k] for piece in pieces.signals], interpolation="previous")
+        signals[k] = (
+            pieces.histories[k]
+            if k in pieces.histories
+            else Table(pieces.times, [piece[k] for piece in pieces.signals], interpolation="previous")
+        )
     events = [event for _, s in done for event in s.events]
     return replace(first, signals=tuple(signals)), replace(
         last, t=first.times, x=states, modes=modes, events=events, stats=stats

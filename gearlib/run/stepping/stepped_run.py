@@ -16,7 +16,7 @@ from gearlib.run.methods.method_table import BY_TURNS, method_of
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import refuse_too_small
 from gearlib.run.request import LONGEST, SHORTEST, absolute_tolerance
-from gearlib.run.sampling.instants import integrate_sampled
+from gearlib.run.sampling.instants import begun_with, given_before, integrate_sampled
 from gearlib.run.scene import Numbers, Scene
 from gearlib.run.segment import Segment
 from gearlib.run.simulate import earlier_run
@@ -113,10 +113,12 @@ class SteppedRun:
         self._begun = earlier is not None  # the earlier run has handled an instant at its end
         if earlier:
             begin = earlier[0].moment(scene, earlier[1])
-            if inputs is None:
-                self.inputs.signals = tuple(earlier[0].request.signals)
+            before = tuple(earlier[0].request.signals)
+            self.inputs.signals = (
+                before if inputs is None else given_before(translation.controllers, before, self.inputs.signals)
+            )
         else:
-            begin = translation.start(scene, parameters, t_start, start, self.inputs.signals, discrete=True)
+            begin = self._start(scene, parameters, t_start, start)
         self.events: list[Any] = []
         self._live: LiveRun | None = None
         self._now = Moment(
@@ -124,6 +126,22 @@ class SteppedRun:
             absolute_tolerance(atol, len(scene.states)), self.inputs.signals, 0,
         )  # fmt: skip
         self._go_to(np.array([t_start]))
+
+    def _start(self, scene: Scene, parameters: Floats, t: float, start: Any) -> Start:
+        """The start values; delays give their signal's value at the start."""
+        translation = self._translation
+
+        def begin(signals: tuple[Any, ...]) -> Start:
+            return translation.start(scene, parameters, t, start, signals, discrete=True)
+
+        found = begin(self.inputs.signals)
+        if translation.controllers:
+            run = Run(
+                scene, scene.prepared(parameters), found, self.inputs.signals, np.array([t]), self._rtol, None, found.modes
+            )
+            run = begun_with(begin, run, translation.controllers)
+            found, self.inputs.signals = run.start, run.signals
+        return found
 
     @property
     def t(self) -> float:
@@ -194,7 +212,7 @@ class SteppedRun:
         now, controllers, switched = self._now, self._translation.controllers, self._translation.switched
         if controllers:
             whole, found, pieces = integrate_sampled(self._run(times), self._method, switched, controllers, begun=self._begun)
-            parts, self.inputs.signals = [(whole, found)], pieces.signals[-1]
+            parts, self.inputs.signals = [(whole, found)], pieces.after
         else:
             parts = integrate_through(self._run(times), self._method, switched)
         self._begun, signals = True, self.inputs.signals

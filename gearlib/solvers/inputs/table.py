@@ -83,6 +83,7 @@ class Table(Tabulated):
         self.coefficients = _cubics(self.t, self.y, self.interpolation, self.outside == "periodic")
         self.origin: Table = self  # the table that `over` repeats
         self._repeated: Table | None = None
+        self._corners: Floats | None = None
         for part in (self.t, self.y, self.coefficients):  # read-only, since derived values are cached
             part.flags.writeable = False
 
@@ -169,6 +170,24 @@ class Table(Tabulated):
         """Whether it is piecewise linear."""
         return self.interpolation in ("linear", "previous")
 
+    @property
+    def corners(self) -> Floats:
+        """Times that a run steps to exactly, s: all points, unless the curve is known to be smooth at them."""
+        return self.t if self._corners is None else self._corners
+
+    def between(self, begin: float, end: float) -> Table:
+        """The part that holds from one time up to another one; after that its last piece goes on."""
+        first = max(int(np.searchsorted(self.t, begin, side="right")) - 1, 0)
+        last = max(int(np.searchsorted(self.t, end, side="left")), first + 1)
+        found = copy(self)
+        found.t, c = self.t[first:last].copy(), self.coefficients[:, first:last].copy()
+        if (s := begin - found.t[0]) > 0.0 and math.isfinite(s):
+            a0, a1, a2, a3 = c[:, 0]
+            c[:, 0] = a0 + s * (a1 + s * (a2 + s * a3)), a1 + s * (2 * a2 + 3 * s * a3), a2 + 3 * s * a3, a3
+            found.t[0] = begin
+        found.coefficients, found.y = c, c[0]
+        return found
+
     def over(self, t0: float, t1: float) -> Table:
         """The table over an interval (s), with periods unrolled.
 
@@ -239,6 +258,21 @@ class Table(Tabulated):
         piece = np.maximum(k - 1, 0)
         slopes = np.where(k > 0, self.coefficients[1, piece], 0.0)
         return self.y[piece] + slopes * (starts - self.t[piece]), slopes
+
+
+def concatenated(parts: Sequence[Table], corners: Sequence[float]) -> Table:
+    """Tables that follow each other as one, with the times that a run steps to exactly.
+
+    >>> both = concatenated([Table([0, 1], [0, 1]).between(0.0, 1.0), Table([1, 2], [5, 6])], [1.0])
+    >>> both([0.5, 1.0, 1.5]), both.corners
+    (array([0.5, 5. , 5.5]), array([1.]))
+    """
+    found = copy(parts[0])
+    found.t = np.maximum.accumulate(np.concatenate([part.t for part in parts]))
+    found.coefficients = np.hstack([part.coefficients for part in parts])
+    found.y, found.interpolation, found.outside = found.coefficients[0], "cubic", "hold"
+    found.origin, found._repeated, found._corners = found, None, np.unique(np.asarray(corners, float))
+    return found
 
 
 class Table2D:
@@ -344,7 +378,7 @@ Signal = Any  # a number, a FunctionInput, or a Table
 
 def breakpoints(signals: Sequence[Signal]) -> Floats:
     """Times of all corners of tables."""
-    tables = [s.t for s in signals if isinstance(s, Table)]
+    tables = [s.corners for s in signals if isinstance(s, Table)]
     if not tables:
         return np.empty(0)
     corners = np.sort(np.concatenate([np.empty(0), *tables]))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gearparts.blocks.continuous import LimPID as LimPID
     from gearparts.blocks.continuous import Product as Product
     from gearparts.blocks.continuous import SecondOrder as SecondOrder
+    from gearparts.blocks.delays import FixedDelay as FixedDelay
     from gearparts.blocks.discrete import DiscretePID as DiscretePID
     from gearparts.blocks.discrete import Sampler as Sampler
     from gearparts.blocks.discrete import TriggeredSampler as TriggeredSampler
@@ -61,6 +62,7 @@ _HOME = {
         ["Chirp", "Constant", "KinematicPTP", "Pulse", "Ramp", "Sine", "Step", "Trapezoid"], "gearparts.blocks.sources"
     ),
     "CombiTimeTable": "gearparts.blocks.time_tables",
+    "FixedDelay": "gearparts.blocks.delays",
     **dict.fromkeys(["MultiStateSpace", "StateSpace", "TransferFunction"], "gearparts.blocks.transfer"),
 }  # fmt: skip
 

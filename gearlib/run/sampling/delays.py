@@ -1,0 +1,145 @@
+"""Delays of a compiled model: the histories of their signals, by the method of steps.
+
+A run with delays is cut into pieces that are no longer than the shortest of them. In each piece the delayed signals are known functions
+of time: cubic splines through the history of the pieces before, between the times at which it may jump or bend.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.errors import SolverError
+from gearlib.solvers.inputs.table import Table, concatenated
+
+Floats = NDArray[np.float64]
+FEWEST, MOST = 32, 16384  # points of a history in a piece
+SHARE = 0.3  # of the relative tolerance: the error of the interpolation
+APART = 1e-10  # of a piece: how far from a jump the history is read, on both sides
+GENERATIONS = 6  # of a bend: each integration makes it smoother by one order
+
+
+@dataclass(frozen=True, eq=False)
+class Delay:
+    """A delay of a compiled model: what it reads, the number of the input that it gives, the parameter that says how long."""
+
+    path: str
+    reads: tuple[str, ...]
+    gives: tuple[int, ...]
+    parameter: int
+
+    def instants(self, t0: float, t1: float) -> list[float]:
+        """None: it acts all the time."""
+        return []
+
+
+@dataclass
+class DelayHistory:
+    """What a delay gives, as far as that is known.
+
+    Attributes
+    ----------
+    delay : float
+        s.
+    begins, tables : list
+        When each stretch begins, s, and the signal from then on.
+    bends : list of (float, int)
+        Times at which it may jump or bend, and how often that has been through the delay.
+    largest : float
+        Of the signal so far.
+    """
+
+    delay: float
+    begins: list[float]
+    tables: list[Table]
+    bends: list[tuple[float, int]]
+    largest: float = 0.0
+
+    @classmethod
+    def going_on(cls, delay: float, signal: Any, t: float) -> DelayHistory:
+        """The history with which a run begins or goes on at a time: a constant, or what an earlier run has left."""
+        known = signal if isinstance(signal, Table) else Table([t], [float(signal)])
+        ahead = [(b, 0) for b in known.corners.tolist() if t < b < t + delay]
+        return cls(delay, [-math.inf], [known], [*ahead, (t + delay, 0)], float(np.abs(known.y).max()))
+
+    def window(self, t: float, end: float) -> Table:
+        """The signal from one time to another."""
+        first, last = (bisect_right(self.begins, at) - 1 for at in (t, end))
+        parts = [
+            self.tables[k].between(max(self.begins[k], t), self.begins[k + 1] if k < last else end)
+            for k in range(first, last + 1)
+        ]
+        return concatenated(parts, [b for b, _ in self.bends if t <= b <= end])
+
+    def inside(self, t: float, end: float) -> list[float]:
+        """When the signal may jump or bend between two times."""
+        return [b for b, _ in self.bends if t < b < end]
+
+    def add(self, times: Sequence[float], read: Sequence[tuple[Floats, Floats]], before: Sequence[tuple[float, int]]) -> None:
+        """The history of a piece: the stretches between some times, as points; and the bends of what drove the piece."""
+        for begin, (t, u) in zip(times, read, strict=True):
+            self.begins.append(begin + self.delay)
+            self.tables.append(Table(t + self.delay, u, "cubic" if len(t) > 3 else "linear"))
+            self.largest = max(self.largest, float(np.abs(u).max()))
+        older = {b: level + 1 for b, level in before}
+        end = times[0]
+        self.bends = [(b, level) for b, level in self.bends if b >= end]
+        self.bends += [(t + self.delay, older.get(t, 0)) for t in times if older.get(t, 0) <= GENERATIONS]
+
+    def error(self, read: Sequence[tuple[Floats, Floats]]) -> float:
+        """Estimated error of the splines through some points, beside the largest value."""
+        worst = 0.0
+        for t, u in read:
+            if len(t) > 8:
+                worst = max(worst, float(np.abs(Table(t[::2], u[::2], "cubic")(t) - u).max()) / 16.0)
+        return worst / max(self.largest, *(float(np.abs(u).max()) for _, u in read), 1e-300)
+
+    def whole(self, t0: float) -> Table:
+        """All of it from a time on."""
+        until = [*self.begins[1:], math.inf]
+        parts = [table.between(max(a, t0), b) for a, b, table in zip(self.begins, until, self.tables, strict=True) if b > t0]
+        return concatenated(parts, [b for b, _ in self.bends])
+
+
+def points(times: Sequence[float], end: float, length: float, count: int) -> list[Floats]:
+    """Times at which to read a history between some others, ``count`` in a piece of a length; not at these, since it may jump there."""
+    found = []
+    for a, b in zip(times, [*times[1:], end], strict=True):
+        n = max(math.ceil(count * (b - a) / length), 8)
+        inner = np.linspace(a, b, n + n % 2 + 1)
+        gap = min(APART * length, 0.1 * (inner[1] - inner[0]))
+        inner[0], inner[-1] = a + gap, b - gap
+        found.append(inner)
+    return found
+
+
+def separate(times: Sequence[float], begin: float, end: float) -> list[float]:
+    """The start of a piece and the times in it, without those that are next to another one."""
+    found = [begin]
+    least = 1e-7 * (end - begin)
+    for t in sorted(times):
+        if t - found[-1] > least and end - t > least:
+            found.append(t)
+    return found
+
+
+def more_points(count: int, path: str, t: float) -> int:
+    """Twice as many.
+
+    Raises
+    ------
+    SolverError
+        These are too many.
+    """
+    if count >= MOST:
+        raise SolverError(
+            f"the history of {path} before t = {t:.9g} s is not known to the tolerance with {MOST} points in a piece; the signal is too "
+            "rough, or delay_time is too long: allow a larger rtol"
+        )
+    return 2 * count

@@ -1,0 +1,199 @@
+"""FixedDelay against the method of steps by hand, in all methods; runs that go on, that are stepped, that are refused."""
+
+from __future__ import annotations
+
+import pickle
+from math import factorial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, GearlibError, ModelicaError, StartError
+
+B = gp.blocks
+
+
+class Feedback(gl.Component):
+    """``der(x) = -x(t - 1)`` from ``x = 1`` before the start."""
+
+    T = gl.Parameter("s", "delay", default=1.0)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.x, self.late, self.gain = B.Integrator(start={"y": 1.0}), B.FixedDelay(delay_time=self.T), B.Gain(k=-1.0)
+        return [gl.connect(self.x.y, self.late.u), gl.connect(self.late.y, self.gain.u), gl.connect(self.gain.y, self.x.u)]
+
+
+def by_steps(times: NDArray[np.float64], T: float = 1.0) -> NDArray[np.float64]:
+    """The sum of (-1)^k (t - (k - 1) T)^k / k! over the k with (k - 1) T <= t."""
+    terms = [[(-1) ** k * (t - (k - 1) * T) ** k / factorial(k) for k in range(int(t / T + 1e-9) + 2)] for t in times]
+    return np.array([sum(row) for row in terms])
+
+
+@pytest.fixture(scope="module")
+def system() -> gl.System:
+    return gl.compile(Feedback())
+
+
+@pytest.mark.parametrize("method", ["auto", "rk5", "rk8", "ida"])
+def test_every_method_gives_the_motion_of_the_method_of_steps(system: gl.System, method: str) -> None:
+    r = system.simulate(6.0, samples=61, method=method, rtol=1e-9)
+    assert r["x.y"] == pytest.approx(by_steps(r.time), abs=3e-9)
+    assert r["late.y"] == pytest.approx(np.where(r.time < 1.0, 1.0, by_steps(np.maximum(r.time - 1.0, 0.0))), abs=3e-9)
+    assert r.stats["pieces"] == 6
+
+
+def test_the_delay_is_a_parameter(system: gl.System) -> None:
+    r = system.simulate(2.0, samples=21, rtol=1e-9, parameters={"T": 0.3})
+    assert r["x.y"] == pytest.approx(by_steps(r.time, 0.3), abs=3e-9)
+
+
+def test_runs_go_on_with_the_history(system: gl.System) -> None:
+    first = system.simulate(2.35, samples=24, rtol=1e-9)
+    for start in (first, (first, 1.7), (pickle.loads(pickle.dumps(first)), 2.0)):
+        then = system.simulate(5.0, start=start, samples=11, rtol=1e-9)
+        assert then["x.y"] == pytest.approx(by_steps(then.time), abs=3e-9)
+    assert first.at(1.23)["x.y"] == pytest.approx(by_steps(np.array([1.23])), abs=3e-9)
+    assert first["gain.y"] == pytest.approx(-first["late.y"])
+
+
+def test_stepped_runs_keep_it_and_come_back(system: gl.System) -> None:
+    run = system.stepper(rtol=1e-9)
+    for k in range(1, 18):
+        run.advance(0.13 * k)
+    state = run.state()
+    for _ in range(2):
+        for k in range(18, 31):
+            run.advance(0.13 * k)
+        assert run["x.y"] == pytest.approx(by_steps(np.array([3.9]))[0], abs=3e-9)
+        assert run["late.y"] == pytest.approx(by_steps(np.array([2.9]))[0], abs=3e-9)
+        run.restore(state)
+
+
+def test_jumps_and_bends_come_out_as_they_went_in() -> None:
+    """A square wave and a triangle through delays of which one is not commensurate; a load that the delayed square drives."""
+
+    class Jumping(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.square, self.line = B.Pulse(period=0.4, start_time=0.1), B.Ramp(height=2.0, duration=0.5, start_time=0.2)
+            self.late, self.later = B.FixedDelay(delay_time=0.15), B.FixedDelay(delay_time=0.33)
+            self.torque, self.load = gp.Torque(), gp.Inertia(J=2.0)
+            return [
+                gl.connect(self.square.y, self.late.u),
+                gl.connect(self.line.y, self.later.u),
+                gl.connect(self.late.y, self.torque.tau),
+                gl.connect(self.torque.flange, self.load.flange_a),
+            ]
+
+    for method in ("rk", "ida"):
+        r = gl.simulate(Jumping(), 1.5, times=np.linspace(0.0, 1.49, 150) + 1e-3, method=method, rtol=1e-9)
+        before = r.time - 0.15 - 0.1
+        assert np.array_equal(r["late.y"].round(9), ((before >= 0) & (before % 0.4 < 0.2)).astype(float))
+        assert r["later.y"] == pytest.approx(2.0 * np.clip((r.time - 0.33 - 0.2) / 0.5, 0.0, 1.0), abs=1e-8)
+        up = np.where(before < 0, 0.0, 0.2 * np.floor(before / 0.4) + np.minimum(before % 0.4, 0.2))
+        assert r["load.w"] == pytest.approx(up / 2.0, abs=1e-8)
+
+
+def test_events_of_the_train_come_through_the_delay() -> None:
+    """A bouncing ball's speed jumps at times that only the run knows."""
+
+    class Ball(gl.Component):
+        h = gl.Variable("m", "height", start=1.0)
+        v = gl.Variable("m/s", "speed", start=0.0)
+
+        def assemble(self) -> list[gl.Connection]:
+            self.late = B.FixedDelay(delay_time=0.2, u=self.v)
+            return []
+
+        def equations(self) -> list[Any]:
+            hit = gl.When(self.h < 0, gl.reinit(self.v, -0.8 * self.v))
+            return [gl.Eq(gl.der(self.h), self.v), gl.Eq(gl.der(self.v), -9.81), hit]
+
+    g, hit = 9.81, np.sqrt(2.0 / 9.81)
+    r = gl.simulate(Ball(), 1.3, samples=131, rtol=1e-9)
+    t = r.time - 0.2
+    rebound = 0.8 * g * hit
+    second = hit + 2.0 * rebound / g
+    expected = np.where(
+        t < 0, 0.0, np.where(t < hit, -g * t, np.where(t < second, rebound - g * (t - hit), 0.8 * rebound - g * (t - second)))
+    )
+    assert r["late.y"] == pytest.approx(expected, abs=1e-7)
+
+
+def test_a_sampled_controller_reads_a_delayed_signal() -> None:
+    class Loop(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.ramp, self.late, self.hold = B.Ramp(), B.FixedDelay(delay_time=0.25), B.Gain(k=1.0)
+            self.law = gl.Sampled(lambda t, v: 2.0 * v[0], 0.1, inputs=[self.late.y], outputs=[self.hold.u])
+            return [gl.connect(self.ramp.y, self.late.u)]
+
+    r = gl.simulate(Loop(), 1.0, samples=21, rtol=1e-9)
+    instants = np.floor(r.time / 0.1 + 1e-9) * 0.1
+    assert r["hold.y"] == pytest.approx(2.0 * np.maximum(instants - 0.25, 0.0), abs=1e-9)
+
+
+def test_signals_that_hold_themselves_at_the_start() -> None:
+    """What comes out is what goes in at first: u = (1 + y) / 3 begins with y = 0.5, u = 1 + y with no number."""
+
+    class Held(gl.Component):
+        k = gl.Parameter("1", "feedback", default=1.0 / 3.0)
+
+        def assemble(self) -> list[gl.Connection]:
+            self.late = B.FixedDelay(delay_time=0.2)
+            self.gain = B.Gain(k=self.k, u=1.0 + self.late.y)
+            return [gl.connect(self.gain.y, self.late.u)]
+
+    assert gl.simulate(Held(), 1.0, samples=6)["late.y"] == pytest.approx(0.5)
+    with pytest.raises(StartError, match=r"signal of late at the start follows from itself"):
+        gl.simulate(Held(k=1.0), 1.0)
+
+
+def test_what_knows_no_history_refuses_by_name(system: gl.System, tmp_path: Path) -> None:
+    for analysis in (
+        lambda: system.linearize(outputs=["x.y"]),
+        lambda: gl.stability(system),
+        lambda: system.export_fmu(tmp_path / "late.fmu"),
+    ):
+        with pytest.raises(GearlibError, match=r"late delays a signal; .*control\.pade"):
+            analysis()
+    with pytest.raises(ArgumentError, match="method='exact' does not know the history of late"):
+        system.simulate(1.0, method="exact")
+    for options in ({"flat": True}, {"standard_library": False}):
+        with pytest.raises(ModelicaError, match="late delays a signal"):
+            gl.to_modelica(Feedback(), **options)
+    with pytest.raises(ArgumentError, match="into more than 1000000 pieces"):
+        system.simulate(10.0, parameters={"T": 1e-8})
+
+
+def test_modelica_has_it_too() -> None:
+    again = gl.read_modelica("""
+        model Feedback
+          Modelica.Blocks.Continuous.Integrator x(y_start = 1);
+          Modelica.Blocks.Nonlinear.FixedDelay late(delayTime = 1);
+          Modelica.Blocks.Math.Gain gain(k = -1);
+        equation
+          connect(x.y, late.u);
+          connect(late.y, gain.u);
+          connect(gain.y, x.u);
+        end Feedback;""")
+    r = gl.simulate(again(), 2.0, samples=5, rtol=1e-9)
+    assert r["x.y"] == pytest.approx(by_steps(r.time), abs=3e-9)
+    text = gl.to_modelica(Feedback())
+    assert "Modelica.Blocks.Nonlinear.FixedDelay late(delayTime = T" in text
+    assert "past" not in text
+
+
+def test_a_delayed_loop_agrees_with_its_frequency_response() -> None:
+    """A sine through a delay of a quarter period: a cosine."""
+
+    class Sine(gl.Component):
+        def assemble(self) -> list[gl.Connection]:
+            self.wave, self.late = B.Sine(f=1.0, amplitude=3.0), B.FixedDelay(delay_time=0.25)
+            return [gl.connect(self.wave.y, self.late.u)]
+
+    r = gl.simulate(Sine(), 2.0, samples=81, rtol=1e-8)
+    assert r["late.y"] == pytest.approx(np.where(r.time < 0.25, 0.0, -3.0 * np.cos(2 * np.pi * r.time)), abs=1e-7)
