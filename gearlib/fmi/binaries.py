@@ -21,6 +21,10 @@ from gearlib.solvers.rungekutta.loop import MODULES
 
 HERE = Path(__file__).parent
 DRIVE = "gearlib.solvers.drive.drive_loop"
+EXTRA = {
+    ".so": ("-Wl,-Bsymbolic", "-lm"),
+    ".dylib": ("-Wl,-install_name,@rpath/library.dylib",),
+}  # not the path where it was linked
 FLAGS = ("-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-shared")
 
 
@@ -83,7 +87,7 @@ def shared_library(target: Platform, source: str, tables: Mapping[str, str], fac
         command = [
             *_linker(target), *FLAGS, f"-I{wrapper}", f"-I{HERE / 'headers'}", f"-I{here}",
             *(str(wrapper / name) for name in ("instance.c", "stepping.c", *faces)), *own, *(str(here / f"{n}.o") for n in codes),
-            *(["-Wl,-Bsymbolic"] if target.suffix == ".so" else []), *(["-lm"] if target.suffix == ".so" else []), "-o", str(result),
+            *EXTRA.get(target.suffix, ()), "-o", str(result),
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, cwd=here)
         if done.returncode:

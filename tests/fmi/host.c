@@ -1,7 +1,16 @@
-/* A host on Windows: LIBRARY TOKEN REFERENCE... simulates 0.5 s in 50 steps and prints the variables at the end. */
+/* A host: LIBRARY TOKEN REFERENCE... simulates 0.5 s in 50 steps and prints the variables at the end. */
 #include <stdio.h>
 #include <stdlib.h>
+#ifdef _WIN32
 #include <windows.h>
+#define OPEN(name) LoadLibraryA(name)
+#define LOOK_UP GetProcAddress
+#else
+#include <dlfcn.h>
+#define HMODULE void *
+#define OPEN(name) dlopen(name, RTLD_NOW)
+#define LOOK_UP dlsym
+#endif
 #include "fmi3Functions.h"
 
 static void told(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String text) {
@@ -10,18 +19,18 @@ static void told(fmi3InstanceEnvironment environment, fmi3Status status, fmi3Str
 }
 
 #define FIND(name)                                                      \
-    name##TYPE *a_##name = (name##TYPE *)(void *)GetProcAddress(library, #name); \
+    name##TYPE *a_##name = (name##TYPE *)(void *)LOOK_UP(library, #name); \
     if (!a_##name) {                                                    \
         printf("there is no %s\n", #name);                              \
         return 2;                                                       \
     }
 
 int main(int count, char **given) {
-    HMODULE library = LoadLibraryA(given[1]);
+    HMODULE library = OPEN(given[1]);
     fmi3Boolean event, end, early;
     double last;
     if (!library) {
-        printf("the library cannot be loaded: %lu\n", GetLastError());
+        printf("the library cannot be loaded\n");
         return 1;
     }
     FIND(fmi3InstantiateCoSimulation)

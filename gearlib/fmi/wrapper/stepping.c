@@ -14,7 +14,7 @@ extern int32_t rk_restart(int64_t record, int32_t changed, int32_t why);
 #define BUDGET 1000
 #define MOST 100000 /* budgets in one step */
 enum { DONE, MORE, LOG_FULL };
-enum { UNDERFLOW = -2, RHS_FAILED = -101, UPDATE_FAILED = -102, UNSETTLED = -103, CHATTER = -104 };
+enum { STEP_TOO_SMALL = -2, RHS_FAILED = -101, UPDATE_FAILED = -102, UNSETTLED = -103, CHATTER = -104 };
 
 static int64_t capacity(void) { return 4 * (model.n_indicators + 2) + 256; }
 
@@ -145,7 +145,7 @@ static void note_events(Instance *m) {
 static int told(Instance *m, int32_t code) {
     double t = m->record.origin + m->record.t;
     switch (code) {
-        case UNDERFLOW: return fail(m, FAILED, "the step became too small at t = %.9g s: the solution goes to infinity or jumps", t);
+        case STEP_TOO_SMALL: return fail(m, FAILED, "the step became too small at t = %.9g s: the solution goes to infinity or jumps", t);
         case RHS_FAILED: return fail(m, FAILED, "the equations have no solution beyond t = %.9g s", t);
         case UPDATE_FAILED:
         case UNSETTLED: return fail(m, FAILED, "the event at t = %.9g s does not settle", t);
