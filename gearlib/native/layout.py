@@ -99,7 +99,7 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
             own = np.isin(np.arange(program.n_slots), step.unknowns) & ~used
             for batch in (*step.residuals, *step.jacobian):
                 used[batch.arguments[batch.argument_signs != 0]] = True
-            if hold and step.switched:
+            if hold and step.switched and also is None:  # derivatives by parameters are read from unknowns: dr/dJ = der(w)
                 used[own] = False
     at = base
     solutions, needed, held = [], [], []
