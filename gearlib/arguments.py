@@ -171,7 +171,7 @@ def name_list(what: str, values: Any, example: str) -> list[str]:
         raise ArgumentError(f"{what} is {shown(values)}; expected a list of names, such as {[example]}") from None
     for name in found:
         if not isinstance(name, str):
-            raise NameLookupError(f"{shown(name)} is no name; names are text, such as '{example}' (in {what})")
+            raise NameLookupError(f"{shown(name)} is not a name; names are strings, such as '{example}' (in {what})")
     return found
 
 
@@ -191,7 +191,7 @@ def by_name(what: str, values: Any, expected: str, example: str = "load.w") -> d
         raise ArgumentError(f"{what} is {shown(values)}; expected {expected}")
     for name in found:
         if not isinstance(name, str):
-            raise NameLookupError(f"{shown(name)} is no name; names are text, such as '{example}' (in {what})")
+            raise NameLookupError(f"{shown(name)} is not a name; names are strings, such as '{example}' (in {what})")
     return found
 
 

@@ -323,7 +323,7 @@ def _assigned(option: str, text: str) -> tuple[str, float]:
     try:
         return name.strip(), float(value)
     except ValueError:
-        found = f"'{value}', which is no number" if equals else "no '='"
+        found = f"'{value}', which is not a number" if equals else "no '='"
         raise ArgumentError(f"{option} {text}: there is {found}; expected NAME=NUMBER, as in {option} load.J=3") from None
 
 

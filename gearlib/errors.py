@@ -14,13 +14,13 @@ GearlibError
 ├── NameLookupError        no variable, parameter, input or output of that name
 │   └── AttributeNameError   no connector, variable or part of that name, where it was written as an attribute
 ├── ArgumentError          a bad argument of simulate, linearize, ...
-├── FileError              a file that cannot be read or written, is of another kind, cut off or damaged
+├── FileError              a file that cannot be read or written, is of another kind, truncated or damaged
 ├── MissingPackageError    a table or a plot needs a package that is not installed
 ├── WorkerError            another process that was to carry out runs of a sweep was lost, or cannot
 └── SolverError            the integration failed; says when and where
 
 GearlibWarning (a UserWarning)
-└── InputWarning           inputs that nobody gave, or to which nothing can respond
+└── InputWarning           inputs that were not given, or to which nothing responds
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def _runs(result: Any) -> dict[str, Result]:
     runs = {"": result} if isinstance(result, Result) else dict(result) if isinstance(result, Mapping) else {"": result}
     for run in runs.values():
         if not isinstance(run, Result):
-            raise ArgumentError(f"result is {shown(run)}; expected what simulate() returned, or such results by name")
+            raise ArgumentError(f"result is {shown(run)}; expected the result of simulate(), or such results by name")
     return runs
 
 

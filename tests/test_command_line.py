@@ -149,7 +149,7 @@ def test_models_go_to_modelica_text_and_come_from_it(drive: str, tmp_path: Path,
         (["run", "{drive}", "--t-end", "-1"], "t_end (-1) must be greater than t_start (0)"),
         (["run", "{drive}", "--t-end", "1", "--set", "J_lod=3"], "no parameter 'J_lod'; did you mean 'J_load'"),
         (["run", "{drive}", "--t-end", "1", "--set", "J_load"], "--set J_load: there is no '='; expected NAME=NUMBER"),
-        (["run", "{drive}", "--t-end", "1", "--set", "J_load=x"], "--set J_load=x: there is 'x', which is no number"),
+        (["run", "{drive}", "--t-end", "1", "--set", "J_load=x"], "--set J_load=x: there is 'x', which is not a number"),
         (["run", "{drive}", "--t-end", "1", "--input", "torque.tau=t.csv"], "expected NAME=NUMBER or NAME=FILE:TIME,COLUMN"),
         (["run", "{drive}", "--t-end", "1", "--input", "torque.tau={folder}/torque.csv:t,x"], "torque.csv has no column 'x'"),
         (["run", "{drive}", "--t-end", "1", "--out", "r.xls"], "r.xls has the suffix '.xls'; expected .mat"),
@@ -177,7 +177,7 @@ def test_help_shows_an_example(name: str, capsys: pytest.CaptureFixture[str]) ->
 def test_a_warning_is_one_line(drive: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", drive, "--t-end", "1", "--outputs", "load.w"]) == 0
     said = capsys.readouterr().err
-    assert said.startswith("gearlib run: warning: Drive: nobody gave the input torque.tau")
+    assert said.startswith("gearlib run: warning: Drive: no value was given for the input torque.tau")
     assert said.count("\n") == 1
 
 

@@ -83,7 +83,7 @@ class Ball(gl.Component):
 
 
 def test_a_reinit_of_what_is_no_state_is_refused() -> None:
-    with pytest.raises(ModelError, match=r"reinit\(v\): v is no state, .* the states are h, der\(h\)\. .* gl\.der\(v\)"):
+    with pytest.raises(ModelError, match=r"reinit\(v\): v is not a state, .* the states are h, der\(h\)\. .* gl\.der\(v\)"):
         gl.compile(Ball())
 
 
@@ -127,7 +127,7 @@ class StruckTwice(gl.Component):
     ("link", "said"),
     [
         ("shaft", r"reinit\(a\.phi\) and reinit\(b\.phi\) set one state"),
-        ("gear", r"reinit\([ab]\.phi\): [ab]\.phi is no state"),
+        ("gear", r"reinit\([ab]\.phi\): [ab]\.phi is not a state"),
     ],
 )
 def test_two_components_that_set_one_state_are_refused(link: str, said: str, swapped: bool) -> None:
@@ -176,13 +176,15 @@ def test_slips_are_refused_by_name() -> None:
         gl.compile(Misspelt())
     with pytest.raises(ModelError, match=r"Mapped\.parts is a dict of components; a family of parts is a list"):
         gl.compile(Mapped())
-    with pytest.raises(BindingError, match="Inertia: start value for '3', which is no variable of Inertia"):
+    with pytest.raises(BindingError, match="Inertia: start value for '3', which is not a variable of Inertia"):
         gl.compile(gp.Inertia(J=1.0, start={3: 1.0}))  # type: ignore[dict-item]
     with pytest.raises(DeclarationError, match=r"Parameter: unit is 2\.0; expected text.*default="):
         gl.Parameter(2.0)  # type: ignore[arg-type]
     with pytest.raises(DeclarationError, match=r"pre\(3\): expected a discrete variable"):
         gl.pre(3)
-    with pytest.raises(DeclarationError, match=r"Leaf\.equations\(\): .* is y, which is no condition; compare it, as in y > 0"):
+    with pytest.raises(
+        DeclarationError, match=r"Leaf\.equations\(\): .* is y, which is not a condition; compare it, as in y > 0"
+    ):
         gl.compile(pair(lambda s: [gl.Eq(s.x, gl.Piecewise((1, s.y), (0, True))), gl.Eq(s.y, gl.time)]))
     with pytest.raises(BoundError, match=r"train\.x_unit: planets is 0; expected 1 or more"):
         gl.compile(gp.ZhouCui2022(planets=0))
@@ -208,11 +210,11 @@ class FlangeInEquation(gl.Component):
 
 def test_a_connector_is_no_variable() -> None:
     with pytest.raises(
-        DeclarationError, match=r"a connector is no variable; name one that it has, such as self\.flange_a\.phi"
+        DeclarationError, match=r"a connector is not a variable; name one that it has, such as self\.flange_a\.phi"
     ):
         gl.compile(FlangeAsVariable())
     with pytest.raises(
-        DeclarationError, match=r"<Flange FlangeInEquation\.flange> == 1 is no equation: .* such as .* self\.flange_a\.phi"
+        DeclarationError, match=r"<Flange FlangeInEquation\.flange> == 1 is not an equation: .* such as .* self\.flange_a\.phi"
     ):
         gl.compile(FlangeInEquation())
 

@@ -107,7 +107,7 @@ def test_only_components_are_compiled(given: Any) -> None:
         (["der(load.w"], r"no output 'der\(load\.w'; did you mean"),
         (["der(der(load.ww))"], r"no output 'load\.ww'; did you mean 'load\.w'"),
         ([""], "no output ''"),
-        ([3], "3 is no name; names are text"),
+        ([3], "3 is not a name; names are strings"),
     ],
 )
 def test_unknown_outputs(outputs: Any, message: str) -> None:

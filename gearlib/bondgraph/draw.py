@@ -62,7 +62,7 @@ def draw(
     if missing := [element for element in graph.elements if element not in place]:
         raise ArgumentError(f"positions has none for {graph.label(missing[0])}; expected one for each element")
     if not (causality is None or isinstance(causality, Causality)):
-        raise ArgumentError(f"causality is {shown(causality)}; expected what assign_causality returned")
+        raise ArgumentError(f"causality is {shown(causality)}; expected the result of assign_causality")
     expected = "a positive number of inches, up to 100"
     if not 0 < (scale := real("scale", scale, expected)) <= 100:
         raise ArgumentError(f"scale is {shown(scale)}; expected {expected}")

@@ -239,7 +239,7 @@ def state_equations(graph: BondGraph, prefer: Iterable[int] = (), causality: Cau
         causality = assign_causality(graph, prefer)
     elif not isinstance(causality, Causality) or causality.effort_to.keys() != graph.bonds.keys():
         raise ArgumentError(
-            f"{graph.name}: causality is {shown(causality)}; expected what assign_causality returned for this graph"
+            f"{graph.name}: causality is {shown(causality)}; expected the result of assign_causality for this graph"
         )
     walk = Walk(graph, causality, evaluation_order(graph, causality), own_law=True)
     imposed = [("f" if isinstance(graph.element(n, I, C), I) else "e", n) for n in causality.derivative]

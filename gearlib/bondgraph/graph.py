@@ -71,7 +71,7 @@ class BondGraph:
         for bond in bonds:
             number, tail, head = _of_bond(name, bond)
             if number in made:
-                raise ConnectionError(f"{name}: bond {number} is there twice")
+                raise ConnectionError(f"{name}: bond {number} is used twice")
             if tail is head:
                 raise ConnectionError(f"{name}: bond {number} begins and ends on the same element")
             made[number] = Bond(number, tail, head)
@@ -152,12 +152,12 @@ def check_graph(graph: Any) -> None:
 
 def _of_bond(name: str, bond: Any) -> tuple[int, Element, Element]:
     if not isinstance(bond, tuple) or len(bond) != 3 or not isinstance(bond[0], int) or not is_real(bond[0]):
-        raise ArgumentError(f"{name}: {shown(bond)} is no bond; expected (number, tail, head), such as (1, Se(), One('v'))")
+        raise ArgumentError(f"{name}: {shown(bond)} is not a bond; expected (number, tail, head), such as (1, Se(), One('v'))")
     number, tail, head = bond
     for end in (tail, head):
         if not isinstance(end, Element):
             hint = f"; make one: {end.__name__}(...)" if isinstance(end, type) and issubclass(end, Element) else ""
-            raise ArgumentError(f"{name}: bond {number} ends on {shown(end)}, which is no element{hint}")
+            raise ArgumentError(f"{name}: bond {number} ends on {shown(end)}, which is not an element{hint}")
     return number, tail, head
 
 

@@ -48,7 +48,7 @@ class RunTime:
 
     def __post_init__(self) -> None:
         if not isinstance(self.equations, StateEquations):
-            raise ArgumentError(f"equations is {shown(self.equations)}; expected what state_equations returned")
+            raise ArgumentError(f"equations is {shown(self.equations)}; expected the result of state_equations")
 
     @property
     def states(self) -> tuple[str, ...]:

@@ -71,8 +71,8 @@ def folder() -> Path:
         if foreign is not None and chosen not in _refused:
             _refused.add(chosen)
             warnings.warn(
-                f"the cache {path} is not used, since what others put there would be run: {foreign}; compiled code is kept for this "
-                "process only (GEARLIB_CACHE names a folder of your own)",
+                f"the cache {path} is not used, since code placed there by others would be executed: {foreign}; "
+                "compiled code is cached for this process only (GEARLIB_CACHE names a folder of your own)",
                 RuntimeWarning, stacklevel=2,
             )  # fmt: skip
     return _private()

@@ -60,7 +60,7 @@ def constant(number: object) -> Value:
         return Value(str(number), "i64")
     if isinstance(number, (int, float)):
         return real(float(number))
-    raise Unsupported(f"{number!r} is no number")
+    raise Unsupported(f"{number!r} is not a number")
 
 
 class Writer:

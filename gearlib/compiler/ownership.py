@@ -68,7 +68,7 @@ def read_own(path: Path) -> bytes:
     with os.fdopen(handle, "rb") as file:
         found = os.fstat(handle)
         if not (stat.S_ISREG(found.st_mode) and _written_by_owner(found)):
-            raise PermissionError(f"{path} is no plain file of this user")
+            raise PermissionError(f"{path} is not a plain file of this user")
         return file.read()
 
 

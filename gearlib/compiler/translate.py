@@ -655,7 +655,7 @@ class _Function:
             return self.write.selected(values[0], *self.write.alike(values[1:]))
         if name in SYMBOLS and len(values) == 1 + (name in TWO_ARGUMENTS):
             return self.write.called(name, values)
-        raise Unsupported(f"`{name}` with {len(values)} arguments is no function that can be compiled")
+        raise Unsupported(f"`{name}` with {len(values)} arguments is not a function that can be compiled")
 
 
 def _parts(kind: str) -> list[str]:

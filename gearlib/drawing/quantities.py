@@ -102,7 +102,7 @@ def in_unit(unit: str, wanted: str | None) -> Shown:
         else:
             return Shown(spelled(wanted), float(f"{factor:.15g}"))
     raise ArgumentError(
-        f"units: '{wanted}' is no unit for values in {spelled(unit) or 'no unit'}; expected that unit with a prefix, such as "
+        f"units: '{wanted}' is not a unit for values in {spelled(unit) or 'no unit'}; expected that unit with a prefix, such as "
         f"'k{spelled(unit)}', or one of {', '.join(OTHERS)} where it fits"
     )
 

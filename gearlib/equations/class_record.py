@@ -81,7 +81,7 @@ def _written(action: Eq | When | Reinit, name: str) -> tuple[Any, ...]:
         return value_of(action.left, "the left side"), value_of(action.right, "the right side")
     except DeclarationError as problem:
         sides = f"{shown(action.left)} == {shown(action.right)}"
-        raise DeclarationError(f"{name}.equations(): {sides} is no equation: {problem}") from None
+        raise DeclarationError(f"{name}.equations(): {sides} is not an equation: {problem}") from None
 
 
 def _analysed(component: Component, equations: Sequence[Eq | When]) -> ClassRecord:
@@ -174,7 +174,7 @@ def check_values(component: Component) -> None:
 def refuse_misfits(errors: Sequence[str]) -> None:
     """Raise the errors found by `unit_errors`."""
     if errors:
-        raise DeclarationError(f"units do not fit (gl.check_units lists all misfits of a component): {'; '.join(errors)}")
+        raise DeclarationError(f"units do not match (gl.check_units lists all mismatches of a component): {'; '.join(errors)}")
 
 
 def _plain_attributes(component: Component) -> tuple[Any, ...] | None:

@@ -191,7 +191,7 @@ class _Printer:
             word = " and " if isinstance(c, sympy.And) else " or "
             return word.join(f"({self.condition(a)})" for a in sorted(c.args, key=str))
         if not isinstance(c, Relational):
-            raise ModelicaError(f"{shown(c)} is no condition that can be written in Modelica")
+            raise ModelicaError(f"{shown(c)} is not a condition that can be written in Modelica")
         if isinstance(c.lhs, Sample):
             period, offset = (self.text(a) for a in c.lhs.args)
             return f"sample({offset}, {period})"

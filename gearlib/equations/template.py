@@ -227,7 +227,7 @@ def parse_column(name: str) -> Column:
     """
     order = 0
     if not isinstance(name, str):
-        raise NameLookupError(f"{shown(name)} is no name; names are text, such as 'load.w'")
+        raise NameLookupError(f"{shown(name)} is not a name; names are strings, such as 'load.w'")
     while match := _DER.match(name):
         name, order = match.group(1), order + 1
     return name, order
@@ -299,7 +299,7 @@ def checked(expression: Any, label: str) -> Any:
                     f"{label} holds gl.sample{node.args}, which holds at single instants; it belongs into gl.When, or into the equation of "
                     "a gl.Discrete"
                 )
-            raise DeclarationError(f"{label} holds {node}, which is no function of gearlib{hint}")
+            raise DeclarationError(f"{label} holds {node}, which is not a function of gearlib{hint}")
     for node in expression.atoms(sympy.Piecewise):
         if node.args[-1][1] != sympy.true:
             raise DeclarationError(
@@ -329,7 +329,7 @@ def lift_relations(expression: Any, is_discrete: Callable[[str], bool] = never) 
         if all(is_discrete(s.name) for s in atom.free_symbols):
             continue
         if isinstance(atom, (sympy.Eq, sympy.Ne)):
-            raise DeclarationError(f"the comparison {atom}: use <, <=, >, >=; equality of real numbers is no event")
+            raise DeclarationError(f"the comparison {atom}: use <, <=, >, >=; equality of real numbers is not an event")
         less = isinstance(atom, (sympy.StrictLessThan, sympy.LessThan))
         found.append(Relation(atom.lhs - atom.rhs, isinstance(atom, (sympy.StrictLessThan, sympy.StrictGreaterThan)), less))
         lifted[atom] = sympy.Ne(relation_symbol(len(found) - 1), 0)

@@ -50,7 +50,7 @@ def read_columns(path: Path, names: tuple[str, ...]) -> tuple[Floats, ...]:
     try:
         return tuple(np.asarray(columns[name], float) for name in names)
     except (TypeError, ValueError):
-        raise FileError(f"{path} holds something else than numbers in one of the columns {', '.join(names)}") from None
+        raise FileError(f"{path} contains something other than numbers in one of the columns {', '.join(names)}") from None
 
 
 def _present(path: Path, names: tuple[str, ...], there: object) -> tuple[str, ...]:
@@ -65,7 +65,7 @@ def _text_columns(path: Path, names: tuple[str, ...]) -> dict[str, list[float]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise FileError(f"{path} is no text in UTF-8") from None
+        raise FileError(f"{path} is not UTF-8 text") from None
     lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise FileError(f"{path} is empty; expected a line of names and lines of numbers")

@@ -167,9 +167,9 @@ def from_header(header: str, time: Any, data: Any, path: Any) -> Record:
 
 def not_ours(path: Any) -> FileError:
     """The error for a file of another kind."""
-    return FileError(f"{path} is no result file of gearlib; expected what result.save(...) wrote")
+    return FileError(f"{path} is not a result file of gearlib; expected a file written by result.save(...)")
 
 
 def damaged(path: Any, why: str) -> FileError:
     """The error for a damaged result file."""
-    return FileError(f"{path} is cut off or damaged: {why}")
+    return FileError(f"{path} is truncated or damaged: {why}")

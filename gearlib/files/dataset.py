@@ -20,7 +20,7 @@ def dataset(record: Record) -> xarray.Dataset:
     made, spread = optional("xarray").Dataset, record.spread
     if taken := {"time", HEADER} & set(record.names):
         raise ArgumentError(
-            f"a variable of the model is called {taken.pop()}, which the file has a use for; leave it out of names"
+            f"a variable of the model is called {taken.pop()}, which the file format reserves; leave it out of names"
         )
     variables = {
         name: ("time", spread.data[:, i], {"units": spread.units[i], "long_name": spread.descriptions[i]})

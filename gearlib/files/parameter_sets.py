@@ -94,7 +94,7 @@ def load_parameters(path: str | os.PathLike[str]) -> dict[str, float]:
     except OSError as problem:
         raise FileError(f"{source} cannot be read: {problem.strerror or problem}") from None
     except UnicodeDecodeError:
-        raise FileError(f"{source} is no text in UTF-8") from None
+        raise FileError(f"{source} is not UTF-8 text") from None
     found: dict[str, float] = {}
     for name, value, unit in read(text, source):
         if name in found:
@@ -120,7 +120,7 @@ def _from_toml(text: str, path: Path) -> Triples:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
-        raise FileError(f"{path} is no TOML: {problem}") from None
+        raise FileError(f"{path} is not TOML: {problem}") from None
 
     def leaves(table: Mapping[str, Any], prefix: str) -> Triples:
         for name, value in table.items():
@@ -187,9 +187,9 @@ def _from_ssv(text: str, path: Path) -> Triples:
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as problem:
-        raise FileError(f"{path} is no XML: {problem}") from None
+        raise FileError(f"{path} is not XML: {problem}") from None
     if root.tag != f"{{{SSV}}}ParameterSet":
-        raise FileError(f"{path} is no parameter set of the SSP standard: its root is {root.tag}")
+        raise FileError(f"{path} is not a parameter set of the SSP standard: its root is {root.tag}")
     scales: dict[str, tuple[float, float]] = {}
     for unit in root.iter(f"{{{SSC}}}Unit"):
         for base in unit.iter(f"{{{SSC}}}BaseUnit"):

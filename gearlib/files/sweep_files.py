@@ -130,7 +130,7 @@ def found_header(path: Path) -> dict[str, Any] | None:
         header = _zarr_header(path) if path.suffix.lower() == ".zarr" else _netcdf_header(path)
         return dict(json.loads(header))
     except Exception:  # whatever a library raises for another file
-        raise FileError(f"{path} is there and is no file of a sweep; give another path, or remove it") from None
+        raise FileError(f"{path} is there and is not a file of a sweep; give another path, or remove it") from None
 
 
 def create(path: Path, layout: SweepLayout) -> SweepFile:
@@ -227,7 +227,7 @@ class NetcdfFile(SweepFile):
         super().__init__(path, layout)
         _, places, size = _head(layout)
         if path.stat().st_size < size:
-            raise FileError(f"{path} is cut off: it has {path.stat().st_size} of {size} bytes; remove it, and begin again")
+            raise FileError(f"{path} is truncated: it has {path.stat().st_size} of {size} bytes; remove it, and begin again")
         self._places = {
             name: np.memmap(path, _TYPES[kind], "r+", at, shape) if np.prod(shape) else np.empty(shape)
             for name, (kind, shape, at) in places.items()

@@ -181,7 +181,7 @@ class _Evaluator:
 def _experiments(data: Any) -> list[Measured]:
     given = list(data) if isinstance(data, (list, tuple)) else [data]
     if not given:
-        raise ArgumentError("data is empty; expected what was measured in at least one experiment")
+        raise ArgumentError("data is empty; expected measurements from at least one experiment")
     return [e if isinstance(e, Measured) else MeasuredHistories(e) for e in given]
 
 

@@ -47,7 +47,7 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
         for name, value in given.items():
             if not isinstance(name, str) or name not in instance.variables:
                 raise BindingError(
-                    f"{where}: {what} is given for {shown(name)}, which is no variable of {instance.kind}; "
+                    f"{where}: {what} is given for {shown(name)}, which is not a variable of {instance.kind}; "
                     f"{nearest(str(name), instance.variables)}"
                 )
             if what == "state" and not (isinstance(value, str) and value in PREFERENCE):

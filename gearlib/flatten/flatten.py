@@ -220,7 +220,7 @@ def _parameter_levels(tree: Tree) -> dict[int, int]:
             opened.add(target)
             if any(a in opened for a in waiting):
                 names = ", ".join(sorted(tree.parameter_names[a] for a in opened))
-                raise BindingError(f"the parameters {names} depend on each other in a circle; give one of them a number")
+                raise BindingError(f"the parameters {names} depend on each other cyclically; give one of them a number")
             stack += waiting
     return level
 

@@ -124,7 +124,7 @@ def _add_links(tree: Tree, component: Component, number_: int) -> None:
                 foreign = ".".join(filter(None, (interior.path_of(port.component), port.connector.name)))
                 raise ConnectionError(
                     f"{path}: connects {type(port.component).__name__} '{foreign}', "
-                    "which is no part of it; assign the part to an attribute (self.name = ...; a list after it is filled), and "
+                    "which is not part of it; assign the part to an attribute (self.name = ...; a list after it is filled), and "
                     "connect parts of this model only"
                 )
             link.append(2 * tree.port_numbers[where, port.connector.name] + inside)
@@ -215,7 +215,7 @@ def _bind(tree: Tree, component: Component, parent: Component | None) -> None:
                 part, head = descend(component, name)[0], name.rpartition(".")[0]
                 inside = [] if part in (None, component) else [f"{head}.{n}" for n in _variables_of(tree, part)]
                 raise BindingError(
-                    f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is no variable of "
+                    f"{instance.path or instance.kind}: {'start' if fixed else 'guess'} value for '{name}', which is not a variable of "
                     f"{instance.kind}; {nearest(local, inside or instance.variables)}"
                 )
             _set_start(tree, prefix, name, inner, value, parent, fixed, _unit(tree, inner))
@@ -361,7 +361,7 @@ def _variable(tree: Tree, scope: Component | None, name: str, path: str = "") ->
     found, kind = _resolve(tree, scope, name) if scope is not None else (-1, None)
     if kind != "variable":
         where = path or (interior.path_of(scope) if scope is not None else "")
-        raise BindingError(f"{where}: '{name}' is no variable here")
+        raise BindingError(f"{where}: '{name}' is not a variable here")
     return found
 
 

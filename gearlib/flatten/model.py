@@ -342,7 +342,7 @@ class FlatModel:
     def variable(self, name: str, what: str = "variable") -> int:
         """Number of the variable with a path."""
         if not isinstance(name, str):
-            raise NameLookupError(f"{shown(name)} is no name; names are text, such as 'load.w'")
+            raise NameLookupError(f"{shown(name)} is not a name; names are strings, such as 'load.w'")
         found = self.find(name)
         if found is None:
             head = name.rsplit(".", 1)[0] if "." in name else ""

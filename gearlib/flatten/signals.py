@@ -62,11 +62,11 @@ def _drives(component: Component, owner: str, name: str) -> bool:
         return True
     if local in known.parameters:
         raise ConnectionError(
-            f"{owner}: connect() is given the parameter {name}; a parameter is no signal, bind the input where its part is made"
+            f"{owner}: connect() is given the parameter {name}; a parameter is not a signal, bind the input where its part is made"
         )
     if name == "time" or name.startswith(("der(", "pre(")):
         raise ConnectionError(f"{owner}: connect() is given {name}; bind the input to it where its part is made")
-    raise ConnectionError(f"{owner}: connect() is given {name}, which is no signal here; {nearest(local, known.variables)}")
+    raise ConnectionError(f"{owner}: connect() is given {name}, which is not a signal here; {nearest(local, known.variables)}")
 
 
 def _is_input(component: Component, name: str) -> bool:

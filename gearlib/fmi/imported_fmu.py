@@ -55,7 +55,7 @@ class ImportedFmu:
         try:
             self._description = fmpy.read_model_description(str(self.path), validate=False)
         except Exception as problem:
-            raise FileError(f"{self.path} is no FMU: {problem}") from None
+            raise FileError(f"{self.path} is not an FMU: {problem}") from None
         if self._description.coSimulation is None or not self._description.fmiVersion.startswith(("2.0", "3.0")):
             raise ArgumentError(
                 f"{self.path.name} is not for co-simulation by FMI 2.0 or 3.0; export it as a co-simulation FMU"

@@ -98,7 +98,7 @@ def preparation_body(exported: ExportedModel, parts: Sequence[Part], end: int, c
     size = end
     for part in parts:
         for batch in part.program.pivots:
-            checks.append(f"{labelled(structure, batch, 0)} cannot be solved with these parameters; a zero is divided by")
+            checks.append(f"{labelled(structure, batch, 0)} cannot be solved with these parameters; division by zero")
             loop(body, batch, f"y = {{value}}\nif not (abs(y) > 0.0 and abs(y) < 1e300):\n    return {len(checks)}")
         at = part.layout.size
         for batch in part.coefficients:

@@ -260,7 +260,7 @@ class Component:
         for name, declared in cls._declarations.items():
             if isinstance(declared, Connector) and declared.when is not None:
                 if not isinstance(cls._declarations.get(declared.when), Structural):
-                    raise DeclarationError(f"{cls.__name__}.{name}: when={declared.when!r} is no Structural of the class")
+                    raise DeclarationError(f"{cls.__name__}.{name}: when={declared.when!r} is not a Structural of the class")
 
     def __init__(
         self, *positional: Any, start: Mapping[str, Any] | None = None, guess: Mapping[str, Any] | None = None,
@@ -292,7 +292,7 @@ class Component:
                 if name in self._declarations:
                     what, advice = "a variable or connector", f"a start value is given as start={{'{name}': ...}}"
                 else:
-                    what, advice = "no parameter, input or structural choice", nearest(name, self._bindable)
+                    what, advice = "not a parameter, input or structural choice", nearest(name, self._bindable)
                 raise BindingError(f"{kind}: '{name}' is {what}, and cannot be given by keyword; {advice}")
         for name, declared in self._bindable.items():
             if isinstance(declared, Structural):
@@ -431,7 +431,7 @@ class Component:
         parent = self._parent
         if parent is not None and self._name in parent._made[1] and _scope.get() is None and not name.startswith("_"):
             raise ModelError(
-                f"{path_of(self)}.{name}: {type(parent).__name__}.assemble() made this part, and makes it anew whenever the model is "
+                f"{path_of(self)}.{name}: {type(parent).__name__}.assemble() made this part, and makes it again whenever the model is "
                 "compiled; give the value there"
             )
         if isinstance(value, Component):
@@ -702,7 +702,7 @@ def _explained(where: str) -> Iterator[None]:
         elif "expression to float" in text or "loop of ufunc" in text:
             advice = "functions of numbers cannot take variables; use gl.sin, gl.sqrt, ... instead of those of math or numpy"
         elif "'Port'" in text:
-            advice = "a connector is no variable; name one that it has, such as self.flange_a.phi"
+            advice = "a connector is not a variable; name one that it has, such as self.flange_a.phi"
         else:
             raise
         raise DeclarationError(f"{where}: {advice} ({text})") from None

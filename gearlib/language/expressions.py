@@ -80,7 +80,7 @@ def as_number(value: Any, said: str) -> Any:
     if isinstance(value, str):
         hint = f"text is never evaluated; write self.{value}" if value.isidentifier() else "text is never evaluated"
     elif isinstance(value, Boolean):
-        hint = "a condition is no number; gl.Piecewise((1, condition), (0, True)) makes it one"
+        hint = "a condition is not a number; gl.Piecewise((1, condition), (0, True)) makes it one"
     raise DeclarationError(f"{said} is {shown(value)}; expected {_EXPECTED}{f' ({hint})' if hint else ''}")
 
 
@@ -109,7 +109,7 @@ def as_condition(value: Any, said: str) -> Any:
         return sympy.true if value else sympy.false
     if isinstance(value, sympy.Symbol):  # sympy's symbols are Boolean, too
         raise DeclarationError(
-            f"{said} is {value}, which is no condition; compare it, as in {value} > 0 (a discrete variable: gl.holds(...))"
+            f"{said} is {value}, which is not a condition; compare it, as in {value} > 0 (a discrete variable: gl.holds(...))"
         )
     if isinstance(value, BooleanFunction):
         for part in value.args:
@@ -117,7 +117,7 @@ def as_condition(value: Any, said: str) -> Any:
         return value
     if isinstance(value, Boolean):
         return value
-    raise DeclarationError(f"{said} is {shown(value)}, which is no condition; expected a comparison, such as self.x > 0.5")
+    raise DeclarationError(f"{said} is {shown(value)}, which is not a condition; expected a comparison, such as self.x > 0.5")
 
 
 @lru_cache(maxsize=10_000)

@@ -48,7 +48,7 @@ def path_of(component: Any, scope: Any = None) -> str:
         node = parent_of(node)
     if scope is not None and node is None:
         raise ModelError(
-            f"{type(scope).__name__} refers to a {type(component).__name__} that is no part of it; assign it to an attribute "
+            f"{type(scope).__name__} refers to a {type(component).__name__} that is not part of it; assign it to an attribute "
             "first (self.name = ...)"
         )
     return ".".join(n for n in reversed(names) if n)

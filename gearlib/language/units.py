@@ -85,10 +85,12 @@ def _unknown(unit: str, factor: str) -> DeclarationError:
     if bare in INSTEAD:
         si, size = INSTEAD[bare]
         return DeclarationError(
-            f"{where} is not written so: declare '{si}' for it, and give values in that (1 {bare} is {size}); {known}"
+            f"{where} is not accepted: declare '{si}' instead, and give values in that unit (1 {bare} is {size}); {known}"
         )
     if any(sign in factor for sign in "*^ ·"):
-        return DeclarationError(f"{where} is not read: join factors by points, exponents behind them, as in 'kg.m2/s'; {known}")
+        return DeclarationError(
+            f"{where} cannot be parsed: join factors by dots, with exponents behind them, as in 'kg.m2/s'; {known}"
+        )
     return DeclarationError(f"{where} is not known; {known}")
 
 

@@ -196,7 +196,7 @@ def sweep(
         translation.model.parameters.number(name)
         if name not in samples.numbers and not isinstance(samples.fixed.get(name), float):
             raise ArgumentError(
-                f"parameters['{name}'] holds what is no number; a parameter of an analysis is a number in each run"
+                f"parameters['{name}'] holds what is not a number; a parameter of an analysis is a number in each run"
             )
     check_executor(executor, threads)
     check_progress(progress)

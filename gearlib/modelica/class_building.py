@@ -155,7 +155,7 @@ class _Maker:
         node, attributes = member.element.node, member.attributes
         for prefix in ("inner", "outer", "stream"):
             if prefix in node.prefixes:
-                raise ModelicaError(f"{node.at}: '{prefix}' is not read")
+                raise ModelicaError(f"{node.at}: '{prefix}' is not supported")
         unit = unit_of(member.element, member.type)
         match member.kind:
             case "parameter":
@@ -223,7 +223,7 @@ class _Maker:
         node = member.element.node
         if node.dimensions:
             raise ModelicaError(
-                f"{node.at}: arrays of connectors, such as '{node.name}', are not read; arrays of components are"
+                f"{node.at}: arrays of connectors, such as '{node.name}', are not supported; arrays of components are"
             )
         if member.type.counterpart is not None:
             kind = member.type.counterpart.component
@@ -260,7 +260,7 @@ class _Maker:
             held = "fixed" in inner and inner["fixed"].value is not None and self.fixed_values.constant(inner["fixed"].value)
             start = self._number(inner["start"]) if "start" in inner else 0.0
             return {local: replace(declared, start=start) if held else replace(declared, guess=start)}
-        raise ModelicaError(f"{m.at}: this modification of {counterpart.component.__name__} is not read")
+        raise ModelicaError(f"{m.at}: this modification of {counterpart.component.__name__} is not supported")
 
     # ------------------------------------------------------------ equations
 
@@ -323,7 +323,7 @@ class _Maker:
             setattr(component, name, PartMaker(e, self.classes.class_of).made(member.type, modifications, node.at))
             return
         if len(node.dimensions) > 1:
-            raise ModelicaError(f"{node.at}: arrays of components with several dimensions are not read")
+            raise ModelicaError(f"{node.at}: arrays of components with several dimensions are not supported")
         count = e.constant(node.dimensions[0], "a whole number")
         if not isinstance(count, int) or isinstance(count, bool) or count < 0:
             raise ModelicaError(f"{node.at}: the size of '{name}' is {count}; expected a whole number")

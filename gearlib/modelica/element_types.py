@@ -74,7 +74,7 @@ def _type_of_class(found: ClassScope, node: SyntaxNode) -> ElementType:
             return ElementType("string")
         if short is None or found.outer is None:
             raise ModelicaError(
-                f'{found.node.at}: this {kind} is not read; expected a short form, as in type Torque = Real(unit="N.m")'
+                f'{found.node.at}: this {kind} is not supported; expected a short form, as in type Torque = Real(unit="N.m")'
             )
         base = type_named(short.type, found.outer, short)
         attributes = merged(base.attributes, by_name(short.modifications))
@@ -97,7 +97,9 @@ def kind_of(node: ComponentNode, kind: ElementType, assigned: frozenset[str]) ->
     if kind.kind == "string":
         raise ModelicaError(f"{node.at}: '{node.name}' is a string that may vary; only parameters are read")
     if node.dimensions:
-        raise ModelicaError(f"{node.at}: arrays of variables, such as '{node.name}', are not read; arrays of components are")
+        raise ModelicaError(
+            f"{node.at}: arrays of variables, such as '{node.name}', are not supported; arrays of components are"
+        )
     if "input" in node.prefixes or kind.prefix == "input":
         return "input"
     if kind.kind in ("integer", "boolean") or "discrete" in node.prefixes or node.name in assigned:
@@ -122,7 +124,7 @@ def connector_class(scope: ClassScope) -> type[Connector]:
         declared = Flow if "flow" in element.node.prefixes else Potential
         members[name] = declared(unit_of(element, kind), element.node.comment)
     if "stream" in {p for e in content.elements.values() for p in e.node.prefixes}:
-        raise ModelicaError(f"{scope.node.at}: stream variables are not read")
+        raise ModelicaError(f"{scope.node.at}: stream variables are not supported")
     return type(scope.node.name, (Connector,), {**members, "__doc__": scope.node.comment, "__module__": __name__})
 
 

@@ -47,7 +47,7 @@ def _equality(node: EqualityNode, evaluation: Evaluation) -> Iterator[Eq]:
         for side, value in ((node.left, a), (node.right, b)):
             if isinstance(value, (Port, tuple)) or callable(value):
                 raise ModelicaError(
-                    f"{side.at}: this is no variable; a connector's variables are equated, or connectors connected"
+                    f"{side.at}: this is not a variable; a connector's variables are equated, or connectors connected"
                 )
         yield Eq(a, b)
 
@@ -80,10 +80,10 @@ def _conditional(node: ConditionalNode, evaluation: Evaluation) -> Iterator[Eq |
         for inner in body:
             for equation in equations_from(inner, evaluation):
                 if not isinstance(equation, Eq):
-                    raise ModelicaError(f"{inner.at}: when-equations within if-equations are not read")
+                    raise ModelicaError(f"{inner.at}: when-equations within if-equations are not supported")
                 equations.append(equation)
         if any(isinstance(inner, ConnectNode) for inner in body):
-            raise ModelicaError(f"{node.at}: connections under a condition that may vary are not read")
+            raise ModelicaError(f"{node.at}: connections under a condition that may vary are not supported")
         found.append(equations)
     if len({len(equations) for equations in found}) != 1:
         raise ModelicaError(f"{node.at}: the branches have different numbers of equations")
@@ -98,7 +98,7 @@ def _conditional(node: ConditionalNode, evaluation: Evaluation) -> Iterator[Eq |
 def _when(node: ConditionalNode, evaluation: Evaluation) -> Iterator[Eq | When]:
     if len(node.branches) > 1:
         raise ModelicaError(
-            f"{node.at}: 'elsewhen' is not read; write when-equations of different variables, or one with if-expressions"
+            f"{node.at}: 'elsewhen' is not supported; write when-equations of different variables, or one with if-expressions"
         )
     for condition, body in node.branches:
         assert condition is not None
@@ -126,7 +126,7 @@ def _statement(node: CallStatement) -> None:
     if name == "assert":
         warn(f"{node.at}: an assertion is not watched", GearlibWarning)
     else:
-        raise ModelicaError(f"{node.at}: {name}() as an equation is not read")
+        raise ModelicaError(f"{node.at}: {name}() as an equation is not supported")
 
 
 def assigned_in_whens(nodes: list[SyntaxNode]) -> frozenset[str]:
@@ -167,7 +167,7 @@ def connections_from(node: SyntaxNode, evaluation: Evaluation) -> Iterator[Conne
             if _has_connections(node):
                 branches, complete = _branches(node, evaluation)
                 if len(branches) > 1 or (branches and not complete):
-                    raise ModelicaError(f"{node.at}: connections under a condition that may vary are not read")
+                    raise ModelicaError(f"{node.at}: connections under a condition that may vary are not supported")
                 for _, body in branches:
                     for inner in body:
                         yield from connections_from(inner, evaluation)

@@ -142,7 +142,7 @@ class Evaluation:
                 return self.range(node)
             case ComprehensionNode():
                 return tuple(self.at_index(node.index, k).value(node.value) for k in self.range(node.range))
-        raise ModelicaError(f"{node.at}: this expression is not read")
+        raise ModelicaError(f"{node.at}: this expression is not supported")
 
     def constant(self, node: SyntaxNode, expected: str = "a constant") -> Any:
         """A value that must be known at translation."""
@@ -159,7 +159,7 @@ class Evaluation:
                 return found
             raise ModelicaError(f"{node.at}: expected a range, such as 1:n")
         if node.first is None or node.last is None:
-            raise ModelicaError(f"{node.at}: a bare colon is not read here; give both ends")
+            raise ModelicaError(f"{node.at}: a bare colon is not supported here; give both ends")
         ends = [self.constant(n, "a whole number") for n in (node.first, node.step or NumberNode(node.at, 1), node.last)]
         first, step, last = (int(e) if isinstance(e, (int, float)) and e == int(e) else None for e in ends)
         if first is None or step is None or last is None or step == 0:
@@ -227,7 +227,7 @@ class Evaluation:
             return tuple(found) if isinstance(found, list) else found
         if isinstance(owner, Port):
             return getattr(owner, name)
-        raise ModelicaError(f"{node.at}: {node} is not read: what stands before '.{name}' is no component")
+        raise ModelicaError(f"{node.at}: {node} is not supported: what stands before '.{name}' is not a component")
 
     def _subscripted(self, value: Any, subscripts: tuple[SyntaxNode, ...], node: ReferenceNode) -> Any:
         for subscript in subscripts:
@@ -236,7 +236,7 @@ class Evaluation:
             index = self.range(subscript) if isinstance(subscript, RangeNode) else self.constant(subscript, "an index")
             indices = index if isinstance(index, tuple) else (index,)
             if not isinstance(value, tuple):
-                raise ModelicaError(f"{node.at}: {node} is no array")
+                raise ModelicaError(f"{node.at}: {node} is not an array")
             if not all(isinstance(k, int) and 1 <= k <= len(value) for k in indices):
                 raise ModelicaError(f"{node.at}: the index of {node} is {index}; expected 1 to {len(value)}")
             value = tuple(value[k - 1] for k in indices) if isinstance(index, tuple) else value[index - 1]
@@ -333,7 +333,7 @@ class Evaluation:
         sizes = {len(v) for v in values if isinstance(v, tuple)}
         both = all(isinstance(v, tuple) for v in values)
         if len(sizes) != 1 or (both and sign in "*/^" and not node.operator.startswith(".")):
-            raise ModelicaError(f"{node.at}: arrays of these sizes are not read with '{node.operator}'")
+            raise ModelicaError(f"{node.at}: arrays of these sizes are not supported with '{node.operator}'")
         count = sizes.pop()
         columns = [v if isinstance(v, tuple) else (v,) * count for v in values]
         return tuple(
@@ -348,7 +348,7 @@ class Evaluation:
         if name not in _FUNCTIONS and name not in _OF_NUMBERS and name not in ("sum", "product", "array"):
             full = lookup(tuple(name.split(".")), self.scope)
             if isinstance(full, ClassScope):
-                raise ModelicaError(f"{node.at}: functions of one's own, such as {name}, are not read")
+                raise ModelicaError(f"{node.at}: user-defined functions, such as {name}, are not supported")
             path = ".".join(full)
             if (conversion := conversion_named(path)) is not None:
                 (x,) = self._arguments(node, 1)
@@ -359,7 +359,7 @@ class Evaluation:
                 )
             name = path.removeprefix("Modelica.Math.")
         if node.named:
-            raise ModelicaError(f"{node.at}: {node.function}: arguments by name are not read")
+            raise ModelicaError(f"{node.at}: {node.function}: arguments by name are not supported")
         if name in _FUNCTIONS:
             ours, of_numbers, count = _FUNCTIONS[name]
             if name in ("min", "max") and len(node.arguments) == 1:
@@ -388,7 +388,7 @@ class Evaluation:
                 total = _arithmetic("+" if name == "sum" else "*", [total, v])
             return total
         raise ModelicaError(
-            f"{node.at}: the function {node.function}() is not read; {nearest(name, [*_FUNCTIONS, *_OF_NUMBERS])}"
+            f"{node.at}: the function {node.function}() is not supported; {nearest(name, [*_FUNCTIONS, *_OF_NUMBERS])}"
         )
 
     def _operator_function(self, name: str, node: CallNode) -> Any:

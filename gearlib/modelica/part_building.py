@@ -140,7 +140,7 @@ class PartMaker:
                 given.state[path] = STATE_SELECT[self._value(further, self.evaluation.constant)]
             elif name not in NO_EFFECT and name != "start":
                 valid = ["start", "fixed", "nominal", "stateSelect", *NO_EFFECT]
-                raise ModelicaError(f"{further.at}: '{name}' is no attribute of a variable; {nearest(name, valid)}")
+                raise ModelicaError(f"{further.at}: '{name}' is not an attribute of a variable; {nearest(name, valid)}")
 
     # ------------------------------------------------------------ classes of the text
 
@@ -256,7 +256,7 @@ def chosen(counterpart: Counterpart, name: str, value: Any, m: Modification) -> 
     if values is None:
         return value
     if value not in values:
-        raise ModelicaError(f"{m.at}: {name} = {value} is not read; {nearest(str(value), map(str, values))}")
+        raise ModelicaError(f"{m.at}: {name} = {value} is not supported; {nearest(str(value), map(str, values))}")
     return values[value]
 
 

@@ -174,9 +174,9 @@ class _Parser:
             self.fail("a class, such as model Drive ... end Drive;")
         kind = self.step().text
         if kind == "operator":
-            raise ModelicaError(f"{at}: operator classes are not read")
+            raise ModelicaError(f"{at}: operator classes are not supported")
         if self.takes("extends"):
-            raise ModelicaError(f"{at}: '{kind} extends' is not read; write a class of another name with 'extends'")
+            raise ModelicaError(f"{at}: '{kind} extends' is not supported; write a class of another name with 'extends'")
         name = self.identifier("the name of the class")
         if self.takes("="):
             return self.short_class(ClassNode(at, kind, name, frozenset(prefixes)))
@@ -204,12 +204,12 @@ class _Parser:
             self.expect(")")
             return replace(made, literals=tuple(literals), comment=self.comment())
         if made.kind == "function" and self.sees("der"):
-            raise ModelicaError(f"{self.at}: functions that are partial derivatives are not read")
+            raise ModelicaError(f"{self.at}: functions that are partial derivatives are not supported")
         while self.sees(*TYPE_PREFIXES):
             self.step()
         at, path = self.at, self.path("the name of a class")
         if self.sees("["):
-            raise ModelicaError(f"{self.at}: a class of arrays is not read; give dimensions where components are declared")
+            raise ModelicaError(f"{self.at}: a class of arrays is not supported; give dimensions where components are declared")
         base = ExtendsNode(at, path, self.class_modification() if self.sees("(") else ())
         return replace(made, short_for=base, comment=self.comment())
 
@@ -226,11 +226,11 @@ class _Parser:
                 self.class_modification()
                 self.expect(";")
             elif self.takes("external"):
-                raise ModelicaError(f"{at}: external functions are not read")
+                raise ModelicaError(f"{at}: external functions are not supported")
             elif self.sees("initial", "equation", "algorithm"):
                 initial = self.takes("initial")
                 if self.sees("algorithm"):
-                    raise ModelicaError(f"{at}: algorithms are not read; write equations")
+                    raise ModelicaError(f"{at}: algorithms are not supported; write equations")
                 self.expect("equation")
                 (starting if initial else equations).extend(self.equations())
             else:
@@ -336,7 +336,9 @@ class _Parser:
             return Modification(at, (component.name,), each=each, final=final, redeclared=component)
         names = self.path("a modification, such as J = 2")
         if self.sees("["):
-            raise ModelicaError(f"{self.at}: a modification of single elements is not read; give an array, as in J = {{1, 2}}")
+            raise ModelicaError(
+                f"{self.at}: a modification of single elements is not supported; give an array, as in J = {{1, 2}}"
+            )
         inner = self.class_modification() if self.sees("(") else ()
         value = self.expression() if self.takes("=", ":=") else None
         self.string()
@@ -494,7 +496,7 @@ class _Parser:
         if self.takes("("):
             inner = self.expression()
             if self.sees(","):
-                raise ModelicaError(f"{self.at}: functions with several outputs are not read")
+                raise ModelicaError(f"{self.at}: functions with several outputs are not supported")
             self.expect(")")
             return inner
         if self.takes("{"):
@@ -512,7 +514,7 @@ class _Parser:
             word = self.step().text
             return self.call(at, word)
         if self.sees("end"):
-            raise ModelicaError(f"{at}: 'end' as a subscript is not read; write the last index")
+            raise ModelicaError(f"{at}: 'end' as a subscript is not supported; write the last index")
         if token.kind == "identifier" or self.sees("."):
             found = self.reference()
             if self.sees("("):

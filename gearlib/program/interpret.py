@@ -93,7 +93,7 @@ def _divided(program: Program, structure: Structure, parameters: Floats, row: in
         row -= len(batch)
     names = ", ".join(f"{structure.model.parameters.names[p]} = {parameters[p]:g}" for p in batch.parameters[row])
     owner = owner_of(structure, int(batch.equations[row]))
-    return SingularError(f"{owner}: {batch.kernel.template.label} cannot be solved with {names}; a zero is divided by")
+    return SingularError(f"{owner}: {batch.kernel.template.label} cannot be solved with {names}; division by zero")
 
 
 def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Floats]]:

@@ -310,6 +310,6 @@ def _refuse_reinits_of_no_state(model: FlatModel, choice: StateChoice) -> None:
         if (v, 0) not in choice.states:
             states = ", ".join("der(" * k + model.name(w) + ")" * k for w, k in choice.states)
             raise ModelError(
-                f"reinit({model.name(v)}): {model.name(v)} is no state, so that it cannot be given a value; the states are "
+                f"reinit({model.name(v)}): {model.name(v)} is not a state, so that it cannot be given a value; the states are "
                 f"{states or 'none'}. A variable is one where its derivative is written, as gl.der({model.name(v)})"
             )

@@ -76,7 +76,7 @@ def output_times(t_start: float, t_end: float, samples: int | None, times: Array
     coarse = t_end - t_start < 16.0 * count * math.ulp(max(abs(t_start), abs(t_end)))
     if coarse and not (np.diff(grid) > 0).all():
         raise ArgumentError(
-            f"samples is {count}: so many times between {t_start!r} and {t_end!r} s are not told apart in double precision"
+            f"samples is {count}: so many times between {t_start!r} and {t_end!r} s are not distinct in double precision"
         )
     return grid
 

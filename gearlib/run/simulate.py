@@ -164,8 +164,8 @@ def warn_of_zero_inputs(
     if missed:
         many = f"the inputs {some(missed, ', ')}: they are" if len(missed) > 1 else f"the input {missed[0]}: it is"
         warn(
-            f"{translation.name}: nobody gave {many} 0 in {runs}. Give {given}(inputs={{{missed[0]!r}: ...}}), 0.0 where that is "
-            "meant, or bind it in the model",
+            f"{translation.name}: no value was given for {many} 0 in {runs}. Pass {given}(inputs={{{missed[0]!r}: ...}}), "
+            "0.0 if that is intended, or bind it in the model",
             InputWarning,
         )
 

@@ -233,7 +233,7 @@ def steady_changes(
         if not equations.hold(ahead[:, k], 1e-9 * np.abs(ahead[:, k])):
             raise StartError(
                 "the steady state does not go on where the parameter changes: no change of the states makes up for that of the "
-                "rates; a load is missing that grows with the speed, or the torques balance at these parameters only"
+                "rates; a load that grows with the speed is missing, or the torques balance at these parameters only"
             )
     return np.asarray(begin + search.scale[:, None] * changes, float)
 
@@ -448,7 +448,7 @@ def _reason(search: Search, end: End) -> str:
         )
     if end.free:
         return (
-            f"{where}, and no speed, angle or deflection has an effect on that; a load is missing there that grows with the speed (a "
+            f"{where}, and no speed, angle or deflection has an effect on that; a load that grows with the speed is missing there (a "
             "damper to the housing, a fan, a speed-dependent torque), or the torques must balance"
         )
     return (

@@ -30,7 +30,7 @@ def test_one_port_with_two_bonds() -> None:
 
 def test_number_used_twice_and_bond_to_itself() -> None:
     v = One("v")
-    with pytest.raises(ConnectionError, match=r"bond 1 is there twice"):
+    with pytest.raises(ConnectionError, match=r"bond 1 is used twice"):
         BondGraph((1, Se(), v), (1, v, I()))
     with pytest.raises(ConnectionError, match=r"bond 2 begins and ends on the same element"):
         BondGraph((1, Se(), v), (2, v, v))
@@ -87,11 +87,11 @@ def test_wrong_numbers_at_run_time() -> None:
 @pytest.mark.parametrize(
     ("bonds", "message"),
     [
-        ((5,), r"5 is no bond; expected \(number, tail, head\)"),
-        (((1, Se()),), r"is no bond; expected \(number, tail, head\)"),
-        ((("1", Se(), One("v")),), "is no bond"),
-        (((1, "Se", One("v")),), "bond 1 ends on 'Se', which is no element"),
-        (((1, Se, One("v")),), r"which is no element; make one: Se\(\.\.\.\)"),
+        ((5,), r"5 is not a bond; expected \(number, tail, head\)"),
+        (((1, Se()),), r"is not a bond; expected \(number, tail, head\)"),
+        ((("1", Se(), One("v")),), "is not a bond"),
+        (((1, "Se", One("v")),), "bond 1 ends on 'Se', which is not an element"),
+        (((1, Se, One("v")),), r"which is not an element; make one: Se\(\.\.\.\)"),
     ],
 )
 def test_what_is_no_bond_is_refused(bonds: tuple[Any, ...], message: str) -> None:

@@ -90,7 +90,7 @@ def test_units_by_choice(run):
     assert drawn[1].get_ydata() == pytest.approx(run["a.w"] * 30 / np.pi)
     assert drawn[2].get_ydata() == pytest.approx(run["gap.tau"] / 1000)
     assert drawn[2].get_xdata() == pytest.approx(run.time * 1000)
-    with pytest.raises(ArgumentError, match="'µm' is no unit for values in rad"):
+    with pytest.raises(ArgumentError, match="'µm' is not a unit for values in rad"):
         run.plot("gap.phi_rel", units={"rad": "µm"})
     with pytest.raises(ArgumentError, match="nothing that is shown is called 'm'"):
         run.plot("gap.phi_rel", units={"m": "µm"})

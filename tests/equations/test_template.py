@@ -126,7 +126,7 @@ def test_equality_is_no_event() -> None:
 def test_names_of_derivatives() -> None:
     assert parse_column("load.w") == ("load.w", 0)
     assert parse_column("der(der(planets[2].w))") == ("planets[2].w", 2)
-    with pytest.raises(NameLookupError, match=r"3 is no name; names are text, such as 'load\.w'"):
+    with pytest.raises(NameLookupError, match=r"3 is not a name; names are strings, such as 'load\.w'"):
         parse_column(3)  # type: ignore[arg-type]
 
 

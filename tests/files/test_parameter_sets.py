@@ -86,7 +86,7 @@ SSV = '<ParameterSet xmlns="http://ssp-standard.org/SSP1/SystemStructureParamete
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("p.toml", "a = [1", r"p\.toml is no TOML: Unclosed array"),
+        ("p.toml", "a = [1", r"p\.toml is not TOML: Unclosed array"),
         ("p.toml", "[a]\nb = 'x'", r"parameter a\.b is 'x'; expected a number"),
         ("p.toml", "a = true", "parameter a is True; expected a number"),
         ("p.csv", "", "expected the columns name,value,unit"),
@@ -94,9 +94,9 @@ SSV = '<ParameterSet xmlns="http://ssp-standard.org/SSP1/SystemStructureParamete
         ("p.csv", "name,value\na,1\nb,x\n", r"p\.csv, line 3: 'b,x'; expected a name and a number"),
         ("p.csv", "name,value\na\n", "line 2: 'a'; expected a name and a number"),
         ("p.csv", "name,value\na,1\na,2\n", "names the parameter a twice"),
-        ("p.csv", "name,value,unit\na,1,rpm\n", r"parameter a: the unit 'rpm' is not written so: declare 'rad/s'"),
-        ("p.ssv", "<a", r"p\.ssv is no XML"),
-        ("p.ssv", "<a/>", "no parameter set of the SSP standard: its root is a"),
+        ("p.csv", "name,value,unit\na,1,rpm\n", r"parameter a: the unit 'rpm' is not accepted: declare 'rad/s'"),
+        ("p.ssv", "<a", r"p\.ssv is not XML"),
+        ("p.ssv", "<a/>", "not a parameter set of the SSP standard: its root is a"),
         (
             "p.ssv",
             SSV.format('<Parameter name="a"><String value="x"/></Parameter>'),
@@ -117,7 +117,7 @@ def test_what_cannot_be_read_or_written(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"p\.toml cannot be read: No such file"):
         gl.load_parameters(tmp_path / "p.toml")
     (tmp_path / "p.toml").write_bytes(b"\xff\xfe")
-    with pytest.raises(FileError, match=r"p\.toml is no text in UTF-8"):
+    with pytest.raises(FileError, match=r"p\.toml is not UTF-8 text"):
         gl.load_parameters(tmp_path / "p.toml")
     with pytest.raises(ArgumentError, match="parameter a is 'x'; expected a number"):
         gl.save_parameters(tmp_path / "p.toml", {"a": "x"})  # type: ignore[dict-item]

@@ -168,7 +168,7 @@ def test_a_file_that_is_cut_off_anywhere_is_refused(suffix: str, saved: Path, tm
     places = {0, 1, 3, 4, 20, *range(100, len(whole), len(whole) // 40), len(whole) - 2, len(whole) - 1}
     for length in sorted(places):
         path.write_bytes(whole[:length])
-        with pytest.raises(FileError, match=rf"cut\{suffix} is (cut off or damaged: .|no result file of gearlib)"):
+        with pytest.raises(FileError, match=rf"cut\{suffix} is (truncated or damaged: .|not a result file of gearlib)"):
             gl.load_result(path)
 
 
@@ -184,7 +184,7 @@ def test_a_zarr_folder_that_lacks_anything_is_refused(saved: Path, tmp_path: Pat
         copy = tmp_path / f"{n}.zarr"
         shutil.copytree(saved / "r.zarr", copy)
         (copy / file).unlink()
-        with pytest.raises(FileError, match=r"\.zarr is (cut off or damaged: .|no result file)"):
+        with pytest.raises(FileError, match=r"\.zarr is (truncated or damaged: .|not a result file)"):
             gl.load_result(copy)
 
 
@@ -206,16 +206,16 @@ class Changed(Record):
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_files_of_another_kind_are_refused(suffix: str, saved: Path, tmp_path: Path) -> None:
     path = tmp_path / f"r{suffix}"
-    with pytest.raises(FileError, match=rf"r\{suffix} (cannot be read: No such file|is no result file of gearlib)"):
+    with pytest.raises(FileError, match=rf"r\{suffix} (cannot be read: No such file|is not a result file of gearlib)"):
         gl.load_result(path)
     for other in (".mat", ".csv", ".nc", ".parquet"):
         if other != suffix:
             shutil.copy(saved / f"r{other}", path)
-            with pytest.raises(FileError, match=rf"r\{suffix} (is no result file of gearlib|is cut off|cannot be read)"):
+            with pytest.raises(FileError, match=rf"r\{suffix} (is not a result file of gearlib|is truncated|cannot be read)"):
                 gl.load_result(path)
     path.unlink()
     written_by_others(path)
-    with pytest.raises(FileError, match=rf"r\{suffix} is no result file of gearlib; expected what result.save"):
+    with pytest.raises(FileError, match=rf"r\{suffix} is not a result file of gearlib; expected a file written by result.save"):
         gl.load_result(path)
 
 

@@ -67,7 +67,7 @@ def test_a_wish_of_the_instance_changes_the_states() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"nominal": {"phi": 1.0}}, r"spring: nominal is given for 'phi', which is no variable of SpringDamper; .*phi_rel"),
+        ({"nominal": {"phi": 1.0}}, r"spring: nominal is given for 'phi', which is not a variable of SpringDamper; .*phi_rel"),
         ({"nominal": {"phi_rel": 0.0}}, r"spring: nominal value of 'phi_rel' is 0\.0; expected a positive number"),
         ({"state": {"phi_rel": "always"}}, r"spring: state of 'phi_rel' is 'always'; valid choices: 'never', 'avoid'"),
         ({"state": "prefer"}, r"state is 'prefer'; expected preferences by name"),

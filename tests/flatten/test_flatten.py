@@ -92,7 +92,7 @@ def test_parameters_in_a_circle() -> None:
         a = gl.Parameter("1", "one", default=lambda s: s.b)
         b = gl.Parameter("1", "other", default=lambda s: s.a)
 
-    with pytest.raises(BindingError, match="the parameters a, b depend on each other in a circle"):
+    with pytest.raises(BindingError, match="the parameters a, b depend on each other cyclically"):
         flatten(Circle())
 
 
@@ -147,8 +147,8 @@ def test_right_values_of_a_parameter(value: Any) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"start": {"ww": 1}}, r"m: start value for 'ww', which is no variable of Inertia; did you mean 'w'"),
-        ({"guess": {"ww": 1}}, r"m: guess value for 'ww', which is no variable of Inertia"),
+        ({"start": {"ww": 1}}, r"m: start value for 'ww', which is not a variable of Inertia; did you mean 'w'"),
+        ({"guess": {"ww": 1}}, r"m: guess value for 'ww', which is not a variable of Inertia"),
         ({"start": {"w": "1"}}, r"start\(m\.w\) is '1' \(str\); expected a number in rad/s"),
         ({"start": {"w": None}}, r"start\(m\.w\) has no value; give one in rad/s"),
     ],
@@ -292,7 +292,7 @@ def test_a_hundred_bodies_on_one_shaft() -> None:
         ("m", r"'m' is a component, no variable; name one of its variables: m\.flange_a\.phi"),
         ("typo", r"the model has no variable 'typo'; .*other\.w"),
         ("", "the model has no variable ''"),
-        (3, "3 is no name; names are text"),
+        (3, "3 is not a name; names are strings"),
     ],
 )
 def test_unknown_variables(name: Any, message: str) -> None:
@@ -319,5 +319,5 @@ def test_error_of_a_foreign_connection_names_the_composite() -> None:
             self.inside = Inside()
             return []
 
-    with pytest.raises(ConnectionError, match="inside: connects Inertia 'flange_a', which is no part of it"):
+    with pytest.raises(ConnectionError, match="inside: connects Inertia 'flange_a', which is not part of it"):
         flatten(Model())

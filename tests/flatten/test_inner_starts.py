@@ -51,6 +51,6 @@ def test_a_composite_gives_start_values_to_its_parts() -> None:
 
 def test_start_value_of_an_unknown_inner_variable() -> None:
     with pytest.raises(
-        gl.GearlibError, match=r"Stage: start value for 'body\[0\]\.v', which is no variable of Stage; .*body\[0\]\.w"
+        gl.GearlibError, match=r"Stage: start value for 'body\[0\]\.v', which is not a variable of Stage; .*body\[0\]\.w"
     ):
         gl.compile(Stage(start={"body[0].v": 7.0}))

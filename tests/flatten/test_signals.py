@@ -83,7 +83,7 @@ def test_a_sensor_is_a_source_and_the_diagram_shows_signals() -> None:
             r"Model: connect\(\) joins the signals ramp\.y, step\.y, each of which",
         ),
         (lambda m: [c(m.ramp.y, m.a.u), c(m.a.u, m.step.y)], ConnectionError, r"joins the signals ramp\.y, step\.y"),
-        (lambda m: [c(m.k, m.a.u)], ConnectionError, r"is given the parameter k; a parameter is no signal"),
+        (lambda m: [c(m.k, m.a.u)], ConnectionError, r"is given the parameter k; a parameter is not a signal"),
         (lambda m: [c(gl.time, m.a.u)], ConnectionError, r"is given time; bind the input"),
         (lambda m: [c(gl.der(m.load.w), m.a.u)], ConnectionError, r"is given der\(load\.w\); bind the input"),
         (lambda m: [c(m.ramp.y)], ConnectionError, r"needs two signals, got only ramp\.y"),

@@ -98,7 +98,7 @@ def test_a_second_run_begins_anew_and_copies_do_so_too(engines: dict[str, Path])
         ({"values": {"lag_": 1.0}}, "has no parameter 'lag_' that is a number; did you mean 'lag'"),
         ({"values": {"lag": "x"}}, "lag of engine3.fmu is 'x'"),
         ({"path": "nowhere.fmu"}, "nowhere.fmu cannot be read: there is no such file"),
-        ({"path": __file__}, "is no FMU"),
+        ({"path": __file__}, "is not an FMU"),
         ({"period": 0.0}, "period is 0; expected a positive number of seconds"),
         ({"inputs": "throttle"}, "inputs is 'throttle'; expected a list of names"),
     ],

@@ -86,7 +86,7 @@ def test_a_misfit_is_refused_when_the_class_is_compiled() -> None:
 
     for _ in range(2):
         with pytest.raises(
-            DeclarationError, match=r"units do not fit .*check_units.*: Wrong: flange\.tau is in .*, k\*w is in"
+            DeclarationError, match=r"units do not match .*check_units.*: Wrong: flange\.tau is in .*, k\*w is in"
         ):
             gl.compile(Train())
     assert len(gl.check_units(Train())) == 2
@@ -120,13 +120,13 @@ def test_a_model_in_numbers_needs_no_units() -> None:
 @pytest.mark.parametrize(
     ("unit", "message"),
     [
-        ("rpm", r"'rpm' is not written so: declare 'rad/s' for it, .*1 rpm is 0\.104719.*known: 1, rad, kg"),
-        ("Nms", r"declare 'N\.m\.s' for it"),
+        ("rpm", r"'rpm' is not accepted: declare 'rad/s' instead, .*1 rpm is 0\.104719.*known: 1, rad, kg"),
+        ("Nms", r"declare 'N\.m\.s' instead"),
         ("Nms/rad", r"has the factor 'Nms', .* declare 'N\.m\.s'"),
-        ("kN", r"declare 'N' for it, .*1 kN is 1e3 N"),
-        ("mm2", r"declare 'm' for it, .*1 mm is 1e-3 m"),
-        ("deg", r"declare 'rad' for it"),
-        ("N*m", r"join factors by points"),
+        ("kN", r"declare 'N' instead, .*1 kN is 1e3 N"),
+        ("mm2", r"declare 'm' instead, .*1 mm is 1e-3 m"),
+        ("deg", r"declare 'rad' instead"),
+        ("N*m", r"join factors by dots"),
         ("parsec", r"'parsec' is not known; known: 1, rad"),
         ("N/", r"'N/' is not known"),
     ],

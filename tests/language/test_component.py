@@ -95,9 +95,9 @@ def test_a_single_connection_is_no_list() -> None:
         (lambda s: (s.gear.support, s.a.flange_a), r"gear has no 'support' here; make it with use_support=True"),
         (
             lambda s: (s.a.flange_a, body().flange_a),
-            r"Model: connects Inertia 'flange_a', which is no part of it; assign the part",
+            r"Model: connects Inertia 'flange_a', which is not part of it; assign the part",
         ),
-        (lambda s: (s.a.flange_a, OTHER.motor.flange_a), r"connects Inertia 'motor\.flange_a', which is no part of it"),
+        (lambda s: (s.a.flange_a, OTHER.motor.flange_a), r"connects Inertia 'motor\.flange_a', which is not part of it"),
     ],
 )
 def test_wrong_connections(ports: Callable[[Any], Any], message: str) -> None:
@@ -173,7 +173,7 @@ def test_forgotten_super_init() -> None:
     ("make", "message"),
     [
         (lambda: gp.Inertia(1.0), r"Inertia\(1\.0\): give values by name, such as Inertia\(J=\.\.\.\)"),
-        (lambda: gp.Inertia(J=1.0, j=2.0), "Inertia: 'j' is no parameter, input or structural choice.*did you mean 'J'"),
+        (lambda: gp.Inertia(J=1.0, j=2.0), "Inertia: 'j' is not a parameter, input or structural choice.*did you mean 'J'"),
         (lambda: gp.Inertia(J=1.0, w=2.0), r"Inertia: 'w' is a variable.*a start value is given as start=\{'w': \.\.\.\}"),
         (lambda: gp.Inertia(J=1.0, start=[1]), r"Inertia: start is \[1\]; expected start values by name"),
         (lambda: gp.Inertia(J=1.0, start="steady"), "Inertia: start is 'steady'; expected start values by name"),
@@ -213,7 +213,7 @@ def test_equations_of_a_composite_may_hold_its_parts_variables() -> None:
     def wrong(self: Any) -> list[gl.Eq]:
         return [gl.Eq(self.x, other.w)]
 
-    with pytest.raises(ModelError, match="Model refers to a Inertia that is no part of it; assign it to an attribute first"):
+    with pytest.raises(ModelError, match="Model refers to a Inertia that is not part of it; assign it to an attribute first"):
         gl.compile(composite(lambda s: [], x=gl.Variable("rad/s", "x"), equations=wrong))
 
 

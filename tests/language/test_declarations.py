@@ -64,7 +64,7 @@ def test_reserved_names(name: str) -> None:
         (gl.Variable, r"Wrong\.x is the class Variable; make a declaration: Variable\(\.\.\.\)"),
         (gp.Flange, r"Wrong\.x is the class Flange; make a declaration: Flange\(\.\.\.\)"),
         (gp.Inertia(J=1.0), r"Wrong\.x: parts are made in assemble\(\).*self\.x = Inertia\(\.\.\.\)"),
-        (gp.Flange("support", when="nope"), r"Wrong\.x: when='nope' is no Structural of the class"),
+        (gp.Flange("support", when="nope"), r"Wrong\.x: when='nope' is not a Structural of the class"),
     ],
 )
 def test_slips_in_the_class_body(value: Any, message: str) -> None:

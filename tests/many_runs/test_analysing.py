@@ -170,7 +170,7 @@ def test_any_function_of_a_system() -> None:
     [
         (3, {"J": [1.0]}, {}, "analysis is 3; expected a function of a system, such as gl.modes"),
         (gl.modes, {"K": [1.0]}, {}, "the model has no parameter 'K'"),
-        (gl.modes, {"J": [gl.Table([0, 1], [0, 1])]}, {}, "holds what is no number"),
+        (gl.modes, {"J": [gl.Table([0, 1], [0, 1])]}, {}, "holds what is not a number"),
         (gl.modes, {"J": [1.0]}, {"cuont": 3}, "analysis raised TypeError: .*cuont"),
         (lambda system, parameters: 3.0, {"J": [1.0]}, {}, "analysis returned a float; say what is to be kept of it: reduce="),
     ],

@@ -166,7 +166,7 @@ def test_another_sweeps_file_is_refused(drive: gl.System, tmp_path: Path, suffix
         gl.compile(Rattle(), outputs=["load.w"]).sweep({"load.J": J[:4]}, 1.0, to=path)
     plain = tmp_path / f"plain{suffix}"
     drive.simulate(1.0, inputs=OPTIONS["inputs"]).save(plain, ["load.w"])
-    with pytest.raises(FileError, match="is no file of a sweep"):
+    with pytest.raises(FileError, match="is not a file of a sweep"):
         drive.sweep(**(sweep | {"to": plain}))
 
 

@@ -592,7 +592,7 @@ def test_a_frequency_in_hertz() -> None:
 
 
 def test_forces_that_balance_repeat_but_for_their_rounding() -> None:
-    """An excitation that is the same at both sides of a planet cancels there: what is left of it is no function of time."""
+    """An excitation that is the same at both sides of a planet cancels there: what is left of it is not a function of time."""
 
     class Turning(gl.Component):
         w = gl.Parameter("rad/s", default=9000.0)

@@ -11,7 +11,7 @@ import gearlib as gl
 
 
 class Ratios(gl.Component):
-    """x falls from 1; y is infinite at the start, z is no number once x is below a half."""
+    """x falls from 1; y is infinite at the start, z is not a number once x is below a half."""
 
     x, y, z, u = (gl.Variable("1") for _ in range(4))
 

@@ -103,7 +103,7 @@ def test_start_of_a_run_overrides_that_of_the_model() -> None:
         ({"load.w": None}, ArgumentError, r"start of load\.w is None; expected a finite number"),
         ("stead", ArgumentError, r"start is 'stead'; expected a mapping of start values, 'steady', a result, or"),
         ({"load.w": 1.0, "motor.w": 1.0}, StartError, r"load\.w is fixed at 1, but .*make it 0\.1"),
-        ({3: 1.0}, NameLookupError, "3 is no name"),
+        ({3: 1.0}, NameLookupError, "3 is not a name"),
     ],
 )
 def test_wrong_start_of_a_run(given: Any, error: type[Exception], message: str) -> None:

@@ -347,7 +347,7 @@ def limited(seconds: float) -> Iterator[None]:
 
 EXPECTED = re.compile(
     r"expected|must|valid|there (is|are) no|has no|no unbound|is no |did you mean|give|cannot|needs|not |joins|below|above|outside|"
-    r"raised|returned|tolerance|only|too large|values for|no value for|no parameter|divided by|depends on"
+    r"raised|returned|tolerance|only|too large|values for|no value for|no parameter|divided by|division by zero|depends on"
 )
 
 

@@ -166,7 +166,7 @@ def test_intervals_that_are_no_intervals() -> None:
     for t_end in (5e-324, 1e308):
         with pytest.raises(gl.GearlibError, match=r"t_end is .*; expected 1e-200 to 1e\+200 s"):
             system().simulate(t_end, method="rk")
-    with pytest.raises(gl.GearlibError, match="are not told apart in double precision"):
+    with pytest.raises(gl.GearlibError, match="are not distinct in double precision"):
         system().simulate(1e9 + 1e-6, t_start=1e9, samples=1000)
 
 

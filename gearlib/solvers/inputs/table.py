@@ -234,7 +234,7 @@ class Table(Tabulated):
         """
         if self.outside == "periodic":
             raise ArgumentError(
-                "Table(t, y): a periodic table is no function in an equation; leave the input unbound and give the table to "
+                "Table(t, y): a periodic table is not a function in an equation; leave the input unbound and give the table to "
                 "simulate(inputs={...})"
             )
         return piecewise_polynomial("Table(t, y)", x, self.t, self.coefficients, events)

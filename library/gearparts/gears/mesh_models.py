@@ -140,5 +140,5 @@ def mesh_damping(zeta: Any, c: Any, J_a: Any, r_a: Any, J_b: Any, r_b: Any) -> A
     except (OverflowError, ZeroDivisionError, gl.GearlibError):
         damping = sympy.nan
     if not damping.free_symbols and not is_real(damping):
-        raise BoundError(f"mesh_damping({zeta=}, {c=}, {J_a=}, {r_a=}, {J_b=}, {r_b=}) is no finite number")
+        raise BoundError(f"mesh_damping({zeta=}, {c=}, {J_a=}, {r_a=}, {J_b=}, {r_b=}) is not a finite number")
     return damping

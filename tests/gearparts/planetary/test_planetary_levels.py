@@ -220,7 +220,7 @@ def test_no_model_declares_what_it_has_no_use_for() -> None:
             lambda: gp.PlanetaryUnit(**DATA, level="ideal", sun_details=(("b", 1e-4),)),
             r"it counts with level='elastic'$",
         ),
-        (lambda: gp.PlanetaryUnit(**DATA, K_rng=3.0), r"LumpedPlanetaryUnit: 'K_rng' is no parameter.*'K_ring'"),
+        (lambda: gp.PlanetaryUnit(**DATA, K_rng=3.0), r"LumpedPlanetaryUnit: 'K_rng' is not a parameter.*'K_ring'"),
     ],
 )
 def test_a_value_of_another_level_is_refused_with_the_choice_that_gives_it_a_meaning(

@@ -251,7 +251,7 @@ def test_inputs_that_are_set_keep_the_driver(drive: gl.System, method: str, begu
         w = tau / 0.5 + (w - tau / 0.5) * math.exp(-0.25 * 0.02)
         assert run["load.w"] == pytest.approx(w, rel=1e-7, abs=1e-9)
     assert len(begun) == 1
-    run.inputs["torque.tau"] = lambda t: 1.0  # what is no number makes the run begin anew
+    run.inputs["torque.tau"] = lambda t: 1.0  # what is not a number makes the run begin anew
     run.advance(2.0)
     run.advance(2.5)
     assert len(begun) == 2

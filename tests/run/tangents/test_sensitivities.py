@@ -231,7 +231,7 @@ def test_requests_that_are_refused(chain: Callable[..., gl.System]) -> None:
 
 
 def test_of_a_start_that_follows_from_others() -> None:
-    """Start values of a variable that is no state: the states' follow from it, and from parameters on the way."""
+    """Start values of a variable that is not a state: the states' follow from it, and from parameters on the way."""
 
     class Geared(gl.Component):
         ratio = gl.Parameter("1", default=4.0)

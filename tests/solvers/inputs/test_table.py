@@ -57,7 +57,7 @@ def test_a_function_of_time(method: str) -> None:
 
 def test_a_number_and_the_default_of_zero() -> None:
     assert run(3) == pytest.approx(1.5 * np.linspace(0, 2, 9))
-    with pytest.warns(gl.GearlibWarning, match=r"Driven: nobody gave the input torque\.tau: it is 0"):
+    with pytest.warns(gl.GearlibWarning, match=r"Driven: no value was given for the input torque\.tau: it is 0"):
         result = SYSTEM.simulate(2.0, samples=3)
     assert result["load.w"].tolist() == [0.0, 0.0, 0.0]
     assert result.stats["zero_inputs"] == ("torque.tau",)

@@ -115,7 +115,7 @@ def test_a_map_of_two_variables_is_bilinear_and_holds_its_edge() -> None:
         (
             lambda w: gl.Table([0, 1], [0, 1], outside="periodic"),
             BindingError,
-            r"torque\.tau: .*periodic table is no function",
+            r"torque\.tau: .*periodic table is not a function",
         ),
         (
             lambda w: gl.Table(range(300), range(300)),
@@ -125,7 +125,7 @@ def test_a_map_of_two_variables_is_bilinear_and_holds_its_edge() -> None:
         (
             lambda w: gl.Table([0, 1], [0, 1], outside="periodic")(w),
             ArgumentError,
-            r"periodic table is no function in an equation",
+            r"periodic table is not a function in an equation",
         ),
         (
             lambda w: gl.Table2D([0, 1], [0, 1], [[0, 1]])(w, w),
