@@ -493,6 +493,43 @@ def test_planetary_sets_with_backlash(planets: int, E: float) -> None:
     assert parted == (E > 1e-6)
 
 
+class WholeTrain(gl.Component):
+    """The XP train under load, with backlash in all meshes, of which each planet has two of its own."""
+
+    w, E = gl.Parameter("rad/s", default=11200.0), gl.Parameter("m", default=4e-7)
+
+    def assemble(self) -> list[gl.Connection]:
+        gap = (("backlash", True), ("b", 100e-6))
+        self.drive, self.load, self.ground = gp.Torque(tau=100.0), gp.Damper(d=1800 * 0.075**2), gp.Fixed()
+        self.train = gp.XPTrain(
+            Z_s=19, Z_p=31, Z_r=81, planet_meshes="separate", ring_details=gap, sun_details=gap, pair_details=gap,
+            e_rate=self.E * self.w * gl.cos(self.w * gl.time),
+        )  # fmt: skip
+        return [
+            gl.connect(self.drive.flange, self.train.flange_in),
+            gl.connect(self.train.flange_out, self.load.flange_a),
+            gl.connect(self.load.flange_b, self.ground.flange),
+        ]
+
+
+def test_the_xp_train_with_all_its_planets() -> None:
+    """Near a resonance where flanks part, the motion of the whole train is the orbit of a run that begins on it."""
+    system = gl.compile(WholeTrain(), outputs=["train.x_unit.ring_meshes[0].q", "load.w_rel"])
+    rest = system.simulate(3.0, samples=2, parameters={"E": 0.0})
+    guess = {name: float(rest[name][-1]) for name in system.states}
+    found = gl.harmonic_balance(
+        system, 11200.0, 11190.0, frequency="w", guess=guess, outputs=list(system.states), step=1.0, points=2, accuracy=2e-2
+    )
+    start = {name: float(found.waveform(name, 0, 2)[1][0]) for name in system.states}
+    run = system.simulate(2 * np.pi / found.omega[0], samples=65, start=start, parameters={"w": found.omega[0]}, rtol=1e-10)
+    parted = []
+    for name in system.states:
+        wave = found.waveform(name, 0, 64)[1]
+        assert np.abs(run[name][:-1] - wave).max() < 4e-2 * np.ptp(wave) / 2 + 1e-9 * np.abs(wave).max(), name
+        parted += [name] if name.endswith(".q") and np.abs(wave).min() < 50e-6 else []
+    assert parted
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_random_gear_pairs_have_the_orbits_of_runs(pair: gl.System, seed: int) -> None:
     """Above and below the resonance, lightly and heavily loaded; the number of harmonics follows from the accuracy."""
