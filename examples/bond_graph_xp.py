@@ -49,6 +49,7 @@ causality = assign_causality(figure.graph, PREFERENCE)
 print(f"\n{causality.report()}")
 axis = figure.draw(causality, scale=0.5)
 axis.figure.savefig(FIGURES / "bond_graph_xp.png", dpi=90)
+axis.figure.savefig(FIGURES / "bond_graph_xp.svg")  # the same, readable at any size
 
 # %%
 # Equations

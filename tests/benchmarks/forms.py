@@ -1,15 +1,18 @@
 """Time and error of the three forms that IDA takes, by both backends; writes the table of `docs/solvers.md`.
 
-    python -m tests.benchmarks.forms
+    python -m tests.benchmarks.forms              # writes the page
+    python -m tests.benchmarks.forms M1-100 M2    # prints the rows of these scenes only
 
-Each run is repeated, the cases in turn, and the least processor time counts: other programs on the machine only add to it.
+Each run is repeated, the cases in turn, and the least processor time counts: other programs on the machine only add to it. The
+largest chain runs once.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,21 +26,27 @@ from tests.run.test_forms import FourBar, four_bar
 PAGE = Path(__file__).parents[2] / "docs" / "solvers.md"
 BEGIN, END = "<!-- forms: begin, written by tests/benchmarks/forms.py -->\n", "<!-- forms: end -->\n"
 RTOL, REPEATED = 1e-10, 5
-Case = tuple[str, Callable[[], gl.System], Floats, Callable[[dict[str, Floats]], float], tuple[str, ...]]
+ONCE = "M1-1000"
+Case = tuple[str, Callable[[], gl.System], Floats, Callable[[dict[str, Floats]], float], tuple[str, ...], int]
 
 
-def cases() -> list[Case]:
-    """Title, system, output times, error of some histories, and which."""
+def cases(wanted: Sequence[str] = ()) -> list[Case]:
+    """Title, system, output times, error of some histories, which, and how often a run is repeated."""
     found: list[Case] = []
-    for name in ("M1-10", "M2", "XP"):
+    for name in wanted or ("M1-10", "M1-100", "M1-1000", "M2", "XP"):
         scene = SCENES[name]
 
         def error(histories: dict[str, Floats], scene: object = scene) -> float:
             return scene.error(np.column_stack([histories[n] for n in scene.outputs]))  # type: ignore[attr-defined]
 
         found.append(
-            (scene.title, lambda s=scene: gl.compile(s.component(), outputs=s.outputs), scene.times, error, scene.outputs)
-        )
+            (
+                scene.title, lambda s=scene: gl.compile(s.component(), outputs=s.outputs), scene.times, error, scene.outputs,
+                1 if name == ONCE else REPEATED,
+            )
+        )  # fmt: skip
+    if wanted:
+        return found
     times = np.linspace(0.0, 2.0, 81)
 
     def four_bar_error(histories: dict[str, Floats]) -> float:
@@ -46,18 +55,25 @@ def cases() -> list[Case]:
 
     start = {"a": 0.3, "wa": 0.0}
     found.append(
-        ("four-bar linkage, 2 states", lambda: gl.compile(FourBar(start=start)), times, four_bar_error, ("a", "wa", "c"))
+        (
+            "four-bar linkage, 2 states",
+            lambda: gl.compile(FourBar(start=start)),
+            times,
+            four_bar_error,
+            ("a", "wa", "c"),
+            REPEATED,
+        )
     )
     return found
 
 
-def table() -> str:
+def table(wanted: Sequence[str] = ()) -> str:
     """The table, and the factors below it."""
     lines = ["| scene | form | unknowns | steps | error | native, ms | scikit-sundae, ms |", "|---|---|---|---|---|---|---|"]
     elimination, native = [], []
-    for title, make, times, error, names in cases():
+    for title, make, times, error, names, repeated in cases(wanted):
         system, least = make(), {}
-        for repeat in range(REPEATED + 1):
+        for repeat in range(repeated + 1):
             for form in FORMS:
                 for backend in BACKENDS if repeat == 1 else BACKENDS[:1]:
                     begin = time.process_time()
@@ -79,14 +95,17 @@ def table() -> str:
         "",
         f"Elimination is worth a factor of {min(elimination):.1f} to {max(elimination):.1f} (`dae` over `ode`, both native), and the "
         f"native backend one of {min(native):.0f} to {max(native):.0f} (`ode`, scikit-sundae over native). Processor times, native the "
-        f"least of {REPEATED}, scikit-sundae of one; rtol = {RTOL:g}; the error is the largest over the signal's peak, against "
-        "solutions that share no code with gearlib.",
+        f"least of {REPEATED} (of the largest chain one), scikit-sundae of one; rtol = {RTOL:g}; the error is the largest over the "
+        "signal's peak, against solutions that share no code with gearlib.",
     ]
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
-    """Write the table into the page."""
+    """Write the table into the page, or print some rows of it."""
+    if sys.argv[1:]:
+        print(table(sys.argv[1:]))
+        return
     text = PAGE.read_text(encoding="utf-8")
     pattern = re.escape(BEGIN) + ".*?" + re.escape(END)
     made = BEGIN + "\n" + table() + "\n" + END
