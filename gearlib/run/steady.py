@@ -28,7 +28,7 @@ from gearlib.errors import SolverError, StartError
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.derivatives import At, dense, entries
-from gearlib.program.interpret import evaluate, prepare
+from gearlib.program.interpret import batch_values, evaluate, prepare
 from gearlib.program.invariance import symmetries
 from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Newton
@@ -60,6 +60,7 @@ UNSTABLE = 1e-9  # growth rate over the largest rate beyond which a motion is un
 LARGEST_EXAMINED = 400  # states
 NOTHING = 1e-15  # relative to the largest derivative of a rate: smaller ones are rounding
 LOCKED = 1e3  # times the rounding of a rate that no state affects: stuck elements must not creep
+MARGIN = 1e-11  # by which a relation that a run holds is satisfied where states are moved to it
 SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
 
 
@@ -71,6 +72,8 @@ class Search:
     ----------
     grows : array, shape (states, symmetries)
         Orthonormal directions, in nominal values of the states, in which the states may grow.
+    held : array, shape (states, directions), optional
+        Orthonormal directions in which the states must not change, such as the slip of what sticks.
     """
 
     scene: Scene
@@ -79,6 +82,7 @@ class Search:
     inputs: Floats
     t: float
     grows: Floats
+    held: Floats | None = None
 
     @cached_property
     def scale(self) -> Floats:
@@ -98,6 +102,14 @@ class Search:
         stationary[moving, : whole.shape[1]] = whole
         stationary[~moving, whole.shape[1] :] = np.eye(n - int(moving.sum()))
         return stationary
+
+    @cached_property
+    def movable(self) -> Floats:
+        """Orthonormal directions in which the states may be changed to make the rates vanish."""
+        if self.held is None:
+            return self.stationary
+        across, sizes, _ = np.linalg.svd(self.stationary.T @ self.held)
+        return np.asarray(self.stationary @ across[:, int((sizes > SINGULAR).sum()) :], float)
 
     @cached_property
     def _plan(self) -> DerivativePlan:
@@ -188,7 +200,7 @@ def search_steady(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, 
         return start.states.copy()
     search = Search(scene, numbers, start, inputs, t, growing(scene, numbers))
     end = _found(search)
-    if not end.steady and not end.free and scene.relations is not None:
+    if not end.steady and scene.relations is not None:
         ran = _run_to_rest(search, replace(end, x=start.states))
         end = ran if ran.steady else end
     if not end.steady:
@@ -315,24 +327,69 @@ def _continued(search: Search, x: Floats, stable: bool) -> End:
 def _run_to_rest(search: Search, end: End) -> End:
     """Fallback where steps across events do not converge (friction that comes to rest): simulations of growing length."""
     scene, left = search.scene, np.inf
+    modes: Floats | None = None
     for seconds in RUNS:
         begin = replace(search.begin, states=end.x)
         span = np.array([search.t, search.t + seconds])
         signals = tuple(search.inputs[: len(scene.model.inputs)].tolist())
         try:
-            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None), Implicit())
+            outcome = integrate(Run(scene, search.numbers, begin, signals, span, 1e-6, None, modes), Implicit())
             if outcome.status == "left":
                 return end
-            end = _closed(search, outcome.x[-1])
+            modes = outcome.modes[-1]
+            x, held = _sticking(search, outcome.x[-1], modes)
+            end = _closed(replace(search, held=held), x)
             if end.steady:
                 return end
             end, last = replace(end, x=outcome.x[-1]), left
-            left = float(np.abs(search.stationary.T @ search.rates(end.x)[0]).max())
+            left = float(np.abs(search.stationary.T @ search.rates(x)[0]).max())
         except SolverError:
             return end
         if seconds >= 10.0 and left > 0.5 * last:
             break
     return end
+
+
+def _sticking(search: Search, x: Floats, modes: Floats) -> tuple[Floats, Floats | None]:
+    """States of a run moved to where all relations hold that hold in the run, and the directions in which these would change.
+
+    What locks during a run keeps a slip of the size of the solver's tolerance, with which it would start as sliding.
+    """
+    scene, relations, n = search.scene, search.scene.relations, len(x)
+    assert relations is not None, "something came to rest"
+    now, prepared, states = np.array([search.t]), search.numbers.relations, scene.model.discretes.starts
+    assert prepared is not None
+    first = np.zeros(scene.n_modes)  # as a run starts: nothing sticks yet, so that speeds count
+    if len(states):
+        at = scene.model.n_relations
+        first[at : at + 2 * len(states)], first[-1] = np.tile(states, 2), 1.0
+    guess, before = scene.guess(relations.program, search.begin.guess), x
+    rows: list[Floats] = []
+    for _ in range(5):
+        fresh = scene.modes(search.numbers, now, x[:, None], search.inputs[:, None], start=search.begin.guess)[:, 0]
+        steps = 1e-6 * np.maximum(search.scale, np.abs(x))
+        beside = np.column_stack([x, x[:, None] + np.diag(steps)])
+        many, inputs, flags = (np.repeat(a[:, None], n + 1, axis=1) for a in (now, search.inputs, first))
+        slots = evaluate(prepared, many[0], beside, inputs, flags, guess, forgiving=True)
+        gaps: list[float] = []
+        rows = []
+        for phase in relations.event_iteration.event_functions:
+            values = batch_values(phase.batch, many[0], slots, search.numbers.parameters, flags)
+            slopes = (values[:, 1:] - values[:, :1]) / steps * search.scale
+            for k, relation in enumerate(phase.batch.targets.tolist()):
+                differs = fresh[relation] != modes[relation]
+                if not np.abs(slopes[k]).max(initial=0.0) > 0 or not (differs or abs(values[k, 0]) <= 2 * MARGIN):
+                    continue
+                above = (phase.comparison in (">", ">=")) == bool(modes[relation])
+                rows.append(slopes[k])
+                gaps.append(float((MARGIN if above else -MARGIN) - values[k, 0]) if differs else 0.0)
+        if not np.any(gaps):
+            break
+        change = np.linalg.lstsq(np.array(rows), np.array(gaps), rcond=None)[0]
+        if np.abs(change).max() > NEAR * np.abs(x / search.scale).max():
+            return before, None
+        x = x + search.scale * change
+    return x, np.linalg.qr(np.array(rows).T)[0] if rows else None
 
 
 def _implicit(search: Search, gradient: Floats, step: float) -> Callable[[Floats], Floats]:
@@ -401,8 +458,8 @@ class _Equations:
     """Linearised equations for the rates that must vanish, reduced to independent ones."""
 
     def __init__(self, search: Search, gradient: Floats) -> None:
-        self._stationary = search.stationary
-        matrix = self._stationary.T @ gradient @ self._stationary
+        self._stationary, self._movable = search.stationary, search.movable
+        matrix = self._stationary.T @ gradient @ self._movable
         self._row = np.abs(matrix).max(axis=1, initial=0.0)
         self._row[self._row == 0] = 1.0
         self._column = np.abs(matrix / self._row[:, None]).max(axis=0, initial=0.0)
@@ -416,7 +473,7 @@ class _Equations:
         """Minimum-norm change of the states that makes these rates vanish, as far as possible."""
         row, sizes, column = (a.reshape(-1, *[1] * (f.ndim - 1)) for a in (self._row, self._sizes, self._column))
         solved = self._right @ ((self._left.T @ (self._stationary.T @ f / row)) / sizes)
-        return -np.asarray(self._stationary @ (solved / column), float)
+        return -np.asarray(self._movable @ (solved / column), float)
 
     def hold(self, f: Floats, noise: Floats) -> bool:
         """Whether the rates that no change of the states affects vanish."""
@@ -426,7 +483,7 @@ class _Equations:
     def largest_change(self, noise: Floats) -> Floats:
         """Bound on the change of the states that rounding in the rates may cause."""
         solved = np.abs(self._right) @ ((np.abs(self._left.T) @ (np.abs(self._stationary.T) @ noise / self._row)) / self._sizes)
-        return np.asarray(np.abs(self._stationary) @ (solved / self._column), float)
+        return np.asarray(np.abs(self._movable) @ (solved / self._column), float)
 
 
 def _reason(search: Search, end: End) -> str:

@@ -217,3 +217,23 @@ def test_torques_that_grow_are_not_steady_where_no_speed_changes_with_them(J: fl
         system.simulate(1.0, start="steady", samples=2)
     run = system.simulate(200.0, samples=3)
     assert run["spring.tau"][2] - run["spring.tau"][1] == pytest.approx(100.0 * 129.0 / 130.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("J", [0.05, 0.7])
+def test_a_clutch_that_locks_on_a_prescribed_speed(J: float) -> None:
+    """The run locks it with a slip of the size of its tolerance, with which it would start as sliding."""
+
+    class Engaged(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.drive, self.clutch = gp.ConstantSpeed(w_fixed=-4.0), gp.Clutch(fn_max=1e4, f_normalized=1.0)
+            self.body, self.load = gp.Inertia(J=J), drag(1.0, 3.0)
+            return [
+                c(self.drive.flange, self.clutch.flange_a), c(self.clutch.flange_b, self.body.flange_a),
+                c(self.body.flange_b, self.load.flange),
+            ]  # fmt: skip
+
+    system = gl.compile(Engaged())
+    run = system.simulate(5.0, start="steady", samples=3)
+    assert run["body.w"] == pytest.approx(-4.0, abs=1e-10)
+    assert run["clutch.tau"] == pytest.approx(4.0 / 3.0)
+    assert run["clutch.contact"].tolist() == [1.0, 1.0, 1.0]
