@@ -56,4 +56,5 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "write_computation_times": False,
     "plot_gallery": "True",
+    "within_subsection_order": "gallery_order.ReaderOrder",
 }

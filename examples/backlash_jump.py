@@ -104,11 +104,11 @@ for name, amplitude in sweeps.items():
 # -------------
 
 fig, ax = plt.subplots(figsize=(8, 4.8), layout="constrained")
-for (_, branch), color in zip(branches.items(), ("0.75", "C0")):
+for (_, branch), color in zip(branches.items(), ("#6a3d9a", "C0")):
     converged = branch.harmonics > 1
     ratio, amplitude = branch.omega / NATURAL, branch.amplitude("mesh.q") * 1e6
     if not converged:  # which of its motions are stable is as wrong as the motions themselves
-        ax.plot(ratio, amplitude, color=color, lw=1, label="one harmonic only: not converged")
+        ax.plot(ratio, amplitude, color=color, lw=1, ls="-.", label="one harmonic only: not converged")
         continue
     ax.plot(ratio, np.where(branch.stable, amplitude, np.nan), color=color, label=f"harmonic balance, {branch.reached}")
     ax.plot(ratio, np.where(branch.stable, np.nan, amplitude), color=color, ls=":", label="the same, unstable")

@@ -108,26 +108,44 @@ def side_tables(measured: dict[str, list[Curve]]) -> list[str]:
     return [*lines, ""]
 
 
+LINES = {
+    "gearlib auto": {"ls": "", "marker": "o", "ms": 9, "mfc": "none", "color": "black"},
+    "gearlib exact": {"color": "#0b5394", "marker": "*", "lw": 1.8, "ms": 5},
+    "gearlib rk5": {"color": "#e08e0b", "marker": ".", "lw": 1.8},
+    "gearlib rk8": {"color": "#2e8b57", "marker": ".", "lw": 1.8},
+    "gearlib ida": {"color": "#d1495b", "marker": ".", "lw": 1.8},
+    "SciPy LSODA": {"color": "#6a3d9a", "marker": "o"},
+    "SciPy Radau": {"color": "#b07cc6", "marker": "s"},
+    "SciPy DOP853": {"color": "#8e2f8a", "marker": "v"},
+    "CasADi idas": {"color": "#8d5524", "marker": "^"},
+    "CasADi cvodes": {"color": "#c2185b", "marker": "<"},
+    "heyoka": {"color": "#00838f", "marker": ">"},
+    "rumoca rk-like": {"color": "#7a8b00", "marker": "p"},
+    "rumoca bdf": {"color": "#1f6fd1", "marker": "h"},
+}
+"""How each solver is drawn, the same in every picture."""
+SPARE = (("#455a64", "X"), ("#ad6b00", "D"), ("#5d4037", "P"), ("#004d40", "d"))
+
+
+def style_of(curve: Curve) -> dict[str, Any]:
+    """Colour and marker of a solver; the floors are black."""
+    if curve.kind not in ("gearlib", "other", "acausal"):
+        return {"lw": 1.2, "color": "black", "ls": "--" if "IDA" in curve.kind else "-." if ", C" in curve.solver else "-"}
+    if curve.solver in LINES:
+        return {"lw": 0.8, "ms": 3.5} | LINES[curve.solver]
+    colour, marker = SPARE[sum(map(ord, curve.solver)) % len(SPARE)]
+    return {"lw": 0.8, "ms": 3.5, "color": colour, "marker": marker}
+
+
 def draw(name: str, curves: list[Curve], path: Path) -> None:
-    """Time against error, gearlib in colour, the floors black, the others thin."""
+    """Time against error: gearlib's curves thick, the floors black, the others thin."""
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(6.4, 3.9), layout="constrained")
-    thin = iter("osv^<>ph")
     for curve in curves:
         points = [p for p in curve.points if 1e-15 < p.error < 1.0]
-        if not points:
-            continue
-        style: dict[str, Any] = {"lw": 0.7, "ms": 3, "color": "0.6"}
-        if curve.kind in ("other", "acausal"):
-            style["marker"] = next(thin)
-        elif curve.kind == "gearlib":
-            style = {"marker": ".", "lw": 1.8}
-            if curve.solver == "gearlib auto":
-                style = {"ls": "", "marker": "o", "ms": 9, "mfc": "none", "color": "0.2"}
-        else:
-            style = {"lw": 1.2, "color": "black", "ls": "--" if "IDA" in curve.kind else "-." if ", C" in curve.solver else "-"}
-        axes.loglog([p.error for p in points], [1e3 * p.total for p in points], label=curve.solver, **style)
+        if points:
+            axes.loglog([p.error for p in points], [1e3 * p.total for p in points], label=curve.solver, **style_of(curve))
     axes.set(xlabel="largest error over largest value", ylabel="processor time, ms", title=SCENES[name].title)
     axes.invert_xaxis()
     axes.grid(alpha=0.3)

@@ -6,6 +6,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 
+from tests.benchmarks.page import LINES
 from tests.benchmarks.references import SCENES
 from tests.pictures import save
 from tests.stress.page import DOCS, fill, table
@@ -70,14 +71,14 @@ def energy() -> None:
     rows = []
     for method in ("rk5", "rk8", "ida"):
         drifts = [energy_drift(method, 1000, rtol) for rtol in tolerances]
-        axes.loglog(tolerances, drifts, "o-", ms=3, label=method)
+        axes.loglog(tolerances, drifts, "o-", ms=3, label=method, color=LINES[f"gearlib {method}"]["color"])
         kept = [(d, rtol) for d, rtol in zip(drifts, tolerances, strict=True) if rtol < 2e-5]  # above, all is lost
         shares = [d / 1000 / rtol for d, rtol in kept]
         fine = 1e-8 if method == "ida" else 1e-9
         long = energy_drift(method, 100_000, fine) / 1e5 / fine
         rows.append([f"`{method}`", f"{min(shares):.1g} to {max(shares):.1g}", f"{long:.1g} (rtol {fine:.0e})"])
     exact = energy_drift("exact", 1000, 1e-9)
-    axes.axhline(exact, color="k", ls=":", label="exact")
+    axes.axhline(exact, color=LINES["gearlib exact"]["color"], ls=":", label="exact")
     axes.set(xlabel="rtol", ylabel="drift of the energy over 1000 periods")
     axes.legend()
     finish(figure, "energy")
