@@ -85,7 +85,7 @@ def shared_library(target: Platform, source: str, tables: Mapping[str, str], fac
         result = here / f"library{target.suffix}"
         own = [str(here / name) for name in tables if name.endswith(".c")]
         command = [
-            *_linker(target), *FLAGS, f"-I{wrapper}", f"-I{HERE / 'headers'}", f"-I{here}",
+            *_linker(target), *FLAGS, f"-I{wrapper}", f"-I{here}",
             *(str(wrapper / name) for name in ("instance.c", "stepping.c", *faces)), *own, *(str(here / f"{n}.o") for n in codes),
             *EXTRA.get(target.suffix, ()), "-o", str(result),
         ]  # fmt: skip

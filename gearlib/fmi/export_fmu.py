@@ -14,7 +14,7 @@ from typing import Any
 from gearlib.arguments import as_path, name_list, one_of, real, shown
 from gearlib.errors import ArgumentError
 from gearlib.files.replacing import replacing
-from gearlib.fmi.binaries import HERE, chosen_platforms, shared_library
+from gearlib.fmi.binaries import chosen_platforms, shared_library
 from gearlib.fmi.exported_model import exported_model
 from gearlib.fmi.fmu_variables import fmu_variables
 from gearlib.fmi.model_description import Description, description_2, description_3
@@ -69,7 +69,6 @@ def export_fmu(
         )
     if version == "3.0" and (flanges := terminals(exported, description.variables)):
         entries["terminalsAndIcons/terminalsAndIcons.xml"] = terminals_text(flanges)
-    entries["documentation/licenses/FMI.txt"] = (HERE / "headers" / "LICENSE.txt").read_bytes()
     with replacing(target) as beside:
         Path(beside).write_bytes(_archive(entries))
     return target

@@ -15,8 +15,8 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.compiler.platforms import PLATFORMS
-from gearlib.fmi.binaries import HERE
 
+HEADERS = Path(fmpy.__file__).parent / "c-code"  # those of the standard
 pytestmark = pytest.mark.slow
 pytest.importorskip("ziglang")
 
@@ -64,7 +64,7 @@ def test_a_library_exports_the_interface_and_needs_the_system_only(name: str, tm
         text = listed("llvm-objdump", *(["--macho"] if name.endswith("darwin") else []), kind, str(path))
         needed = re.findall(r"NEEDED\s+(\S+)|^\s+(/\S+\.dylib)", text, re.MULTILINE)
         needed = ["".join(found) for found in needed]
-    declared = set(re.findall(r"^#define (fmi3[A-Z]\w+) ", (HERE / "headers" / "fmi3Functions.h").read_text(), re.MULTILINE))
+    declared = set(re.findall(r"^#define (fmi3[A-Z]\w+) ", (HEADERS / "fmi3Functions.h").read_text(), re.MULTILINE))
     assert len(exported) >= 60
     assert {f for f in declared if not f.endswith("TYPE")} - exported <= {
         "fmi3FullName",
@@ -81,7 +81,7 @@ def test_a_library_exports_the_interface_and_needs_the_system_only(name: str, tm
 def test_library_for_arm_moves_as_the_model_does(tmp_path: Path) -> None:
     system, description, path = library("aarch64-linux", tmp_path)
     references = {v.name: v.valueReference for v in description.modelVariables}
-    target = ["-target", "aarch64-linux-gnu.2.28", "-O2", f"-I{HERE / 'headers'}"]
+    target = ["-target", "aarch64-linux-gnu.2.28", "-O2", f"-I{HEADERS}"]
     host = Path(__file__).with_name("host.c")
     subprocess.run([sys.executable, "-m", "ziglang", "cc", *target, str(host), "-ldl", "-o", "host"], check=True, cwd=tmp_path)
     numbers = [str(references[n]) for n in system.states]

@@ -14,8 +14,8 @@ import pytest
 
 import gearlib as gl
 import gearparts as gp
-from gearlib.fmi.binaries import HERE
 
+HEADERS = Path(fmpy.__file__).parent / "c-code"  # those of the standard
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which("wine") is None, reason="wine is not installed")]
 
 
@@ -27,7 +27,7 @@ def test_library_for_windows_moves_as_the_model_does(tmp_path: Path) -> None:
     references = {v.name: v.valueReference for v in description.modelVariables}
     fmpy.extract(str(path), str(tmp_path / "content"))
     host = Path(__file__).with_name("host.c")
-    target = ["-target", "x86_64-windows-gnu", "-O2", f"-I{HERE / 'headers'}"]
+    target = ["-target", "x86_64-windows-gnu", "-O2", f"-I{HEADERS}"]
     command = [sys.executable, "-m", "ziglang", "cc", *target, str(host), "-o", "host.exe"]
     subprocess.run(command, check=True, cwd=tmp_path)
     done = subprocess.run(

@@ -1,5 +1,5 @@
 /* FMI 2.0. Functions for types that no variable has refuse; importing tools expect them to be there. */
-#include "fmi2Functions.h"
+#include "fmi2.h"
 #include "stepping.h"
 #include <stdlib.h>
 #include <string.h>
@@ -29,17 +29,17 @@ static fmi2Status refuse(fmi2Component c, const char *what) {
     return fmi2Error;
 }
 
-const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
-const char *fmi2GetVersion(void) { return fmi2Version; }
+EXPORT const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
+EXPORT const char *fmi2GetVersion(void) { return fmi2Version; }
 
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {
+EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {
     (void)n, (void)categories;
     M->logging = on;
     return fmi2OK;
 }
 
-fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String token, fmi2String resources,
-                              const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
+EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String token, fmi2String resources,
+                                     const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
     Instance *m;
     Face *face;
     (void)resources, (void)visible;
@@ -63,14 +63,14 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String token, 
     return m;
 }
 
-void fmi2FreeInstance(fmi2Component c) {
+EXPORT void fmi2FreeInstance(fmi2Component c) {
     if (!c) return;
     free(M->environment);
     free_instance(M);
 }
 
-fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start, fmi2Boolean has_stop,
-                               fmi2Real stop) {
+EXPORT fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,
+                                      fmi2Boolean has_stop, fmi2Real stop) {
     if (has_stop && !(stop >= start)) return status(fail(M, FAILED, "the stop time is before the start time"));
     FACE->tolerance = has_tolerance ? tolerance : 0.0;
     FACE->start = start;
@@ -79,42 +79,42 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2R
     return fmi2OK;
 }
 
-fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
+EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
     return status(start_up(M, FACE->tolerance, FACE->start, FACE->stop));
 }
 
-fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
+EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     int code = ready(M);
     M->mode = M->stepping ? STEPPING : EVENT;
     return status(code);
 }
 
-fmi2Status fmi2Terminate(fmi2Component c) {
+EXPORT fmi2Status fmi2Terminate(fmi2Component c) {
     M->mode = STOPPED;
     return fmi2OK;
 }
 
-fmi2Status fmi2Reset(fmi2Component c) {
+EXPORT fmi2Status fmi2Reset(fmi2Component c) {
     reset_instance(M);
     return fmi2OK;
 }
 
 /* ------------------------------------------------------------ values */
 
-fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference references[], size_t n, fmi2Real values[]) {
+EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference references[], size_t n, fmi2Real values[]) {
     return status(get_values(M, references, n, values));
 }
 
-fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference references[], size_t n, const fmi2Real values[]) {
+EXPORT fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference references[], size_t n, const fmi2Real values[]) {
     return status(set_values(M, references, n, values));
 }
 
 #define NO_TYPE(Name)                                                                                                      \
-    fmi2Status fmi2Get##Name(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2##Name v[]) {                      \
+    EXPORT fmi2Status fmi2Get##Name(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2##Name v[]) {                      \
         (void)r, (void)v;                                                                                                  \
         return n ? refuse(c, #Name) : fmi2OK;                                                                              \
     }                                                                                                                      \
-    fmi2Status fmi2Set##Name(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2##Name v[]) {                \
+    EXPORT fmi2Status fmi2Set##Name(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2##Name v[]) {                \
         (void)r, (void)v;                                                                                                  \
         return n ? refuse(c, #Name) : fmi2OK;                                                                              \
     }
@@ -124,17 +124,17 @@ NO_TYPE(String)
 
 /* ------------------------------------------------------------ memory */
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
+EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
     free(*state);
     *state = remember(M);
     return *state ? fmi2OK : fmi2Error;
 }
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
+EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
     if (!state) return status(fail(M, FAILED, "there is no state to return to"));
     recall(M, state);
     return fmi2OK;
 }
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
+EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
     (void)c;
     if (state) {
         free(*state);
@@ -142,33 +142,33 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
     }
     return fmi2OK;
 }
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
+EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
     (void)state;
     *size = memory_size(M);
     return fmi2OK;
 }
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
     return status(to_bytes(M, state, (unsigned char *)bytes, size));
 }
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
+EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
     free(*state);
     *state = from_bytes(M, (const unsigned char *)bytes, size);
     return *state ? fmi2OK : fmi2Error;
 }
 
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n,
-                                        const fmi2ValueReference knowns[], size_t k, const fmi2Real seed[], fmi2Real sensitivity[]) {
+EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n,
+                                               const fmi2ValueReference knowns[], size_t k, const fmi2Real seed[], fmi2Real sensitivity[]) {
     return status(directional(M, unknowns, n, knowns, k, seed, sensitivity, 0));
 }
 
 /* ------------------------------------------------------------ model exchange */
 
-fmi2Status fmi2EnterEventMode(fmi2Component c) {
+EXPORT fmi2Status fmi2EnterEventMode(fmi2Component c) {
     M->mode = EVENT;
     return fmi2OK;
 }
 
-fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
+EXPORT fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     int moved_states = 0;
     double t = NEVER;
     int code = handle_events(M, &moved_states, &t);
@@ -179,47 +179,48 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     return status(code);
 }
 
-fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
+EXPORT fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
     M->mode = CONTINUOUS;
     return fmi2OK;
 }
 
-fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_return, fmi2Boolean *event, fmi2Boolean *terminate) {
+EXPORT fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_return, fmi2Boolean *event, fmi2Boolean *terminate) {
     (void)no_return;
     *event = *terminate = fmi2False;
     after_step(M);
     return fmi2OK;
 }
 
-fmi2Status fmi2SetTime(fmi2Component c, fmi2Real t) {
+EXPORT fmi2Status fmi2SetTime(fmi2Component c, fmi2Real t) {
     set_time(M, t);
     return fmi2OK;
 }
 
-fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n) {
+EXPORT fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n) {
     return status(set_states(M, x, n));
 }
 
-fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
+EXPORT fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
     return status(get_rates(M, rates, n));
 }
 
-fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n) {
+EXPORT fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real z[], size_t n) {
     return status(get_indicators(M, z, n));
 }
 
-fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
+EXPORT fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
     return status(get_states(M, x, n));
 }
 
-fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
+EXPORT fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
     return status(get_nominals(M, nominals, n));
 }
 
 /* ------------------------------------------------------------ co-simulation */
 
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference references[], size_t n, const fmi2Integer order[],
-                                       const fmi2Real values[]) {
+EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference references[], size_t n,
+                                              const fmi2Integer order[],
+                                              const fmi2Real values[]) {
     for (size_t i = 0; i < n; i++) {
         int code = order[i] == 1 ? set_slope(M, references[i], values[i]) : fail(M, FAILED, "inputs have slopes of order 1 only");
         if (code) return status(code);
@@ -227,38 +228,38 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
     return fmi2OK;
 }
 
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer order[],
-                                        fmi2Real values[]) {
+EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer order[],
+                                               fmi2Real values[]) {
     (void)r, (void)order, (void)values;
     return n ? refuse(c, "derivatives of outputs") : fmi2OK;
 }
 
-fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_return) {
+EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_return) {
     (void)no_return;
     if (!(h > 0.0)) return status(fail(M, FAILED, "a communication step of %g s is not positive", h));
     return do_step(M, t + h) ? fmi2Error : fmi2OK;
 }
 
-fmi2Status fmi2CancelStep(fmi2Component c) { return refuse(c, "a step that goes on by itself"); }
-fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value) {
+EXPORT fmi2Status fmi2CancelStep(fmi2Component c) { return refuse(c, "a step that goes on by itself"); }
+EXPORT fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value) {
     (void)kind, (void)value;
     return refuse(c, "a step that goes on by itself");
 }
-fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {
+EXPORT fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {
     if (kind != fmi2LastSuccessfulTime) return refuse(c, "a step that goes on by itself");
     *value = M->t;
     return fmi2OK;
 }
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value) {
+EXPORT fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value) {
     (void)kind, (void)value;
     return refuse(c, "a step that goes on by itself");
 }
-fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
+EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
     if (kind != fmi2Terminated) return refuse(c, "a step that goes on by itself");
     *value = fmi2False;
     return fmi2OK;
 }
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value) {
+EXPORT fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value) {
     (void)kind, (void)value;
     return refuse(c, "a step that goes on by itself");
 }
