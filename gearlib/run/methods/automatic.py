@@ -83,7 +83,7 @@ def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:
 
 def handed_over(run: Run, callbacks: Callbacks, before: Driver, stepper: Stepper, jacobian: bool) -> Driver:
     """A driver that continues with another stepper where a driver has stopped."""
-    slots, held = memory(run.scene, before.data)
+    slots, held = memory(run, before.data)
     n, tangents = len(run.scene.states), run.tangents
     start = replace(run.start, states=before.x[:n].copy())
     if tangents is not None:

@@ -178,11 +178,14 @@ def time_events(run: Run) -> Floats:
     return np.unique(np.concatenate([found, [t for t, _ in switches]])) if switches else found
 
 
-def memory(scene: Scene, data: Floats) -> tuple[Floats, Floats]:
+def memory(run: Run, data: Floats) -> tuple[Floats, Floats]:
     """Slots and modes where a run ended: its branch of nonlinear equations and the modes of friction are carried on."""
-    program = scene.program
+    scene, program = run.scene, run.scene.program
     shared = Shared(len(scene.model.parameters.names), scene.n_modes, len(program.inputs))
-    slots = data[lay_out(program, shared, shared.size, hold=True).slots :][: program.n_slots]
+    layout = lay_out(program, shared, shared.size, hold=True)
+    if run.tangents is not None and scene.states:
+        layout = tangent_code(scene, run.tangents.directions, False).native.rhs.layout
+    slots = data[layout.slots :][: program.n_slots]
     return slots.copy(), data[shared.relations :][: shared.n_modes].copy()
 
 
