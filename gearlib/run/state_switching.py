@@ -64,7 +64,7 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
             f"there are no sensitivities after t = {left.t_last:.9g} s: the states ({', '.join(scene.state_names[:6])}) determine "
             "the motion no further, and the run would go on with others; let it end there, or choose states that last: state='prefer'"
         )
-    here, held = memory(scene, left.data)
+    here, held = memory(run, left.data)
     here = here if left.branch is None else left.branch
     structure = scene.structure
     orders = structure.differentiation.orders
