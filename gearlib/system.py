@@ -328,7 +328,7 @@ class System(Compiled):
         times: ArrayLike | None = None, method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
         inputs: Mapping[str, Any] | None = None, max_step: float | None = None, executor: Any = None,
-        threads: int | None = None, to: str | os.PathLike[str] | None = None, progress: Any = False,
+        threads: int | None = None, to: str | os.PathLike[str] | None = None, progress: Any = False, lanes: int | str = "auto",
     ) -> Runs:  # fmt: skip
         """Simulate many times, varying parameters, start values or inputs; each run equals that of `simulate`.
 
@@ -358,6 +358,10 @@ class System(Compiled):
             file are not repeated.
         progress : bool or callable
             True shows a bar on a terminal; a callback receives the fraction done and the elapsed seconds.
+        lanes : {"auto", 1, 8}
+            How many runs are integrated side by side in vector instructions, each with steps of its own. ``"auto"`` takes 8 where the
+            method is Runge-Kutta of order 5 and the model has no events; such a run agrees with that of `simulate` within the
+            tolerance, any other one to the last bit, as all do with 1. ``runs.stats["lanes"]`` says how many there were, and ``"why"``.
 
         Returns
         -------
@@ -392,8 +396,8 @@ class System(Compiled):
 
         return sweep_runs(
             self.translation, parameters, t_end, names=names, outputs=outputs, reduce=reduce, executor=executor, threads=threads,
-            to=to, progress=progress, start=start, inputs=inputs, t_start=t_start, samples=samples, times=times, method=method,
-            rtol=rtol, atol=atol, max_step=max_step,
+            to=to, progress=progress, lanes=lanes, start=start, inputs=inputs, t_start=t_start, samples=samples, times=times,
+            method=method, rtol=rtol, atol=atol, max_step=max_step,
         )  # fmt: skip
 
     def stepper(

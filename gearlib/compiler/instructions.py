@@ -21,6 +21,8 @@ LANED = f"<{LANES} x double>"
 BLOCK = 4  # vectors whose length is a multiple of it are processed in blocks, without a remainder loop
 BLOCKED = f"<{BLOCK} x double>"
 VECTORS = {LANED: LANES, BLOCKED: BLOCK}
+MASK = f"<{LANES} x i1>"  # conditions side by side
+OF_VECTORS = ("sqrt", "copysign")  # functions that processors have for vectors
 CONVERSIONS = {
     ("i64", "double"): "sitofp", ("i1", "double"): "uitofp", ("i1", "i64"): "zext", ("i32", "i64"): "sext",
     ("i64", "i32"): "trunc",
@@ -101,6 +103,8 @@ class Writer:
         self.lines.append(f"  br label %{block}")
 
     def fork(self, condition: Value, yes: str, no: str) -> None:
+        if condition.kind != "i1":
+            raise Unsupported("a branch that some lanes take and others do not; select values, or ask any_of")
         self.lines.append(f"  br i1 {condition.text}, label %{yes}, label %{no}")
 
     def phi(self, coming: Sequence[tuple[Value, str]]) -> Value:
@@ -159,6 +163,9 @@ class Writer:
         """Widening conversion: int to float, scalar to vector; large integers lose low bits."""
         if value.kind == kind:
             return value
+        if kind == MASK and value.kind == "i1":
+            first = self.emit(f"insertelement {MASK} poison, {value.typed}, i64 0", MASK)
+            return self.emit(f"shufflevector {first.typed}, {MASK} poison, <{LANES} x i32> zeroinitializer", MASK)
         if kind in VECTORS:
             first = self.emit(f"insertelement {kind} poison, {self.converted(value, 'double').typed}, i64 0", kind)
             return self.emit(f"shufflevector {first.typed}, {kind} poison, <{VECTORS[kind]} x i32> zeroinitializer", kind)
@@ -230,10 +237,28 @@ class Writer:
         return self.emit(f"{'icmp' if whole else 'fcmp'} {COMPARISONS[comparison][whole]} {left.typed}, {right.text}", kind)
 
     def truth(self, value: Value) -> Value:
-        """Conversion to a truth value: not equal to zero."""
-        return value if value.kind == "i1" else self.compared("!=", value, constant(0))
+        """Conversion to a truth value, or to one for each lane: not equal to zero."""
+        return value if value.kind in ("i1", MASK) else self.compared("!=", value, constant(0))
+
+    def denied(self, condition: Value) -> Value:
+        return self.emit(f"xor {condition.typed}, {self.converted(constant(True), condition.kind).text}", condition.kind)
+
+    def joined(self, operation: str, conditions: Sequence[Value]) -> Value:
+        """Conditions of lanes joined by ``and`` or ``or``."""
+        result, *others = [self.converted(condition, MASK) for condition in conditions]
+        for other in others:
+            result = self.emit(f"{operation} {result.typed}, {other.text}", MASK)
+        return result
+
+    def over_lanes(self, operation: str, condition: Value) -> Value:
+        """Whether a condition holds in any of the lanes (``or``), or in all of them (``and``)."""
+        symbol = f"llvm.vector.reduce.{operation}.v{LANES}i1"
+        self.declarations[symbol] = f"declare i1 @{symbol}({MASK})"
+        return self.emit(f"call i1 @{symbol}({condition.typed})", "i1")
 
     def selected(self, condition: Value, first: Value, second: Value) -> Value:
+        if condition.kind == MASK:
+            first, second = self.converted(first, LANED), self.converted(second, LANED)
         return self.emit(f"select {condition.typed}, {first.typed}, {second.typed}", first.kind)
 
     def extreme(self, comparison: str, values: Sequence[Value]) -> Value:
@@ -249,7 +274,21 @@ class Writer:
 
     def called(self, name: str, values: Sequence[Value]) -> Value:
         """Call of a libm function, declared free of side effects (errno is never read), so that LLVM merges equal calls."""
+        if any(value.kind == LANED for value in values):
+            return self._called_for_lanes(name, [self.converted(value, LANED) for value in values])
         symbol, numbers = SYMBOLS[name], [self.converted(value, "double").typed for value in values]
         known = "" if symbol.startswith("llvm.") else " nounwind willreturn memory(none)"
         self.declarations[symbol] = f"declare double @{symbol}({', '.join('double' for _ in numbers)}){known}"
         return self.emit(f"call double @{symbol}({', '.join(numbers)})", "double")
+
+    def _called_for_lanes(self, name: str, values: Sequence[Value]) -> Value:
+        """The same for all lanes: one instruction where there is one, else lane by lane."""
+        if name in OF_VECTORS:
+            symbol = f"llvm.{name}.v{LANES}f64"
+            self.declarations[symbol] = f"declare {LANED} @{symbol}({', '.join(value.kind for value in values)})"
+            return self.emit(f"call {LANED} @{symbol}({', '.join(value.typed for value in values)})", LANED)
+        result = Value("poison", LANED)
+        for i in range(LANES):
+            parts = [self.emit(f"extractelement {value.typed}, i64 {i}", "double") for value in values]
+            result = self.emit(f"insertelement {result.typed}, {self.called(name, parts).typed}, i64 {i}", LANED)
+        return result

@@ -30,7 +30,7 @@ class CompiledFunction:
 
 
 @lru_cache(maxsize=LINKED)
-def compiled(source: str, name: str) -> CompiledFunction:
+def compiled(source: str, name: str, fused: bool = False) -> CompiledFunction:
     r"""Compile a function from generated source, or load it from the cache.
 
     Parameters
@@ -39,6 +39,8 @@ def compiled(source: str, name: str) -> CompiledFunction:
         A module in the language of `gearlib.compiler.translate`.
     name : str
         A function in it that returns ``int32``.
+    fused : bool
+        Whether a product and a sum of vectors may be one instruction.
 
     Raises
     ------
@@ -56,12 +58,12 @@ def compiled(source: str, name: str) -> CompiledFunction:
     1.5
     """
     with COMPILING:
-        digest = hashlib.sha256("\0".join((compiler_digest(), source)).encode()).hexdigest()[:24]
+        digest = hashlib.sha256("\0".join((compiler_digest(), source, *["fused"] * fused)).encode()).hexdigest()[:24]
         try:
-            code = cached_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source))
+            code = cached_bytes(f"gearlib_model_{digest}.o", lambda: object_code(source, fused))
             addresses, library = linked(code, [name])
         except RuntimeError:  # damage that the checksum did not reveal
-            addresses, library = linked(object_code(source), [name])
+            addresses, library = linked(object_code(source, fused), [name])
         return CompiledFunction(addresses[name], library)
 
 
@@ -135,13 +137,13 @@ def compiler_digest() -> str:
     return HOST.digest
 
 
-def object_code(source: str) -> bytes:
+def object_code(source: str, fused: bool = False) -> bytes:
     """Compile a module."""
     from llvmlite import binding
 
     machine, (passes, builder) = HOST.machine, HOST.passes
     head = f'target datalayout = "{machine.target_data}"\ntarget triple = "{machine.triple}"\n'
-    module = binding.parse_assembly(head + intermediate(source))
+    module = binding.parse_assembly(head + intermediate(source, fused=fused))
     for function in module.functions:
         if not function.is_declaration:
             passes.run(function, builder)

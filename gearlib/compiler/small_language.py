@@ -14,6 +14,8 @@ floats = list[float]
 ints = list[int]
 int32s = list[int]
 int32 = int
+lane = float  # a number of each of several runs side by side
+lanes = list[float]
 
 parallel = range  # a loop with independent iterations
 blocks = range  # a loop that processes several elements per iteration
@@ -33,6 +35,31 @@ def ints_at(address: int) -> ints:
 def int32s_at(address: int) -> int32s:
     """The array of 32-bit integers at an address."""
     raise NotImplementedError(address)
+
+
+def lanes_at(address: int) -> lanes:
+    """The array of lanes at an address."""
+    raise NotImplementedError(address)
+
+
+def any_of(condition: bool) -> bool:
+    """Whether a condition holds in any lane."""
+    return condition
+
+
+def both(*conditions: bool) -> bool:
+    """Whether all conditions hold, lane by lane."""
+    return all(conditions)
+
+
+def either(*conditions: bool) -> bool:
+    """Whether any condition holds, lane by lane."""
+    return any(conditions)
+
+
+def in_lanes(number: float) -> float:
+    """The same number in all lanes."""
+    return number
 
 
 def block(number: float) -> float:

@@ -15,6 +15,11 @@ A loop over ``parallel(n)`` has independent iterations; where they access consec
 variable is a vector, ``total(v)`` its sum, ``where(c, a, b)`` a select, and ``one_by_one(x, i)`` loads elements that were just stored
 one by one.
 
+A ``lane`` is a SIMD vector of `LANES` numbers, one of each of as many simultaneous runs, and ``lanes`` an array of such vectors.
+Arithmetic, comparisons and functions are elementwise; ``a if c else b`` evaluates both branches and selects by mask. ``any_of(c)`` is
+whether a mask is true in any lane, ``both(c, d)`` and ``either(c, d)`` combine masks, ``in_lanes(x)`` broadcasts a number. A function
+``sin_of_lanes`` of the module replaces the C library's ``sin`` for lanes.
+
 Semantics are Python's with two exceptions: a division by zero gives infinity or NaN, as do functions outside their domains, and
 integers have 64 bits.
 """
@@ -34,6 +39,7 @@ from gearlib.compiler.instructions import (
     BLOCKED,
     LANED,
     LANES,
+    MASK,
     SYMBOLS,
     TWO_ARGUMENTS,
     VECTORS,
@@ -45,8 +51,11 @@ from gearlib.compiler.instructions import (
 )
 
 CONSTANTS = {name: getattr(math, name) for name in ("pi", "e", "inf", "nan")}
-KINDS = {"float": "double", "int": "i64", "int32": "i32", "bool": "i1", "floats": "double*", "ints": "i64*", "int32s": "i32*"}
-ARRAYS_AT = {"floats_at": "double*", "ints_at": "i64*", "int32s_at": "i32*"}
+KINDS = {
+    "float": "double", "int": "i64", "int32": "i32", "bool": "i1", "floats": "double*", "ints": "i64*", "int32s": "i32*",
+    "lane": LANED, "lanes": f"{LANED}*",
+}  # fmt: skip
+ARRAYS_AT = {"floats_at": "double*", "ints_at": "i64*", "int32s_at": "i32*", "lanes_at": f"{LANED}*"}
 FIELDS: dict[object, str] = {ctypes.c_int64: "i64", ctypes.c_double: "double"}
 OPERATIONS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div"}
 COMPARISONS = {ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
@@ -77,7 +86,7 @@ class Prototype:
         return int(ctypes.CFUNCTYPE(kinds[self.result], *(kinds[a] for a in self.arguments))(address)(*arguments))
 
 
-def intermediate(source: str, environment: Environment | None = None) -> str:
+def intermediate(source: str, environment: Environment | None = None, fused: bool = False) -> str:
     r"""LLVM IR for a module of functions.
 
     Parameters
@@ -85,6 +94,8 @@ def intermediate(source: str, environment: Environment | None = None) -> str:
     source : str
     environment : mapping, optional
         Numbers, records and prototypes that the source refers to.
+    fused : bool
+        Whether a product and a sum of vectors may be one instruction.
 
     Raises
     ------
@@ -102,7 +113,8 @@ def intermediate(source: str, environment: Environment | None = None) -> str:
     }
     <BLANKLINE>
     """
-    return translated((node, environment or {}) for node in ast.parse(source).body if isinstance(node, ast.FunctionDef))
+    functions = ((node, environment or {}) for node in ast.parse(source).body if isinstance(node, ast.FunctionDef))
+    return translated(functions, fused)
 
 
 def translated(functions: Iterable[tuple[ast.FunctionDef, Environment]], fused: bool = False) -> str:
@@ -190,6 +202,7 @@ class _Function:
         self.lane, self.vector = "", LANED  # the loop variable of the current block of elements, and the vector type
         self.arguments = [(a.arg, Value(f"%a.{a.arg}", kind)) for a, kind in zip(node.args.args, kinds, strict=True)]
         self.names: Names | None = dict(self.arguments)
+        self.laned = any(kind in (LANED, f"{LANED}*") for kind in kinds)
 
     def text(self) -> str:
         self.write.start("start")
@@ -474,7 +487,7 @@ class _Function:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             return self.write.negative(self.value(node.operand))
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            return self.write.emit(f"xor {self.write.truth(self.value(node.operand)).typed}, true", "i1")
+            return self.write.denied(self.write.truth(self.value(node.operand)))
         if isinstance(node, ast.Compare):
             return self.compared(node)
         if isinstance(node, ast.IfExp):
@@ -552,7 +565,9 @@ class _Function:
             self.write.fork(self.write.truth(self.value(test)), yes, no)
 
     def chosen(self, node: ast.IfExp) -> Value:
-        """Conditional expression: only the chosen value is computed."""
+        """Conditional expression: only the chosen value is computed, but where each lane chooses."""
+        if self.laned:
+            return self.selected(node)
         end, rest = self.write.new(), cast(ast.expr, node)
         coming: list[tuple[Value, str, int]] = []  # each with the insertion point at the end of its block
         while isinstance(rest, ast.IfExp):
@@ -577,9 +592,25 @@ class _Function:
         self.write.start(end)
         return self.write.phi([(value, block) for value, block, _ in coming])
 
+    def selected(self, node: ast.IfExp) -> Value:
+        """Conditional expression of lanes: all values are computed."""
+        ways: list[tuple[ast.expr, ast.expr]] = []
+        rest: ast.expr = node
+        while isinstance(rest, ast.IfExp):
+            ways.append((rest.test, rest.body))
+            rest = rest.orelse
+        result = self.value(rest)
+        for test, body in reversed(ways):
+            condition = self.write.truth(self.value(test))
+            result = self.write.selected(condition, *self.write.alike([self.value(body), result]))
+        return result
+
     def conditions(self, node: ast.BoolOp) -> Value:
-        """``and`` / ``or`` with short-circuit evaluation."""
-        end, coming, both = self.write.new(), [], isinstance(node.op, ast.And)
+        """``and`` / ``or`` with short-circuit evaluation, but of lanes."""
+        both = isinstance(node.op, ast.And)
+        if self.laned:
+            return self.write.joined("and" if both else "or", [self.value(v) for v in node.values])
+        end, coming = self.write.new(), []
         for part in node.values:
             value, following = self.value(part), self.write.new()
             if value.kind != "i1":
@@ -612,6 +643,10 @@ class _Function:
         known = self.environment.get(name)
         if isinstance(known, Prototype) and len(values) == 1 + len(known.arguments):
             return self.foreign(known, values)
+        if self.node.name != f"{name}_of_lanes" in self.signatures and any(value.kind == LANED for value in values):
+            return self.own(f"{name}_of_lanes", values)
+        if len(values) == 1 and name == "any_of" and values[0].kind == MASK:
+            return self.write.over_lanes("or", values[0])
         if name in self.signatures and self.signatures[name][1] != "i32":
             return self.own(name, values)
         if len(values) == 1 and values[0].kind == "i64":
@@ -649,8 +684,10 @@ class _Function:
             return self.write.absolute(values[0])
         if len(values) == 1 and name == "total" and values[0].kind in VECTORS:
             return self.write.total(values[0])
-        if len(values) == 1 and name == "block":
-            return self.write.converted(values[0], BLOCKED)
+        if len(values) == 1 and name in ("block", "in_lanes"):
+            return self.write.converted(values[0], BLOCKED if name == "block" else LANED)
+        if len(values) > 1 and name in ("both", "either"):
+            return self.write.joined("and" if name == "both" else "or", values)
         if len(values) == 3 and name == "where":
             return self.write.selected(values[0], *self.write.alike(values[1:]))
         if name in SYMBOLS and len(values) == 1 + (name in TWO_ARGUMENTS):

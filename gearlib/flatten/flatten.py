@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gearlib.arguments import shown
 from gearlib.equations.bindings import is_discrete_name
@@ -173,9 +174,18 @@ def _variable_name(tree: Tree, variable: int) -> str:
     return ".".join(filter(None, (instance.path, local)))
 
 
+def out_of_bounds(table: ParameterTable, values: Floats) -> NDArray[np.bool_]:
+    """Which parameters are out of their bounds or not finite; ``values`` of one run, or (parameters, runs)."""
+    lower, upper = table.lower, table.upper
+    if values.ndim > 1:
+        lower, upper = lower[:, None], upper[:, None]
+    found: NDArray[np.bool_] = ~(np.isfinite(values) & (values >= lower) & (values <= upper))
+    return found
+
+
 def check_bounds(table: ParameterTable, values: Floats) -> None:
     """Raise `BoundError` if a parameter is out of its bounds or not finite."""
-    bad = np.flatnonzero(~(np.isfinite(values) & (values >= table.lower) & (values <= table.upper)))
+    bad = np.flatnonzero(out_of_bounds(table, values))
     if len(bad):
         k = int(bad[0])
         low, high, value = table.lower[k], table.upper[k], values[k]

@@ -186,6 +186,13 @@ class ParameterTable:
         affected = recent(self._affected, changed, lambda: self._depending_on(changed), MOST_AFFECTED)
         return self._computed(values, affected, list(changed))
 
+    def evaluate_many(self, given: Mapping[int, float | Floats], count: int) -> Floats:
+        """The complete vectors of many runs, shape (parameters, runs), with some numbers given; what is given differs from run to run."""
+        values = np.repeat(self.defaults[:, None], count, axis=1)
+        for k, value in given.items():
+            values[k] = value
+        return self._computed(values, self._depending_on(tuple(given)), list(given))
+
     def derivatives(self, values: Floats, seeds: Sequence[int], given: Collection[int] = ()) -> list[tuple[int, int, float]]:
         """Derivatives of parameters with respect to some of them, themselves included: (parameter, index of the seed, derivative).
 

@@ -19,8 +19,8 @@ from gearlib.arguments import shown, whole
 from gearlib.errors import ArgumentError, GearlibError, GearlibWarning, WorkerError, warn
 from gearlib.many_runs.gathering import Gathering
 from gearlib.many_runs.runs import Runs
-from gearlib.many_runs.samples import Samples, rows
-from gearlib.many_runs.work import Chunk, Warned, Work, done, done_there, here, job, noted
+from gearlib.many_runs.samples import Samples
+from gearlib.many_runs.work import Chunk, Row, Warned, Work, done, done_there, here, job, noted
 from gearlib.progress import APART, Ticker, Told, reporting
 
 Integers = NDArray[np.int64]
@@ -100,12 +100,10 @@ class _Turn:
         self.gathering, self._tell = gathering, tell
         self._ticker, self._begin, self._came = Ticker(), time.perf_counter(), gathering.before
 
-    def one(self, run: int, given: dict[str, Any]) -> None:
-        """Execute a run in this process."""
-        try:
-            row = self.gathering.work.row(given)
-        except GearlibError as problem:
-            self.gathering.fail(run, problem)
+    def take(self, run: int, row: Row | GearlibError) -> None:
+        """A run that was executed in this process."""
+        if isinstance(row, GearlibError):
+            self.gathering.fail(run, row)
         else:
             self.gathering.add(run, row)
         self.came(1)
@@ -124,9 +122,9 @@ class _Turn:
 
 def _in_turn(turn: _Turn, runs: Integers) -> None:
     """Execute some runs in this process."""
-    given = rows(turn.gathering.samples.part(runs), len(runs))
-    for run, values in zip(runs.tolist(), given, strict=True):
-        turn.one(run, values)
+    part = turn.gathering.samples.part(runs)
+    for i, row in turn.gathering.work.together(part, len(runs)):
+        turn.take(int(runs[i]), row)
 
 
 def _shared_out(turn: _Turn, executor: Executor, elsewhere: list[Warned]) -> None:

@@ -203,7 +203,7 @@ class Gathering:
         file, n = self._file, len(self.samples)
         stats = {
             "runs": n, "done": int(self.done.sum()), "failed": len(self.errors), "done_before": self.before,
-            "seconds": time.perf_counter() - self._begin,
+            "seconds": time.perf_counter() - self._begin, **self.work.told,
         }  # fmt: skip
         layout, read = self._layout, file.read if file is not None else self._values.__getitem__
         if self.work.reshapes and layout:

@@ -8,11 +8,14 @@ from functools import cached_property
 from typing import Any
 
 from gearlib.arguments import by_name, name_list, real
-from gearlib.errors import ArgumentError, NameLookupError, nearest
+from gearlib.compiler.instructions import LANES
+from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
 from gearlib.many_runs.identity import of_functions, of_model, of_values
-from gearlib.many_runs.samples import Samples
+from gearlib.many_runs.in_lanes import LaneSweep, lacks
+from gearlib.many_runs.samples import Samples, rows
 from gearlib.many_runs.work import Row, Work, reduced
 from gearlib.run.request import Request
+from gearlib.run.result import SimulatedResult
 from gearlib.run.simulate import run
 from gearlib.run.start_values import start_named, start_variable
 from gearlib.run.translation import Translation
@@ -35,6 +38,8 @@ class Simulating(Work):
         Functions applied to each result.
     parameters, inputs : mapping
         Values common to all runs, by path.
+    lanes : LaneSweep or str
+        What carries runs out side by side, or why they are carried out one after another.
     """
 
     translation: Translation
@@ -43,21 +48,12 @@ class Simulating(Work):
     reduce: Mapping[str, Callable[[Any], Any]]
     parameters: Mapping[str, float]
     inputs: Mapping[str, Any]
+    lanes: LaneSweep | str
 
     def row(self, given: Mapping[str, Any]) -> Row:
         asked, own, coordinates = self.asked, self.translation, self._coordinates
-        parameters = dict(self.parameters)
-        start: dict[str, float] = {}
-        inputs: dict[str, Any] = {}
-        for name, value in given.items():
-            kind = self._kinds.get(name) or self._kinds.setdefault(name, kind_of(own, name))
-            if kind == "parameter":
-                parameters[name] = value
-            elif kind == "start":
-                start[start_named(name) or name] = value
-            else:
-                inputs[name] = value
-        translation, numbers = own.fitted(parameters)
+        parameters, start, inputs = self._by_kind(given)
+        translation, numbers = own.fitted({**self.parameters, **parameters})
         changed: dict[str, Any] = {"parameters": numbers}
         if start:
             changed["start"] = {**(asked.start or {}), **start}
@@ -65,6 +61,46 @@ class Simulating(Work):
             changed["signals"] = tuple(translation.input_signals({**self.inputs, **inputs}))
         result = run(translation, replace(asked, **changed))
         return Row({name: result[name] for name in self.outputs} | reduced(self.reduce, result), coordinates)
+
+    def together(self, part: Mapping[str, Any], count: int) -> Iterator[tuple[int, Row | GearlibError]]:
+        if isinstance(self.lanes, str):
+            yield from super().together(part, count)
+            return
+        coordinates, given = self._coordinates, list(rows(part, count))
+        signs = [self.translation.scene.named(name)[1] for name in self.outputs]
+        places = [self.lanes.column(name) for name in self.outputs]
+        for i, found in self.lanes.carried_out(*self._by_kind(part), count):
+            if found is None:
+                yield i, self.attempted(given[i])
+            elif isinstance(found, SimulatedResult):
+                yield i, self._reduced(found)
+            else:
+                yield i, Row({n: s * found[:, k] for n, s, k in zip(self.outputs, signs, places, strict=True)}, coordinates)
+
+    def _reduced(self, result: SimulatedResult) -> Row | GearlibError:
+        try:
+            return Row({name: result[name] for name in self.outputs} | reduced(self.reduce, result), self._coordinates)
+        except GearlibError as problem:
+            return problem
+
+    @property
+    def told(self) -> Mapping[str, Any]:
+        return {"lanes": 1, "why": self.lanes} if isinstance(self.lanes, str) else {"lanes": LANES}
+
+    def _by_kind(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Parameters, start values by the path of the variable, and inputs."""
+        parameters: dict[str, Any] = {}
+        start: dict[str, Any] = {}
+        inputs: dict[str, Any] = {}
+        for name, value in given.items():
+            kind = self._kinds.get(name) or self._kinds.setdefault(name, kind_of(self.translation, name))
+            if kind == "parameter":
+                parameters[name] = value
+            elif kind == "start":
+                start[start_named(name) or name] = value
+            else:
+                inputs[name] = value
+        return parameters, start, inputs
 
     @cached_property
     def _kinds(self) -> dict[str, str]:
@@ -100,7 +136,7 @@ class Simulating(Work):
 
 def simulating(
     translation: Translation, samples: Samples, asked: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any] | None,
-    outputs: Sequence[str] | None, reduce: Mapping[str, Callable[[Any], Any]] | None,
+    outputs: Sequence[str] | None, reduce: Mapping[str, Callable[[Any], Any]] | None, lanes: int | str = "auto",
 ) -> Simulating:  # fmt: skip
     """The work of a sweep of simulations, with validated names.
 
@@ -134,7 +170,31 @@ def simulating(
         raise ArgumentError(
             f"{both.pop()} is the name of an output and of a function in reduce; give the function another name"
         )
-    return Simulating(translation, asked, chosen, functions, dict(parameters), dict(inputs or {}))
+    given = dict(parameters), dict(inputs or {})
+    found = _lanes(translation, samples, asked, *given, chosen, bool(functions)) if lanes != 1 else "asked for"
+    if lanes == LANES and isinstance(found, str):
+        raise ArgumentError(f"lanes is {LANES}, but these runs cannot be carried out so: {found}; leave it at 'auto'")
+    return Simulating(translation, asked, chosen, functions, *given, found)
+
+
+def _lanes(
+    translation: Translation, samples: Samples, asked: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any],
+    outputs: Sequence[str], whole: bool,
+) -> LaneSweep | str:  # fmt: skip
+    """What carries the runs out in lanes, or why they are carried out one after another."""
+    if len(samples) < LANES:
+        return f"there are fewer than {LANES} runs"
+    if any(isinstance(column, tuple) for column in samples.columns.values()):
+        return "inputs are tables or functions of time"
+    if reason := lacks(translation, asked):
+        return reason
+    scene = translation.scene
+    nodes = [scene.named(name)[0] for name in outputs]
+    if any(scene.missing(node) for node in nodes):
+        return "an output needs more states than the system was compiled for; name it in gl.compile(..., outputs=[...])"
+    whole = whole or not all(node in scene.place_of for node in nodes)
+    kept = () if whole else tuple(dict.fromkeys(scene.place_of[node] for node in nodes))
+    return LaneSweep(translation, asked, parameters, inputs, whole, kept)
 
 
 def functions_of(reduce: Any) -> dict[str, Callable[[Any], Any]]:

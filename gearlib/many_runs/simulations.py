@@ -9,6 +9,7 @@ from gearlib.arguments import by_name
 from gearlib.errors import ArgumentError
 from gearlib.files.sweep_files import sweep_path
 from gearlib.many_runs.carry_out import carry_out, check_executor
+from gearlib.many_runs.in_lanes import check_lanes
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import as_samples
 from gearlib.many_runs.simulating import kind_of, simulating
@@ -20,13 +21,14 @@ from gearlib.run.translation import Translation
 
 def sweep_runs(
     translation: Translation, parameters: Any, t_end: float, *, names: Sequence[str] | None, outputs: Sequence[str] | None,
-    reduce: Mapping[str, Callable[[Any], Any]] | None, executor: Any, threads: int | None, to: Any, progress: Any,
+    reduce: Mapping[str, Callable[[Any], Any]] | None, executor: Any, threads: int | None, to: Any, progress: Any, lanes: Any,
     start: Any, inputs: Mapping[str, Any] | None, **options: Any,
 ) -> Runs:  # fmt: skip
     """Perform a sweep of simulations; arguments as for `System.sweep`."""
     samples = as_samples(parameters, names)
     check_executor(executor, threads)
     check_progress(progress)
+    check_lanes(lanes)
     path = None if to is None else sweep_path(to)
     kinds = {name: kind_of(translation, name) for name in samples.names}
     fixed = {name: value for name, value in samples.fixed.items() if kinds[name] == "parameter"}
@@ -45,5 +47,5 @@ def sweep_runs(
     )  # fmt: skip
     warn_of_zero_inputs(translation, asked.zero_inputs, "all runs of this sweep", "sweep")
     common = {**(inputs or {}), **given}
-    work = simulating(own, samples, asked, fixed, common, outputs, reduce)
+    work = simulating(own, samples, asked, fixed, common, outputs, reduce, lanes)
     return carry_out(work, own.name, samples, executor=executor, threads=threads, to=path, progress=progress)

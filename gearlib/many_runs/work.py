@@ -51,6 +51,23 @@ class Work(ABC):
             The run failed.
         """
 
+    def together(self, part: Mapping[str, Any], count: int) -> Iterator[tuple[int, Row | GearlibError]]:
+        """Some runs, each with its number, in any order: by default one after another."""
+        for i, given in enumerate(rows(part, count)):
+            yield i, self.attempted(given)
+
+    def attempted(self, given: Mapping[str, Any]) -> Row | GearlibError:
+        """One run, or the error with which it failed."""
+        try:
+            return self.row(given)
+        except GearlibError as problem:
+            return problem
+
+    @property
+    def told(self) -> Mapping[str, Any]:
+        """What is to be said of how the runs are carried out, among the sweep's ``stats``."""
+        return {}
+
     @abstractmethod
     def dimensions(self, name: str) -> tuple[str, ...]:
         """Names of the axes of a value, as far as they are named."""
@@ -102,18 +119,20 @@ def reduced(reduce: Mapping[str, Callable[[Any], Any]], result: Any) -> dict[str
 
 
 def done(work: Work, part: Mapping[str, Any], count: int) -> Chunk:
-    """Execute some runs sequentially."""
+    """Execute some runs."""
     begin = time.perf_counter()
     errors: dict[int, GearlibError] = {}
     values: dict[str, NDArray[Any]] = {}
     coordinates: Mapping[str, Any] = {}
-    for i, given in enumerate(rows(part, count)):
+    for i, row in work.together(part, count):
+        if isinstance(row, GearlibError):
+            errors[i] = row
+            continue
+        if not values:
+            values, coordinates = blank(row.values, count), row.coordinates
         try:
-            row = work.row(given)
-            if not values:
-                values, coordinates = blank(row.values, count), row.coordinates
             put(values, i, row.values)
-        except GearlibError as problem:
+        except ArgumentError as problem:
             errors[i] = problem
     return Chunk(values, coordinates, errors, (), time.perf_counter() - begin)
 

@@ -62,10 +62,11 @@ def batch_values(batch: Batch, t: Floats | float, slots: Floats, parameters: Flo
 
 
 def constant_values(batch: Batch, parameters: Floats) -> Floats:
-    """Values of a kernel that depends on parameters only, shape (instances,)."""
+    """Values of a kernel that depends on parameters only, shape (instances,); with parameters of many runs (instances, runs)."""
     with np.errstate(all="ignore"):
         value = batch.kernel.function(0.0, *parameters[batch.parameters.T])
-    return np.broadcast_to(np.asarray(value, float), (len(batch),)) * batch.signs
+    shape = (len(batch), *parameters.shape[1:])
+    return np.broadcast_to(np.asarray(value, float), shape) * (batch.signs if parameters.ndim == 1 else batch.signs[:, None])
 
 
 def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepared:
@@ -109,6 +110,34 @@ def _constants(program: Program, parameters: Floats) -> tuple[Floats, list[Float
         else:
             parts = [everything[here] for here in program.constant_parts]
     return parts[0], list(parts[1:])
+
+
+def regular(program: Program, parameters: Floats) -> NDArray[np.bool_]:
+    """In which runs no pivot vanishes; ``parameters`` has the shape (parameters, runs)."""
+    found = np.ones(parameters.shape[1], bool)
+    for batch in program.pivots:
+        values = constant_values(batch, parameters)
+        found &= ((values != 0.0) & np.isfinite(values)).all(axis=0)
+    return found
+
+
+def solutions_of_runs(program: Program, parameters: Floats) -> tuple[list[Floats], NDArray[np.bool_]]:
+    """Solution matrices of the linear blocks in many runs, (runs, unknowns, known) each, and in which runs all could be solved."""
+    runs = parameters.shape[1]
+    found, solved = [], np.ones(runs, bool)
+    for block in program.steps:
+        if isinstance(block, Linear):
+            n = len(block.unknowns)
+            entries = np.concatenate([constant_values(b, parameters) for b in block.matrix])
+            if (entries == entries[:, :1]).all():  # what varies is not in this block
+                entries = entries[:, :1]
+            matrices = np.zeros((n * n, entries.shape[1]))
+            for place, row in zip(block.places.tolist(), entries, strict=True):
+                matrices[place] += row
+            inverses, good = _inverses(matrices.T.reshape(-1, n, n))
+            found.append(np.broadcast_to(-inverses[:, :, block.known_rows], (runs, n, len(block.known_rows))))
+            solved &= good
+    return found, solved
 
 
 def owner_of(structure: Structure, equation: int) -> str:
@@ -189,6 +218,25 @@ def _inverted(n: int, places: Integers, entries: Floats) -> Floats | None:
     inverse /= column_scale[:, None]
     inverse /= row_scale
     return inverse
+
+
+def _inverses(matrices: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """`_inverse` of many matrices, (runs, n, n), and which of them are regular; of the others there is no inverse."""
+    good: NDArray[np.bool_] = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
+    matrices = np.where(good[:, None, None], matrices, 1.0)
+    rows, columns = (np.abs(matrices).max(axis=axis) for axis in (2, 1))
+    good &= rows.all(axis=1) & columns.all(axis=1)
+    rows = np.where(good[:, None], rows, 1.0)
+    matrices = np.asarray(matrices / rows[:, :, None], float)
+    columns = np.where(good[:, None], np.abs(matrices).max(axis=1), 1.0)
+    matrices = np.asarray(np.where(good[:, None, None], matrices / columns[:, None, :], np.eye(matrices.shape[1])), float)
+    try:
+        inverses = np.asarray(np.linalg.inv(matrices), float)
+    except np.linalg.LinAlgError:  # of one of them: none is said to be regular, so that each run is looked at by itself
+        return matrices, np.zeros(len(matrices), bool)
+    one, other = (np.abs(m).sum(axis=1).max(axis=1) for m in (matrices, inverses))
+    good &= np.asarray(one * other < 1 / SINGULAR)
+    return np.asarray(inverses / columns[:, :, None] / rows[:, None, :], float), good
 
 
 def _joined(block: Linear | Newton, structure: Structure) -> list[str]:

@@ -70,7 +70,7 @@ class Scene:
     _prepared: dict[bytes, Numbers] = field(default_factory=dict)
     constraints: dict[tuple[Node, ...], Any] = field(default_factory=dict)  # on start values, made by `start_values`
     started: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # the last start values that equations were solved for
-    forms: dict[str, Any] = field(default_factory=dict)  # made by `scene_form` and `linear_form`
+    forms: dict[str, Any] = field(default_factory=dict)  # made by `scene_form`, `linear_form` and for lanes
     tangent_codes: dict[Any, Any] = field(default_factory=dict)  # made by `gearlib.run.tangents.tangents`
 
     @property

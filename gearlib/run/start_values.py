@@ -113,6 +113,25 @@ def _agree(model: FlatModel, parameters: Floats, guess: Floats) -> bool:
     )
 
 
+def starts_of_runs(scene: Scene, parameters: Floats) -> Floats | None:
+    """Start values of the states in many runs, (runs, states), or None where equations have to be solved for them.
+
+    ``parameters`` has the shape (parameters, runs); runs whose fixed values contradict each other get no numbers.
+    """
+    if scene.unfixed is None:
+        return None
+    representatives, signs, slots = scene.model.guessed
+    guess = np.zeros((scene.model.n_variables, parameters.shape[1]))
+    guess[representatives] = signs[:, None] * parameters[slots]
+    representatives, signs, slots = scene.model.fixed
+    agree = (guess[representatives] == signs[:, None] * parameters[slots]).all(axis=0)
+    agree &= ~parameters[slots][signs == 0].any(axis=0)
+    variables, orders = scene.everything
+    x = np.where(orders[:, None] == 0, guess[variables], 0.0)[scene.places]
+    states: Floats = np.where(agree, x, np.nan).T
+    return states
+
+
 def start_values(
     scene: Scene, parameters: Floats, inputs: Floats, t: float, overrides: Mapping[int, float], discretes: Floats | None = None,
     seeds: Sequence[Seed] | None = None, own_seeds: Sequence[Seed] = (),

@@ -28,7 +28,7 @@ from gearlib.run.sampling.delays import Delay
 from gearlib.run.scene import Scene, needed_discretes, needed_inputs, needed_states
 from gearlib.run.start_values import Seed, Start, start_values, start_variable
 from gearlib.run.steady import search_steady, steady_changes
-from gearlib.run.zeros import Sums, can_be_solved, factors, special_values, sums
+from gearlib.run.zeros import Sums, can_be_solved, factors, nothing_special, special_values, sums
 from gearlib.solvers.inputs.table import FunctionInput, Table, as_table, values
 from gearlib.structure.incidence import Node
 
@@ -81,6 +81,10 @@ class Variants:
     def special(self, parameters: Floats) -> Special:
         """The parameters, with their values, that make a variable's coefficient zero."""
         return special_values(self.factors, self.sums, parameters)
+
+    def ordinary(self, parameters: Floats) -> NDArray[np.bool_]:
+        """In which runs no coefficient is zero; ``parameters`` has the shape (parameters, runs)."""
+        return nothing_special(self.factors, self.sums, parameters)
 
     def translated(self, put_in: Special, parameters: Floats, model: FlatModel | None = None) -> Translation:
         """The translation with the values of some parameters substituted into its equations."""

@@ -9,6 +9,7 @@ between bodies) change nothing, and cost nothing.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gearlib.equations.kernel import Kernel, partial_kernel
 from gearlib.errors import SingularError
@@ -52,6 +53,15 @@ def special_values(multiplied: Integers, added: Sums, parameters: Floats) -> Spe
             if zero.isdisjoint(involved):
                 found.update((p, float(parameters[p])) for p in involved)
     return frozenset(found)
+
+
+def nothing_special(multiplied: Integers, added: Sums, parameters: Floats) -> NDArray[np.bool_]:
+    """In which runs there are no `special_values`; parameters of the shape (parameters, runs)."""
+    ordinary: NDArray[np.bool_] = (parameters[multiplied] != 0.0).all(axis=0)
+    for kernel, places in added:
+        with np.errstate(all="ignore"):
+            ordinary &= (np.asarray(kernel.function(0.0, *parameters[places])) != 0.0).all(axis=0)
+    return ordinary
 
 
 def can_be_solved(scene: Scene, parameters: Floats) -> bool:

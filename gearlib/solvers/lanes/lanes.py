@@ -1,0 +1,112 @@
+"""`LaneRuns`: many runs of one scene on their way through the lanes; numbers and a native function, nothing symbolic."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.compiler.instructions import LANES
+from gearlib.compiler.native_module import native_functions
+from gearlib.solvers.lanes import lane_loop
+from gearlib.solvers.lanes.lane_record import LaneRecord
+from gearlib.solvers.problem import Floats, Integers, Native, late_start
+
+__all__ = ["LaneProblem", "LaneRuns"]
+
+STEPS_PER_CALL = 1000  # of all lanes; Python looks after interrupts in between
+CACHE_LINE = 8  # numbers: vectors that begin with one are not torn apart
+_SINGLE = ("t", "now", "h", "sample_t", "before", "retry", "active", "ended", "steps", "failures")
+_WHOLE = ("run", "sample", "fresh")
+
+
+@dataclass(frozen=True, eq=False)
+class LaneProblem:
+    """Some runs of a scene.
+
+    Attributes
+    ----------
+    rhs : Native
+        A right-hand side for lanes: ``int32 f(lanes *time, lanes *x, lanes *dx, lanes *data)``.
+    starts : array, shape (runs, states)
+    numbers : array, shape (runs, numbers)
+        What the right-hand side finds in ``data``.
+    times : array
+        Of the samples, s; the first is the start.
+    columns : array of int
+        The states that are kept.
+    atol : array, shape (states,)
+    rtol : float
+    longest_step : float
+        s.
+    """
+
+    rhs: Native
+    starts: Floats
+    numbers: Floats
+    times: Floats
+    columns: Integers
+    atol: Floats
+    rtol: float
+    longest_step: float = float("inf")
+
+
+class LaneRuns:
+    """Runs on their way.
+
+    Attributes
+    ----------
+    out : array, shape (runs, samples, columns)
+    status : array of int, shape (runs,)
+        1 for a run that came to its end, -1 for one that could not go on, 0 for one that is not done.
+    steps, rejected : arrays of int, shape (runs,)
+    """
+
+    def __init__(self, problem: LaneProblem) -> None:
+        runs, n = problem.starts.shape
+        m, times, columns = problem.numbers.shape[1], problem.times, problem.columns
+        self.record = record = LaneRecord()
+        self.out = np.empty((runs, len(times), len(columns)))
+        self.status, self.steps, self.rejected = (np.zeros(runs, np.int64) for _ in range(3))
+        origin, span = late_start(float(times[0]), float(times[-1])), float(times[-1] - times[0])
+        given: dict[str, NDArray[Any]] = {
+            "times": times - origin, "columns": columns, "atol": problem.atol, "starts": problem.starts, "numbers": problem.numbers,
+        }  # fmt: skip
+        self._arrays = {name: np.ascontiguousarray(array) for name, array in given.items()}
+        self._arrays |= {"out": self.out, "status": self.status, "tried": self.steps, "rejected": self.rejected}
+        vectors = {"x": n, "k": 7 * n, "y": n, "x_new": n, "data": m, "kept": len(columns)}
+        vectors |= dict.fromkeys((*_SINGLE, *_WHOLE), 1)
+        whole = np.zeros(LANES * sum(vectors.values()) + CACHE_LINE)
+        place = -whole.ctypes.data // 8 % CACHE_LINE
+        for name, size in vectors.items():
+            self._arrays[name] = whole[place : place + LANES * size]
+            place += LANES * size
+        for name, array in self._arrays.items():
+            setattr(record, name, array.ctypes.data)
+        if runs:  # a lane that never gets a run computes the first one, which nobody looks at
+            self._arrays["x"].reshape(n, LANES)[:] = problem.starts[0][:, None]
+            self._arrays["data"].reshape(m, LANES)[:] = problem.numbers[0][:, None]
+        record.rhs, record.n, record.n_numbers, record.n_times, record.n_columns = (
+            problem.rhs.address,
+            n,
+            m,
+            len(times),
+            len(columns),
+        )
+        record.n_runs, record.rtol, record.origin, record.end = runs, problem.rtol, origin, float(times[-1]) - origin
+        record.h_max = min(0.1 * span, problem.longest_step)
+
+    @property
+    def done(self) -> int:
+        """So many runs came to their end or failed."""
+        return self.record.done
+
+    def advance(self, steps: int = STEPS_PER_CALL) -> bool:
+        """Take so many steps at most; whether anything is left to be done."""
+        self.record.budget = steps
+        if self.record.n_runs == self.record.done:
+            return False
+        return bool(native_functions(lane_loop.__name__).loop("advance_lanes")(ctypes.addressof(self.record)))

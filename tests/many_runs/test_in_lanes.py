@@ -1,0 +1,200 @@
+"""Sweeps whose runs are integrated side by side: the runs of `simulate` within the tolerance, one by one where lanes do not fit."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, BoundError, GearlibWarning
+from tests.many_runs.models import Drive, Rattle, peak
+
+J = np.linspace(0.5, 4.0, 11)
+TORQUE = {"torque.tau": 3.0}
+OPTIONS: dict[str, Any] = {"samples": 21, "method": "rk5", "rtol": 1e-7, "inputs": TORQUE}
+
+
+class Pendulum(gl.Component):
+    """Two coupled pendulums with a regularised friction, driven by time: nothing linear, sines, branches, a quotient."""
+
+    g = gl.Parameter("1", default=20.0)
+    b = gl.Parameter("1", default=0.4)
+    phi = gl.Variable("1", start=1.0)
+    w = gl.Variable("1", start=0.0)
+    psi = gl.Variable("1", start=-0.5)
+    u = gl.Variable("1", start=0.2)
+
+    def equations(self) -> list[Any]:
+        stop = gl.no_event(gl.Piecewise((30.0 * (self.phi - self.psi - 1.0) ** 3, self.phi - self.psi > 1.0), (0, True)))
+        return [
+            gl.Eq(gl.der(self.phi), self.w),
+            gl.Eq(gl.der(self.psi), self.u),
+            gl.Eq(gl.der(self.w), -self.g * gl.sin(self.phi) - self.b * gl.tanh(5 * self.w) - stop),
+            gl.Eq(
+                gl.der(self.u), -self.g * gl.cos(self.phi) * self.psi + stop + self.b * gl.sin(7 * gl.time) / (1 + self.u**2)
+            ),
+        ]
+
+
+@pytest.fixture(scope="module")
+def drive() -> gl.System:
+    return gl.compile(Drive(), outputs=["load.w", "shaft.tau"])
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> gl.System:
+    return gl.compile(Pendulum())
+
+
+def test_linear_runs_are_exact_runs_within_the_tolerance(drive: gl.System) -> None:
+    runs = drive.sweep({"J": J, "torque.tau": J + 1.0, "start(load.w)": -J}, 1.0, **OPTIONS | {"inputs": None})
+    assert runs.stats["lanes"] == 8
+    for k in range(len(J)):
+        exact = drive.simulate(
+            1.0, samples=21, method="exact", parameters={"J": J[k]}, inputs={"torque.tau": J[k] + 1.0}, start={"load.w": -J[k]}
+        )
+        for name in ("load.w", "shaft.tau"):
+            assert np.allclose(runs[name][k], exact[name], rtol=1e-5, atol=1e-5 * np.abs(exact[name]).max())
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_nonlinear_runs_are_single_runs_within_the_tolerance(pendulum: gl.System, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values = {"g": rng.uniform(5.0, 40.0, 9), "b": rng.uniform(0.0, 1.0, 9), "start(psi)": rng.uniform(-1.0, 1.0, 9)}
+    runs = pendulum.sweep(values, 1.0, samples=11, method="rk5", rtol=1e-9, outputs=["phi", "u"], lanes=8)
+    for k in (0, 8):
+        single = pendulum.simulate(
+            1.0,
+            samples=11,
+            method="rk8",
+            rtol=1e-11,
+            parameters={n: values[n][k] for n in "gb"},
+            start={"psi": values["start(psi)"][k]},
+        )
+        for name in ("phi", "u"):
+            assert np.abs(runs[name][k] - single[name]).max() < 1e-6
+
+
+def test_what_is_reduced_is_a_result(drive: gl.System) -> None:
+    def told(result: gl.Result) -> list[float]:
+        return [result["shaft.tau"][-1], result.stats["steps"]]
+
+    runs = drive.sweep({"J": J}, 1.0, reduce={"peak": peak, "told": told}, **OPTIONS)
+    one = drive.sweep({"J": J}, 1.0, reduce={"peak": peak, "told": told}, lanes=1, **OPTIONS)
+    assert (runs.stats["lanes"], one.stats["lanes"], one.stats["why"]) == (8, 1, "asked for")
+    assert np.allclose(runs["peak"], one["peak"], rtol=1e-5)
+    assert np.allclose(runs["told"][:, 0], one["told"][:, 0], rtol=1e-4, atol=1e-4)
+    assert (np.abs(runs["told"][:, 1] - one["told"][:, 1]) <= 0.2 * one["told"][:, 1]).all()
+
+
+def test_a_run_is_the_same_whatever_its_neighbours_are(drive: gl.System) -> None:
+    whole = drive.sweep({"J": J}, 1.0, **OPTIONS)["load.w"]
+    turned = drive.sweep({"J": J[::-1]}, 1.0, **OPTIONS)["load.w"][::-1]
+    with ThreadPoolExecutor(2) as pool:
+        shared = drive.sweep({"J": J}, 1.0, executor=pool, **OPTIONS)["load.w"]
+    assert whole.tobytes() == turned.tobytes() == shared.tobytes()
+
+
+def test_one_lane_is_simulate_to_the_last_bit(drive: gl.System) -> None:
+    runs = drive.sweep({"J": J}, 1.0, lanes=1, **OPTIONS)
+    assert runs["load.w"][7].tobytes() == drive.simulate(1.0, parameters={"J": J[7]}, **OPTIONS)["load.w"].tobytes()
+
+
+def test_runs_that_fail_or_do_not_fit_are_carried_out_by_themselves(drive: gl.System) -> None:
+    masses = np.where(J[3] == J, -1.0, 0.5)
+    masses[5] = 0.0  # another translation
+    with pytest.warns(GearlibWarning, match=r"1 of 11 runs failed.*run 3: motor.J is -1"):
+        runs = drive.sweep({"J": J, "motor.J": masses}, 1.0, **OPTIONS)
+    assert [*runs.errors] == [3]
+    assert isinstance(runs.errors[3], BoundError)
+    assert np.isnan(runs["load.w"]).any(axis=1).tolist() == [k == 3 for k in range(11)]
+    single = drive.simulate(1.0, parameters={"J": J[5], "motor.J": 0.0}, **OPTIONS)
+    assert runs["load.w"][5].tobytes() == single["load.w"].tobytes()
+
+
+def test_a_run_that_cannot_go_on_says_so_as_simulate_does() -> None:
+    class Explosion(gl.Component):
+        rate = gl.Parameter("1", default=1.0)
+        x = gl.Variable("1", start=1.0)
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), self.rate * self.x**2)]
+
+    system = gl.compile(Explosion())
+    rates = np.array([0.1, 0.2, 0.3, 5.0, 0.4, 0.5, 0.6, 0.7, 0.8])
+    with pytest.warns(GearlibWarning, match="the step became too small"):
+        runs = system.sweep({"rate": rates}, 1.0, samples=3, method="rk5", lanes=8)
+    assert [*runs.errors] == [3]
+    good = rates < 1.0
+    assert np.allclose(runs["x"][good], 1.0 / (1.0 - np.outer(rates[good], [0.0, 0.5, 1.0])), rtol=1e-5)
+
+
+def test_files_and_grids_are_filled_from_lanes(drive: gl.System, tmp_path: Any) -> None:
+    varied = gl.grid({"J": [1.0, 2.0, 3.0], "shaft.c": [300.0, 400.0, 500.0, 600.0]})
+    there = drive.sweep(varied, 1.0, to=tmp_path / "sweep.nc", **OPTIONS)
+    memory = drive.sweep(varied, 1.0, **OPTIONS)
+    assert there["load.w"].shape == (3, 4, 21)
+    assert there["load.w"].tobytes() == memory["load.w"].tobytes()
+
+
+def test_progress_is_told_and_an_interrupt_keeps_what_is_done(drive: gl.System) -> None:
+    count = [0]
+
+    def interrupt(result: gl.Result) -> float:
+        count[0] += 1
+        if count[0] == 5:
+            raise KeyboardInterrupt
+        return peak(result)
+
+    told: list[float] = []
+    with pytest.warns(GearlibWarning, match="interrupted after 4 of 11 runs"):
+        runs = drive.sweep({"J": J}, 1.0, reduce={"peak": interrupt}, progress=lambda f, _: told.append(f), **OPTIONS)
+    assert runs.done.sum() == 4
+    assert told[-1] == pytest.approx(4 / 11)
+    assert np.isfinite(runs["peak"]).sum() == 4
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"method": "exact"}, "the method is exact"),
+        ({"method": "rk", "rtol": 1e-9}, "the method is rk;"),
+        ({"inputs": {"torque.tau": gl.Table([0, 1], [0, 1])}}, "tables"),
+        ({"inputs": {"torque.tau": lambda t: t}}, "functions of time"),
+        ({"t_start": 1e6, "t_end": 1e6 + 1.0}, "begin late"),
+    ],
+)
+def test_what_does_not_fit_is_told(drive: gl.System, options: dict[str, Any], why: str) -> None:
+    given_ = {"t_end": 1.0, **OPTIONS, "rtol": 1e-6, "samples": 3, **options}
+    runs = drive.sweep({"J": J[:8]}, **given_)
+    assert runs.stats["lanes"] == 1
+    assert why in runs.stats["why"]
+    with pytest.raises(ArgumentError, match="lanes is 8, but these runs cannot be carried out so"):
+        drive.sweep({"J": J[:8]}, lanes=8, **given_)
+
+
+def test_events_and_few_runs_are_carried_out_one_by_one(drive: gl.System) -> None:
+    rattle = gl.compile(Rattle(), outputs=["load.w"]).sweep({"load.J": J[:8]}, 0.1, samples=3, method="rk5")
+    assert (rattle.stats["lanes"], rattle.stats["why"]) == (1, "there are events")
+    assert drive.sweep({"J": J[:7]}, 1.0, **OPTIONS).stats["why"] == "there are fewer than 8 runs"
+
+
+@pytest.mark.parametrize("lanes", [0, 2, 4, 16, True, 8.5, "all", None])
+def test_other_lanes_are_refused(drive: gl.System, lanes: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"lanes is .*; expected 'auto', 1 or 8"):
+        drive.sweep({"J": J}, 1.0, lanes=lanes, **OPTIONS)
+
+
+def test_the_paper_train_in_lanes_is_the_exact_one() -> None:
+    system = gl.compile(gp.ZhouCui2022(), outputs=["w_out", "q_ring"])
+    stiffness = np.linspace(1e8, 3e8, 9)
+    options: dict[str, Any] = {"samples": 51, "inputs": {"tau_in": 100.0}}
+    runs = system.sweep({"K_g": stiffness}, 0.01, method="rk5", rtol=1e-8, lanes=8, **options)
+    for k in (0, 8):
+        exact = system.simulate(0.01, method="exact", parameters={"K_g": stiffness[k]}, **options)
+        for name in ("w_out", "q_ring"):
+            assert np.abs(runs[name][k] - exact[name]).max() < 1e-6 * np.abs(exact[name]).max()

@@ -1,0 +1,80 @@
+"""Runs in lanes, against closed forms: every lane at its own pace, lanes that take the next run, runs that cannot go on."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gearlib.compiler.instructions import LANES
+from gearlib.compiler.object_code import compiled
+from gearlib.native.lane_functions import FUNCTIONS
+from gearlib.solvers.lanes.lanes import LaneProblem, LaneRuns
+from gearlib.solvers.problem import Floats
+
+HEAD = "def rhs(time: lanes, x: lanes, dx: lanes, data: lanes) -> int32:\n"
+
+
+def runs_of(lines: str, starts: Floats, numbers: Floats, times: Floats, rtol: float = 1e-8, **more: Any) -> LaneRuns:
+    """Runs of x' = f, carried out to their end."""
+    functions = "".join(text for name, text in FUNCTIONS.items() if f"{name}(" in lines)
+    rhs = compiled(
+        functions + HEAD + "".join(f"    {line}\n" for line in lines.split("\n")) + "    return 0\n", "rhs", fused=True
+    )
+    n = starts.shape[1]
+    columns = more.pop("columns", np.arange(n))
+    runs = LaneRuns(LaneProblem(rhs, starts, numbers, times, columns, np.full(n, rtol), rtol, **more))
+    while runs.advance(50):
+        pass
+    return runs
+
+
+def test_every_lane_has_its_own_steps_and_takes_the_next_run() -> None:
+    omega = np.geomspace(0.5, 400.0, 3 * LANES + 5)
+    times = np.linspace(0.0, 2.0, 37)
+    runs = runs_of(
+        "dx[0] = x[1]\ndx[1] = data[1] - data[0] * data[0] * x[0]", np.array([[1.0, 0.0]] * len(omega)),
+        np.column_stack([omega, np.zeros(len(omega))]), times,
+    )  # fmt: skip
+    assert (runs.status == 1).all()
+    assert runs.done == len(omega)
+    assert np.abs(runs.out[:, :, 0] - np.cos(np.outer(omega, times))).max() < 3e-6
+    assert (np.diff(runs.steps[10:]) > 0).all()  # a faster run takes more steps, whatever its neighbours do
+    assert (runs.rejected < 0.1 * runs.steps).all()
+    assert runs.record.evaluations < 1.25 * 6 * runs.steps.sum() / LANES + 6 * runs.steps.max()
+
+
+def test_time_driven_runs_keep_the_states_asked_for() -> None:
+    a = np.array([[1.0], [2.0], [30.0]])
+    times = np.array([5.0, 5.1, 6.0, 7.5])  # begins late
+    runs = runs_of(
+        "t = time[0]\ndx[0] = data[0] * cos(data[0] * t)\ndx[1] = sin(t) * x[1]", np.column_stack([np.sin(5.0 * a), [1.0, 2.0, 3.0]]),
+        a, times, columns=np.array([1, 0]),
+    )  # fmt: skip
+    assert np.allclose(runs.out[:, :, 1], np.sin(a * times), atol=1e-6)
+    growth = np.exp(np.cos(5.0) - np.cos(times))
+    assert np.allclose(runs.out[:, :, 0], np.outer([1.0, 2.0, 3.0], growth), rtol=1e-6)
+
+
+def test_a_run_that_goes_to_infinity_stops_alone() -> None:
+    starts = np.array([[0.1], [3.0], [0.2], [np.inf], [0.3]])
+    times = np.linspace(0.0, 1.0, 5)
+    runs = runs_of("dx[0] = x[0] ** 2", starts, np.zeros((5, 1)), times)  # x = x0 / (1 - x0 t)
+    assert runs.status.tolist() == [1, -1, 1, -1, 1]
+    good = runs.status > 0
+    assert np.allclose(runs.out[good, :, 0], starts[good] / (1.0 - starts[good] * times), rtol=1e-7)
+
+
+def test_a_long_step_is_no_longer_than_allowed() -> None:
+    runs = runs_of("dx[0] = data[0]", np.zeros((2, 1)), np.ones((2, 1)), np.array([0.0, 1.0]), longest_step=0.01)
+    assert (runs.steps >= 100).all()
+    assert np.allclose(runs.out[:, 1, 0], 1.0, rtol=1e-14)
+
+
+def test_no_runs_are_done_at_once() -> None:
+    assert not LaneRuns(
+        LaneProblem(
+            SimpleNamespace(address=0), np.empty((0, 1)), np.empty((0, 1)), np.array([0.0, 1.0]), np.arange(1), np.ones(1), 1e-6
+        )
+    ).advance()
