@@ -227,6 +227,9 @@ class Component:
     _parts: dict[str, Any]
     _made: tuple[frozenset[str], frozenset[str]]
     _read: set[str]  # structural choices read by equations and assemble
+    _structural: dict[str, Any]
+    _bindings: dict[str, Any]
+    _given: dict[str, Any]
     _declarations: ClassVar[dict[str, Declaration]] = {}
     _bindable: ClassVar[dict[str, Declaration]] = {}
     _bounded: ClassVar[tuple[Structural, ...]] = ()

@@ -24,7 +24,7 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
     monkeypatch.setattr(cache, "_temporary", None)
     monkeypatch.setattr(cache, "ONE_IN", 1)
     make = object_code.object_code
-    monkeypatch.setattr(object_code, "object_code", lambda source: made.append(source) or make(source))
+    monkeypatch.setattr(object_code, "object_code", lambda source, fused=False: made.append(source) or make(source, fused))
     forget(monkeypatch)
     yield tmp_path
     forget(monkeypatch)

@@ -133,16 +133,16 @@ source = "def f(t: float, x: floats) -> int32:\\n    x[0] = {number} * t\\n    r
 begun = threading.Event()
 make = object_code.object_code
 
-def slowly(text):
+def slowly(text, fused=False):
     begun.set()
     time.sleep(0.5)
-    return make(text)
+    return make(text, fused)
 
 object_code.object_code = slowly
-thread = threading.Thread(target=lambda: object_code.compiled(source.replace("{number}", "3"), "f"))
+thread = threading.Thread(target=lambda: object_code.compiled(source.replace("{number}", "3"), "f"), daemon=True)
 cache._private()
 thread.start()
-begun.wait()
+assert begun.wait(60), "nothing was compiled"
 child = os.fork()
 if not child:
     object_code.compiled(source.replace("{number}", "4"), "f")

@@ -339,18 +339,19 @@ def test_what_loops_hand_on() -> None:
 # ---------------------------------------------------------------- the elimination
 
 
-SOLVER = SOLVE + module("return solve(data, 1, 0 + index[0], index[1], index[2])")
+SOLVER = SOLVE + module("return solve(data, 1, 0 + index[0], index[1], index[3], index[3], index[2])")
 
 
 def solved(matrix: Floats, right: Floats, lead: int = 0) -> tuple[int, Floats, Floats]:
-    n = len(right)
+    """Code, solutions and all data; ``right`` has the right-hand sides one after the other."""
+    n = len(matrix)
     data = np.concatenate([[0.0], matrix.ravel(), np.zeros(n + 1), right])
     others = data.copy()
-    index = np.array([1 + n * n + n + 1, n, lead])
+    index = np.array([1 + n * n + n + 1, n, lead, len(right) // n])
     code = by_machine(SOLVER, "f", 0.0, data, index)
     assert by_python(SOLVER, "f", 0.0, others, index) == code
     assert same(data, others)
-    return code, data[-n:], data
+    return code, data[-len(right) :], data
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 9])
@@ -366,6 +367,10 @@ def test_elimination(n: int, lead: int) -> None:
         assert code == 0
         assert x == pytest.approx(np.linalg.solve(matrix, right), rel=1e-9)
         assert data[1 + n * n + n] == pytest.approx(np.linalg.slogdet(matrix)[1], abs=1e-9)
+        sides = rng.normal(size=(3, n))
+        code, x, _ = solved(matrix, sides.ravel(), lead)
+        assert code == 0
+        assert x.reshape(3, n) == pytest.approx(np.linalg.solve(matrix, sides.T).T, rel=1e-9)
 
 
 def test_elimination_of_dependent_equations() -> None:

@@ -334,7 +334,11 @@ def methods() -> list[Call]:
         Call("SteppedRun.state", lambda: steps().state()),
         Call("Result[]", r.__getitem__, lambda: {"name": "load.w"}),
         Call("in Result", r.__contains__, lambda: {"name": "load.w"}),
-        Call("Result.gear_view", r.gear_view, lambda: {"t": 0.05, "gears": gp.GearPair(20, 40, 0.002, 0.02).drawn_gears()}),
+        Call(
+            "Result.gear_view",
+            r.gear_view,
+            lambda: {"part": "shaft", "t": 0.05, "gears": gp.GearPair(20, 40, 0.002, 0.02).drawn_gears()},
+        ),
         Call("Result.model_drawn", r.model_drawn),
         Call("Result.plot", r.plot, positional=lambda: ["load.w"]),
         Call("Result.plot_against", r.plot_against, lambda: {"x": "load.phi", "y": "load.w"}),

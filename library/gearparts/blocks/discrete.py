@@ -27,7 +27,7 @@ class Sampler(SampledBlock):
 
 
 class ZeroOrderHold(SampledBlock):
-    """Sampler whose output is updated just after the instant, so that an algebraic loop may pass through it."""
+    """Sampler whose output follows ``y = u`` just after the instant, so that an algebraic loop may pass through it."""
 
     u = gl.Input("any", "input signal")
     taken = gl.Discrete("value at the instant")

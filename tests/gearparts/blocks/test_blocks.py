@@ -14,7 +14,7 @@ from gearlib.language.declarations import declared_by
 from tests.gearparts.bench import needed_values
 
 BLOCKS = [getattr(gp.blocks, name) for name in gp.blocks.__all__]
-MADE_OF_PARTS = {"TransferFunction", "StateSpace", "MultiStateSpace"}
+MADE_OF_PARTS = {"TransferFunction", "StateSpace", "MultiStateSpace", "CombiTimeTable"}
 
 
 def test_every_block_is_listed_once_and_found() -> None:
