@@ -34,7 +34,7 @@ def _rates(e: Any) -> list[Any] | None:
 
     >>> t, p = _T, sympy.Symbol("p0", real=True)
     >>> _rates(3 * t**2 + 2 * sympy.sin(p * t + 1)), _rates(sympy.exp(-8 * t**2)), _rates(1 / (1 + t**2))
-    ([p0], [4], None)
+    ([Abs(p0)], [4], None)
     >>> _rates(sympy.sin(2 * t) * sympy.cos(3 * t) ** 2)
     [2, 6, 8]
     """

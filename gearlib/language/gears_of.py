@@ -42,7 +42,12 @@ def in_motion(
         prefix = f"{path}." if path else ""
         first = history(prefix + found.first)
         carrier = history(prefix + found.carrier) if found.carrier else np.zeros(len(times))
-        forces = [c.share * history(prefix + c.force) for c in found.contacts if c.force]
+        try:
+            forces = [c.share * history(prefix + c.force) for c in found.contacts if c.force]
+        except NameLookupError:
+            if gears is None:
+                raise
+            forces = []  # the gears are those of another part, which calls its forces differently
         motions.append(GearMotion(path, found, first, carrier, np.array(forces).T if forces else np.zeros((len(times), 0))))
     return GearView(type(component).__name__, motions, [f"t = {t:.6g} s" for t in times])
 

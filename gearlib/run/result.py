@@ -334,7 +334,7 @@ class Result(ABC):
         t : float or sequence of float, optional
             Times, s; several make the picture move. Without, 100 times over the run.
         gears : GearSet, optional
-            The gears of ``part``, such as ``GearPair(...).drawn_gears()``.
+            The gears of ``part``, such as ``GearPair(...).drawn_gears()``; without forces where the part has no variable for them.
 
         Raises
         ------

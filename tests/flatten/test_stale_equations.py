@@ -154,7 +154,7 @@ def test_an_assembly_that_failed_is_not_taken_for_a_model(monkeypatch: pytest.Mo
 
 def test_a_change_that_compile_would_lose_is_refused() -> None:
     one = Outer()
-    with pytest.raises(ModelError, match=r"extra\.note: Outer\.assemble\(\) made this part, and makes it anew"):
+    with pytest.raises(ModelError, match=r"extra\.note: Outer\.assemble\(\) made this part, and makes it again"):
         one.extra.note = 3
     one.kept.note = 3
 

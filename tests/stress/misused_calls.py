@@ -298,6 +298,8 @@ def methods() -> list[Call]:
 
     view = gp.ZhouCui2022(Z_s=19, Z_p=31, Z_r=81).gear_view("train.p_unit")
 
+    toothed = gl.compile(gp.ZhouCui2022(tau_in=100.0, Z_s=19, Z_p=31, Z_r=81))
+
     def turning(interval: Any = 50.0) -> None:
         view.animate(interval)._draw_was_started = True
 
@@ -336,8 +338,8 @@ def methods() -> list[Call]:
         Call("in Result", r.__contains__, lambda: {"name": "load.w"}),
         Call(
             "Result.gear_view",
-            r.gear_view,
-            lambda: {"part": "shaft", "t": 0.05, "gears": gp.GearPair(20, 40, 0.002, 0.02).drawn_gears()},
+            toothed.simulate(0.01, samples=3).gear_view,
+            lambda: {"part": "train.p_unit", "t": 0.005, "gears": gp.GearPair(20, 40, 0.002, 0.02).drawn_gears()},
         ),
         Call("Result.model_drawn", r.model_drawn),
         Call("Result.plot", r.plot, positional=lambda: ["load.w"]),
