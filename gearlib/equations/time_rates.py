@@ -26,7 +26,7 @@ def time_rates(kernel: Kernel) -> tuple[Any, ...] | None:
     found = _rates(kernel.expression)
     if found is None or any(symbol.name[0] != "p" for rate in found for symbol in rate.free_symbols):  # of variables or modes
         return None
-    return tuple(dict.fromkeys(found))
+    return tuple(sorted(set(found), key=sympy.default_sort_key))  # sets and products have no order of their own
 
 
 def _rates(e: Any) -> list[Any] | None:
@@ -35,7 +35,7 @@ def _rates(e: Any) -> list[Any] | None:
     >>> t, p = _T, sympy.Symbol("p0", real=True)
     >>> _rates(3 * t**2 + 2 * sympy.sin(p * t + 1)), _rates(sympy.exp(-8 * t**2)), _rates(1 / (1 + t**2))
     ([Abs(p0)], [4], None)
-    >>> _rates(sympy.sin(2 * t) * sympy.cos(3 * t) ** 2)
+    >>> sorted(_rates(sympy.sin(2 * t) * sympy.cos(3 * t) ** 2))
     [2, 6, 8]
     """
     if not e.has(_T) or e == _T:

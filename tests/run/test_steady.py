@@ -219,6 +219,7 @@ def test_torques_that_grow_are_not_steady_where_no_speed_changes_with_them(J: fl
     assert run["spring.tau"][2] - run["spring.tau"][1] == pytest.approx(100.0 * 129.0 / 130.0, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("J", [0.05, 0.7])
 def test_a_clutch_that_locks_on_a_prescribed_speed(J: float) -> None:
     """The run locks it with a slip of the size of its tolerance, with which it would start as sliding."""
