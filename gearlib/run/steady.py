@@ -49,6 +49,7 @@ LONGER, SHORTER = 100.0, 0.05  # bounds on the change of the step size
 LONGEST = 1e10  # step times the largest rate of the linearised equations: slower modes count as not moving
 MOST_STEPS = 400
 ACROSS = 1e-3  # step times the largest rate met so far: a step this short may cross a jump
+MOST_JUMPS = 10  # of these, after which something sticks: the rates push the states back across the same jump
 RUNS = (0.1, 1.0, 10.0, 100.0, 1000.0)  # s
 STIFF = 1e3  # step times the largest rate at which the fast transients have decayed
 # Relative change of the states in a step at which Newton's method is tried, and bound on the change that it may make.
@@ -59,6 +60,7 @@ ROUNDING = 1e3  # unit roundoffs of the terms of an equation that count as zero
 UNSTABLE = 1e-9  # growth rate over the largest rate beyond which a motion is unstable
 LARGEST_EXAMINED = 400  # states
 NOTHING = 1e-15  # relative to the largest derivative of a rate: smaller ones are rounding
+NEVER = 1e-15  # 1/s: derivatives of rates below this move nothing (what sticks, where no other rate is there to compare with)
 LOCKED = 1e3  # times the rounding of a rate that no state affects: stuck elements must not creep
 MARGIN = 1e-11  # by which a relation that a run holds is satisfied where states are moved to it
 SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
@@ -159,7 +161,7 @@ class Search:
             worst = int(np.argmin(np.isfinite(f) & np.isfinite(gradient).all(axis=1)))
             raise SolverError(f"der({node_name(scene.model, scene.states[worst])}) cannot be computed")
         noise = ROUNDING * np.finfo(float).eps * terms / self.scale
-        stuck = np.abs(gradient).max(axis=1) <= NOTHING * np.abs(gradient).max()
+        stuck = np.abs(gradient).max(axis=1) <= max(NOTHING * np.abs(gradient).max(), NEVER)
         gradient[stuck] = 0.0
         return f, gradient, np.where(stuck, LOCKED, 1.0) * noise
 
@@ -184,6 +186,7 @@ class End:
     steady: bool
     free: bool = False  # the equations are singular in a direction that would have to change
     forbidden: bool = False  # steady, but a variable is below its minimum: a step crossed an event
+    sticks: bool = False  # the rates point at each other across a jump, where only the events of a run hold the states
 
 
 def search_steady(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
@@ -282,7 +285,7 @@ def _found(search: Search) -> End:
     linear = program.is_linear and search.scene.relations is None
     if linear and (end := _closed(search, x)).steady:
         return end
-    if not linear and ((end := _continued(search, x, stable=True)).steady or end.forbidden):
+    if not linear and ((end := _continued(search, x, stable=True)).steady or end.forbidden or end.sticks):
         return end
     return _continued(search, x, stable=False)
 
@@ -290,8 +293,8 @@ def _found(search: Search) -> End:
 def _continued(search: Search, x: Floats, stable: bool) -> End:
     """Pseudo-transient continuation; ``stable`` steps follow a diverging motion and do not turn back."""
     f, gradient = search.rates(x)
-    fastest = max(search.largest(gradient), float(np.abs(search.stationary.T @ f).max(initial=0.0)), 1e-300)
-    step, stalled = 0.1 / fastest, 0
+    fastest = max(search.largest(gradient), float(np.abs(search.stationary.T @ f).max(initial=0.0)), NEVER)
+    step, stalled, jumps = 0.1 / fastest, 0, 0
     for _ in range(MOST_STEPS):
         longest = LONGEST / max(search.largest(gradient), 1e-6 * fastest)
         step = min(step, longest, search.longest_stable(gradient) if stable else np.inf)
@@ -305,9 +308,13 @@ def _continued(search: Search, x: Floats, stable: bool) -> End:
         correction = solved(ahead - f - gradient @ change)
         contraction = float(np.abs(correction).max()) / max(float(np.abs(change).max()), 1e-300)
         fastest = max(fastest, search.largest(slopes))
-        if contraction > CONTRACTS and step * fastest > ACROSS:
-            step *= max(AIM / contraction, SHORTER)
-            continue
+        if contraction > CONTRACTS:
+            if step * fastest > ACROSS:
+                step *= max(AIM / contraction, SHORTER)
+                continue
+            jumps += 1
+            if jumps > MOST_JUMPS:
+                return End(x, False, sticks=True)
         before, x, f, gradient = f, x + search.scale * change, ahead, slopes
         size = float(np.abs(x / search.scale).max())
         if step == longest or (step * search.largest(gradient) > STIFF and np.abs(change).max() <= NEAR * size):
@@ -317,7 +324,7 @@ def _continued(search: Search, x: Floats, stable: bool) -> End:
             if end.steady and (step == longest or np.abs((end.x - x) / search.scale).max() <= LOCAL * size):
                 return end
             left, last = (np.abs(search.stationary.T @ rates).max(initial=0.0) for rates in (f, before))
-            stalled = stalled + 1 if step == longest and left > 0.5 * last else 0
+            stalled = stalled + 1 if step == longest and left >= 0.5 * last else 0
             if stalled > 5:
                 break
         step *= min(max(AIM / max(contraction, 1e-12), SHORTER), LONGER)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import StartError
+from gearlib.run.steady import Search, _continued
 
 c = gl.connect
 
@@ -219,7 +221,6 @@ def test_torques_that_grow_are_not_steady_where_no_speed_changes_with_them(J: fl
     assert run["spring.tau"][2] - run["spring.tau"][1] == pytest.approx(100.0 * 129.0 / 130.0, rel=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("J", [0.05, 0.7])
 def test_a_clutch_that_locks_on_a_prescribed_speed(J: float) -> None:
     """The run locks it with a slip of the size of its tolerance, with which it would start as sliding."""
@@ -238,3 +239,50 @@ def test_a_clutch_that_locks_on_a_prescribed_speed(J: float) -> None:
     assert run["body.w"] == pytest.approx(-4.0, abs=1e-10)
     assert run["clutch.tau"] == pytest.approx(4.0 / 3.0)
     assert run["clutch.contact"].tolist() == [1.0, 1.0, 1.0]
+
+
+class Counted(Search):
+    """A search that counts how often its equations are evaluated."""
+
+    evaluations: list[int]
+
+    def equations(self, x: Any) -> Any:
+        self.evaluations.append(1)
+        return self.jumping(x)
+
+    def jumping(self, x: Any) -> Any:
+        """Coulomb friction of 1000 against a drive of 300, in rates; away from x = 0 nothing acts but these."""
+        return 300.0 - 1000.0 * np.sign(x), np.zeros((1, 1)), np.zeros(1)
+
+
+@pytest.mark.parametrize("begin", [-0.7, 3.0])
+def test_what_sticks_is_left_to_a_run(begin: float) -> None:
+    """Implicit steps would go back and forth across the jump for ever; a run, whose events know both sides, comes to rest there."""
+    search = Counted(SimpleNamespace(nominal=np.ones(1)), None, None, None, 0.0, np.zeros((1, 0)))  # type: ignore[arg-type]
+    object.__setattr__(search, "evaluations", [])
+    end = _continued(search, np.array([begin]), stable=True)
+    assert (end.steady, end.sticks) == (False, True)
+    assert abs(end.x[0]) < 1e-2
+    assert len(search.evaluations) < 150
+
+
+def test_the_search_of_a_bearing_that_holds_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once it holds, its yield is all that is left of the rates: compared with itself it would seem to be a motion."""
+
+    class Held(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.body = gp.Torque(tau=0.5), gp.Inertia(J=0.1, guess={"w": 10.0})
+            self.bearing = gp.BearingFriction(tau_pos=((0.0, 1.0),))
+            return [c(self.torque.flange, self.body.flange_a), c(self.body.flange_b, self.bearing.flange_a)]
+
+    evaluated, at = [], Search.at
+
+    def counted(search: Search, x: Any) -> Any:
+        evaluated.append(x)
+        return at(search, x)
+
+    monkeypatch.setattr(Search, "at", counted)
+    run = gl.compile(Held(), ["body.w", "bearing.tau"]).simulate(1.0, start="steady", samples=2)
+    assert len(evaluated) < 200
+    assert run["body.w"] == pytest.approx(np.zeros(2), abs=1e-12)
+    assert run["bearing.tau"] == pytest.approx(np.full(2, 0.5))
