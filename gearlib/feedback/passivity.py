@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
-from gearlib.flatten.energies import Term, audited
+from gearlib.flatten.energies import Term
 from gearlib.linear.linearize import linearized
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled, Translation
@@ -95,7 +95,7 @@ def passivity(system: Compiled, *, at: Any = None, parameters: Mapping[str, floa
     nothing = np.zeros((0, 0))
     if not translation.scene.program.is_linear:
         return Passivity((), nothing, nothing, "the equations are not linear with constant coefficients")
-    parts = audited(translation.component)
+    parts = translation.energies
     if reason := _undeclared(translation, parts):
         return Passivity((), nothing, nothing, reason)
     numbers = dict(zip(translation.model.parameters.names, translation.parameter_values(parameters).tolist(), strict=True))

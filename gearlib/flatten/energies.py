@@ -23,30 +23,50 @@ ENERGY, POWER = dimension("J"), dimension("W")
 
 
 @dataclass(frozen=True)
-class Term:
-    """An expression of one component, and its numeric function.
+class Formula:
+    """An energy or power in the names of a component's own scope, shared by all components that declare the same.
 
     Attributes
     ----------
-    names : tuple of str
-        Paths, or ``"der(path)"``, of its variables, discrete variables and parameters; ``"time"`` for time.
     symbols : tuple of sympy.Symbol
-        Their symbols in the expression.
+        Its variables, discrete variables and parameters, sorted by name.
     expression : sympy.Expr
     """
 
-    names: tuple[str, ...]
     symbols: tuple[Any, ...]
     expression: Any
 
     @cached_property
     def function(self) -> Callable[..., Any]:
-        """A function of the values in the order of ``names``; generated on first use."""
+        """A function of the values in the order of ``symbols``; generated on first use."""
         arguments = [sympy.Symbol(f"x{i}", real=True) for i in range(len(self.symbols))]
         printer = NumPyPrinter({"fully_qualified_modules": False, "strict": False})
         text = printer.doprint(self.expression.xreplace(dict(zip(self.symbols, arguments, strict=True))))
         function: Callable[..., Any] = eval(f"lambda {', '.join(map(str, arguments))}: {text}", dict(vars(np)))
         return function
+
+
+@dataclass(frozen=True)
+class Term:
+    """A formula for one component.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Paths, or ``"der(path)"``, of the formula's symbols; ``"time"`` for time.
+    formula : Formula
+    """
+
+    names: tuple[str, ...]
+    formula: Formula
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """A function of the values in the order of ``names``."""
+        return self.formula.function
+
+
+NOTHING = Term((), Formula((), sympy.S.Zero))
 
 
 @dataclass(frozen=True)
@@ -85,9 +105,10 @@ class Audited:
         return [t for t in (self.through, self.heat_in, self.stored, self.heat, self.supplied) if t is not None]
 
 
-def audited(root: Component) -> list[Audited]:
-    """All components that exchange, store or dissipate energy."""
+def audited(root: Component) -> tuple[Audited, ...]:
+    """All components that exchange, store or dissipate energy; `Translation.energies` has those of a compiled model."""
     found = []
+    formulas: dict[Any, Formula] = {}
     for component, path in _components(root):
         connectors = {} if parts_of(component) else declared_by(component).connectors  # a composite merely passes power on
         energies = energies_of(component)
@@ -104,19 +125,19 @@ def audited(root: Component) -> list[Audited]:
 
         def term(expression: Any, what: str, component: Component = component, path: str = path) -> Term | None:
             value = sympy.sympify(expression)
-            return None if value == 0 else _term(component, path, value, f"{type(component).__name__}: {what}")
+            return None if value == 0 else _term(component, path, value, f"{type(component).__name__}: {what}", formulas)
 
         found.append(
             Audited(
                 path or type(component).__name__, type(component).__name__,
-                term(work, "power") or Term((), (), sympy.S.Zero), term(thermal, "heat flow"),
+                term(work, "power") or NOTHING, term(thermal, "heat flow"),
                 None if energies is None else term(energies.stored, "stored energy"),
                 None if energies is None else term(energies.heat, "heat"),
                 None if energies is None else term(energies.supplied, "supplied power"),
                 energies is not None, energies is not None and energies.source, unknown,
             )
         )  # fmt: skip
-    return found
+    return tuple(found)
 
 
 def _components(root: Component) -> Iterator[tuple[Component, str]]:
@@ -160,20 +181,26 @@ def _powers(name: str, connector: Connector) -> list[tuple[Any, bool]] | None:
     return found
 
 
-def _term(component: Component, path: str, expression: Any, label: str) -> Term:
+def _formula(expression: Any, label: str) -> Formula:
     plain = expression.replace(lambda e: getattr(e.func, "__name__", "") == "no_event", lambda e: e.args[0])
     plain = piecewise(checked(plain, label))
-    symbols = sorted(plain.free_symbols, key=lambda s: s.name)
+    return Formula(tuple(sorted(plain.free_symbols, key=lambda s: s.name)), plain)
+
+
+def _term(component: Component, path: str, expression: Any, label: str, formulas: dict[Any, Formula]) -> Term:
+    if expression not in formulas:
+        formulas[expression] = _formula(expression, label)
+    formula = formulas[expression]
     prefix = f"{path}." if path else ""
     names = []
-    for symbol in symbols:
+    for symbol in formula.symbols:
         base, order = parse_column(symbol.name)
         if symbol != time and not _declared(component, base):
             raise DeclarationError(
                 f"{label} holds '{base}', which is not declared; {nearest(base, declared_by(component).variables)}"
             )
         names.append("time" if symbol == time else "der(" * order + prefix + base + ")" * order)
-    return Term(tuple(names), tuple(symbols), plain)
+    return Term(tuple(names), formula)
 
 
 def _declared(component: Component, name: str) -> bool:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ from gearlib.run.steady import search_steady, steady_changes
 from gearlib.run.zeros import Sums, can_be_solved, factors, nothing_special, special_values, sums
 from gearlib.solvers.inputs.table import FunctionInput, Table, as_table, values
 from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    from gearlib.flatten.energies import Audited
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -295,6 +299,30 @@ class Translation:
         if key not in self.scenes:
             self.scenes[key] = Scene(self.structure, states, wanted, outputs)
         return self.scenes[key]
+
+    @cached_property
+    def energies(self) -> tuple[Audited, ...]:
+        """Energies and powers of the components, for audits."""
+        from gearlib.flatten.energies import audited
+
+        return audited(self.component)
+
+    @cached_property
+    def energy_scene(self) -> Scene:
+        """The scene that computes what the energies depend on, besides the outputs."""
+        structure, model, own = self.structure, self.model, self.scene
+        names = {n for p in self.energies for term in p.terms for n in term.names} - {"time", *model.parameters.index}
+        discretes = sorted({model.discretes.names.index(n) for n in names if n in model.discretes.names})
+        nodes: list[Node] = []
+        for name in sorted(names):
+            if name not in model.discretes.names:
+                with suppress(NameLookupError):  # the component then counts as one of which nothing is known
+                    node, sign = structure.named(name, "variable", ("is not computed", "is"))
+                    nodes += [node] if sign else []
+        targets = [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))]
+        states = tuple(sorted({*own.states, *needed_states(structure, targets)}))
+        computed = tuple(n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states)
+        return self.scene_of(states, tuple(sorted({*own.wanted, *discretes})), computed)
 
     @cached_property
     def needed_inputs(self) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ a panel are extrapolated from its nodes, from the left and from the right, so th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
@@ -16,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import GearlibError, NameLookupError
-from gearlib.flatten.energies import Audited, Term, audited
-from gearlib.reduce.reduction import discrete_nodes
+from gearlib.flatten.energies import Audited, Term
 from gearlib.run.energy.energy_balance import EnergyBalance
 from gearlib.run.request import Request
-from gearlib.run.scene import Scene, needed_states
+from gearlib.run.scene import Scene
 from gearlib.run.translation import Translation
-from gearlib.structure.incidence import Node
 
 Floats = NDArray[np.float64]
 MOST_SAMPLES, MOST_PANELS, PASSES = 1000, 20_000, 8
@@ -88,26 +85,13 @@ def energy_balance(
     run : callable
         Repeats the run with other samples, in a scene with the states that the powers need.
     """
-    structure, model, own = translation.structure, translation.model, translation.scene
-    parts = audited(translation.component)
-    names = {n for p in parts for term in p.terms for n in term.names} - {"time", *model.parameters.index}
-    discretes = sorted({model.discretes.names.index(n) for n in names if n in model.discretes.names})
-    nodes: list[Node] = []
-    for name in sorted(names):
-        if name not in model.discretes.names:
-            with suppress(NameLookupError):  # the component then counts as one of which nothing is known
-                node, sign = structure.named(name, "variable", ("is not computed", "is"))
-                nodes += [node] if sign else []
-    targets = [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))]
-    states = tuple(sorted({*own.states, *needed_states(structure, targets)}))
-    computed = tuple(n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states)
-    scene = translation.scene_of(states, tuple(sorted({*own.wanted, *discretes})), computed)
+    parts, scene = translation.energies, translation.energy_scene
     atol = None if np.ndim(asked.atol or 0.0) else asked.atol
 
     def again(times: Floats) -> Histories:
         return run(translation, replace(asked, times=times, atol=atol, progress=False, directions=None), scene)
 
-    values_of = dict(zip(model.parameters.names, asked.parameters.tolist(), strict=True))
+    values_of = dict(zip(translation.model.parameters.names, asked.parameters.tolist(), strict=True))
     return balance(parts, samples, events, asked.rtol, again, values_of)
 
 

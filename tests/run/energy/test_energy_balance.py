@@ -387,3 +387,26 @@ def test_an_audit_takes_no_tangents_along() -> None:
     assert found.request.directions is not None
     assert [request.directions for request in asked] == [None] * len(asked) != []
     np.testing.assert_allclose(again.residual, found.energy_balance().residual, rtol=0, atol=1e-9)
+
+
+def test_a_second_audit_derives_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Energies are derived once for a compiled model, and what several parts of a class declare is one formula."""
+    parts = chain(
+        gp.Torque(tau=1.0), *(p for J in (2.0, 3.0) for p in (gp.Inertia(J=J), gp.SpringDamper(c=J, d=0.1))), gp.Fixed()
+    )
+    system = gl.compile(parts)
+    first = system.simulate(1.0, samples=3, audit=True)
+    b, d = (next(p for p in system.translation.energies if p.path == path) for path in "bd")
+    assert b.stored is not None
+    assert d.stored is not None
+    assert b.stored.formula is d.stored.formula
+    assert b.through.formula is d.through.formula
+
+    def derived(*_: Any) -> Any:
+        raise AssertionError("derived again")
+
+    monkeypatch.setattr("gearlib.flatten.energies._components", derived)
+    monkeypatch.setattr("gearlib.flatten.energies.NumPyPrinter", derived)
+    again = system.simulate(2.0, samples=5, audit=True, parameters={"b.J": 2.5})
+    assert first.stats["energy_residual"] < 1e-6 > again.stats["energy_residual"]
+    assert len(system.translation.scenes) <= 1
