@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from gearlib.periodic.periods import Cuts, Driven, Moments
 
 Floats = NDArray[np.float64]
+KEPT = 1e-6  # of a unit direction: what a monodromy matrix changes by less, it keeps
 
 
-def multipliers(
-    driven: Driven, coefficients: Floats, found: Moments, cuts: Cuts | None, samples: int
-) -> NDArray[np.complex128]:
-    """Eigenvalues of the monodromy matrix, which propagates a perturbation over one period.
+def monodromy(driven: Driven, coefficients: Floats, found: Moments, cuts: Cuts | None, samples: int) -> Floats:
+    """Monodromy matrix of a motion, which propagates a perturbation over one period.
 
     Between switches the variational equations are integrated by Magnus expansion to fourth order with a Padé approximant of the
     exponential; where the rates jump, the perturbation jumps as well (saltation).
@@ -51,7 +50,51 @@ def multipliers(
             whole = whole + np.outer(cuts.jump[i], cuts.gradient[i] @ whole) / cuts.rate[i]
         whole = _product(steps[at : at + panels]) @ whole
         at += panels
-    return np.linalg.eigvals(whole).astype(complex)
+    return whole
+
+
+def vibration_multipliers(over_period: Floats, sums: Floats, idle: Floats, growth: Floats) -> NDArray[np.complex128]:
+    """Eigenvalues of a monodromy matrix without the multipliers 1 of rigid motions and of the phase.
+
+    What a train keeps, the combinations ``sums`` of its states, are left eigenvectors. Perturbations that leave them alone are an
+    invariant subspace; in it the directions ``idle``, on which nothing depends, are right eigenvectors. Both are removed as such, and
+    not by the size of an eigenvalue: a multiplier that passes 1, at a fold, stays. Only the phase of a turning train, a perturbation
+    along the motion itself, is the eigenvalue nearest to 1 of those that remain.
+
+    Parameters
+    ----------
+    over_period : array (states, states)
+    sums, idle : arrays (states, number)
+        Candidates; those combinations are taken that the matrix keeps, since a force that jumps can depend on either.
+    growth : array (states,)
+        Direction of the growing mesh phases; zero if the motion is forced.
+
+    Examples
+    --------
+    A freely turning wheel (angle, speed) beside a stable motion:
+
+    >>> over_period = np.array([[1.0, 2.0, 0.3], [0.0, 1.0, 0.0], [0.0, 0.5, 0.9]])
+    >>> speed, angle = np.eye(3)[:, 1:2], np.eye(3)[:, 0:1]
+    >>> vibration_multipliers(over_period, speed, angle, np.zeros(3)).real.tolist()
+    [0.9]
+    """
+    n = len(over_period)
+    change = over_period - np.eye(n)
+    kept = sums @ _null(change.T @ sums)
+    inside = _null(kept.T) if kept.shape[1] else np.eye(n)
+    fixed = idle @ _null(np.vstack([change @ idle, kept.T @ idle]))
+    other = inside @ _null((inside.T @ fixed).T) if fixed.shape[1] else inside
+    result = np.linalg.eigvals(other.T @ over_period @ other).astype(complex)
+    if growth.any() and np.linalg.norm(growth - fixed @ (fixed.T @ growth)) > KEPT * np.linalg.norm(growth):
+        result = np.delete(result, np.argmin(np.abs(result - 1.0)))
+    return result
+
+
+def _null(matrix: Floats) -> Floats:
+    """Orthonormal basis of the vectors that a matrix takes to zero, or to a rounding error."""
+    _, sizes, right = np.linalg.svd(matrix)
+    result: Floats = right[int((sizes > KEPT).sum()) :].T
+    return result
 
 
 def _product(steps: Floats) -> Floats:

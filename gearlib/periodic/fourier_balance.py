@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
-from gearlib.periodic.floquet import multipliers
+from gearlib.periodic.floquet import monodromy, vibration_multipliers
 from gearlib.periodic.periods import Cuts, Driven, Moments, fourier, jumps, moments, turn
 
 Floats = NDArray[np.float64]
@@ -33,15 +33,15 @@ class Rigid:
         Orthonormal, in scaled rates.
     rows : array (number, states)
         Combinations of the scaled means that stay as in ``means``.
-    chained : int
-        Number of these that are motions: they add multipliers of 1 to those of the sums.
+    idle : array (states, number)
+        Orthonormal directions of the scaled states on which no rate depends: absolute angles.
     means : array (states,)
         Means of the states.
     """
 
     sums: Floats
     rows: Floats
-    chained: int
+    idle: Floats
     means: Floats
 
 
@@ -192,11 +192,8 @@ class HarmonicEquations:
         driven, c = self.driven(omega), self.coefficients(z)
         found = moments(driven, c, self.samples)
         cuts = jumps(driven, c, found, self._step(c))
-        all_ = multipliers(driven, c, found, cuts, self.samples)
-        order = np.argsort(np.abs(all_ - 1.0))
-        free = len(self.rigid.rows) + self.rigid.chained
-        result: NDArray[np.complex128] = all_[np.sort(order[free:])]
-        return result
+        over_period = monodromy(driven, c, found, cuts, self.samples) * self.scale / self.scale[:, None]
+        return vibration_multipliers(over_period, self.rigid.sums, self.rigid.idle, driven.growth / self.scale)
 
 
 def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats) -> Rigid:
@@ -214,28 +211,27 @@ def rigid_motions(driven: Driven, means: Floats, scale: Floats, nominal: Floats)
         _, slopes = driven.linear_rates(phase, x, driven.modes(phase, x))
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * scale / scale[:, None] / driven.omega
     if not len(slopes):
-        return Rigid(np.empty((n, 0)), np.empty((0, n)), 0, means)
+        return Rigid(np.empty((n, 0)), np.empty((0, n)), np.empty((n, 0)), means)
     sums = _kernel(np.swapaxes(slopes, 1, 2).reshape(-1, n))
     turning = np.eye(n)[:, driven.growth != 0]  # the initial phase of a mesh is arbitrary
     if sums.shape[1] < turning.shape[1]:
         raise _other_speed(driven)
     # With everything in contact, the means are undetermined in as few directions as possible.
     rest = min((_kernel(slope) for slope in slopes), key=lambda directions: directions.shape[1])
-    rows, chained = np.empty((0, n)), 0
+    rows, idle = np.empty((0, n)), _kernel(slopes.reshape(-1, n))
     # The frequency determines the mesh speed, so that only its phase is free; conserved quantities take precedence over held ones.
-    for candidates, kept in ((turning, False), (sums, True), (_kernel(slopes.reshape(-1, n)), False)):
+    for candidates in (turning, sums, idle):
         left, sizes, right = np.linalg.svd(candidates.T @ rest)
         rank = min(int((sizes > KEPT).sum()), sums.shape[1] - len(rows))
         rows = np.vstack([rows, left[:, :rank].T @ candidates.T])
         rest = rest @ right[rank:].T
-        chained += 0 if kept else rank
     if len(rows) < sums.shape[1]:
         name = driven.scene.state_names[int(np.argmax(np.abs(rest).max(axis=1, initial=0.0)))] if rest.size else "a state"
         raise SolverError(
             f"the mean of {name} is undetermined: nothing in the train holds it, and no quantity that it keeps does; add a load or a "
             "support, or leave out outputs that need it"
         )
-    return Rigid(sums, rows, chained, means)
+    return Rigid(sums, rows, idle, means)
 
 
 def _kernel(matrix: Floats) -> Floats:
