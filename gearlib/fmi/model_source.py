@@ -30,6 +30,7 @@ from gearlib.native.layout import Shared, lay_out
 from gearlib.native.linear_solve import SOLVE
 from gearlib.native.scene_functions import rhs_source
 from gearlib.native.source import HEADER, Body, function, looped
+from gearlib.native.sparse_solve import SPARSE_SOLVE
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -124,6 +125,6 @@ def model_source(exported: ExportedModel) -> ModelSource:
     data[: len(names)] = exported.numbers
     data[shared.relations : shared.inputs] = model.initial_modes()
     data[shared.inputs : shared.inputs + len(exported.input_starts)] = exported.input_starts
-    source = "\n\n".join([HEADER.rstrip(), SOLVE.strip(), INVERT.strip(), *texts])
+    source = "\n\n".join([HEADER.rstrip(), SOLVE.strip(), SPARSE_SOLVE.strip(), INVERT.strip(), *texts])
     index = np.concatenate([np.array(bases, np.int64), *packed])
     return ModelSource(source, shared, data, index, pattern_of(exported.plan), n_roots, tuple(checks))

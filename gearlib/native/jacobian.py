@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.native.layout import Layout
-from gearlib.native.source import CLOSING, Body, loop, looped, sign_groups
+from gearlib.native.source import CLOSING, Body, entries_of, loop, looped, sign_groups
+from gearlib.native.sparse_solve import factors_size, pattern_array
 from gearlib.program.derivative_plan import DerivativePlan, Solved, Sums
-from gearlib.program.program import Batch, Linear, Program
+from gearlib.program.program import Batch, Linear, Newton, Program
 
 Integers = NDArray[np.int64]
 
@@ -132,7 +133,7 @@ def accumulate(
     inverted = {id(s): (place, rows) for (s, rows), place in zip(inverted_blocks(plan), inverses, strict=False)}
     right = at + plan.n_entries
     scratch = right + max((n * s.width for s, n in implicit), default=0)
-    end = scratch + max((n * (n + s.width) + n + 1 for s, n in implicit), default=0)
+    end = scratch + max((n * s.width + elimination_size(s.step) for s, n in implicit), default=0)
     head = body.array([at, plan.n_entries, right, scratch])
     body.lines += [f"h = {head}", "d = index[h]", "for k in range(index[h + 1]):", "    data[d + k] = 0.0"]
     if implicit:
@@ -253,9 +254,10 @@ def _applied(body: Body, step: Solved, place: int, equations: Integers, n_ones: 
 def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
     """Implicit differentiation of a block: dz = -inverse(J) (dr/dx)."""
     block = step.step
-    n = len(block.unknowns)
+    n, order = len(block.unknowns), None if isinstance(block, Linear) else block.order
     lead = 0 if isinstance(block, Linear) else block.lead
-    head, rows = body.array([n, step.width, lead, len(step.rows), step.first]), body.array(step.rows)
+    n_entries = n * n if order is None else len(order.places)
+    head, rows = body.array([n, step.width, lead, len(step.rows), step.first, n_entries]), body.array(step.rows)
     body.lines += [f"h = {head}", "for k in range(index[h] * index[h + 1]):", "    data[e + k] = 0.0"]
     for piece in _summed(body, step.sums, "e", n_ones):
         body.include(piece)
@@ -263,18 +265,30 @@ def _eliminated(body: Body, step: Solved, n_ones: int) -> None:
         f"a, h = {rows}, {head}",
         "q, p, lead = index[h], index[h + 1], index[h + 2]",
         "f = w + q * p",
-        "for k in range(q * q):",
+        "for k in range(index[h + 5]):",
         "    data[f + k] = 0.0",
     ]
     for batch in block.matrix if isinstance(block, Linear) else block.jacobian:
-        loop(body, batch, "data[f + {target}] += {value}")
+        loop(body, entries_of(batch, order), "data[f + {target}] += {value}")
+    body.lines += ["for k in range(q):", "    for j in range(p):", "        data[w + q * j + k] = -data[e + k * p + j]"]
+    if order is None:
+        body.lines += ["if solve(data, f, w, q, p, p, lead) != 0:", "    return 1"]
+    else:
+        body.lines += [
+            f"pattern, factors = {body.array(pattern_array(order))}, f + index[h + 5]",
+            "sparse_factorise(data, index, pattern, f, factors)",
+            "for j in range(p):",
+            "    if sparse_apply(data, index, pattern, factors, w + q * j, 1) != 0:",
+            "        return 1",
+        ]
     body.lines += [
-        "for k in range(q):",
-        "    for j in range(p):",
-        "        data[w + q * j + k] = -data[e + k * p + j]",
-        "if solve(data, f, w, q, p, p, lead) != 0:",
-        "    return 1",
         "for k in range(index[h + 3]):",
         "    for j in range(p):",
         "        data[d + index[h + 4] + k * p + j] = data[w + q * j + index[a + k]]",
     ]
+
+
+def elimination_size(block: Linear | Newton) -> int:
+    """Numbers that the elimination of a block takes besides its right-hand sides."""
+    n, order = len(block.unknowns), None if isinstance(block, Linear) else block.order
+    return n * n + n + 1 if order is None else len(order.places) + factors_size(order)

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.compiler.translate import Prototype
+from gearlib.native.sparse_solve import factors_size
 from gearlib.program.interpret import Prepared, constant_values
 from gearlib.program.program import Batch, Linear, Newton, Program
+from gearlib.structure.elimination_order import EliminationOrder
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 # Signature of a model's native function: ``int32 f(double t, void *x, void *out, void *data, void *index)``.
 MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
-MOST_HELD = 400  # unknowns up to which a block whose matrix only events change is solved by its inverse
+MOST_HELD = 400  # unknowns up to which a dense block whose matrix only events change is solved by its inverse
+FACTORISED = 5.0  # cost of a sparse factorisation, relative to one substitution
+SERVES = 50.0  # evaluations between two events: the shortest service that a kept matrix is made for
+INDIRECT = 3.0  # cost of one operation of a sparse elimination or substitution, relative to one of a product
 SEARCH = 6.0  # cost of one operation of pivoted elimination in short loops, relative to an addition
 EACH = 3  # numbers stored per divisor
 
@@ -44,10 +49,11 @@ class Shared:
 
 @dataclass(frozen=True)
 class KeptMatrix:
-    """Where the solution matrix of a block is kept whose matrix only events change, and what it depends on.
+    """Where the solution matrix of a block is kept whose matrix only events change, or its factors, and what it depends on.
 
     At ``place`` stand whether there is one (1; 2 where equations depend on each other), the modes that it was computed for, and its
-    entries: a row per unknown that anything uses, a column per equation that is not zero where all unknowns are.
+    entries: a row per unknown that anything uses, a column per equation that is not zero where all unknowns are. With ``factors``, the
+    sparse ones take the place of the entries, where a solution by them costs less than a product.
     """
 
     place: int
@@ -55,10 +61,34 @@ class KeptMatrix:
     needed: Integers  # unknowns
     rests: tuple[Batch, ...]  # equations that are not zero where all unknowns are; targets: rows
     known: Integers  # their rows
+    factors: EliminationOrder | None
+
+    @property
+    def entries(self) -> int:
+        """Where its entries or factors begin."""
+        return self.place + 1 + len(self.modes)
 
     @property
     def size(self) -> int:
-        return 1 + len(self.modes) + len(self.needed) * len(self.known)
+        stored = len(self.needed) * len(self.known) if self.factors is None else factors_size(self.factors)
+        return 1 + len(self.modes) + stored
+
+    @property
+    def by_rows(self) -> bool:
+        """Whether the rows of the matrix are fewer than its columns, and so are computed one by one."""
+        return len(self.needed) < len(self.known)
+
+    @property
+    def operations(self) -> float:
+        """Cost of one solution, in additions."""
+        if self.factors is not None:
+            return substitution(self.factors)
+        return 2.0 * len(self.needed) * len(self.known)
+
+
+def substitution(order: EliminationOrder) -> float:
+    """Cost of a solution with sparse factors, in additions."""
+    return INDIRECT * (4.0 * order.fill + 2.0 * order.n)
 
 
 @dataclass(frozen=True)
@@ -113,14 +143,20 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
         elif isinstance(step, Newton):
             n = len(step.unknowns)
             kept = None
-            if hold and step.switched and n <= MOST_HELD:
+            order = step.order
+            if hold and step.switched and (n <= MOST_HELD or order is not None):
                 rests = step.rests
                 known = np.unique(np.concatenate([np.empty(0, np.int64), *(b.targets for b in rests)]))
-                kept = KeptMatrix(at, step.modes, np.flatnonzero(used[step.unknowns]), rests, known)
+                kept = KeptMatrix(at, step.modes, np.flatnonzero(used[step.unknowns]), rests, known, None)
+                making = 0.0 if order is None else min(len(kept.needed), len(known)) * substitution(order)
+                if order is not None and kept.operations + making / SERVES > substitution(order):
+                    kept = replace(kept, factors=order)
                 at += kept.size
             held.append(kept)
-            # right-hand sides, matrix, column order
-            scratch = max(scratch, n * n + (2 if kept is None else 2 + len(kept.known)) * n + 1)
+            if order is not None:  # right-hand side, one of the kept matrix, entries, factors
+                scratch = max(scratch, 2 * n + len(order.places) + factors_size(order))
+            else:  # right-hand sides, matrix, column order
+                scratch = max(scratch, n * n + (2 if kept is None else 2 + len(kept.known)) * n + 1)
     end = at + program.n_slots
     memory = len(program.iterated)  # a reference determinant each
     guards = end + scratch + memory
@@ -150,9 +186,10 @@ def operations(program: Program, layout: Layout) -> float:
         elif isinstance(step, Linear):
             total += 2.0 * len(next(needed)) * len(step.known)
         elif (kept := next(held)) is not None:
-            total += 2.0 * len(kept.needed) * len(kept.known) + sum(len(b) * (1 + b.kernel.operations) for b in kept.rests)
+            total += kept.operations + sum(len(b) * (1 + b.kernel.operations) for b in kept.rests)
         else:
-            n = len(step.unknowns)
+            n, order = len(step.unknowns), step.order
             inside = sum(len(b) * (1 + b.kernel.operations) for b in (*step.residuals, *step.jacobian))
-            total += (1 if step.linear else 2) * (inside + SEARCH * (2.0 * n**3 / 3.0 + 2.0 * n**2))
+            elimination = SEARCH * (2.0 * n**3 / 3.0 + 2.0 * n**2) if order is None else FACTORISED * substitution(order)
+            total += (1 if step.linear else 2) * (inside + elimination)
     return total

@@ -16,6 +16,7 @@ from gearlib.native.jacobian import Pattern, jacobian_body, pattern_of, tangent_
 from gearlib.native.layout import Layout, Shared, lay_out
 from gearlib.native.linear_solve import SOLVE
 from gearlib.native.source import HEADER, Body, function, is_small, looped, written_out
+from gearlib.native.sparse_solve import SPARSE_SOLVE
 from gearlib.program.derivative_plan import DerivativePlan
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations
@@ -130,5 +131,5 @@ def compile_scene(
 
 def compile_function(name: str, text: str, body: Body, layout: Layout) -> NativeFunction:
     """Compile one function."""
-    full = HEADER + (SOLVE if "solve(" in text else "") + text
+    full = HEADER + (SOLVE if " solve(" in text else "") + (SPARSE_SOLVE if "sparse_" in text else "") + text
     return NativeFunction(compiled(full, name), body, layout, full)

@@ -19,8 +19,10 @@ from gearlib.equations.kernel import Kernel
 from gearlib.native.consecutive import coefficient_batches, has_runs, run_index, run_lines, starts_of_runs
 from gearlib.native.identifiers import identifiers
 from gearlib.native.layout import EACH, KeptMatrix, Layout
+from gearlib.native.sparse_solve import pattern_array
 from gearlib.program.program import LOST, ROUNDING, Batch, Linear, Newton, Program
 from gearlib.program.text import expression
+from gearlib.structure.elimination_order import EliminationOrder
 
 Integers = NDArray[np.int64]
 VANISHED = 1e-8  # relative to its largest magnitude: a numerator counts as zero together with its divisor
@@ -343,14 +345,20 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
     ``held``: a matrix that only events change is factorised when they have changed it, for a right-hand side per equation that is not
     zero where all unknowns are; until the next change the solution is a product. Dependent equations are eliminated in each evaluation.
     """
-    n = len(step.unknowns)
+    n, order = len(step.unknowns), step.order
     columns = 0 if held is None else len(held.known)
+    sparse = order is not None
     unknowns = body.array(step.unknowns)
     turns = str(2 if step.linear else 25)
+    # behind the right-hand side, at a: the entries; behind these the factors
+    before = n if sparse else n * (1 + columns)
     body.lines += [
-        f"h, z = {body.array([n, step.lead, memory, n * (1 + columns), columns])}, {unknowns}",
+        f"h, z = {body.array([n, step.lead, memory, before, columns])}, {unknowns}",
         "q, lead, a = index[h], index[h + 1], w + index[h + 3]",
     ]
+    if order is not None:
+        body.lines.append(f"pattern, factors = {body.array(pattern_array(order))}, {body.array([len(order.places)])}")
+        body.lines.append("factors = a + index[factors]")
     if held is not None:
         turns = f"0 if data[p] == 1.0 else {turns}"
         body.lines += [
@@ -361,38 +369,74 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
             "        data[p] = 0.0",
             "        data[p + 1 + k] = data[r + index[o + 1 + k]]",
         ]
+        if held.factors is not None:
+            _factors(body, held, step)
+            return
     body.lines += [
         f"for iteration in range({turns}):",
-        "    for k in range(a + q * q - w):",
+        f"    for k in range({'factors - w' if sparse else 'a + q * q - w'}):",
         "        data[w + k] = 0.0",
     ]
     for batch in step.residuals:
         loop(body, batch, "data[w + {target}] += {value}", "    ")
     for batch in step.jacobian:
-        loop(body, batch, "data[a + {target}] += {value}", "    ")
-    sides = "1"
-    if held is not None:
-        sides = "(1 + index[h + 4]) if data[p] == 0.0 else 1"
+        loop(body, entries_of(batch, order), "data[a + {target}] += {value}", "    ")
+    left = "        break" if forgiving else "        return 1"
+    if sparse:
+        determinant = "data[factors]"
         body.lines += [
-            f"    o = {body.array(held.known)}",
-            "    for k in range(index[h + 4]):",
-            "        data[w + q * (1 + k) + index[o + k]] = -1.0",
+            "    sparse_factorise(data, index, pattern, a, factors)",
+            "    if sparse_apply(data, index, pattern, factors, w, 1) != 0:",
+            left,
         ]
-    body.lines += [
-        f"    if solve(data, a, w, q, {sides}, 1, lead) != 0:",
-        "        break" if forgiving else "        return 1",
-    ]
+    else:
+        sides, determinant = "1", "data[w + q + q * q + q]" if held is None else "data[a + q * q + q]"
+        if held is not None:
+            sides = "(1 + index[h + 4]) if data[p] == 0.0 else 1"
+            body.lines += [
+                f"    o = {body.array(held.known)}",
+                "    for k in range(index[h + 4]):",
+                "        data[w + q * (1 + k) + index[o + k]] = -1.0",
+            ]
+        body.lines += [f"    if solve(data, a, w, q, {sides}, 1, lead) != 0:", left]
     if held is not None:
         needed = body.array([len(held.needed), *held.needed])
+        stored = [
+            "for i in range(index[o]):",
+            "    for k in range(index[h + 4]):",
+            "        data[g + i * index[h + 4] + k] = data[w + q * (1 + k) + index[o + 1 + i]]",
+        ]
+        known = ""
+        if sparse:  # one row or column after the other; the matrix's entries are not needed any more
+            known = f", {body.array(held.known)}"
+            if held.by_rows:
+                stored = [
+                    "for i in range(index[o]):",
+                    "    for k in range(q):",
+                    "        data[a + k] = 0.0",
+                    "    data[a + index[o + 1 + i]] = -1.0",
+                    "    sparse_row(data, index, pattern, factors, a)",
+                    "    for k in range(index[h + 4]):",
+                    "        data[g + i * index[h + 4] + k] = data[a + index[c + k]]",
+                ]
+            else:
+                stored = [
+                    "for k in range(index[h + 4]):",
+                    "    for i in range(q):",
+                    "        data[a + i] = 0.0",
+                    "    data[a + index[c + k]] = -1.0",
+                    "    if sparse_apply(data, index, pattern, factors, a, 0) != 0:",
+                    "        return 1",
+                    "    for i in range(index[o]):",
+                    "        data[g + i * index[h + 4] + k] = data[a + index[o + 1 + i]]",
+                ]
         body.lines += [
             "    if data[p] == 0.0:",
             "        data[p] = 2.0",
-            "        if data[a + q * q + q] > -1e299:",
+            f"        if {determinant} > -1e299:",
             "            data[p] = 1.0",
-            f"            g, o = p + 1 + {len(held.modes)}, {needed}",
-            "            for i in range(index[o]):",
-            "                for k in range(index[h + 4]):",
-            "                    data[g + i * index[h + 4] + k] = data[w + q * (1 + k) + index[o + 1 + i]]",
+            f"            g, o{', c' if known else ''} = p + 1 + {len(held.modes)}, {needed}{known}",
+            *(f"            {line}" for line in stored),
             "            break",
         ]
     body.lines += [
@@ -411,7 +455,7 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
         body.lines += [
             f"if not e <= 1e-10 * f + {ROUNDING}:",
             "    return 1",
-            "h, s = index[h + 2], data[w + q + q * q + q]",
+            f"h, s = index[h + 2], {determinant}",
             "if data[h] == 0.0:",
             "    data[h] = s if s != 0.0 else 1e-9",
             f"elif s < data[h] - {SMALLER_CONSTRAINED if step.constrained else SMALLER}:",
@@ -419,20 +463,37 @@ def _newton(body: Body, step: Newton, memory: int, forgiving: bool, held: KeptMa
         ]
 
 
+def entries_of(batch: Batch, order: EliminationOrder | None) -> Batch:
+    """A batch of a block's matrix whose targets are the numbers of its entries, where it is sparse."""
+    return batch if order is None else replace(batch, targets=order.entries(batch.targets))
+
+
+def _factors(body: Body, held: KeptMatrix, step: Newton) -> None:
+    """All unknowns, by sparse factors that are kept between events."""
+    body.lines += [
+        f"g = p + 1 + {len(held.modes)}",
+        "if data[p] == 0.0:",
+        "    for k in range(factors - a):",
+        "        data[a + k] = 0.0",
+    ]
+    for batch in step.jacobian:
+        loop(body, entries_of(batch, step.order), "data[a + {target}] += {value}", "    ")
+    body.lines += ["    sparse_factorise(data, index, pattern, a, g)", "    data[p] = 1.0"]
+    _rests(body, held, step)
+    chosen = body.array([len(held.needed), *np.column_stack([step.unknowns[held.needed], held.needed]).ravel()])
+    body.lines += [
+        "if sparse_apply(data, index, pattern, g, w, 1) != 0:",
+        "    return 1",
+        f"o = {chosen}",
+        "for k in range(index[o]):",
+        "    data[v + index[o + 1 + 2 * k]] = -data[w + index[o + 2 + 2 * k]]",
+    ]
+
+
 def _product(body: Body, held: KeptMatrix, step: Newton) -> list[str]:
     """The unknowns that are used, by the solution matrix at hand."""
     before, body.lines = body.lines, []
-    inside = [b.arguments[np.isin(b.arguments, step.unknowns) & (b.argument_signs != 0)] for b in held.rests]
-    zeros = np.unique(np.concatenate([np.empty(0, np.int64), *inside]))
-    body.lines += [
-        f"o = {body.array([len(zeros), *zeros])}",
-        "for k in range(index[o]):",
-        "    data[v + index[o + 1 + k]] = 0.0",
-        "for k in range(index[h + 4]):",
-        "    data[w + k] = 0.0",
-    ]
-    for batch in held.rests:
-        loop(body, replace(batch, targets=np.searchsorted(held.known, batch.targets)), "data[w + {target}] += {value}")
+    _rests(body, held, step)
     targets = step.unknowns[held.needed]
     body.lines += [
         f"g, o, c = p + 1 + {len(held.modes)}, {body.array([len(targets), *targets])}, index[h + 4]",
@@ -444,6 +505,22 @@ def _product(body: Body, held: KeptMatrix, step: Newton) -> list[str]:
     ]
     found, body.lines = body.lines, before
     return found
+
+
+def _rests(body: Body, held: KeptMatrix, step: Newton) -> None:
+    """Residuals where all unknowns are zero: one per known row for a product, one per row for factors."""
+    inside = [b.arguments[np.isin(b.arguments, step.unknowns) & (b.argument_signs != 0)] for b in held.rests]
+    zeros = np.unique(np.concatenate([np.empty(0, np.int64), *inside]))
+    body.lines += [
+        f"o = {body.array([len(zeros), *zeros])}",
+        "for k in range(index[o]):",
+        "    data[v + index[o + 1 + k]] = 0.0",
+        f"for k in range({'index[h + 4]' if held.factors is None else 'q'}):",
+        "    data[w + k] = 0.0",
+    ]
+    for batch in held.rests:
+        rows = np.searchsorted(held.known, batch.targets) if held.factors is None else batch.targets
+        loop(body, replace(batch, targets=rows), "data[w + {target}] += {value}")
 
 
 def function(name: str, arguments: Sequence[str], body: Body, part: int) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from gearlib.program.program import ROUNDING, Batch, Linear, Newton, Program
 from gearlib.program.scalars import constants
 from gearlib.recent import recent
 from gearlib.reduce.reduction import Structure
+from gearlib.structure.sparse_elimination import factorise
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -302,7 +303,7 @@ def _solve_block(step: Newton, prepared: Prepared, t: Floats, slots: Floats, rel
     if step.linear or (guess is not None and guess.ndim == 2):
         # linear blocks start from zero: a guess costs digits of small unknowns, and undetermined ones shall be zero
         start = np.zeros((n, times)) if step.linear or guess is None else guess[step.unknowns]
-        together = max(1, ENTRIES // n**2)
+        together = max(1, ENTRIES // (n**2 if n <= MOST_DENSE or step.order is None else len(step.order.places)))
         for first in range(0, times, together):
             here = slice(first, first + together)
             _iterate(step, prepared, t[here], slots[:, here], relations[:, here], start[:, here])
@@ -321,6 +322,21 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
     def equations(z: Floats) -> tuple[Floats, Correction]:
         here, flags, now = slots[:, left], relations[:, left], t[left]
         here[step.unknowns] = z[:, left]
+        order = step.order if n > MOST_DENSE else None
+        if order is not None:
+            batches = [replace(b, targets=order.entries(b.targets)) for b in step.jacobian]
+            entries = assemble(batches, now, here, prepared.parameters, flags, len(order.places))
+
+            def sparse_correction(residual: Floats) -> Floats:
+                change = np.zeros_like(z)
+                for i, column in enumerate(left.tolist()):
+                    own = z[:, column], float(now[i])
+                    change[:, column] = _sparse_step(
+                        step, prepared.structure, order.matrix(entries[:, i]), residual[:, i], *own
+                    )
+                return change
+
+            return assemble(step.residuals, now, here, prepared.parameters, flags, n), sparse_correction
         matrix = assemble(step.jacobian, now, here, prepared.parameters, flags, n * n).T.reshape(-1, n, n)
 
         def correction(residual: Floats) -> Floats:
@@ -360,12 +376,31 @@ def _iterate(step: Newton, prepared: Prepared, t: Floats, slots: Floats, relatio
         )
 
 
-def _singular_step(step: Newton, structure: Structure, matrix: Floats, residual: Floats, z: Floats, t: float) -> Floats:
-    """Minimum-norm Newton step for a singular matrix; a perturbation where a residual remains (x**2 = 4 at x = 0)."""
-    finite = bool(np.isfinite(matrix).all() and np.isfinite(residual).all())
+def _sparse_step(step: Newton, structure: Structure, matrix: Any, residual: Floats, z: Floats, t: float) -> Floats:
+    """Newton step of a large block."""
+    from scipy.sparse.linalg import splu
+
+    try:
+        factors = splu(matrix)
+    except RuntimeError:
+        return _singular_step(step, structure, matrix, residual, z, t)
+    diagonal = np.abs(factors.U.diagonal())
+    if not diagonal.min() > SINGULAR * diagonal.max():
+        return _singular_step(step, structure, matrix, residual, z, t)
+    return np.asarray(factors.solve(residual), float)
+
+
+def _singular_step(step: Newton, structure: Structure, matrix: Any, residual: Floats, z: Floats, t: float) -> Floats:
+    """A Newton step for a singular matrix (dense: of minimum norm); a perturbation where a residual remains (x**2 = 4 at x = 0)."""
+    dense = isinstance(matrix, np.ndarray)
+    finite = bool(np.isfinite(matrix if dense else matrix.data).all() and np.isfinite(residual).all())
     change: Floats = np.zeros(len(z))
     if finite:
-        change = np.asarray(np.linalg.lstsq(matrix, residual, rcond=None)[0], np.float64)
+        change = (
+            np.asarray(np.linalg.lstsq(matrix, residual, rcond=None)[0], np.float64)
+            if dense
+            else factorise(matrix).solve(residual)
+        )
     if not finite or np.abs(residual - matrix @ change).max() > 1e-9 * np.abs(residual).max():
         if step.linear or not finite:
             raise SolverError(

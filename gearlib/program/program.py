@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.equations.kernel import Kernel, derivative_of, rest_of, without_columns
+from gearlib.structure.elimination_order import EliminationOrder, elimination_order
 from gearlib.structure.incidence import Node
 
 Integers = NDArray[np.int64]
@@ -22,6 +23,8 @@ Floats = NDArray[np.float64]
 
 
 LOST = 1e6  # ratio of the change of a linear block's solution to the solution beyond which too few digits are left: solve again from there
+LARGE = 24  # unknowns from which a block is eliminated by its sparsity pattern
+SPARSE = 0.25  # of the entries: a block with more is eliminated as a dense one
 ROUNDING = 1e-12  # change of an unknown that may be pure rounding: unknowns near zero have no relative accuracy
 
 
@@ -159,6 +162,15 @@ class Newton:
     def modes(self) -> Integers:
         """Entries of the discrete state that the matrix depends on."""
         return np.unique(np.concatenate([np.empty(0, np.int64), *(b.relations.ravel() for b in self.jacobian)]))
+
+    @cached_property
+    def order(self) -> EliminationOrder | None:
+        """Order in which the matrix is eliminated by its sparsity pattern; None where it is small or dense."""
+        n = len(self.unknowns)
+        if n < LARGE:
+            return None
+        targets = np.unique(np.concatenate([b.targets for b in self.jacobian]))
+        return elimination_order(n, targets) if len(targets) <= SPARSE * n * n else None
 
     @cached_property
     def rests(self) -> tuple[Batch, ...]:

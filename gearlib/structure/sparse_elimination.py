@@ -145,8 +145,11 @@ def _scales(matrix: Any) -> tuple[Floats, Floats]:
     return row, column
 
 
-def independent(scaled: Any) -> tuple[Integers, Integers]:
-    """Rows and columns of a maximal nonsingular square submatrix, for a matrix with entries up to about 1."""
+def independent(scaled: Any, safe: float = SAFE, exchange: float = EXCHANGE) -> tuple[Integers, Integers]:
+    """Rows and columns of a maximal nonsingular square submatrix, for a matrix with entries up to about 1.
+
+    They are in the order of elimination. Where only the pattern matters, any pivot will do: small ``safe`` and ``exchange``.
+    """
     lines = _lines(scaled)
     users = holders_of(lines)
     chosen: list[tuple[int, int]] = []
@@ -158,7 +161,7 @@ def independent(scaled: Any) -> tuple[Integers, Integers]:
         line = lines[i]
         if i in done or length != len(line):
             continue  # outdated: it is in the queue again
-        pivot = _pivot(line, users)
+        pivot = _pivot(line, users, safe, exchange)
         if pivot is None or (length - 1) * (len(users[pivot]) - 1) > DENSE:
             continue
         done.add(i)
@@ -179,12 +182,12 @@ def _lines(scaled: Any) -> dict[int, dict[int, float]]:
     return {i: dict(zip(columns[start:end], values[start:end], strict=True)) for i, (start, end) in enumerate(ends)}
 
 
-def _pivot(line: dict[int, float], users: Mapping[int, set[int]]) -> int | None:
+def _pivot(line: dict[int, float], users: Mapping[int, set[int]], safe: float, exchange: float) -> int | None:
     """Pivot column of a row: among its large entries, the column with the fewest rows."""
     largest = max(map(abs, line.values()), default=0.0)
-    if largest < SAFE:
+    if largest < safe:
         return None
-    least = EXCHANGE * largest
+    least = exchange * largest
     return min((j for j, v in line.items() if abs(v) >= least), key=lambda j: len(users[j]))
 
 

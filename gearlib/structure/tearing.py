@@ -7,6 +7,7 @@ in the most equations becomes a tearing variable (F. E. Cellier and E. Kofman, "
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -53,23 +54,39 @@ def tear(rows: Sequence[Mapping[int, bool]]) -> Tearing:
     open_rows = set(range(n))
     order: list[tuple[int, int]] = []
     tears: list[int] = []
-    assigned: set[int] = set()
-
-    def settle(column: int) -> None:
-        for r in holders.get(column, []):
-            unknown[r].discard(column)
-
-    while len(assigned) + len(tears) < n:
-        ready = [r for r in sorted(open_rows) if len(unknown[r]) == 1 and rows[r][next(iter(unknown[r]))]]
-        if ready:
-            r = ready[0]
-            column = next(iter(unknown[r]))
-            order.append((r, column))
-            open_rows.remove(r)
-            assigned.add(column)
+    settled: set[int] = set()
+    open_holders = [len(holders.get(c, ())) for c in range(n)]
+    most = [
+        (-count, c) for c, count in enumerate(open_holders)
+    ]  # counts only fall: an outdated one is corrected when it is met
+    heapq.heapify(most)
+    ready = [r for r in range(n) if len(unknown[r]) == 1]
+    while len(settled) < n:
+        solved = -1
+        while ready and solved < 0:
+            r = heapq.heappop(ready)
+            if r in open_rows and len(unknown[r]) == 1 and rows[r][next(iter(unknown[r]))]:
+                solved = r
+        if solved >= 0:
+            column = next(iter(unknown[solved]))
+            order.append((solved, column))
+            open_rows.remove(solved)
+            for c in rows[solved]:
+                open_holders[c] -= 1
         else:
-            left = [c for c in range(n) if c not in assigned and c not in tears]
-            column = max(left, key=lambda c: (sum(r in open_rows for r in holders.get(c, [])), -c))
+            column = -1
+            while column < 0:
+                count, c = heapq.heappop(most)
+                if c in settled:
+                    continue
+                if -count == open_holders[c]:
+                    column = c
+                else:
+                    heapq.heappush(most, (-open_holders[c], c))
             tears.append(column)
-        settle(column)
+        settled.add(column)
+        for r in holders.get(column, ()):
+            unknown[r].discard(column)
+            if len(unknown[r]) == 1:
+                heapq.heappush(ready, r)
     return Tearing((*(r for r, _ in order), *sorted(open_rows)), (*(c for _, c in order), *tears), len(order))

@@ -45,3 +45,11 @@ def test_order_is_deterministic():
     assert tear(rows) == tear(rows)
     with pytest.raises(AttributeError):
         tear(rows).lead = 2  # type: ignore[misc]
+
+
+def test_the_work_grows_with_the_equations():
+    """A star of thousands of loops that each need a tearing variable of their own."""
+    n = 3000
+    loops = [{2 * (i // 2): True, 2 * (i // 2) + 1: True, 2 * n: False} for i in range(2 * n)]
+    t = tear([*loops, dict.fromkeys([*range(0, 2 * n, 2), 2 * n], True)])
+    assert len(t.tears) == n

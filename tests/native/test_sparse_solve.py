@@ -1,0 +1,99 @@
+"""Sparse factorisation of large blocks in native code, against numpy's dense one."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gearlib.compiler.object_code import compiled
+from gearlib.native.source import HEADER
+from gearlib.native.sparse_solve import SPARSE_SOLVE, factors_size, pattern_array
+from gearlib.structure.elimination_order import EliminationOrder, elimination_order
+
+CALL = '''
+def call(t: float, x: floats, dx: floats, data: floats, index: ints) -> int32:
+    """Right-hand side first, then entries, then factors."""
+    n, entries = int(x[0]), int(x[1])
+    sparse_factorise(data, index, 0, n, n + entries)
+    return sparse_apply(data, index, 0, n + entries, 0, 1)
+'''
+
+
+def solved(order: EliminationOrder, matrix: np.ndarray[Any, Any], right: np.ndarray[Any, Any]) -> tuple[int, Any, float, float]:
+    """Status, solution, logarithm of the determinant, entries of the lower factor."""
+    n, entries = order.n, len(order.places)
+    data = np.concatenate([right, matrix.ravel()[order.places], np.zeros(factors_size(order))])
+    sizes, index = np.array([n, entries], float), pattern_array(order)
+    function = compiled(HEADER + SPARSE_SOLVE + CALL, "call")
+    call = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, *[ctypes.c_void_p] * 4)(function.address)
+    status = call(0.0, sizes.ctypes.data, sizes.ctypes.data, data.ctypes.data, index.ctypes.data)
+    fill = float(data[n + entries + 2 + 11 * n])
+    return status, data[:n], float(data[n + entries]), fill
+
+
+def pattern(rng: np.random.Generator, n: int, density: float) -> np.ndarray[Any, Any]:
+    mask = rng.random((n, n)) < density
+    mask[np.arange(n), rng.permutation(n)] = True
+    return mask
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_matrices(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 60))
+    mask = pattern(rng, n, float(rng.choice([0.02, 0.1, 0.4])))
+    order = elimination_order(n, np.flatnonzero(mask))
+    for _ in range(5):  # many entries may be zero, as those of friction in other modes
+        matrix = np.where(mask, rng.normal(size=(n, n)) * 10.0 ** rng.uniform(-3, 3, (n, 1)), 0.0)
+        right = rng.normal(size=n)
+        status, found, determinant, _ = solved(order, matrix, right)
+        assert status == 0
+        error = np.abs(matrix @ found - right) / (np.abs(matrix) @ np.abs(found) + np.abs(right))
+        assert error.max() < 1e-11
+        assert determinant == pytest.approx(np.linalg.slogdet(matrix)[1], abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_dependent_equations_are_left_out_where_they_agree(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    n = int(rng.integers(5, 40))
+    mask = pattern(rng, n, 0.1)
+    mask[1] |= mask[0]
+    mask[2] |= mask[0]
+    order = elimination_order(n, np.flatnonzero(mask))
+    matrix = np.where(mask, rng.integers(-3, 4, (n, n)), 0.0).astype(float)
+    matrix[2] = 2.0 * matrix[0]
+    right = matrix @ rng.integers(-3, 4, n)
+    status, found, determinant, _ = solved(order, matrix, right)
+    assert status == 0
+    assert determinant < -1e299
+    assert matrix @ found == pytest.approx(right, abs=1e-9)
+    right[2] += 1.0
+    assert solved(order, matrix, right)[0] == 1
+
+
+def test_factors_of_a_star_grow_with_its_branches() -> None:
+    """Whichever of its equations each branch is solved by: modes chosen at random."""
+    rng, fills = np.random.default_rng(1), []
+    for n in (20, 200):
+        size, i = 2 * n + 1, np.arange(n)
+        mask = np.zeros((size, size), bool)
+        mask[2 * i, 2 * i] = mask[2 * i, 2 * i + 1] = mask[2 * i + 1, 2 * i] = mask[2 * i + 1, 2 * i + 1] = True
+        mask[2 * i + 1, -1] = mask[-1, 2 * i] = mask[-1, -1] = True
+        order = elimination_order(size, np.flatnonzero(mask))
+        most = 0.0
+        for _ in range(5):
+            matrix = np.where(mask, rng.normal(size=(size, size)), 0.0)
+            stuck = rng.random(n) < 0.5
+            matrix[2 * i[stuck], 2 * i[stuck]] = 0.0
+            matrix[2 * i[~stuck] + 1, 2 * i[~stuck] + 1] = 1e-25
+            right = rng.normal(size=size)
+            status, found, _, fill = solved(order, matrix, right)
+            assert status == 0
+            assert matrix @ found == pytest.approx(right, abs=1e-8)
+            most = max(most, fill)
+        fills.append(most)
+    assert fills[1] < 15 * fills[0]
