@@ -72,7 +72,7 @@ def class_record(component: Component, met: Met | None = None) -> ClassRecord:
 def _written(action: Eq | When | Reinit, name: str) -> tuple[Any, ...]:
     """Hashable form of an equation: its sides as sympy expressions."""
     if isinstance(action, When):
-        return (action.condition, *(_written(a, name) for a in action.actions))
+        return tuple((branch.condition, *(_written(a, name) for a in branch.actions)) for branch in action.branches)
     if isinstance(action, Reinit):
         return action.state, action.value, "reinit"
     for side in (action.left, action.right):

@@ -69,7 +69,7 @@ def split_equations(
             expression = expression.xreplace({found > 0: samples[found], found: value_of(samples[found])})
         return expression
 
-    def action(given: Any, due: Any) -> None:
+    def action(given: Any, due: Any, ways: dict[str, list[tuple[Any, Any]]]) -> None:
         if isinstance(given, Reinit):
             target = getattr(given.state, "name", str(given.state))
             if target not in variables:
@@ -84,30 +84,44 @@ def split_equations(
                     f"{name}: {given.left} = {given.right} in When: the new value is given by itself; the value before the event is "
                     f"gl.pre(self.{given.left})"
                 )
-            values.append((given.left.name, sympy.Piecewise((new, due), (pre(given.left), True)), False))
+            ways.setdefault(given.left.name, []).append((new, due))
         else:
             raise DeclarationError(
                 f"{name}: {shown(given)} in When: expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)"
             )
 
+    def when(branch: When, earlier: list[Any]) -> dict[str, list[tuple[Any, Any]]]:
+        """New values of the discrete variables that a branch assigns, with their conditions; ``earlier`` branches take precedence."""
+        hidden = sympy.Symbol(f"when_{sum(n.startswith('when_') for n in known)}", real=True)
+        condition = value_of(branch.condition, f"{name}: the condition of When")
+        at_start = any(symbol.name == "initial()" for symbol in condition.free_symbols)
+        if not condition.has(Sample) and all(is_parameter(symbol.name) for symbol in condition.free_symbols):
+            raise DeclarationError(
+                f"{name}: When({branch.condition}): the condition holds parameters only, and never becomes true during a run; "
+                "gl.initial() holds at the start"
+            )
+        known[hidden.name] = Discrete("condition of a When", start=0.0 if at_start or condition.has(Sample) else 1.0)
+        values.append((hidden.name, condition, False))
+        if at_start and any(isinstance(given, Reinit) for given in branch.actions):
+            raise DeclarationError(f"{name}: reinit in a When of gl.initial(): give the state a start value instead, start=...")
+        became = sympy.And(holds(hidden), sympy.Not(holds(pre(hidden))))
+        ways: dict[str, list[tuple[Any, Any]]] = {}
+        for given in branch.actions:
+            action(given, sympy.And(became, *map(sympy.Not, earlier)), ways)
+        earlier.append(became)
+        return ways
+
     for equation in equations:
         if isinstance(equation, When):
-            hidden = sympy.Symbol(f"when_{sum(n.startswith('when_') for n in known)}", real=True)
-            condition = value_of(equation.condition, f"{name}: the condition of When")
-            at_start = any(symbol.name == "initial()" for symbol in condition.free_symbols)
-            if not condition.has(Sample) and all(is_parameter(symbol.name) for symbol in condition.free_symbols):
-                raise DeclarationError(
-                    f"{name}: When({equation.condition}): the condition holds parameters only, and never becomes true during a run; "
-                    "gl.initial() holds at the start"
-                )
-            known[hidden.name] = Discrete("condition of a When", start=0.0 if at_start or condition.has(Sample) else 1.0)
-            values.append((hidden.name, condition, False))
-            if at_start and any(isinstance(given, Reinit) for given in equation.actions):
-                raise DeclarationError(
-                    f"{name}: reinit in a When of gl.initial(): give the state a start value instead, start=..."
-                )
-            for given in equation.actions:
-                action(given, sympy.And(holds(hidden), sympy.Not(holds(pre(hidden)))))
+            earlier: list[Any] = []
+            chosen: dict[str, list[tuple[Any, Any]]] = {}
+            for branch in equation.branches:
+                for target, found in when(branch, earlier).items():
+                    chosen.setdefault(target, []).append(found[0])
+                    values += [(target, sympy.Piecewise(way, (pre(real_symbol(target)), True)), False) for way in found[1:]]
+            values += [
+                (target, sympy.Piecewise(*found, (pre(real_symbol(target)), True)), False) for target, found in chosen.items()
+            ]
         elif getattr(equation.left, "name", "") in known:
             values.append((equation.left.name, value_of(equation.right, f"{name}: the value of {equation.left}"), False))
         else:

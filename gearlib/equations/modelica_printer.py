@@ -64,6 +64,21 @@ def modelica_text(expression: Any, naming: Naming = modelica_name) -> str:
     return _Printer(naming).text(sympy.sympify(expression) if isinstance(expression, (int, float)) else expression)
 
 
+def condition_text(value: Any, naming: Naming = modelica_name) -> str:
+    """A value that is 1 or 0 as a condition in Modelica text.
+
+    Examples
+    --------
+    >>> import gearlib as gl
+    >>> w = real_symbol("w")
+    >>> condition_text(gl.Piecewise((1, w > 2), (0, True))), condition_text(w), condition_text(sympy.Integer(1))
+    ('w > 2', 'w > 0.5', 'true')
+    """
+    if isinstance(value, sympy.Piecewise) and [v for v, _ in value.args] == [1, 0]:
+        return modelica_text(value.args[0][1], naming)
+    return modelica_text(value > sympy.Rational(1, 2) if value.is_Number else value > 0.5, naming)
+
+
 class _Printer:
     """Prints expressions, with names of symbols given by a function."""
 

@@ -88,7 +88,8 @@ def description_3(d: Description) -> bytes:
     if "me" in d.kinds:
         SubElement(root, "ModelExchange", {**common, "needsCompletedIntegratorStep": "true"})
     if "cs" in d.kinds:
-        SubElement(root, "CoSimulation", {**common, "canHandleVariableCommunicationStepSize": "true"})
+        more = {"canHandleVariableCommunicationStepSize": "true", "providesIntermediateUpdate": "true"}
+        SubElement(root, "CoSimulation", common | more)
     _heads(root, d)
     variables = SubElement(root, "ModelVariables")
     for v in known.listed:
@@ -96,6 +97,7 @@ def description_3(d: Description) -> bytes:
             variables, "Float64", {
                 "name": v.name, "valueReference": str(v.reference), "causality": v.causality, "variability": v.variability,
                 **({"initial": v.initial} if v.initial else {}), **_attributes(v, v.derivative),
+                **({"intermediateUpdate": "true"} if v.causality == "input" and "cs" in d.kinds else {}),
             },
         )  # fmt: skip
         assert element is not None

@@ -123,9 +123,10 @@ def values_compared(component: Component, equations: Iterable[Eq | When]) -> Ite
         if isinstance(equation, Eq):
             yield equation.left, equation.right, ""
             continue
-        yield equation.condition, 0, ""
-        for action in equation.actions:
-            yield (action.state, action.value, "") if isinstance(action, Reinit) else (action.left, action.right, "")
+        for branch in equation.branches:
+            yield branch.condition, 0, ""
+            for action in branch.actions:
+                yield (action.state, action.value, "") if isinstance(action, Reinit) else (action.left, action.right, "")
     with inside(component):
         for name, declared in declarations_of(component).items():
             if isinstance(declared, Derivative) and declared.of in declarations_of(component):

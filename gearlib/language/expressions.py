@@ -273,18 +273,25 @@ class When:
     condition : relation or Boolean expression of relations
     *actions : Eq or reinit
         Equations of discrete variables, and new values of states.
+    elsewhen : When, optional
+        Another one that may assign the same variables; it does nothing at an instant at which this condition becomes true.
 
     Examples
     --------
     A bouncing ball, in the equations of a component::
 
         gl.When(self.h < 0, gl.reinit(self.v, -0.8 * self.v), gl.Eq(self.bounces, gl.pre(self.bounces) + 1))
+
+    A gear shifted up and down::
+
+        gl.When(self.w > 200, gl.Eq(self.gear, 2), elsewhen=gl.When(self.w < 80, gl.Eq(self.gear, 1)))
     """
 
     condition: Any
     actions: tuple[Eq | Reinit, ...]
+    elsewhen: When | None = None
 
-    def __init__(self, condition: Any, *actions: Eq | Reinit) -> None:
+    def __init__(self, condition: Any, *actions: Eq | Reinit, elsewhen: When | None = None) -> None:
         found = as_condition(condition, "the condition of When()")
         if isinstance(found, BooleanAtom):
             raise DeclarationError(
@@ -296,8 +303,16 @@ class When:
                 raise DeclarationError(
                     f"When() is given {shown(action)}; expected gl.Eq(discrete variable, ...) or gl.reinit(state, ...)"
                 )
+        if elsewhen is not None and not isinstance(elsewhen, When):
+            raise DeclarationError(f"When(): elsewhen is {shown(elsewhen)}; expected another gl.When(condition, ...)")
         object.__setattr__(self, "condition", found)
         object.__setattr__(self, "actions", actions)
+        object.__setattr__(self, "elsewhen", elsewhen)
+
+    @property
+    def branches(self) -> tuple[When, ...]:
+        """The condition and actions, and those that follow as ``elsewhen``, in order of precedence."""
+        return (self, *(() if self.elsewhen is None else self.elsewhen.branches))
 
 
 def reinit(state: Any, value: Any) -> Reinit:

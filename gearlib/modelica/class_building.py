@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -27,6 +27,7 @@ from gearlib.modelica.evaluation import Evaluation
 from gearlib.modelica.part_building import STATE_SELECT, PartMaker, chosen
 from gearlib.modelica.scopes import ClassScope
 from gearlib.modelica.syntax_tree import (
+    ArrayNode,
     CallNode,
     ClassNode,
     ComponentNode,
@@ -103,6 +104,7 @@ class _Maker:
         self.starting: list[
             tuple[str, Callable[[Evaluation], Any]]
         ] = []  # hidden variables that start at 0, and the expressions that they equal
+        self.parts, self.signals = _in_order_of_use(self.members)
 
     # ------------------------------------------------------------ the class
 
@@ -121,6 +123,7 @@ class _Maker:
                     members.update(self._redeclared(counterpart, name, m))
         self._initial_equations()
         members |= {name: Variable("any", "what a start value is held to", start=0.0) for name, _ in self.starting}
+        members |= {name: Variable("any", "signal bound to an input") for name in self.signals}
         bases = tuple(dict.fromkeys(c.component for c, _ in self.content.library_bases)) or (Component,)
         functions = {"equations": self._equations(), "assemble": self._assemble()}
         about = {
@@ -287,6 +290,13 @@ class _Maker:
                     found.append(Eq(left, replace(e, scope=member.element.scope).number(member.default)))
             for name, difference in self.starting:
                 found.append(Eq(getattr(component, name), difference(e)))
+            for name, (node, scope) in self.signals.items():
+                value = replace(e, scope=scope).number(node)
+                if isinstance(value, tuple):
+                    raise ModelicaError(
+                        f"{node.at}: an array of signals of parts that follow; give each by itself, or connect them"
+                    )
+                found.append(Eq(getattr(component, name), value))
             for stated in self.content.equations:
                 found += equations_from(stated.node, replace(e, scope=stated.scope))
             return found
@@ -296,7 +306,7 @@ class _Maker:
     def _assemble(self) -> Callable[[Component], list[Connection]]:
         def assemble(component: Component) -> list[Connection]:
             e = self.evaluation(component)
-            for name, member in _in_order_of_use(self.members):
+            for name, member in self.parts:
                 self._add_part(component, name, member, replace(e, scope=member.element.scope))
             found: list[Connection] = []
             for stated in self.content.equations:
@@ -340,17 +350,46 @@ def _check_name(name: str, node: SyntaxNode) -> None:
         raise ModelicaError(f"{node.at}: the name '{name}' is reserved; give it another one")
 
 
-def _in_order_of_use(members: Mapping[str, Member]) -> list[tuple[str, Member]]:
-    """The parts, each after those that its modifications refer to."""
+def _in_order_of_use(
+    members: Mapping[str, Member],
+) -> tuple[list[tuple[str, Member]], dict[str, tuple[SyntaxNode, ClassScope]]]:
+    """The parts, each after those that its modifications refer to; and signals between parts that refer to each other.
+
+    Where parts are joined to a loop, the values that refer to later parts are variables of the class, with equations of their own.
+    """
     waiting = {name: m for name, m in members.items() if m.kind == "part"}
-    needs = {
-        name: _names_in_modifications(m.element.modifications.values()) & waiting.keys() - {name} for name, m in waiting.items()
-    }
+    needs = {name: _names_in_modifications(m.element.modifications.values()) & waiting.keys() for name, m in waiting.items()}
     ordered: list[tuple[str, Member]] = []
+    signals: dict[str, tuple[SyntaxNode, ClassScope]] = {}
     while waiting:
-        ready = [name for name in waiting if not needs[name] & waiting.keys()] or list(waiting)[:1]
+        ready = [name for name in waiting if not needs[name] & waiting.keys()]
+        if not ready:
+            name = min(waiting, key=lambda name: len(needs[name] & waiting.keys() - {name}))
+            waiting[name] = _opened(name, waiting[name], waiting.keys(), signals)
+            ready = [name]
         ordered += [(name, waiting.pop(name)) for name in ready]
-    return ordered
+    return ordered, signals
+
+
+def _opened(name: str, member: Member, later: Collection[str], signals: dict[str, tuple[SyntaxNode, ClassScope]]) -> Member:
+    """A part whose values refer to hidden signals instead of to later parts."""
+
+    def without(node: SyntaxNode, path: str) -> SyntaxNode:
+        if not _names_in(node) & set(later):
+            return node
+        if isinstance(node, ArrayNode):
+            return replace(node, items=tuple(without(item, f"{path}_{k}") for k, item in enumerate(node.items)))
+        hidden = f"{path}_signal"
+        signals[hidden] = node, member.element.scope
+        return ReferenceNode(node.at, (hidden,), ((),))
+
+    def opened(m: Modification, path: str) -> Modification:
+        path = f"{path}_{'_'.join(m.name)}"
+        value = None if m.value is None else without(m.value, path)
+        return replace(m, value=value, inner=tuple(opened(inner, path) for inner in m.inner))
+
+    found = {key: opened(m, name) for key, m in member.element.modifications.items()}
+    return replace(member, element=replace(member.element, modifications=found))
 
 
 def _names_in_modifications(modifications: Any) -> set[str]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gearlib.equations.modelica_printer import modelica_name, modelica_text
+from gearlib.equations.modelica_printer import condition_text, modelica_name, modelica_text
 from gearlib.errors import ModelicaError
 from gearlib.flatten.signals import joined_signals
 from gearlib.language.component import (
@@ -20,7 +20,7 @@ from gearlib.language.component import (
 )
 from gearlib.language.declarations import NO_VALUE, Connector, Discrete, Flow, Input, Parameter, Variable, declared_by
 from gearlib.language.delayed import Delayed
-from gearlib.language.expressions import Eq, Reinit, When, time, value_of
+from gearlib.language.expressions import Eq, Reinit, When, pre, time, value_of
 from gearlib.language.interior import connections_of, parts_of
 from gearlib.language.sampled import Sampled
 from gearlib.language.tabulated import Tabulated
@@ -28,6 +28,7 @@ from gearlib.modelica.counterparts import Counterpart, standard_library
 from gearlib.modelica.lexer import KEYWORDS
 
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]$")
+_ELEMENT_OF_PART = re.compile(r"(\w+)\[(\d+)\]\.(\w+)$")
 _TAKEN = KEYWORDS | {"Real", "Integer", "Boolean", "String", "time", "StateSelect"}
 
 
@@ -177,7 +178,26 @@ class ClassText:
     def text(self, value: Any) -> str:
         if isinstance(value, Tabulated):
             value = value.expression(time, True)
-        return modelica_text(value_of(value), self.naming)
+        return modelica_text(value_of(value), self.number)
+
+    def is_truth(self, name: str) -> bool:
+        """Whether a signal, by its path from the component, is true or false in Modelica."""
+        part, _, local = name.rpartition(".")
+        found = self.counterparts.get(part)
+        return found is not None and local in found[1].truths
+
+    def number(self, name: str) -> str:
+        """Text of a signal as a number."""
+        return f"(if {self.naming(name)} then 1 else 0)" if self.is_truth(name) else self.naming(name)
+
+    def given(self, target: str, value: Any) -> str:
+        """Text of a value for an input, by its path from the component."""
+        if not self.is_truth(target):
+            return self.text(value)
+        value = value_of(value)
+        if value.is_Symbol and self.is_truth(value.name):
+            return self.naming(value.name)
+        return condition_text(value, self.number)
 
     # ------------------------------------------------------------ the class
 
@@ -306,7 +326,7 @@ class ClassText:
                 at(choice).value = _choice_text(found[1], choice, value)
         for own, value in given.values.items():
             if value is not None and own not in joined:
-                at(own).value = self.text(value)
+                at(own).value = self._value_of_part(name, own, value)
         for own, source in joined.items():
             at(own).value = source
         starts = [(given.guess, False, self.text), (given.start, True, self.text)]
@@ -327,6 +347,16 @@ class ClassText:
             at(path).within(["stateSelect"]).value = f"StateSelect.{value}"
         self._lift(name, part, given.values, joined, at)
         return change
+
+    def _value_of_part(self, name: str, own: str, value: Any) -> str:
+        """Text of a value given to a part."""
+        found = self.counterparts[name]
+        converted = {} if found is None else found[1].converted
+        if found is not None and (modelica := standard_library().outward(found[1]).get(own, own)) in converted:
+            value = converted[modelica][1](value)
+        if isinstance(value, tuple):
+            return f"{{{', '.join(map(self.text, value))}}}"
+        return self.given(f"{name}.{own}", value)
 
     def _lift(self, name: str, part: Component, values: Mapping[str, Any], joined: Mapping[str, str], at: Any) -> None:
         """Turn unbound inputs of parts into inputs of the class."""
@@ -352,9 +382,9 @@ class ClassText:
         found: dict[str, dict[str, str]] = {}
         for target, local, source in joined_signals(self.component, ""):
             if target is self.component:
-                found.setdefault("", {})[local] = self.naming(str(source))
+                found.setdefault("", {})[local] = self.number(str(source))
             elif id(target) in names:
-                found.setdefault(names[id(target)], {})[local] = self.naming(str(source))
+                found.setdefault(names[id(target)], {})[local] = self.given(f"{names[id(target)]}.{local}", source)
             else:
                 raise ModelicaError(f"{local} of a part within a part takes a signal; flat=True writes such a model")
         return found
@@ -386,12 +416,16 @@ def equation_lines(equation: Eq | When, naming: Any) -> Iterator[str]:
     if isinstance(equation, Eq):
         yield f"{modelica_text(value_of(equation.left), naming)} = {modelica_text(value_of(equation.right), naming)};"
         return
-    yield f"when {modelica_text(equation.condition, naming)} then"
-    for action in equation.actions:
-        if isinstance(action, Reinit):
-            yield f"  reinit({modelica_text(action.state, naming)}, {modelica_text(action.value, naming)});"
-        else:
-            yield f"  {modelica_text(action.left, naming)} = {modelica_text(value_of(action.right), naming)};"
+    assigned = {a.left: None for branch in equation.branches for a in branch.actions if isinstance(a, Eq)}
+    for branch in equation.branches:
+        yield f"{'when' if branch is equation else 'elsewhen'} {modelica_text(branch.condition, naming)} then"
+        own = {a.left for a in branch.actions if isinstance(a, Eq)}
+        kept = (Eq(target, pre(target)) for target in assigned if target not in own)  # all branches assign the same variables
+        for action in (*branch.actions, *kept):
+            if isinstance(action, Reinit):
+                yield f"  reinit({modelica_text(action.state, naming)}, {modelica_text(action.value, naming)});"
+            else:
+                yield f"  {modelica_text(action.left, naming)} = {modelica_text(value_of(action.right), naming)};"
     yield "end when;"
 
 
@@ -399,7 +433,7 @@ def integer_discretes(equations: Sequence[Eq | When], discretes: Mapping[str, Di
     """The discrete variables with integer values."""
     assigned: dict[str, list[Any]] = {name: [] for name in discretes}
     for equation in equations:
-        for action in [equation] if isinstance(equation, Eq) else equation.actions:
+        for action in [equation] if isinstance(equation, Eq) else [a for branch in equation.branches for a in branch.actions]:
             if isinstance(action, Eq) and str(action.left) in assigned:
                 assigned[str(action.left)].append(value_of(action.right))
     found = {name for name, d in discretes.items() if float(d.start).is_integer()}
@@ -445,12 +479,16 @@ def _below(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _outward(counterpart: Counterpart, path: str) -> str:
     """Modelica's form of a path within an instance of a library class."""
+    if (element := _ELEMENT_OF_PART.match(path)) and (array := counterpart.arrays.get(f"{element[1]}.{element[3]}")):
+        return f"{array}[{int(element[2]) + 1}]"
     outward = standard_library().outward(counterpart)
     return ".".join(outward.get(step, modelica_name(step)) for step in path.split("."))
 
 
 def _choice_text(counterpart: Counterpart, name: str, value: Any) -> str:
     modelica = standard_library().outward(counterpart).get(name, name)
+    if modelica in counterpart.converted:
+        value = counterpart.converted[modelica][1](value)
     literals = {ours: literal for literal, ours in counterpart.values.get(modelica, {}).items()}
     if value in literals if not isinstance(value, tuple) else False:
         return f"{counterpart.enumerations[modelica]}.{literals[value]}"
@@ -459,7 +497,8 @@ def _choice_text(counterpart: Counterpart, name: str, value: Any) -> str:
     if isinstance(value, tuple):
         if value and isinstance(value[0], tuple):
             return "[" + "; ".join(", ".join(repr(float(v)) for v in row) for row in value) + "]"
-        return "{" + ", ".join(repr(float(v)) for v in value) + "}"
+        whole = all(isinstance(v, int) for v in value)
+        return "{" + ", ".join(repr(v if whole else float(v)) for v in value) + "}"
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -50,6 +50,14 @@ class Counterpart:
         Enumeration types of ``values``.
     own : frozenset of str
         Names that Modelica's class does not have.
+    only : mapping of str to values
+        The one value that some Modelica parameters may have.
+    converted : mapping of str to two functions
+        Values of a Modelica parameter as the component's, and back.
+    arrays : mapping of str to str
+        Modelica arrays by the families of parts whose variable their elements are: ``{"outputs.y": "y"}``.
+    truths : frozenset of str
+        Inputs and outputs of the component that are 1 or 0 where Modelica's are true or false.
     """
 
     home: str
@@ -62,6 +70,10 @@ class Counterpart:
     ignored: frozenset[str] = frozenset()
     enumerations: Mapping[str, str] = field(default_factory=dict)
     own: frozenset[str] = frozenset()
+    only: Mapping[str, Any] = field(default_factory=dict)
+    converted: Mapping[str, tuple[Callable[[Any], Any], Callable[[Any], Any]]] = field(default_factory=dict)
+    arrays: Mapping[str, str] = field(default_factory=dict)
+    truths: frozenset[str] = frozenset()
 
     @cached_property
     def component(self) -> type[Any]:
@@ -91,7 +103,10 @@ class StandardLibrary:
 
     def outward(self, counterpart: Counterpart) -> Mapping[str, str]:
         """Modelica names by component names, where they differ."""
-        return {**self.spellings, **{local: name for name, local in counterpart.names.items()}}
+        return {
+            **self.spellings,
+            **{local: name for names in (counterpart.names, counterpart.given) for name, local in names.items()},
+        }
 
     @cached_property
     def names_by_class(self) -> Mapping[str, Mapping[str, str]]:

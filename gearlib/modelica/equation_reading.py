@@ -11,6 +11,7 @@ from gearlib.language.component import Connection, Port, connect
 from gearlib.language.expressions import Eq, Reinit, When
 from gearlib.modelica.evaluation import Absent, Evaluation
 from gearlib.modelica.syntax_tree import (
+    ArrayNode,
     CallStatement,
     ConditionalNode,
     ConnectNode,
@@ -95,30 +96,36 @@ def _conditional(node: ConditionalNode, evaluation: Evaluation) -> Iterator[Eq |
             yield Eq(language.Piecewise(*((e.residual, c) for e, c in zip(row, conditions, strict=True))), 0)
 
 
-def _when(node: ConditionalNode, evaluation: Evaluation) -> Iterator[Eq | When]:
-    if len(node.branches) > 1:
-        raise ModelicaError(
-            f"{node.at}: 'elsewhen' is not supported; write when-equations of different variables, or one with if-expressions"
-        )
-    for condition, body in node.branches:
+def _when(node: ConditionalNode, evaluation: Evaluation) -> Iterator[When]:
+    found: When | None = None
+    for condition, body in reversed(node.branches):
         assert condition is not None
-        actions: list[Eq | Reinit] = []
-        for inner in body:
-            if isinstance(inner, CallStatement) and inner.call.function == "reinit" and len(inner.call.arguments) == 2:
-                state, value = inner.call.arguments
-                actions.append(language.reinit(evaluation.value(state), evaluation.number(value)))
+        actions = tuple(_actions(body, evaluation))
+        # any of several conditions: each becomes true on its own
+        conditions = condition.items if isinstance(condition, ArrayNode) else (condition,)
+        for each in reversed(conditions):
+            becomes = evaluation.condition(each)
+            if becomes is False:
                 continue
-            for action in equations_from(inner, evaluation):
-                if not isinstance(action, Eq):
-                    raise ModelicaError(f"{inner.at}: expected equations of discrete variables, or reinit")
-                actions.append(action)
-        found = evaluation.condition(condition)
-        if found is False:
+            try:
+                found = When(becomes, *actions, elsewhen=found)
+            except GearlibError as problem:
+                raise ModelicaError(f"{node.at}: {problem}") from problem
+    if found is not None:
+        yield found
+
+
+def _actions(body: tuple[SyntaxNode, ...], evaluation: Evaluation) -> Iterator[Eq | Reinit]:
+    """The actions of a branch of a when-equation."""
+    for inner in body:
+        if isinstance(inner, CallStatement) and inner.call.function == "reinit" and len(inner.call.arguments) == 2:
+            state, value = inner.call.arguments
+            yield language.reinit(evaluation.value(state), evaluation.number(value))
             continue
-        try:
-            yield When(found, *actions)
-        except GearlibError as problem:
-            raise ModelicaError(f"{node.at}: {problem}") from problem
+        for action in equations_from(inner, evaluation):
+            if not isinstance(action, Eq):
+                raise ModelicaError(f"{inner.at}: expected equations of discrete variables, or reinit")
+            yield action
 
 
 def _statement(node: CallStatement) -> None:

@@ -87,7 +87,10 @@ class PartMaker:
                 raise ModelicaError(f"{m.at}: '{name}' cannot be redeclared here")
             if name in counterpart.ignored:
                 continue
-            if name in counterpart.starts:
+            if name in counterpart.only:
+                if m.value is not None and (found := self._value(m, evaluation.constant)) != counterpart.only[name]:
+                    raise ModelicaError(f"{m.at}: {name} = {found} is not supported; expected {counterpart.only[name]}")
+            elif name in counterpart.starts:
                 given.start[counterpart.starts[name]] = self._value(m, evaluation.number)
             elif name in counterpart.nominals:
                 given.nominal[counterpart.nominals[name]] = self._value(m, evaluation.constant)
@@ -104,7 +107,8 @@ class PartMaker:
             if m.value is not None:
                 given.values[local] = chosen(counterpart, name, self._value(m, self.evaluation.constant), m)
         elif isinstance(declared, (Parameter, Input)) and m.value is not None:
-            given.values[local] = self._value(m, self._evaluation(isinstance(declared, Parameter)).number)
+            value = self._value(m, self._evaluation(isinstance(declared, Parameter)).number)
+            given.values[local] = counterpart.converted[name][0](value) if name in counterpart.converted else value
         elif isinstance(declared, Parameter):
             return  # attributes such as min
         elif isinstance(declared, (Variable, Discrete, Connector, Derivative)) and m.value is None:
@@ -253,6 +257,8 @@ class PartMaker:
 def chosen(counterpart: Counterpart, name: str, value: Any, m: Modification) -> Any:
     """Value of a structural choice; enumeration literals are translated."""
     values = counterpart.values.get(name)
+    if name in counterpart.converted:
+        return counterpart.converted[name][0](value)
     if values is None:
         return value
     if value not in values:

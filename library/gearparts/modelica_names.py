@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from gearlib.arguments import shown
+from gearlib.errors import ModelicaError
 from gearlib.modelica.counterparts import Counterpart, StandardLibrary, snake_case
 
 SMOOTH: dict[str, Any] = {
@@ -30,6 +32,23 @@ def _same(package: str, module: str, *names: str, **options: Any) -> dict[str, C
 def _named(package: str, module: str, **names: str) -> dict[str, Counterpart]:
     """Classes by their names in a Modelica package."""
     return {f"Modelica.{package}.{name}": Counterpart(f"{module}:{local}") for name, local in names.items()}
+
+
+def _behind_the_time(columns: Any) -> tuple[int, ...]:
+    """Columns of a table counted from that behind the time; Modelica counts the time as the first."""
+    return tuple(c - 1 for c in columns)
+
+
+def _with_the_time(columns: Any) -> tuple[int, ...]:
+    return tuple(c + 1 for c in columns)
+
+
+def _one_for_all(offsets: Any) -> Any:
+    """The offset of all columns; Modelica's is an array of one value for all, or one for each."""
+    first = offsets[0] if isinstance(offsets, tuple) and offsets else offsets
+    if isinstance(offsets, tuple) and any(each != first for each in offsets):
+        raise ModelicaError(f"the offsets of the columns differ: {shown(offsets)}; expected one for all")
+    return first
 
 
 _ROTATIONAL, _TRANSLATIONAL = "Mechanics.Rotational", "Mechanics.Translational"
@@ -132,16 +151,39 @@ _BLOCKS = {
     **_same("Blocks.Continuous", "gearparts.blocks.transfer", "TransferFunction", ignored=frozenset({"initType"})),
     **_same("Blocks.Nonlinear", _NONLINEAR, "Limiter", names=_LIMITS, ignored=NO_CHANGE),
     **_same("Blocks.Nonlinear", "gearparts.blocks.delays", "FixedDelay", own=frozenset({"past", "now", "age", "total"})),
+    **_same(
+        "Blocks.Nonlinear", "gearparts.blocks.delays", "PadeDelay", ignored=frozenset({"balance"}), own=frozenset({"settled"}),
+    ),
     **_same("Blocks.Nonlinear", _NONLINEAR, "DeadZone", ignored=frozenset({"deadZoneAtInit"})),
     "Modelica.Blocks.Nonlinear.SlewRateLimiter": Counterpart(
         f"{_NONLINEAR}:RateLimiter", names={"Rising": "rising", "Falling": "falling"}, starts={"y_start": "y"},
         ignored=NO_CHANGE | {"initType"},
     ),
-    **_same("Blocks.Logical", _NONLINEAR, "Hysteresis", "Switch", "LogicalSwitch"),
-    **_same("Blocks.Discrete", _DISCRETE, "Sampler", "ZeroOrderHold", "UnitDelay", "TriggeredSampler"),
+    **_same("Blocks.Logical", _NONLINEAR, "Hysteresis", truths=frozenset({"y"})),
+    **_same("Blocks.Logical", _NONLINEAR, "Switch", truths=frozenset({"u2"})),
+    **_same("Blocks.Logical", _NONLINEAR, "LogicalSwitch", truths=frozenset({"u1", "u2", "u3", "y"})),
+    **_same("Blocks.Discrete", _DISCRETE, "Sampler", "ZeroOrderHold", "UnitDelay"),
+    **_same("Blocks.Discrete", _DISCRETE, "TriggeredSampler", truths=frozenset({"trigger"})),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "Constant", "Step", "Ramp", "Sine", names={"freqHz": "f"}),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "Pulse", "Trapezoid", names={"nperiod": "n_period"}),
     **_same("Blocks.Sources", "gearparts.blocks.sources", "KinematicPTP"),
+    **_same("Blocks.Sources", "gearparts.blocks.sources", "RealExpression", given={"y": "expression"}),
+    **_same(
+        "Blocks.Sources", "gearparts.blocks.sources", "BooleanExpression", given={"y": "expression"}, truths=frozenset({"expression", "y"}),
+    ),
+    "Modelica.Blocks.Sources.IntegerExpression": Counterpart("gearparts.blocks.sources:RealExpression", given={"y": "expression"}),
+    **_same(
+        "Blocks.Sources", "gearparts.blocks.time_tables", "CombiTimeTable",
+        values={
+            "smoothness": {"LinearSegments": "linear", "ConstantSegments": "constant", "ContinuousDerivative": "akima"},
+            "extrapolation": {"LastTwoPoints": "lines", "HoldLastPoint": "hold", "Periodic": "periodic"},
+        },
+        enumerations={"smoothness": "Modelica.Blocks.Types.Smoothness", "extrapolation": "Modelica.Blocks.Types.Extrapolation"},
+        ignored=frozenset({"verboseRead", "verboseExtrapolation", "timeEvents", "tableName", "fileName", "delimiter", "nHeaderLines"}),
+        only={"tableOnFile": False, "timeScale": 1},
+        converted={"columns": (_behind_the_time, _with_the_time), "offset": (_one_for_all, lambda value: (value,))},
+        arrays={"outputs.y": "y"},
+    ),
 }  # fmt: skip
 
 STANDARD_LIBRARY = StandardLibrary(

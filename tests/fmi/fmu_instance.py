@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import fmpy
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 
 class FmuInstance:
-    """An instance; ``t`` is where it is."""
+    """An instance; ``t`` is where it is, ``moving`` gives inputs within steps of co-simulation."""
 
-    def __init__(self, path: Path, folder: Path, kind: str = "cs") -> None:
+    def __init__(
+        self, path: Path, folder: Path, kind: str = "cs", moving: dict[str, Callable[[float], float]] | None = None
+    ) -> None:
         self.description = fmpy.read_model_description(str(path))
         if not (folder / "modelDescription.xml").exists():
             fmpy.extract(str(path), str(folder))
@@ -26,8 +30,20 @@ class FmuInstance:
         callback = fmpy.fmi3.fmi3LogMessageCallback(
             lambda environment, status, category, text: self.messages.append(text.decode())
         )
-        self.fmu.instantiate(logMessage=callback)
+        self.moving = moving or {}
+        more: dict[str, Any] = {}
+        if self.moving:
+            required = [self.references[name] for name in self.moving]
+            more = {"intermediateUpdate": self._update, "requiredIntermediateVariables": required, "loggingOn": True}
+        self.fmu.instantiate(logMessage=callback, **more)
         self.t = 0.0
+
+    def _update(self, environment: Any, t: float, set_requested: bool, *others: Any) -> None:
+        if set_requested:
+            try:
+                self.set({name: function(t) for name, function in self.moving.items()})
+            except fmpy.fmi1.FMICallException:
+                return  # told in a message
 
     def begin(self, tolerance: float = 1e-10, **values: float) -> None:
         self.set(values)

@@ -12,6 +12,7 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
+from fmpy.validation import validate_fmu
 
 import gearlib as gl
 import gearparts as gp
@@ -118,8 +119,6 @@ def test_fmu_moves_as_the_system_does(name: str, version: str, kind: str, export
 
 @pytest.mark.parametrize(("name", "version"), MADE)
 def test_fmu_is_valid(name: str, version: str, export: Callable[..., Exported]) -> None:
-    from fmpy.validation import validate_fmu
-
     assert validate_fmu(str(export(name, version).path)) == []
 
 
@@ -313,6 +312,45 @@ def test_inputs_follow_slopes_in_fmi_2(tmp_path: Path) -> None:
     assert one.getReal([place["load.w"], place["torque.tau"]]) == pytest.approx([1.25, 5.0], rel=1e-12)
     one.terminate()
     one.freeInstance()
+
+
+class Lagging(gl.Component):
+    """A first-order lag of its input, and when the input has become larger than one."""
+
+    u = gl.Input("any")
+    x = gl.Variable("any", start=0.0)
+    over = gl.Discrete("whether the input is larger than 1")
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.u - self.x), gl.Eq(self.over, self.u > 1.0)]
+
+
+def test_inputs_move_within_the_steps_of_fmi_3(tmp_path: Path) -> None:
+    """Intermediate update: the input is 2 sin(3 t) at each evaluation, and the steps are longer than its half waves."""
+    path = gl.compile(Lagging(), outputs=["x", "over"]).export_fmu(tmp_path / "lagging.fmu")
+    assert validate_fmu(str(path)) == []
+    one = FmuInstance(path, tmp_path / "content", moving={"u": lambda t: 2.0 * np.sin(3.0 * t)})
+    one.begin()
+    for k in range(3):
+        one.go(1.5)
+        t = 1.5 * (k + 1)
+        exact = (np.sin(3 * t) - 3 * np.cos(3 * t) + 3 * np.exp(-t)) / 5
+        assert one.get("x", "u", "over") == pytest.approx([exact, 2 * np.sin(3 * t), float(2 * np.sin(3 * t) > 1.0)], abs=1e-8)
+    events = [float(text.split()[4]) for text in one.messages if text.startswith("event at t = ")]
+    crossings = sorted(
+        [*(np.pi / 18 + 2 * np.pi * k / 3 for k in range(3)), *(5 * np.pi / 18 + 2 * np.pi * k / 3 for k in range(2))]
+    )
+    assert events == pytest.approx(crossings, abs=1e-7)
+    one.moving = {"x": lambda t: 1.0}
+    one.go(0.1)
+    assert "only inputs can be set within a step" in one.messages[-1]
+    one.close()
+
+
+def test_only_inputs_are_taken_for_variables_that_move_within_steps(tmp_path: Path) -> None:
+    path = gl.compile(Lagging(), outputs=["x"]).export_fmu(tmp_path / "lagging.fmu")
+    with pytest.raises(Exception, match="Failed to instantiate FMU"):
+        FmuInstance(path, tmp_path / "content", moving={"x": lambda t: 1.0})
 
 
 # ---------------------------------------------------------------- what cannot be

@@ -43,6 +43,31 @@ def test_a_when_needs_a_condition(condition: Callable[[Any], Any], message: str)
         gl.compile(counting(condition))
 
 
+def test_elsewhen_yields_to_what_becomes_true_at_the_same_instant() -> None:
+    def equations(s: Any) -> list[Any]:
+        third = gl.When(gl.time >= 0.6, gl.Eq(s.n, gl.pre(s.n) + 100))
+        second = gl.When(s.x > 0.5, gl.Eq(s.n, gl.pre(s.n) + 10), gl.reinit(s.x, s.x + 2.0), elsewhen=third)
+        return [gl.When(gl.time >= 0.25, gl.Eq(s.n, gl.pre(s.n) + 1), gl.Eq(s.m, 1), elsewhen=second)]
+
+    result = gl.simulate(leaf(equations), 1.0, times=[0.0, 0.3, 0.55, 0.9])
+    assert list(result["n"]) == [0, 1, 11, 111]
+    assert list(result["m"]) == [0, 1, 1, 1]
+    assert result["x"] == pytest.approx([0.0, 0.3, 2.55, 2.9])
+    together = leaf(
+        lambda s: [gl.When(s.x > 0.5, gl.Eq(s.n, 1), elsewhen=gl.When(s.x > 0.5 + 0 * s.p, gl.Eq(s.n, 2), gl.Eq(s.m, 1)))]
+    )
+    result = gl.simulate(together, 1.0, times=[0.0, 0.9])
+    assert (result["n"][-1], result["m"][-1]) == (1, 0)
+
+
+def test_elsewhen_is_another_when_and_assigns_each_variable_once() -> None:
+    with pytest.raises(DeclarationError, match=r"elsewhen is 3; expected another gl\.When"):
+        gl.When(gl.time > 1, elsewhen=3)  # type: ignore[arg-type]
+    twice = leaf(lambda s: [gl.When(s.x > 1, gl.Eq(s.n, 1), gl.Eq(s.n, 2)), gl.Eq(s.m, 0)])
+    with pytest.raises(DeclarationError, match="'n' has 2 equations; expected one"):
+        gl.compile(twice)
+
+
 @pytest.mark.parametrize(("condition", "message"), NO_CONDITION[2:6])
 def test_a_branch_needs_a_condition(condition: Callable[[Any], Any], message: str) -> None:
     """Written with sympy's own functions, too."""

@@ -225,7 +225,11 @@ def test_conditions_events_and_start_values() -> None:
         ("model M Real x; equation x = sing(time); end M;", r"column 30: the function sing\(\) is not supported; did you mean 'sin'"),
         ("model M Real x; equation x = atan2(time); end M;", r"column 30: atan2\(\) takes 2 arguments, got 1"),
         ("model M inner Real x; end M;", "column 20: 'inner' is not supported"),
-        ("model M Real x; equation when time > 1 then x = 1; elsewhen time > 2 then x = 2; end when; end M;", "'elsewhen' is not"),
+        ("model M Real x; equation when {time > 1, true} then x = 1; end when; end M;", "column 26: .*never becomes true"),
+        ("model M Modelica.Blocks.Sources.CombiTimeTable t(tableOnFile = true); end M;", "column 50: tableOnFile = True is not supported"),
+        ("model M Modelica.Blocks.Sources.CombiTimeTable t(table = [0, 1, 2], offset = {1, 2}); end M;", "offsets of the columns differ"),
+        ("model M Modelica.Blocks.Sources.CombiTimeTable t(extrapolation = Modelica.Blocks.Types.Extrapolation.NoExtrapolation); end M;",
+         "extrapolation = NoExtrapolation is not supported"),
         ("model M Real x; equation x = 1 / 0; end M;", "column 30: a division by zero"),
         ("model M Real x; equation if time > 1 then x = 1; end if; end M;", "column 26: an if-equation whose condition may vary needs"),
         ("model M parameter String s = \"a\"; Real x = s; end M;", "'a' is a string; expected a number"),
@@ -243,6 +247,75 @@ def test_conditions_events_and_start_values() -> None:
 def test_what_is_not_understood_is_refused_with_its_place(text: str, message: str) -> None:
     with pytest.raises(ModelicaError, match=message):
         gl.compile(gl.read_modelica(text)())
+
+
+WHENS = """
+model Counters "of times at which conditions become true: one or several, with precedence"
+  Real x(start = 0, fixed = true), s(start = 0, fixed = true);
+  discrete Integer n(start = 0, fixed = true);
+  discrete Real last(start = 0, fixed = true);
+equation
+  der(x) = 1;
+  der(s) = 0;
+  when {x > 1, x > 3} then
+    n = pre(n) + 1;
+    last = 1;
+    reinit(s, s + 1);
+  elsewhen x > 2 then
+    n = pre(n) + 10;
+    last = pre(last);
+  elsewhen {x > 3, x > 4} then
+    n = pre(n) + 100;
+    last = x;
+    reinit(s, s + 100);
+  end when;
+end Counters;
+"""
+
+
+def test_branches_of_when_take_precedence() -> None:
+    """At x = 3 the first branch and the last one become true together, and the first one acts alone."""
+    result = gl.simulate(gl.read_modelica(WHENS)(), 5.0, times=[0.0, 0.5, 1.5, 2.5, 3.5, 4.5])
+    assert list(result["n"]) == [0, 0, 1, 11, 12, 112]
+    assert result["s"] == pytest.approx([0, 0, 1, 1, 2, 102], abs=1e-12)
+    assert result["last"] == pytest.approx([0, 0, 1, 1, 1, 4], abs=1e-9)
+
+
+SIGNALS = """
+model Signals "blocks that refer to later ones, to each other and to themselves"
+  import Modelica.Blocks.Sources.*;
+  Modelica.Mechanics.Rotational.Sources.Torque torque(tau = add.y);
+  Modelica.Blocks.Math.Add add(u1 = plan.y[1], u2 = drag.y);
+  RealExpression drag(y = -0.5 * load.w);
+  BooleanExpression fast(y = load.w > 0.4);
+  CombiTimeTable plan(table = [0, 1, 4, 1; 1, 0, 3, 2; 3, 0, 5, 1], columns = {3, 2}, offset = {0.5}, startTime = 0.25,
+    extrapolation = Modelica.Blocks.Types.Extrapolation.HoldLastPoint, tableOnFile = false);
+  Modelica.Blocks.Logical.Switch chosen(u1 = plan.y[2], u3 = -1);
+  Modelica.Mechanics.Rotational.Components.Inertia load(J = 2, w(start = 0, fixed = true));
+  Modelica.Blocks.Continuous.Integrator decay(u = -decay.y, y_start = 3);
+  Modelica.Blocks.Continuous.Integrator pair[2](u = {pair[2].y, -pair[1].y}, y_start = {1, 0});
+equation
+  connect(fast.y, chosen.u2);
+  connect(torque.flange, load.flange_a);
+end Signals;
+"""
+
+
+def test_signals_in_any_order_expressions_and_tables_over_time() -> None:
+    result = gl.simulate(gl.read_modelica(SIGNALS)(), 5.0, samples=101, rtol=1e-10)
+    t = result.time
+    assert result["decay.y"] == pytest.approx(3 * np.exp(-t), abs=1e-8)
+    assert result["pair[0].y"] == pytest.approx(np.cos(t), abs=1e-8)
+    rows = np.array([[0, 1, 4, 1], [1, 0, 3, 2], [3, 0, 5, 1]], float)
+    late = t > 0.25 + 1e-9
+    second, first = (0.5 + late * np.interp(t - 0.25, rows[:, 0], rows[:, c]) for c in (2, 1))
+    away = np.abs(t - 0.25) > 1e-9  # a jump
+    assert result["plan.outputs[0].y"][away] == pytest.approx(second[away], abs=1e-12)
+    assert result["drag.y"] == pytest.approx(-0.5 * result["load.w"], abs=1e-12)
+    fast = result["load.w"] > 0.4
+    assert list(result["fast.y"]) == list(fast.astype(float))
+    assert result["chosen.y"][away] == pytest.approx(np.where(fast, first, -1.0)[away], abs=1e-12)
+    assert 2 * result["load.a"] == pytest.approx(result["plan.outputs[0].y"] - 0.5 * result["load.w"], abs=1e-12)
 
 
 def test_files_that_are_not_there_and_models_that_are_not_in_them(tmp_path: Path) -> None:

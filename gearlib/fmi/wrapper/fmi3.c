@@ -41,6 +41,14 @@ static fmi3Instance instantiate(fmi3String name, fmi3String token, fmi3Boolean l
     return m;
 }
 
+/* The intermediate update of co-simulation: inputs at the times at which the integrator evaluates the model. */
+static void ask(Instance *m, double t) {
+    fmi3IntermediateUpdateCallback update_ = (fmi3IntermediateUpdateCallback)m->asked;
+    fmi3Boolean early = fmi3False;
+    fmi3Float64 early_time = t;
+    update_(m->environment, t, fmi3True, fmi3False, fmi3False, fmi3False, &early, &early_time);
+}
+
 EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                                  fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                                  fmi3LogMessageCallback log) {
@@ -52,12 +60,26 @@ EXPORT fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String toke
                                                 fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early,
                                                 const fmi3ValueReference required[], size_t n, fmi3InstanceEnvironment environment,
                                                 fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update_) {
-    (void)resources, (void)visible, (void)early, (void)required, (void)n, (void)update_;
+    fmi3Instance instance;
+    int64_t first = 1 + model.n_parameters;
+    (void)resources, (void)visible, (void)early;
     if (event_mode) {
         if (log) log(environment, fmi3Error, "logStatusError", "event mode is not supported in co-simulation");
         return NULL;
     }
-    return instantiate(name, token, logging, environment, log, 1);
+    for (size_t i = 0; i < n; i++)
+        if (required[i] < first || required[i] >= first + model.n_inputs) {
+            if (log)
+                log(environment, fmi3Error, "logStatusError",
+                    "only inputs can be set within a step, and one of the variables required there is none");
+            return NULL;
+        }
+    if (!(instance = instantiate(name, token, logging, environment, log, 1)) || n == 0) return instance;
+    if (update_) {
+        M->ask = ask;
+        M->asked = (void (*)(void))update_;
+    }
+    return instance;
 }
 
 EXPORT fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,

@@ -95,6 +95,9 @@ void recall(Instance *m, const Memory *memory) {
     m->environment = own.environment;
     m->say = own.say;
     m->log = own.log;
+    m->ask = own.ask;
+    m->asked = own.asked;
+    m->asking = 0;
     m->instance_name = own.instance_name;
     m->logging = own.logging;
     m->stepping = own.stepping;
@@ -187,8 +190,13 @@ int start_up(Instance *m, double tolerance, double start, double stop) {
 
 /* ------------------------------------------------------------ evaluation */
 
-/* Inputs that follow slopes, at a time. */
+/* Inputs that follow slopes, or that the importing tool sets within the step, at a time. */
 void move_inputs(Instance *m, double t) {
+    if (m->ask) {
+        m->asking = 1;
+        m->ask(m, t);
+        m->asking = 0;
+    }
     if (!m->extrapolates) return;
     for (int64_t k = 0; k < model.all_inputs; k++)
         if (m->slopes[k] != 0.0) m->data[model.inputs_at + k] = m->bases[k] + m->slopes[k] * (t - m->extrapolated_from);
@@ -320,6 +328,12 @@ int get_values(Instance *m, const uint32_t *references, size_t n, double *values
 
 static int set_value(Instance *m, uint32_t reference, double value) {
     int64_t k = (int64_t)reference - 1;
+    if (m->asking) { /* the integrator goes on */
+        if ((k -= model.n_parameters) < 0 || k >= model.n_inputs)
+            return fail(m, FAILED, "only inputs can be set within a step, and value reference %u is none", (unsigned)reference);
+        m->data[model.input_places[k]] = value;
+        return FINE;
+    }
     if (k >= 0 && k < model.n_parameters) {
         const char *name = model.parameter_names[k];
         double *place = m->data + model.parameter_places[k];

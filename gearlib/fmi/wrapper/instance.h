@@ -26,6 +26,9 @@ typedef struct Instance {
     void *environment;
     void (*say)(struct Instance *, int is_error, const char *text);
     void (*log)(void);
+    void (*ask)(struct Instance *, double t); /* lets the importing tool set inputs within a step; NULL: they are constant there */
+    void (*asked)(void);                      /* the tool's function that ask calls */
+    int asking;
     char *instance_name;
     int logging;
 } Instance;

@@ -72,6 +72,7 @@ static int32_t moving_update(double t, double *x, void *out, double *data, int64
 void point_record(Instance *m) {
     Record *r = &m->record;
     StepMemory part;
+    int moves = m->extrapolates || m->ask != NULL;
     memcpy(m->data + model.n_data - 1, &m, sizeof m);
     if (!m->step_ready) return;
     step_parts(m->step_memory, &part);
@@ -80,9 +81,9 @@ void point_record(Instance *m) {
     r->interpolate = ADDRESS(rk_interpolate);
     r->accept = ADDRESS(rk_accept);
     r->restart = ADDRESS(rk_restart);
-    r->rhs = m->extrapolates ? ADDRESS(moving_rhs) : ADDRESS(rhs);
-    r->roots = !model.n_indicators ? 0 : m->extrapolates ? ADDRESS(moving_roots) : ADDRESS(roots);
-    r->update = !model.has_events ? 0 : m->extrapolates ? ADDRESS(moving_update) : ADDRESS(update);
+    r->rhs = moves ? ADDRESS(moving_rhs) : ADDRESS(rhs);
+    r->roots = !model.n_indicators ? 0 : moves ? ADDRESS(moving_roots) : ADDRESS(roots);
+    r->update = !model.has_events ? 0 : moves ? ADDRESS(moving_update) : ADDRESS(update);
     r->data = ADDRESS(m->data);
     r->index = ADDRESS(model.index);
     r->x = ADDRESS(m->x);
@@ -128,7 +129,7 @@ static void get_ready(Instance *m) {
     r->size = blocks(model.n_states);
     r->rtol = m->tolerance;
     r->span = span;
-    r->h_max = (model.n_indicators || model.driven ? 0.01 : 0.1) * span;
+    r->h_max = (model.n_indicators || model.driven || m->ask ? 0.01 : 0.1) * span;
     r->patience = -1;
 }
 

@@ -84,8 +84,8 @@ def refuse_controllers(component: Component, what: str) -> None:
     delays = ", ".join(path for path, part in parts_below(component) if isinstance(part, Delayed))
     if delays:
         raise ArgumentError(
-            f"{what} needs equations without a history, and {delays} delays a signal; put a rational approximation in its place, such as "
-            "gearparts.blocks.TransferFunction with the coefficients of control.pade(delay_time, 3)"
+            f"{what} needs equations without a history, and {delays} delays a signal; put a rational approximation in its place, "
+            "gearparts.blocks.PadeDelay(delay_time=..., n=3)"
         )
     named = ", ".join(path for path, part in parts_below(component) if isinstance(part, Sampled))
     if named:

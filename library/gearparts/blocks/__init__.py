@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gearparts.blocks.continuous import Product as Product
     from gearparts.blocks.continuous import SecondOrder as SecondOrder
     from gearparts.blocks.delays import FixedDelay as FixedDelay
+    from gearparts.blocks.delays import PadeDelay as PadeDelay
     from gearparts.blocks.discrete import DiscretePID as DiscretePID
     from gearparts.blocks.discrete import Sampler as Sampler
     from gearparts.blocks.discrete import TriggeredSampler as TriggeredSampler
@@ -33,11 +34,13 @@ if TYPE_CHECKING:
     from gearparts.blocks.nonlinear import LogicalSwitch as LogicalSwitch
     from gearparts.blocks.nonlinear import RateLimiter as RateLimiter
     from gearparts.blocks.nonlinear import Switch as Switch
+    from gearparts.blocks.sources import BooleanExpression as BooleanExpression
     from gearparts.blocks.sources import Chirp as Chirp
     from gearparts.blocks.sources import Constant as Constant
     from gearparts.blocks.sources import KinematicPTP as KinematicPTP
     from gearparts.blocks.sources import Pulse as Pulse
     from gearparts.blocks.sources import Ramp as Ramp
+    from gearparts.blocks.sources import RealExpression as RealExpression
     from gearparts.blocks.sources import Sine as Sine
     from gearparts.blocks.sources import Step as Step
     from gearparts.blocks.sources import Trapezoid as Trapezoid
@@ -59,10 +62,13 @@ _HOME = {
         ["DeadZone", "Hysteresis", "Limiter", "LogicalSwitch", "RateLimiter", "Switch"], "gearparts.blocks.nonlinear"
     ),
     **dict.fromkeys(
-        ["Chirp", "Constant", "KinematicPTP", "Pulse", "Ramp", "Sine", "Step", "Trapezoid"], "gearparts.blocks.sources"
+        [
+            "BooleanExpression", "Chirp", "Constant", "KinematicPTP", "Pulse", "Ramp", "RealExpression", "Sine", "Step", "Trapezoid",
+        ],
+        "gearparts.blocks.sources",
     ),
     "CombiTimeTable": "gearparts.blocks.time_tables",
-    "FixedDelay": "gearparts.blocks.delays",
+    **dict.fromkeys(["FixedDelay", "PadeDelay"], "gearparts.blocks.delays"),
     **dict.fromkeys(["MultiStateSpace", "StateSpace", "TransferFunction"], "gearparts.blocks.transfer"),
 }  # fmt: skip
 

@@ -20,6 +20,24 @@ class Constant(SO):
         return [gl.Eq(self.y, self.k)]
 
 
+class RealExpression(SO):
+    """An expression of variables as a signal: ``y = expression``, as in ``RealExpression(expression=2 * self.load.w)``."""
+
+    expression = gl.Input("any", "the expression")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.y, self.expression)]
+
+
+class BooleanExpression(SO):
+    """A condition as a signal, 1 where it holds and 0 elsewhere: ``expression=gl.Piecewise((1, self.load.w > 2), (0, True))``."""
+
+    expression = gl.Input("any", "1 or 0")
+
+    def equations(self) -> list[gl.Eq]:
+        return [gl.Eq(self.y, self.expression)]
+
+
 class Step(SignalSource):
     """A step: ``y = offset`` before ``start_time``, ``offset + height`` from then on."""
 

@@ -1,4 +1,4 @@
-"""FixedDelay against the method of steps by hand, in all methods; runs that go on, that are stepped, that are refused."""
+"""FixedDelay against the method of steps by hand, in all methods; runs that go on, that are stepped, that are refused. PadeDelay."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from math import factorial
 from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -32,6 +33,39 @@ def by_steps(times: NDArray[np.float64], T: float = 1.0) -> NDArray[np.float64]:
     """The sum of (-1)^k (t - (k - 1) T)^k / k! over the k with (k - 1) T <= t."""
     terms = [[(-1) ** k * (t - (k - 1) * T) ** k / factorial(k) for k in range(int(t / T + 1e-9) + 2)] for t in times]
     return np.array([sum(row) for row in terms])
+
+
+class Approximated(gl.Component):
+    """A delay as a rational function, behind a gain."""
+
+    n = gl.Structural(1)
+    m = gl.Structural(None)
+
+    def assemble(self) -> list[gl.Connection]:
+        self.gain, self.late = B.Gain(k=1.0), B.PadeDelay(delay_time=0.3, n=self.n, m=self.m)
+        return [gl.connect(self.gain.y, self.late.u)]
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, None), (2, 1), (4, 0), (5, 5), (10, 9)])
+def test_pade_is_that_of_control(n: int, m: int | None) -> None:
+    linear = gl.compile(Approximated(n=n, m=m)).linearize(inputs=["gain.u"], outputs=["late.y"])
+    s = 1j * np.logspace(-1, 3, 30)
+    expected = control.tf(*control.pade(0.3, n, m))(s)
+    assert np.abs(linear(s) - expected).max() < 1e-12
+
+
+def test_pade_begins_settled_and_follows_what_is_slow() -> None:
+    result = gl.simulate(Approximated(n=4), 2.0, samples=41, rtol=1e-10, inputs={"gain.u": lambda t: 2.0 + np.sin(t) ** 4})
+    late = np.maximum(result.time - 0.3, 0.0)
+    assert result["late.y"] == pytest.approx(2.0 + np.sin(late) ** 4, abs=2e-3)
+    assert gl.simulate(Approximated(n=3), 1.0, samples=3, inputs={"gain.u": 5.0})["late.y"] == pytest.approx(
+        [5.0] * 3, rel=1e-9
+    )
+
+
+def test_pade_refuses_more_zeros_than_poles() -> None:
+    with pytest.raises(gl.errors.BindingError, match="m is 3; expected a whole number from 0 to n = 2"):
+        gl.compile(Approximated(n=2, m=3))
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +192,7 @@ def test_what_knows_no_history_refuses_by_name(system: gl.System, tmp_path: Path
         lambda: gl.stability(system),
         lambda: system.export_fmu(tmp_path / "late.fmu"),
     ):
-        with pytest.raises(GearlibError, match=r"late delays a signal; .*control\.pade"):
+        with pytest.raises(GearlibError, match=r"late delays a signal; .*PadeDelay\(delay_time"):
             analysis()
     with pytest.raises(ArgumentError, match="method='exact' does not know the history of late"):
         system.simulate(1.0, method="exact")
