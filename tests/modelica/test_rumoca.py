@@ -42,8 +42,8 @@ class Counting(gl.Component):
     last = gl.Discrete("which one")
 
     def equations(self) -> list[Any]:
-        third = gl.When(self.x > 0.7, gl.Eq(self.n, gl.pre(self.n) + 100), gl.Eq(self.last, 3))
-        second = gl.When(self.x > 0.5, gl.Eq(self.n, gl.pre(self.n) + 10), elsewhen=third)
+        third = gl.When(self.x > 0.75, gl.Eq(self.n, gl.pre(self.n) + 100), gl.Eq(self.last, 3))
+        second = gl.When(self.x > 0.55, gl.Eq(self.n, gl.pre(self.n) + 10), elsewhen=third)
         return [gl.Eq(gl.der(self.x), 1.0), gl.When(self.x > 0.25, gl.Eq(self.n, gl.pre(self.n) + 1), elsewhen=second)]
 
 
