@@ -47,7 +47,7 @@ fig.savefig(FIGURES / "structure_diagrams.png", dpi=90)
 figure = single_loop_train()
 causality = assign_causality(figure.graph, PREFERENCE)
 print(f"\n{causality.report()}")
-axis = figure.draw(causality, scale=0.5)
+axis = figure.draw(causality)
 axis.figure.savefig(FIGURES / "bond_graph_xp.png", dpi=90)
 axis.figure.savefig(FIGURES / "bond_graph_xp.svg")  # the same, readable at any size
 

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FIGURES = ROOT / "examples" / "figures"
 TAKEN = {  # script: figure it writes -> picture of the pages
     "xp_train": {"time_histories": "xp_train"},
-    "bond_graph_xp": {"bond_graph_xp": "bond_graph_xp", "structure_diagrams": "structure_diagrams"},
+    "bond_graph_xp": {"structure_diagrams": "structure_diagrams"},
     "paper_section_4": {
         name: name for name in ("paper_fig_5", "paper_fig_6_describing_function", "paper_fig_7", "paper_fig_8")
     },

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from textwrap import wrap
 from typing import Any
 
 import networkx as nx
@@ -21,6 +22,7 @@ __all__ = ["draw"]
 
 BOND_COLOUR, STROKE_COLOUR, NUMBER_COLOUR = "0.25", "#b22222", "#1f4e9c"
 NAME_COLOUR = "#2e6b2e"
+PLAIN = {"facecolor": "white", "edgecolor": "none", "pad": 0.3}  # behind names, which may lie on bonds
 
 
 def draw(
@@ -124,7 +126,7 @@ def _room(element: Element, graph: BondGraph) -> tuple[float, float]:
     if isinstance(element, Junction):
         crowd = max(1.0, len(graph.at(element)) / 4)
         return 0.2 * crowd, 0.24 * crowd
-    return (0.28 + 0.035 * len(str(element.modulus)), 0.36) if isinstance(element, TF | GY) else (0.32, 0.26)
+    return (0.3 + 0.045 * len(str(element.modulus)), 0.38) if isinstance(element, TF | GY) else (0.36, 0.26)
 
 
 def _gap(room: tuple[float, float], direction: Any) -> float:
@@ -140,12 +142,16 @@ def _leaving(points: list[Any], from_tail: bool) -> float:
 
 def _draw_name(ax: Any, junction: Junction, xy: Any, angles: list[float]) -> None:
     """Place a junction's name where its bonds leave most room; preferably beside it rather than above or below."""
-    choices = np.radians([45, 135, 225, 315, 90, 270, 0, 180])
+    choices = np.radians([0, 180, 45, 135, 225, 315, 90, 270])
     free = [min(abs((choice - angle + np.pi) % (2 * np.pi) - np.pi) for angle in angles) for choice in choices]
     best = choices[int(np.argmax(np.round(free, 1)))]
     side = {0: "center", 1: "left", -1: "right"}[int(np.sign(np.round(np.cos(best), 6)))]
-    offset = np.array([0.2, 0.34]) * np.sign(np.round([np.cos(best), np.sin(best)], 6))
-    ax.text(*(xy + offset), junction.name, ha=side, va="center", fontsize=7, style="italic", color=NAME_COLOUR, zorder=4)
+    level = {0: "center", 1: "bottom", -1: "top"}[int(np.sign(np.round(np.sin(best), 6)))]
+    offset = np.array([0.2, 0.3]) * np.sign(np.round([np.cos(best), np.sin(best)], 6))
+    name = "\n".join(wrap(junction.name, 7, break_long_words=False))
+    if level == "center":
+        offset[0] *= 1.5  # clear of the strokes of bonds that leave at 45 degrees
+    ax.text(*(xy + offset), name, ha=side, va=level, fontsize=8, style="italic", color=NAME_COLOUR, zorder=2.5, bbox=PLAIN)
 
 
 def _draw_bond(
@@ -161,8 +167,8 @@ def _draw_bond(
         end, half = (points[-1], 0.11 * across) if at_head else (points[0], 0.11 * _turned(first))
         ax.plot(*np.transpose([end + half, end - half]), color=STROKE_COLOUR, lw=1.8, zorder=2)
     start, stop = max(pairwise(points), key=lambda ends: float(np.linalg.norm(ends[1] - ends[0])))
-    middle = (start + stop) / 2 + 0.15 * _turned(_direction(start, stop))
-    ax.text(*middle, str(bond.number), ha="center", va="center", fontsize=6.5, color=NUMBER_COLOUR, zorder=4)
+    middle = (start + stop) / 2 + 0.19 * _turned(_direction(start, stop))
+    ax.text(*middle, str(bond.number), ha="center", va="center", fontsize=7.5, color=NUMBER_COLOUR, zorder=4)
 
 
 def _direction(start: Any, stop: Any) -> Any:

@@ -16,12 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import StringIO
 from typing import Any
 
-from gearlib.bondgraph.causality import Causality
+from gearlib.bondgraph.causality import Causality, assign_causality
 from gearlib.bondgraph.draw import draw
 from gearlib.bondgraph.elements import TF, C, Element, I, One, R, Se, Sf, Zero, symbol
 from gearlib.bondgraph.graph import BondGraph
+from gearlib.optional import optional
 
 __all__ = ["PREFERENCE", "Figure", "fixed_axis_unit", "planetary_unit", "single_loop_train"]
 
@@ -40,9 +42,19 @@ class Figure:
     positions: Mapping[Element, Point]
     routes: Mapping[int, tuple[Point, ...]]
 
-    def draw(self, causality: Causality | None = None, ax: Any = None, scale: float = 0.6) -> Any:
+    def draw(self, causality: Causality | None = None, ax: Any = None, scale: float = 0.5) -> Any:
         """The drawing made by :func:`gearlib.bondgraph.draw`."""
         return draw(self.graph, self.positions, routes=self.routes, causality=causality, ax=ax, scale=scale)
+
+    def _repr_svg_(self) -> str:
+        """The drawing with the causality that the paper's preference gives, for notebooks and pages."""
+        plt = optional("matplotlib.pyplot")
+        storage = self.graph.of_kind(I, C)
+        figure = self.draw(assign_causality(self.graph, [bond for bond in (*PREFERENCE, 81) if bond in storage])).figure
+        text = StringIO()
+        figure.savefig(text, format="svg")
+        plt.close(figure)
+        return text.getvalue()
 
 
 class _Sketch:
@@ -105,8 +117,8 @@ def _planet(sketch: _Sketch, y: float, bonds: tuple[int, ...], moduli: tuple[int
     spins, seen, carried, turns = (_m(index) for index in moduli)
     ring_side, sun_side, carrier = ends
     number = 86 - damper  # the paper's dampers of planets 1 to 3 are R85, R84 and R83
-    at_ring, at_sun = sketch.zero(f"slip {number}", 6, y), sketch.zero(f"support {number}", 14, y)
-    turning, moving = sketch.one(f"planet {number} spin", 10, y + 1.3), sketch.one(f"planet {number} orbit", 10, y - 1.3)
+    at_ring, at_sun = sketch.zero(f"slip {number}", 6.4, y), sketch.zero(f"support {number}", 13.6, y)
+    turning, moving = sketch.one(f"planet {number} spin", 10, y + 1.2), sketch.one(f"planet {number} orbit", 10, y - 1.2)
     sketch.bonds += [(to_ring, at_ring, ring_side), (to_sun, at_sun, sun_side), (link, carrier, moving)]
     sketch.transformer(first, first + 1, at_ring, turning, spins)
     sketch.transformer(first + 3, first + 4, turning, at_sun, seen)
@@ -114,15 +126,15 @@ def _planet(sketch: _Sketch, y: float, bonds: tuple[int, ...], moduli: tuple[int
     sketch.transformer(first + 8, first + 9, moving, at_ring, turns)
     sketch.port(first + 2, turning, I(), 0, 1)
     sketch.port(first + 7, moving, I(), 0, 1)
-    sketch.port(damper, at_sun, R(), -0.1, -1.3)
+    sketch.port(damper, at_sun, R(), -0.4, -1.2)
 
 
 def _planetary(sketch: _Sketch) -> tuple[One, One]:
     """The X unit; returns the junctions of sun and carrier."""
-    ring, ring_mesh = sketch.one("ring", -2.2, 0), sketch.zero("ring mesh", 0.8, 0)
-    sun, sun_mesh = sketch.one("sun", 22.2, 0), sketch.zero("sun mesh", 19.2, 0)
-    ring_side, sun_side = sketch.one("planets, ring", 3.6, 0), sketch.one("planets, sun", 16.4, 0)
-    carrier = sketch.one("carrier", 10, -11)
+    ring, ring_mesh = sketch.one("ring", -1.3, 0), sketch.zero("ring mesh", 1.5, 0)
+    sun, sun_mesh = sketch.one("sun", 21.3, 0), sketch.zero("sun mesh", 18.5, 0)
+    ring_side, sun_side = sketch.one("planets, ring", 4.4, 0), sketch.one("planets, sun", 15.6, 0)
+    carrier = sketch.one("carrier", 10, -9.2)
     sketch.port(1, ring, Se(), -1.5, 0)
     sketch.port(2, ring, I(), 0, -1.2)
     sketch.transformer(3, 4, ring, ring_mesh, 1 / _m(1))
@@ -130,10 +142,10 @@ def _planetary(sketch: _Sketch) -> tuple[One, One]:
     sketch.transformer(9, 10, ring_mesh, ring_side, 1 / _m(2))
     sketch.port(11, ring_side, I(), -0.6, -1.3)
     ends = (ring_side, sun_side, carrier)
-    _planet(sketch, 6, (12, 36, 25, 85, 15), (5, 6, 8, 9), ends)
+    _planet(sketch, 4.8, (12, 36, 25, 85, 15), (5, 6, 8, 9), ends)
     _planet(sketch, 0, (13, 37, 65, 84, 39), (10, 11, 12, 13), ends)
-    _planet(sketch, -6, (14, 38, 59, 83, 49), (14, 15, 16, 17), ends)
-    sketch.routes |= {25: ((11.1, -10.2), (10.7, -9.5), (10.7, 4.2)), 65: ((8.9, -10.2), (9.3, -9.5), (9.3, -1.8))}
+    _planet(sketch, -4.8, (14, 38, 59, 83, 49), (14, 15, 16, 17), ends)
+    sketch.routes |= {25: ((10.9, -8.4), (10.55, -7.9), (10.55, 2.9)), 65: ((9.1, -8.4), (9.45, -7.9), (9.45, -1.9))}
     sketch.port(26, sun, I(), 0, 1.2)
     sketch.transformer(27, 28, sun, sun_mesh, 1 / _m(3))
     _mesh(sketch, sun_mesh, 32, 29, 30, 31, (0, 1.3))
@@ -195,9 +207,9 @@ def single_loop_train() -> Figure:
     """
     sketch = _Sketch()
     sun, carrier = _planetary(sketch)
-    gear_1, gear_2 = _fixed_axis(sketch, 22.2, -11)
-    shaft, end = sketch.one("shaft", 22.2, -3.2), sketch.one("shaft end", 22.2, -6.4)
-    rigid = sketch.zero("rigid shaft", 22.2, -8.7)
+    gear_1, gear_2 = _fixed_axis(sketch, 21.3, -9.2)
+    shaft, end = sketch.one("shaft", 21.3, -2.8), sketch.one("shaft end", 21.3, -5.6)
+    rigid = sketch.zero("rigid shaft", 21.3, -7.3)
     sketch.transformer(60, 61, sun, shaft, _m(18))
     sketch.port(62, shaft, I(), -1.2, 0)
     sketch.transformer(63, 64, shaft, end, _m(19))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from functools import cache
 from itertools import combinations
 from pathlib import Path
@@ -224,16 +225,31 @@ def test_figures_of_the_paper(figure: Figure) -> None:
     texts = {text.get_text() for text in ax.texts}
     assert {str(number) for number in graph.bonds} <= texts
     assert {f"${graph.element(n).kind}_{{{n}}}$" for n in storage} <= texts
-    assert {element.name for element in graph.elements if isinstance(element, Junction)} <= texts
+    names = {element.name for element in graph.elements if isinstance(element, Junction)}
+    assert names <= {text.replace("\n", " ") for text in texts}
+    assert all(
+        text.get_fontsize() * 10 / ax.figure.get_size_inches()[0] > 5.0 for text in ax.texts
+    )  # pt, on a page 10 inches wide
     lines = [to_hex(line.get_color()) for line in ax.lines]
     assert lines.count(to_hex(BOND_COLOUR)) == lines.count(to_hex(STROKE_COLOUR)) == len(graph.bonds)
     ax.figure.canvas.draw()
     boxes = [text.get_window_extent().shrunk(0.9, 0.8) for text in ax.texts]
-    overlaps = [(a, b) for a in range(len(boxes)) for b in range(a) if boxes[a].overlaps(boxes[b])]
+    low, high = np.array([box.min for box in boxes]), np.array([box.max for box in boxes])
+    meeting = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
+    overlaps = [(a, b) for a, b in np.argwhere(meeting) if b < a]
     assert [(ax.texts[a].get_text(), ax.texts[b].get_text()) for a, b in overlaps] == []
     strokes = [np.transpose(line.get_data()) for line in ax.lines if to_hex(line.get_color()) == to_hex(STROKE_COLOUR)]
     assert not any(crossing(one, other) for one, other in combinations(strokes, 2))
+    ends = ax.transData.transform(np.concatenate(strokes)).reshape(-1, 2, 1, 2)
+    points = (ends[:, 0] + np.linspace(0, 1, 9)[:, None] * (ends[:, 1] - ends[:, 0])).reshape(-1, 1, 2)
+    covered = [ax.texts[k].get_text() for k in np.flatnonzero(((points > low) & (points < high)).all(axis=2).any(axis=0))]
+    assert covered == []
     plt.close(ax.figure)
+
+
+def test_figures_are_svg_in_notebooks_and_on_pages() -> None:
+    picture = ET.fromstring(fixed_axis_unit()._repr_svg_())
+    assert picture.tag.endswith("svg")
 
 
 def crossing(one: Any, other: Any) -> bool:
