@@ -101,7 +101,9 @@ class _Walk:
         before = inside - BEFORE * max(abs(begin), abs(end))
         self.jumps = set(inside.tolist())
         self.places = np.unique(np.concatenate([np.linspace(begin, end, POINTS + 1), before[before > begin], inside]))
-        self.known: dict[float, tuple[Floats, Floats, Floats]] = {}
+        self.known: dict[
+            float, tuple[tuple[Floats, Floats, Floats], int]
+        ] = {}  # the path at some times, and which of them it is
         self.delta: dict[float, float] = {}
         self._look(self.places, self.span / POINTS, end)
 
@@ -110,14 +112,14 @@ class _Walk:
         near = np.where(places + SLOPE * apart <= end, places + SLOPE * apart, places - SLOPE * apart)
         self.delta |= dict(zip(places.tolist(), near.tolist(), strict=True))
         times = np.unique(np.concatenate([places, near]))
-        states, inputs, modes = self.path(times)
-        for i, t in enumerate(times.tolist()):
-            self.known[t] = states[:, i : i + 1], inputs[:, i : i + 1], modes[:, i : i + 1]
+        along = self.path(times)
+        self.known |= {t: (along, i) for i, t in enumerate(times.tolist())}
 
     def _solve(self, t: float, z: Floats) -> Floats:
         guess = self.start.copy()
         guess[self.unknowns] = z
-        x, u, modes = self.known[t]
+        along, i = self.known[t]
+        x, u, modes = (given[:, i : i + 1] for given in along)
         if self.settle is not None:
             modes = self.settle(np.array([t]), x, u, modes, guess)
         solved: Floats = evaluate(self.prepared, np.array([t]), x, u, modes, guess)[self.unknowns, 0]

@@ -68,6 +68,7 @@ class Scene:
     _computing: dict[Node, Program] = field(default_factory=dict)
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
     _prepared: dict[bytes, Numbers] = field(default_factory=dict)
+    _compiled: dict[tuple[Program, DerivativePlan | None], CompiledProgram] = field(default_factory=dict)
     constraints: dict[tuple[Node, ...], Any] = field(default_factory=dict)  # on start values, made by `start_values`
     started: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # the last start values that equations were solved for
     forms: dict[str, Any] = field(default_factory=dict)  # made by `scene_form`, `linear_form` and for lanes
@@ -231,22 +232,23 @@ class Scene:
         relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
         return Numbers(parameters, main, relations)
 
-    @cached_property
-    def _at_points(self) -> tuple[CompiledProgram, CompiledProgram | None]:
-        """The program with its Jacobian, and that of the relations, compiled for evaluation at many points."""
-        sizes = len(self.model.parameters.names), self.n_modes
-        relations = self.relations
-        return (
-            CompiledProgram(self.program, *sizes, self.jacobian),
-            None if relations is None else CompiledProgram(relations.program, *sizes),
-        )
+    def _evaluator(self, prepared: Prepared, plan: DerivativePlan | None = None) -> Evaluator:
+        """Compiled evaluation of a program, and of the derivatives in a plan, at many points; the machine code is cached."""
+        key = prepared.program, plan
+        if key not in self._compiled:
+            self._compiled[key] = CompiledProgram(prepared.program, len(self.model.parameters.names), self.n_modes, plan)
+        return self._compiled[key].evaluator(prepared)
+
+    def compiled_program(self, prepared: Prepared) -> Prepared:
+        """The same program, evaluated by compiled code: for many points, one after another."""
+        return replace(prepared, compiled=self._evaluator(prepared).slots)
 
     def compiled_numbers(self, parameters: Floats) -> tuple[Numbers, Evaluator]:
         """Numbers whose programs run as compiled code, and the evaluator that also gives derivatives: for many points, many times."""
-        numbers, (main, others) = self.numbers(parameters), self._at_points
-        evaluator, relations = main.evaluator(numbers.main), numbers.relations
-        if relations is not None and others is not None:
-            relations = replace(relations, compiled=others.evaluator(relations).slots)
+        numbers = self.numbers(parameters)
+        evaluator, relations = self._evaluator(numbers.main, self.jacobian), numbers.relations
+        if relations is not None:
+            relations = self.compiled_program(relations)
         return Numbers(parameters, replace(numbers.main, compiled=evaluator.slots), relations), evaluator
 
     def prepared(self, parameters: Floats) -> Numbers:

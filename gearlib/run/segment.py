@@ -152,7 +152,9 @@ class Segment:
                 chosen = np.searchsorted(part.time, times)
                 return part.states.T[:, chosen], inputs[:, chosen], modes[:, chosen]
 
-            branch = follow(prepared, path, self.begin, float(self.time[-1]), self.events, start, settle)
+            branch = follow(
+                self.scene.compiled_program(prepared), path, self.begin, float(self.time[-1]), self.events, start, settle
+            )
             self.branches.append(branch)
         guess = np.repeat(start[:, None], len(self.time), axis=1)
         guess[unknowns] = branch.guess(nodes, self.time)
