@@ -73,6 +73,8 @@ from gearlib.linear.frequency_response import transmission_error_response as tra
 from gearlib.linear.steady_state import SteadyState as SteadyState
 from gearlib.linear.steady_state import steady_state as steady_state
 from gearlib.many_runs.analysing import sweep as sweep
+from gearlib.many_runs.reductions import final as final
+from gearlib.many_runs.reductions import peak as peak
 from gearlib.many_runs.runs import Runs as Runs
 from gearlib.many_runs.samples import grid as grid
 from gearlib.modelica.reading import read_modelica as read_modelica

@@ -347,7 +347,8 @@ class System(Compiled):
             Variables whose histories are kept; by default those that the system was compiled for, or the states; none if ``reduce`` is
             given.
         reduce : mapping of str to callable, optional
-            Quantities kept from each run: functions of its `Result` that return a number or an array.
+            Quantities kept from each run: functions of its `Result` that return a number or an array. `final` and `peak` are such
+            functions, which need no result.
         executor : concurrent.futures.Executor, optional
             Executes the runs: a pool of processes or threads, or ``client.get_executor()`` of dask. By default the runs are executed in
             this process.
@@ -359,9 +360,10 @@ class System(Compiled):
         progress : bool or callable
             True shows a bar on a terminal; a callback receives the fraction done and the elapsed seconds.
         lanes : {"auto", 1, 8}
-            How many runs are integrated side by side in vector instructions, each with steps of its own. ``"auto"`` takes 8 where the
-            method is Runge-Kutta of order 5 and the model has no events; such a run agrees with that of `simulate` within the
-            tolerance, any other one to the last bit, as all do with 1. ``runs.stats["lanes"]`` says how many there were, and ``"why"``.
+            How many runs are integrated side by side in vector instructions, each with steps of its own. ``"auto"`` takes 8 where
+            Runge-Kutta of order 5 is chosen and the model has no events; small linear scenes are solved by matrix exponentials of many
+            runs at once instead. Such a run agrees with that of `simulate` within the tolerance (to rounding, by exponentials), any other
+            one to the last bit, as all do with 1. ``runs.stats["lanes"]`` says how many there were, and ``"why"``.
 
         Returns
         -------

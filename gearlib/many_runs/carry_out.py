@@ -20,7 +20,7 @@ from gearlib.errors import ArgumentError, GearlibError, GearlibWarning, WorkerEr
 from gearlib.many_runs.gathering import Gathering
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import Samples
-from gearlib.many_runs.work import Chunk, Row, Warned, Work, done, done_there, here, job, noted
+from gearlib.many_runs.work import Chunk, Row, ManyRows, Warned, Work, done, done_there, here, job, noted
 from gearlib.progress import APART, Ticker, Told, reporting
 
 Integers = NDArray[np.int64]
@@ -108,6 +108,11 @@ class _Turn:
             self.gathering.add(run, row)
         self.came(1)
 
+    def take_all(self, runs: Integers, rows: ManyRows) -> None:
+        """Runs that were executed in this process, and are alike."""
+        self.gathering.add_all(runs, rows)
+        self.came(len(runs))
+
     def came(self, count: int) -> None:
         """Count further runs as received."""
         self._came += count
@@ -124,7 +129,10 @@ def _in_turn(turn: _Turn, runs: Integers) -> None:
     """Execute some runs in this process."""
     part = turn.gathering.samples.part(runs)
     for i, row in turn.gathering.work.together(part, len(runs)):
-        turn.take(int(runs[i]), row)
+        if isinstance(row, ManyRows):
+            turn.take_all(runs[i], row)
+        else:
+            turn.take(int(runs[i]), row)
 
 
 def _shared_out(turn: _Turn, executor: Executor, elsewhere: list[Warned]) -> None:

@@ -20,7 +20,7 @@ from gearlib.files.sweep_files import StoredArray, SweepFile, SweepLayout, creat
 from gearlib.many_runs.identity import of_values
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import RUN, Samples
-from gearlib.many_runs.work import Chunk, Row, Work, blank, put
+from gearlib.many_runs.work import Chunk, Row, ManyRows, Work, blank, first_of, put
 
 Integers = NDArray[np.int64]
 WAIT = 0.5  # s, for which runs wait at most to be written together
@@ -147,6 +147,23 @@ class Gathering:
         else:
             self._waiting.append(run)
             self._written_soon()
+
+    def add_all(self, runs: Integers, rows: ManyRows) -> None:
+        """Store successful runs."""
+        if not len(runs):
+            return
+        if self._file is not None or (self.path is not None and not self._layout):
+            for i, run in enumerate(runs.tolist()):
+                self.add(run, Row({name: values[i] for name, values in rows.values.items()}, rows.coordinates))
+            return
+        self._prepare(first_of(rows).values, rows.coordinates)
+        try:
+            put(self._values, runs, rows.values)
+        except ArgumentError as problem:
+            for run in runs.tolist():
+                self.fail(run, problem)
+            return
+        self.done[runs] = True
 
     def fail(self, run: int, problem: GearlibError) -> None:
         """Store a failed run."""

@@ -1,10 +1,10 @@
-"""Simulations of a sweep side by side in lanes: which sweeps are carried out so, and what prepares all runs together."""
+"""Simulations of a sweep in lanes: which sweeps are carried out so, and the runs of prepared ones."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,25 +13,27 @@ from numpy.typing import NDArray
 from gearlib.arguments import shown
 from gearlib.compiler.instructions import LANES
 from gearlib.errors import ArgumentError, GearlibError
-from gearlib.flatten.flatten import out_of_bounds
+from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, SideBySide, lacks_anything
 from gearlib.native.lane_source import LaneCode, lack, lane_code
 from gearlib.native.source import is_small
-from gearlib.program.interpret import regular, solutions_of_runs
-from gearlib.reduce.coefficients import coefficients_of, start_guess
-from gearlib.reduce.reduction import confirm
-from gearlib.run.methods.run import LATE, Run
+from gearlib.reduce.coefficients import start_guess
+from gearlib.run.linear_form import LinearForms, linear_forms
+from gearlib.run.methods.closed_form import REACH_OF_A_STEP
+from gearlib.run.methods.run import LATE, Run, is_function
 from gearlib.run.request import Request, absolute_tolerance
-from gearlib.run.result import Result, SimulatedResult
-from gearlib.run.segment import Segment
 from gearlib.run.simulate import run
-from gearlib.run.start_values import Start, starts_of_runs
+from gearlib.run.start_values import Start
 from gearlib.run.translation import Translation
+from gearlib.solvers.exponential.dense import balanced_norm
+from gearlib.solvers.inputs.table import Table, breakpoints
 from gearlib.solvers.lanes.lanes import LaneProblem, LaneRuns
 
 Floats = NDArray[np.float64]
-AT_ONCE = 512  # runs that are prepared together, and
-MOST_NUMBERS = 4_000_000  # samples of states that they may have
 ORDER5_FROM = 1e-6  # rtol from which "rk" takes the method of order 5, which is that of the lanes
+MOST_CORNERS = 2000  # of the tables of a run
+# Steps of a linear run up to which eight in lanes take less time than eight exponentials, one after another; a run in a lane may
+# take so many times the steps that are expected, and some more
+MOST_OF_LINEAR, PATIENCE, LEAST_STEPS = 3000.0, 20.0, 1000.0
 
 
 def check_lanes(lanes: object) -> None:
@@ -40,200 +42,151 @@ def check_lanes(lanes: object) -> None:
         raise ArgumentError(f"lanes is {shown(lanes)}; expected 'auto', 1 or {LANES}")
 
 
-def lacks(translation: Translation, asked: Request) -> str | None:
+def lacks_lanes(translation: Translation, asked: Request) -> str | None:
     """Why runs cannot be carried out in lanes, or None; what varies from run to run is looked at later."""
     scene, method = translation.scene, str(asked.method)
-    if not (method == "rk5" or (method == "rk" and asked.rtol >= ORDER5_FROM)):
+    if not (method == "rk5" or (method in ("rk", "auto") and asked.rtol >= ORDER5_FROM)):
         return f"the method is {method}; lanes are Runge-Kutta of order 5: method='rk5'"
-    if isinstance(asked.start, Result) or (isinstance(asked.start, tuple) and isinstance(asked.start[0], Result)):
-        return "the runs go on from another one"
-    if translation.put_in or translation.controllers or translation.structure.switching:
-        return "the model has sampled controllers, or equations that other parameters change"
-    if not scene.states or scene.n_modes:
-        return "there are events" if scene.n_modes else "there are no states"
-    if scene.model.bounded:
-        return "variables have least values that are to be watched"
-    if reason := lack(scene.program):
+    if reason := lacks_anything(translation, asked) or lack(scene.program):
         return reason
     if not is_small(scene.program):
         return "the model is large"
     span = float(asked.times[-1]) - asked.t_start
     if max(abs(asked.t_start), abs(float(asked.times[-1]))) >= LATE * span:
         return "the runs begin late"
-    if any(callable(signal) for signal in asked.signals):
-        return "inputs are tables or functions of time"
+    if any(is_function(signal) for signal in asked.signals):
+        return "inputs are functions of time"
+    if any(isinstance(s, Table) and not s.straight for s in asked.signals):
+        return "an input is a table of cubics"
     return None
 
 
+def most_steps(translation: Translation, asked: Request) -> float | str:
+    """Steps after which a lane gives up, so that a run among others that is stiff is left to ``"auto"``; or why none shall begin.
+
+    Where ``"auto"`` chooses the method, the first run decides, once for the whole sweep; ``asked`` has its numbers.
+    """
+    if str(asked.method) != "auto":
+        return float("inf")
+    scene = translation.scene
+    forms = linear_forms(scene, scene.prepared(asked.parameters), asked.signals)
+    if isinstance(forms, LinearForms):
+        steps = (
+            len(breakpoints(asked.signals)) + balanced_norm(forms.matrix) * (asked.times[-1] - asked.t_start) / REACH_OF_A_STEP
+        )
+        if steps > MOST_OF_LINEAR:
+            return f"the scene is linear: exponentials are faster than some {steps:.0f} steps"
+        return PATIENCE * float(steps) + LEAST_STEPS
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            stats = run(translation, asked).stats
+    except GearlibError as problem:
+        return f"the first run fails: {problem}"
+    if stats.get("legs") != 1:
+        return "stability limits the steps of Runge-Kutta in the first run"
+    return PATIENCE * float(stats["steps"]) + LEAST_STEPS
+
+
 @dataclass(frozen=True, eq=False)
-class LaneSweep:
-    """Simulations of a translation in lanes.
+class LaneSweep(SideBySide):
+    """Simulations in lanes, by Runge-Kutta of order 5.
 
     Attributes
     ----------
-    translation : Translation
-    asked : Request
-        Of a run in which nothing varies.
-    parameters, inputs : mapping of str to float
-        What is given for all runs, by path.
-    whole : bool
-        Whether the results are wanted; else the states in ``kept`` suffice.
-    kept : tuple of int
+    most_steps : float
+        After which a lane gives up its run.
     """
 
-    translation: Translation
-    asked: Request
-    parameters: Mapping[str, float]
-    inputs: Mapping[str, Any]
-    whole: bool
-    kept: tuple[int, ...]
+    most_steps: float = float("inf")
 
-    def column(self, name: str) -> int:
-        """Where an output that is a state stands among those that are kept."""
-        place = self.translation.scene.place_of.get(self.translation.scene.named(name)[0], -1)
-        return self.kept.index(place) if place in self.kept else -1
+    @property
+    def told(self) -> Mapping[str, Any]:
+        return {"lanes": LANES}
 
-    @cached_property
-    def grid(self) -> Floats:
-        """The times, s, of which the first is the start."""
-        times, t_start = self.asked.times, self.asked.t_start
-        return times if times[0] == t_start else np.concatenate([[t_start], times])
-
-    @cached_property
-    def code(self) -> LaneCode:
-        scene = self.translation.scene
-        if "lanes" not in scene.forms:
-            scene.forms["lanes"] = lane_code(scene.program, len(scene.model.parameters.names))
-        code: LaneCode = scene.forms["lanes"]
+    def code(self, tables: tuple[int, ...]) -> LaneCode:
+        """The right-hand side where some inputs are tables."""
+        scene, key = self.translation.scene, f"lanes {tables}"
+        if key not in scene.forms:
+            scene.forms[key] = lane_code(scene.program, len(scene.model.parameters.names), tables)
+        code: LaneCode = scene.forms[key]
         return code
 
-    def carried_out(
-        self, parameters: Mapping[str, Floats], starts: Mapping[str, Floats], inputs: Mapping[str, Floats], count: int
-    ) -> Iterator[tuple[int, Floats | SimulatedResult | None]]:
-        """Each run's number, and the kept states at the times asked for, (samples, kept), or its result; in the order in which they end.
-
-        None stands for a run that cannot be done in a lane, or failed there.
-        """
-        width = len(self.grid) * (len(self.translation.states) if self.whole else len(self.kept))
-        size = max(LANES, min(AT_ONCE, MOST_NUMBERS // max(width, 1)))
-        for first in range(0, count, size):
-            here = slice(first, min(first + size, count))
-            varied = [{name: column[here] for name, column in given.items()} for given in (parameters, starts, inputs)]
-            block = _Block(self, varied[0], varied[1], varied[2], here.stop - first)
-            yield from ((first + i, found) for i, found in block.carried_out())
-
-
-class _Block:
-    """Runs that are prepared together."""
-
-    def __init__(
-        self, sweep: LaneSweep, parameters: Mapping[str, Floats], starts: Mapping[str, Floats], inputs: Mapping[str, Floats],
-        count: int,
-    ) -> None:  # fmt: skip
-        self.sweep, self.varied, self.count = sweep, (parameters, starts, inputs), count
-        own = sweep.translation
-        table = own.model.parameters
-        numbers: dict[str, float | Floats] = {**sweep.parameters, **parameters}
-        given = {table.index[name]: value for name, value in numbers.items()}
-        self.parameters = table.evaluate_many(given, count)  # (parameters, runs)
-        self.fit = ~out_of_bounds(table, self.parameters).any(axis=0) & own.variants.ordinary(self.parameters)
-        if own.structure.redundant:
-            self._each(np.flatnonzero(self.fit), self._confirm)
-        names, told = own.inputs, {**sweep.inputs, **inputs}
-        self.inputs = np.array([np.broadcast_to(told.get(name, 0.0), count) for name in names]).reshape(len(names), count)
-        program = own.scene.program
-        self.fit &= regular(program, self.parameters)
-        solutions, solved = solutions_of_runs(program, self.parameters)
-        self.fit &= solved
-        padded = np.zeros((len(program.inputs), count))
-        padded[: len(names)] = self.inputs[: len(program.inputs)]
-        self.numbers = sweep.code.numbers(self.parameters, padded, solutions)
-        self.guess: list[Floats] = []
-        self.states = self._starts()
-        self.fit &= np.isfinite(self.numbers).all(axis=1) & np.isfinite(self.states).all(axis=1)
-
-    def _each(self, runs: Any, action: Any) -> None:
-        """Do something with each run; one that raises an error is done by itself, which raises it again."""
-        for i in runs.tolist():
-            try:
-                action(i)
-            except GearlibError:
-                self.fit[i] = False
-
-    def _confirm(self, i: int) -> None:
-        structure = self.sweep.translation.structure
-        confirm(structure, coefficients_of(structure.complete, self.parameters[:, i], 0.0))
-
-    def _starts(self) -> Floats:
-        """Start values of the states, (runs, states)."""
-        sweep, scene = self.sweep, self.sweep.translation.scene
-        states = np.empty((self.count, len(scene.states)))
-        if not self.varied[1] and sweep.asked.start is None:
-            alike = starts_of_runs(scene, self.parameters)
-            if alike is not None:
-                return alike
-
-        def one(i: int) -> None:
-            begin = self.begin(i)
-            states[i] = begin.states
-
-        states[:] = np.nan
-        self._each(np.flatnonzero(self.fit), one)
-        return states
-
-    def begin(self, i: int) -> Start:
-        """The start of a run."""
-        sweep, own = self.sweep, self.sweep.translation
-        return own.start(
-            own.scene, self.parameters[:, i], float(sweep.grid[0]), self._start_of(i), self.inputs[:, i].tolist(), True
-        )
-
-    def _start_of(self, i: int) -> Any:
-        starts = {name: float(column[i]) for name, column in self.varied[1].items()}
-        return {**(self.sweep.asked.start or {}), **starts} if starts else self.sweep.asked.start
-
-    def carried_out(self) -> Iterator[tuple[int, Any]]:
-        fitting = np.flatnonzero(self.fit)
-        yield from ((i, None) for i in np.flatnonzero(~self.fit).tolist())
+    def runs_of(self, prepared: PreparedRuns) -> Iterator[Found]:
+        scene, asked = self.translation.scene, self.asked
+        tables = tuple(k for k, s in enumerate(prepared.signals) if isinstance(s, tuple))
+        code = self.code(tables)
+        data = code.numbers(prepared.parameters, prepared.numbers, prepared.solutions)
+        good = prepared.fit & np.isfinite(data).all(axis=1) & _straight(prepared, tables)
+        yield from ((i, None) for i in np.flatnonzero(prepared.fit & ~good).tolist())
+        fitting = np.flatnonzero(good)
         if not len(fitting):
             return
-        sweep, scene, asked = self.sweep, self.sweep.translation.scene, self.sweep.asked
         absolute = absolute_tolerance(asked.atol, len(scene.states))
         first = int(fitting[0])
-        numbers = scene.prepared(self.parameters[:, first].copy())
-        begin = Start(self.states[first], start_guess(scene.model, numbers.parameters), ())
-        like = Run(scene, numbers, begin, tuple(self.inputs[:, first]), sweep.grid, asked.rtol, absolute, None, asked.max_step)
-        columns = np.arange(len(scene.states)) if sweep.whole else np.array(sweep.kept, np.int64)
+        numbers = scene.prepared(prepared.parameters[:, first].copy())
+        begin = Start(prepared.states[first], start_guess(scene.model, numbers.parameters), ())
+        like = Run(scene, numbers, begin, prepared.signals_of(first), self.grid, asked.rtol, absolute, None, asked.max_step)
         problem = LaneProblem(
-            sweep.code.function, self.states[fitting], self.numbers[fitting], sweep.grid, columns,
+            code.function, prepared.states[fitting], data[fitting], self.grid, self.columns,
             asked.rtol * scene.nominal if absolute is None else absolute, asked.rtol, like.longest_step,
+            *_pieces([prepared.signals[k] for k in tables], fitting, self.grid), self.most_steps,
         )  # fmt: skip
         runs = LaneRuns(problem)
         told = np.zeros(len(fitting), bool)
-        more = True
-        hidden = len(sweep.grid) - len(asked.times)
+        more, why = True, "asked for" if str(asked.method) != "auto" else "neither events nor stiffness"
         while more:
             more = runs.advance()
-            for k in np.flatnonzero((runs.status != 0) & ~told).tolist():
-                told[k] = True
-                i, good = int(fitting[k]), runs.status[k] > 0 and np.isfinite(runs.out[k]).all()
-                yield i, (self._result(i, runs, k) if sweep.whole else runs.out[k, hidden:]) if good else None
+            new = np.flatnonzero((runs.status != 0) & ~told)
+            told[new] = True
+            ended = (runs.status[new] > 0) & np.isfinite(runs.out[new]).all(axis=(1, 2))
+            yield from ((int(i), None) for i in fitting[new[~ended]])
+            new = new[ended]
+            if not self.whole:
+                yield KeptStates(fitting[new], runs.out[new, self.hidden :])
+                continue
+            for k in new.tolist():
+                stats = {
+                    "method": "rk5", "why": f"{why}; {LANES} runs side by side", "states": len(scene.states), "order": 5,
+                    "steps": int(runs.steps[k] - runs.rejected[k]), "rejected": int(runs.rejected[k]),
+                    "rhs": 6 * int(runs.steps[k]) + 2,
+                }  # fmt: skip
+                yield int(fitting[k]), prepared.result(int(fitting[k]), runs.out[k, self.hidden :].copy(), stats)
 
-    def _result(self, i: int, runs: LaneRuns, k: int) -> SimulatedResult:
-        """The result of a run."""
-        sweep, own = self.sweep, self.sweep.translation
-        scene, asked, grid = own.scene, sweep.asked, sweep.grid
-        hidden = len(grid) - len(asked.times)
-        parameters, signals = self.parameters[:, i].copy(), tuple(self.inputs[:, i].tolist())
-        states = runs.out[k, hidden:].copy()
-        segment = Segment(
-            scene, grid[hidden:], states, np.zeros((len(states), 0)), parameters, signals, start_guess(scene.model, parameters),
-            float(grid[0]),
-        )  # fmt: skip
-        stats = {
-            "method": "rk5", "why": f"asked for; {LANES} runs side by side", "states": len(scene.states), "order": 5,
-            "steps": int(runs.steps[k] - runs.rejected[k]), "rejected": int(runs.rejected[k]), "rhs": 6 * int(runs.steps[k]) + 2,
-            "events": 0, "zero_inputs": asked.zero_inputs,
-        }  # fmt: skip
-        again = replace(asked, parameters=parameters, signals=signals, start=self._start_of(i))
-        return SimulatedResult([(segment, stats, ())], own, again, run)
+
+def _straight(prepared: PreparedRuns, tables: Sequence[int]) -> NDArray[np.bool_]:
+    """In which runs the inputs that are tables consist of straight lines, not too many."""
+    good = np.ones(prepared.count, bool)
+    for k in tables:
+        for signal in set(prepared.signals[k]):
+            if isinstance(signal, Table) and (not signal.straight or len(signal.t) > MOST_CORNERS):
+                good &= np.array([s is not signal for s in prepared.signals[k]])
+    return good
+
+
+def _pieces(signals: Sequence[Sequence[Any]], runs: NDArray[np.int64], grid: Floats) -> tuple[Floats, Floats]:
+    """Corners and pieces of inputs, as `LaneProblem` has them; one row if all runs have the same."""
+    alike = all(len(set(signal)) == 1 for signal in signals)
+    rows = [_row([signal[i] for signal in signals], grid) for i in (runs[:1] if alike else runs).tolist()]
+    most = max(len(corners) for corners, _ in rows)
+    corners, pieces = np.full((len(rows), most), np.inf), np.zeros((len(rows), most + 1, 2 * len(signals)))
+    for i, (times, lines) in enumerate(rows):
+        corners[i, : len(times)] = times
+        pieces[i, : len(lines)], pieces[i, len(lines) :] = lines, lines[-1]
+    return corners, pieces
+
+
+def _row(signals: Sequence[Any], grid: Floats) -> tuple[Floats, Floats]:
+    """The corners of a run's inputs, and between them their values at time zero and slopes."""
+    begin, end = float(grid[0]), float(grid[-1])
+    inner = np.unique(np.concatenate([np.empty(0), *(s.t for s in signals if isinstance(s, Table))]))
+    inner = inner[(inner > begin) & (inner < end)]
+    starts = np.concatenate([[begin], inner])
+    lines = np.zeros((len(starts), 2 * len(signals)))
+    for j, signal in enumerate(signals):
+        if isinstance(signal, Table):
+            values, slopes = signal.lines(starts, 0.5 * np.diff(starts, append=end))
+            lines[:, 2 * j], lines[:, 2 * j + 1] = values - slopes * starts, slopes
+        else:
+            lines[:, 2 * j] = signal
+    return inner, lines

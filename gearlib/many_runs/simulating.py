@@ -7,19 +7,28 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gearlib.arguments import by_name, name_list, real
 from gearlib.compiler.instructions import LANES
 from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
+from gearlib.many_runs.by_exponentials import ExactSweep, lacks_exponentials
 from gearlib.many_runs.identity import of_functions, of_model, of_values
-from gearlib.many_runs.in_lanes import LaneSweep, lacks
+from gearlib.many_runs.in_lanes import LaneSweep, lacks_lanes, most_steps
+from gearlib.many_runs.reductions import Reduction
 from gearlib.many_runs.samples import Samples, rows
-from gearlib.many_runs.work import Row, Work, reduced
+from gearlib.many_runs.side_by_side import KeptStates, SideBySide
+from gearlib.many_runs.work import Row, ManyRows, Work, reduced
+from gearlib.run.methods.run import is_function
 from gearlib.run.request import Request
 from gearlib.run.result import SimulatedResult
 from gearlib.run.simulate import run
 from gearlib.run.start_values import start_named, start_variable
 from gearlib.run.translation import Translation
 
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 TIME = "time"
 
 
@@ -38,7 +47,7 @@ class Simulating(Work):
         Functions applied to each result.
     parameters, inputs : mapping
         Values common to all runs, by path.
-    lanes : LaneSweep or str
+    together_by : SideBySide or str
         What carries runs out side by side, or why they are carried out one after another.
     """
 
@@ -48,7 +57,7 @@ class Simulating(Work):
     reduce: Mapping[str, Callable[[Any], Any]]
     parameters: Mapping[str, float]
     inputs: Mapping[str, Any]
-    lanes: LaneSweep | str
+    together_by: SideBySide | str
 
     def row(self, given: Mapping[str, Any]) -> Row:
         asked, own, coordinates = self.asked, self.translation, self._coordinates
@@ -62,20 +71,29 @@ class Simulating(Work):
         result = run(translation, replace(asked, **changed))
         return Row({name: result[name] for name in self.outputs} | reduced(self.reduce, result), coordinates)
 
-    def together(self, part: Mapping[str, Any], count: int) -> Iterator[tuple[int, Row | GearlibError]]:
-        if isinstance(self.lanes, str):
+    def together(
+        self, part: Mapping[str, Any], count: int
+    ) -> Iterator[tuple[int, Row | GearlibError] | tuple[Integers, ManyRows]]:
+        engine = self.together_by
+        if isinstance(engine, str):
             yield from super().together(part, count)
             return
         coordinates, given = self._coordinates, list(rows(part, count))
-        signs = [self.translation.scene.named(name)[1] for name in self.outputs]
-        places = [self.lanes.column(name) for name in self.outputs]
-        for i, found in self.lanes.carried_out(*self._by_kind(part), count):
-            if found is None:
-                yield i, self.attempted(given[i])
-            elif isinstance(found, SimulatedResult):
-                yield i, self._reduced(found)
-            else:
-                yield i, Row({n: s * found[:, k] for n, s, k in zip(self.outputs, signs, places, strict=True)}, coordinates)
+        of_states = {name: (self.translation.scene.named(name)[1], engine.column(name)) for name in self._histories_of}
+        for found in engine.carried_out(*self._by_kind(part), count):
+            if isinstance(found, KeptStates):
+                histories = {name: sign * found.states[:, :, k] for name, (sign, k) in of_states.items()}
+                values = {name: histories[name] for name in self.outputs}
+                values |= {name: f.of(histories[f.name]) for name, f in self.reduce.items() if isinstance(f, Reduction)}
+                yield found.runs, ManyRows(values, coordinates)
+                continue
+            i, result = found
+            yield i, self.attempted(given[i]) if result is None else self._reduced(result)
+
+    @property
+    def _histories_of(self) -> tuple[str, ...]:
+        """The variables whose histories are kept, or reduced by what knows how to."""
+        return (*self.outputs, *(f.name for f in self.reduce.values() if isinstance(f, Reduction)))
 
     def _reduced(self, result: SimulatedResult) -> Row | GearlibError:
         try:
@@ -85,7 +103,8 @@ class Simulating(Work):
 
     @property
     def told(self) -> Mapping[str, Any]:
-        return {"lanes": 1, "why": self.lanes} if isinstance(self.lanes, str) else {"lanes": LANES}
+        engine = self.together_by
+        return {"lanes": 1, "why": engine} if isinstance(engine, str) else engine.told
 
     def _by_kind(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """Parameters, start values by the path of the variable, and inputs."""
@@ -171,30 +190,52 @@ def simulating(
             f"{both.pop()} is the name of an output and of a function in reduce; give the function another name"
         )
     given = dict(parameters), dict(inputs or {})
-    found = _lanes(translation, samples, asked, *given, chosen, bool(functions)) if lanes != 1 else "asked for"
+    found = _side_by_side(translation, samples, asked, *given, chosen, functions, lanes) if lanes != 1 else "asked for"
     if lanes == LANES and isinstance(found, str):
         raise ArgumentError(f"lanes is {LANES}, but these runs cannot be carried out so: {found}; leave it at 'auto'")
     return Simulating(translation, asked, chosen, functions, *given, found)
 
 
-def _lanes(
+def _side_by_side(
     translation: Translation, samples: Samples, asked: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any],
-    outputs: Sequence[str], whole: bool,
-) -> LaneSweep | str:  # fmt: skip
-    """What carries the runs out in lanes, or why they are carried out one after another."""
+    outputs: Sequence[str], reduce: Mapping[str, Callable[[Any], Any]], lanes: int | str,
+) -> SideBySide | str:  # fmt: skip
+    """What carries the runs out side by side, or why they are carried out one after another."""
     if len(samples) < LANES:
         return f"there are fewer than {LANES} runs"
-    if any(isinstance(column, tuple) for column in samples.columns.values()):
-        return "inputs are tables or functions of time"
-    if reason := lacks(translation, asked):
-        return reason
+    own = [signal for column in samples.columns.values() if isinstance(column, tuple) for signal in column]
+    if any(map(is_function, own)):
+        return "inputs are functions of time"
+    asked = replace(asked, parameters=_first_parameters(translation, samples, asked, parameters))
+    no_lanes = lacks_lanes(translation, asked)
+    no_exponentials = lacks_exponentials(translation, asked) if lanes == "auto" else "lanes are asked for"
+    no_exponentials = "each run has a table of its own" if own else no_exponentials
+    if no_lanes and no_exponentials:
+        return no_lanes
     scene = translation.scene
-    nodes = [scene.named(name)[0] for name in outputs]
+    reductions = [f for f in reduce.values() if isinstance(f, Reduction)]
+    nodes = [scene.named(name)[0] for name in (*outputs, *(f.name for f in reductions))]
     if any(scene.missing(node) for node in nodes):
         return "an output needs more states than the system was compiled for; name it in gl.compile(..., outputs=[...])"
-    whole = whole or not all(node in scene.place_of for node in nodes)
+    whole = len(reductions) < len(reduce) or not all(node in scene.place_of for node in nodes)
     kept = () if whole else tuple(dict.fromkeys(scene.place_of[node] for node in nodes))
-    return LaneSweep(translation, asked, parameters, inputs, whole, kept)
+    given = translation, asked, parameters, inputs, whole, kept
+    if not no_exponentials:
+        exact = ExactSweep(*given)
+        if (no_exponentials := exact.lack()) is None:
+            return exact
+    most = no_lanes or most_steps(translation, asked)
+    return most if isinstance(most, str) else LaneSweep(*given, most)
+
+
+def _first_parameters(translation: Translation, samples: Samples, asked: Request, fixed: Mapping[str, float]) -> Floats:
+    """The parameters of the first run, or those that all runs start from where it needs another translation."""
+    names = [name for name in samples.columns if kind_of(translation, name) == "parameter"]
+    try:
+        own, numbers = translation.fitted({**fixed, **{name: float(samples.columns[name][0]) for name in names}})
+    except GearlibError:
+        return asked.parameters
+    return numbers if own is translation else asked.parameters
 
 
 def functions_of(reduce: Any) -> dict[str, Callable[[Any], Any]]:

@@ -22,6 +22,7 @@ from gearlib.language.recipes import packed
 from gearlib.many_runs.samples import Samples, rows
 
 Values = Mapping[str, NDArray[Any]]
+Integers = NDArray[np.int64]
 Warned = tuple[type[Warning], str]
 
 
@@ -31,6 +32,14 @@ class Row:
 
     values: dict[str, Any]
     coordinates: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ManyRows:
+    """Results of some runs: arrays by name with one row per run, and coordinates."""
+
+    values: dict[str, NDArray[Any]]
+    coordinates: Mapping[str, Any]
 
 
 class Work(ABC):
@@ -51,8 +60,10 @@ class Work(ABC):
             The run failed.
         """
 
-    def together(self, part: Mapping[str, Any], count: int) -> Iterator[tuple[int, Row | GearlibError]]:
-        """Some runs, each with its number, in any order: by default one after another."""
+    def together(
+        self, part: Mapping[str, Any], count: int
+    ) -> Iterator[tuple[int, Row | GearlibError] | tuple[Integers, ManyRows]]:
+        """Some runs, with their numbers, in any order: by default one after another."""
         for i, given in enumerate(rows(part, count)):
             yield i, self.attempted(given)
 
@@ -126,15 +137,20 @@ def done(work: Work, part: Mapping[str, Any], count: int) -> Chunk:
     coordinates: Mapping[str, Any] = {}
     for i, row in work.together(part, count):
         if isinstance(row, GearlibError):
-            errors[i] = row
+            errors[int(i)] = row
             continue
         if not values:
-            values, coordinates = blank(row.values, count), row.coordinates
+            values, coordinates = blank(first_of(row).values, count), row.coordinates
         try:
             put(values, i, row.values)
         except ArgumentError as problem:
-            errors[i] = problem
+            errors |= dict.fromkeys([i] if isinstance(i, int) else i.tolist(), problem)
     return Chunk(values, coordinates, errors, (), time.perf_counter() - begin)
+
+
+def first_of(row: Row | ManyRows) -> Row:
+    """The first of some rows."""
+    return row if isinstance(row, Row) else Row({name: value[0] for name, value in row.values.items()}, row.coordinates)
 
 
 def blank(row: Mapping[str, Any], count: int) -> dict[str, NDArray[Any]]:
@@ -145,8 +161,8 @@ def blank(row: Mapping[str, Any], count: int) -> dict[str, NDArray[Any]]:
     }
 
 
-def put(values: Mapping[str, NDArray[Any]], i: int, row: Mapping[str, Any]) -> None:
-    """Write a row, completely or not at all.
+def put(values: Mapping[str, NDArray[Any]], i: int | Integers, row: Mapping[str, Any]) -> None:
+    """Write a row, or some that are alike, completely or not at all.
 
     Raises
     ------
@@ -155,9 +171,10 @@ def put(values: Mapping[str, NDArray[Any]], i: int, row: Mapping[str, Any]) -> N
     """
     for name, value in row.items():
         there = values[name]
-        if np.shape(value) != there.shape[1:]:
+        shape = np.shape(value)[0 if isinstance(i, int) else 1 :]
+        if shape != there.shape[1:]:
             raise ArgumentError(
-                f"{name} has the shape {np.shape(value)} in this run and {there.shape[1:]} in the first one; all must be alike"
+                f"{name} has the shape {shape} in this run and {there.shape[1:]} in the first one; all must be alike"
             )
         if np.iscomplexobj(value) and not np.iscomplexobj(there):
             raise ArgumentError(f"{name} is complex in this run and was real in the first one; all must be alike")

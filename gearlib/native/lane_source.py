@@ -50,11 +50,14 @@ class LaneCode:
     source : str
     kept : frozenset of int
         Slots that are computed by themselves; the others are put into what depends on them.
+    tables : tuple of int
+        Inputs that are straight lines in time: each has two numbers, its value at time zero and its slope, before all others.
     """
 
     program: Program
     source: str
     kept: frozenset[int]
+    tables: tuple[int, ...]
     function: CompiledFunction
 
     def numbers(self, parameters: Floats, inputs: Floats, solutions: Sequence[Floats]) -> Floats:
@@ -67,21 +70,21 @@ class LaneCode:
         solutions : sequence of arrays, shape (runs, unknowns, known)
             Of the linear blocks.
         """
-        body = _Body(self.program, parameters, inputs, solutions, self.kept)
+        body = _Body(self.program, parameters, inputs, solutions, self.kept, self.tables)
         return np.stack([np.broadcast_to(n, parameters.shape[1:]) for n in body.numbers], axis=1)
 
 
-def lane_code(program: Program, n_parameters: int) -> LaneCode:
-    """Compile a program that has no `lack`."""
+def lane_code(program: Program, n_parameters: int, tables: tuple[int, ...] = ()) -> LaneCode:
+    """Compile a program that has no `lack`; the inputs ``tables`` are straight lines in time."""
     unknown = [
         np.ones((1, len(step.unknowns), len(step.known))) for step in program.steps if isinstance(step, Linear)
     ]  # which numbers they are does not matter to the source
     given = np.ones((n_parameters, 1)), np.ones((len(program.inputs), 1)), unknown
-    bodies = [_Body(program, *given, kept) for kept in (frozenset[int](), _shared(program))]
+    bodies = [_Body(program, *given, kept, tables) for kept in (frozenset[int](), _shared(program))]
     body = min(bodies, key=lambda b: b.terms)
     functions = "".join(text for name, text in FUNCTIONS.items() if any(f"{name}(" in line for line in body.lines))
     source = functions + "\n".join([HEAD, *(f"    {line}" for line in body.lines), "    return 0", ""])
-    return LaneCode(program, source, body.kept, compiled(source, "rhs", fused=True))
+    return LaneCode(program, source, body.kept, tables, compiled(source, "rhs", fused=True))
 
 
 def _shared(program: Program) -> frozenset[int]:
@@ -104,6 +107,7 @@ class _Body:
     inputs: Floats
     solutions: Sequence[Floats]
     kept: frozenset[int]
+    tables: tuple[int, ...] = ()
     lines: list[str] = field(default_factory=list)
     of_time: list[str] = field(default_factory=list)
     numbers: list[Floats] = field(default_factory=list)
@@ -113,6 +117,9 @@ class _Body:
         program, n = self.program, len(self.program.states)
         self.forms: dict[int, Form] = {k: {k: 1.0} for k in range(n)}
         self.forms |= {n + k: {ONE: row} for k, row in enumerate(self.inputs)}
+        self.forms |= {n + k: {n + k: 1.0} for k in self.tables}
+        self.numbers = [np.zeros(1) for _ in range(2 * len(self.tables))]
+        straight = [f"v{n + k} = data[{2 * j}] + t * data[{2 * j + 1}]" for j, k in enumerate(self.tables)]
         self._places: dict[int, int] = {}
         blocks = iter(self.solutions)
         with np.errstate(all="ignore"):
@@ -124,7 +131,7 @@ class _Body:
             for i, slot in enumerate(program.output_slots.tolist()):
                 self.lines.append(f"dx[{i}] = {self._text(self.forms[slot])}")
         # what depends on time only comes first: calls of functions leave no room for states in registers
-        self.lines[:0] = ["t = time[0]", *self.of_time, *(f"v{k} = x[{k}]" for k in range(n))]
+        self.lines[:0] = ["t = time[0]", *straight, *self.of_time, *(f"v{k} = x[{k}]" for k in range(n))]
 
     def _batch(self, batch: Batch) -> None:
         slopes = [batch.derivative(a) for a in range(len(batch.kernel.columns))]

@@ -26,6 +26,9 @@ MOST_DENSE = 4_000_000  # slots times seeds up to which a dense matrix is return
 class At:
     """Linearisation points: a program with its parameters, and the values of all slots at some times.
 
+    Of a linear program the points may be runs in place of times: parameters then have the shape (parameters, runs), and solutions of
+    blocks (runs, unknowns, known).
+
     Attributes
     ----------
     prepared : Prepared
@@ -45,7 +48,8 @@ class At:
         if batch.numbers is not None:
             found = batch.numbers[:, None]
         elif batch.of_parameters:
-            found = constant_values(batch, self.prepared.parameters)[:, None]
+            found = constant_values(batch, self.prepared.parameters)
+            found = found if found.ndim > 1 else found[:, None]
         else:
             found = batch_values(batch, self.t, self.slots, self.prepared.parameters, self.relations)
         return np.broadcast_to(found, (len(batch), len(self.t)))
@@ -166,8 +170,10 @@ def solved_block(step: Solved, at: At, numbers: Floats) -> Floats:
         return newton_solved(block, at, right.reshape(n, width, times))
     if step.implicit:
         found = -block_solve(at.prepared, step.block, right.reshape(n, width * times))
+    elif isinstance(solution := at.prepared.solutions[step.block], np.ndarray) and solution.ndim > 2:
+        found = np.einsum("tuk,kwt->uwt", solution, right.reshape(n, width, times))
     else:
-        found = at.prepared.solutions[step.block] @ right.reshape(n, width * times)
+        found = solution @ right.reshape(n, width * times)
     return np.asarray(found.reshape(len(block.unknowns), width, times), float)
 
 

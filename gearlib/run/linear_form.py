@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from gearlib.equations.kernel import rest_of
 from gearlib.equations.template import Relation
 from gearlib.errors import SingularError
-from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
+from gearlib.program.derivative_plan import DerivativePlan, Solved, derivative_plan
 from gearlib.program.derivatives import At, entries
-from gearlib.program.interpret import constant_values, owner_of
+from gearlib.program.interpret import Prepared, constant_values, owner_of
 from gearlib.program.program import Batch, Program
 from gearlib.program.scalars import linear_function
 from gearlib.run.scene import Numbers, Scene
@@ -47,15 +47,19 @@ def _plan(scene: Scene) -> _Plan:
         program = scene.program
         seeds = affine_seeds(program)
         added = [int(batch.targets[i]) for batch, i in seeds]
-        slots = [np.empty(0, np.int64)]
-        for batch, i in seeds:
-            g, row = scene.structure.rows[int(batch.equations[i])]
-            slots.append(scene.model.groups[g].parameters[row])
+        slots = [np.empty(0, np.int64), *(_parameters_of(scene, batch, i) for batch, i in seeds)]
         entering = [(slot, k) for k, slot in enumerate([*range(len(program.states) + len(program.inputs)), *added])]
         derivatives = derivative_plan(program, entering, program.output_slots)
         written = linear_function(program, derivatives) if len(scene.states) < MOST_WRITTEN else None
         scene.forms["linear"] = _Plan(seeds, added, derivatives, written, np.unique(np.concatenate(slots)))
     found: _Plan = scene.forms["linear"]
+    return found
+
+
+def _parameters_of(scene: Scene, batch: Batch, row: int) -> NDArray[np.int64]:
+    """The parameters in the equation of a batch's row."""
+    g, i = scene.structure.rows[int(batch.equations[row])]
+    found: NDArray[np.int64] = scene.model.groups[g].parameters[i]
     return found
 
 
@@ -90,6 +94,78 @@ def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Linea
     form = LinearForm(*_matrices(scene, numbers, plan, mix), inputs, known=plan.known)
     plan.form = (ref(numbers), key, form)
     return form
+
+
+@dataclass(frozen=True, eq=False)
+class LinearForms:
+    """Linear forms of many runs of a scene, with inputs in common.
+
+    Attributes
+    ----------
+    inputs : tuple
+        Tables, expressions of time, and one last: a constant, whose weights are numbers of the runs.
+    matrix : array, shape (states, states)
+        A of one of these runs.
+    """
+
+    scene: Scene
+    inputs: tuple[Any, ...]
+    matrix: Floats
+    tables: tuple[int, ...]
+    moving: tuple[int, ...]  # driving terms that depend on time, and
+    slots: NDArray[np.int64]  # their parameters, with
+    values: Floats
+
+    def alike(self, parameters: Floats) -> NDArray[np.bool_]:
+        """In which runs the inputs are these; ``parameters`` has the shape (parameters, runs)."""
+        return np.asarray((parameters[self.slots] == self.values[:, None]).all(axis=0))
+
+    def of_runs(self, parameters: Floats, solutions: Sequence[Floats], numbers: Floats) -> tuple[Floats, Floats]:
+        """A, (runs, states, states), and B, (runs, states, inputs).
+
+        Parameters
+        ----------
+        parameters : array, shape (parameters, runs)
+        solutions : sequence of arrays, shape (runs, unknowns, known)
+            Of the linear blocks.
+        numbers : array, shape (inputs, runs)
+            Of the scene's program: zero where an input is a table.
+        """
+        scene, plan, runs = self.scene, _plan(self.scene), parameters.shape[1]
+        program, table = scene.program, plan.derivatives
+        n, m = len(program.states), len(program.inputs)
+        points = At(
+            Prepared(program, scene.structure, parameters, tuple(solutions)),
+            np.zeros(runs), np.zeros((program.n_slots, runs)), np.zeros((scene.n_modes, runs)),
+        )  # fmt: skip
+        full = np.zeros((runs, n, n + m + len(plan.added)))
+        full[:, table.rows, table.seeds] = entries(table, points).T
+        constants = np.zeros((m + len(plan.added), runs))
+        constants[:m] = numbers
+        rows = {id(batch): constant_values(batch.rest, parameters) for batch, _ in plan.seeds if batch.rest.of_parameters}
+        for k, (batch, i) in enumerate(plan.seeds):
+            if k not in self.moving:
+                constants[m + k] = rows[id(batch)][i]
+        one = np.einsum("rnm,mr->rn", full[:, :, n:], constants)
+        common = [n + k for k in self.tables] + [n + m + k for k in self.moving]
+        return full[:, :, :n], np.concatenate([full[:, :, common], one[:, :, None]], axis=2)
+
+
+def linear_forms(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> LinearForms | str:
+    """The linear forms of runs that differ in numbers, or the reason why there are none; arguments as for `linear_form`, of one run."""
+    form = linear_form(scene, numbers, signals)
+    if isinstance(form, str):
+        return form
+    plan = _plan(scene)
+    if any(isinstance(step, Solved) and step.implicit for step in plan.derivatives.steps):
+        return "equations that are solved together depend on what they determine"
+    tables = tuple(k for k, s in enumerate(signals) if isinstance(s, Table))
+    moving = tuple(k for k, (batch, _) in enumerate(plan.seeds) if not batch.rest.of_parameters)
+    slots = np.unique(np.concatenate([np.empty(0, np.int64), *(_parameters_of(scene, *plan.seeds[k]) for k in moving)]))
+    drives = [driving_expression(scene, *plan.seeds[k], numbers.parameters) for k in moving]
+    matrix = form.A if isinstance(form.A, np.ndarray) else form.A.toarray()
+    inputs = (*(signals[k] for k in tables), *drives, sympy.Integer(1))
+    return LinearForms(scene, inputs, matrix, tables, moving, slots, numbers.parameters[slots])
 
 
 def _drives(scene: Scene, numbers: Numbers, signals: Sequence[Any], plan: _Plan) -> tuple[tuple[Any, ...], Floats]:

@@ -161,9 +161,9 @@ def test_progress_is_told_and_an_interrupt_keeps_what_is_done(drive: gl.System) 
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        ({"method": "exact"}, "the method is exact"),
+        ({"method": "ida"}, "the method is ida"),
         ({"method": "rk", "rtol": 1e-9}, "the method is rk;"),
-        ({"inputs": {"torque.tau": gl.Table([0, 1], [0, 1])}}, "tables"),
+        ({"inputs": {"torque.tau": gl.Table([0, 0.4, 0.5, 1], [0, 1, 3, 0], interpolation="cubic")}}, "a table of cubics"),
         ({"inputs": {"torque.tau": lambda t: t}}, "functions of time"),
         ({"t_start": 1e6, "t_end": 1e6 + 1.0}, "begin late"),
     ],
@@ -175,6 +175,70 @@ def test_what_does_not_fit_is_told(drive: gl.System, options: dict[str, Any], wh
     assert why in runs.stats["why"]
     with pytest.raises(ArgumentError, match="lanes is 8, but these runs cannot be carried out so"):
         drive.sweep({"J": J[:8]}, lanes=8, **given_)
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        gl.Table([0.0, 0.31, 0.31, 0.4, 1.0], [0.0, 4.0, 1.0, -2.0, 1.0]),  # with a jump
+        gl.Table([0.5, 0.501, 0.502], [0.0, 900.0, 0.0]),  # a short pulse
+        gl.Table([0.0, 0.02], [0.0, 5.0], interpolation="previous", outside="hold"),
+        gl.Table([0.0, 0.05, 0.2], [0.0, 5.0, 0.0], outside="periodic"),
+    ],
+)
+def test_tables_are_stepped_through_from_corner_to_corner(drive: gl.System, table: gl.Table) -> None:
+    runs = drive.sweep({"J": J, "start(load.w)": -J}, 1.0, **{**OPTIONS, "inputs": {"torque.tau": table}}, lanes=8)
+    for k in (0, 10):
+        given = {"parameters": {"J": J[k]}, "start": {"load.w": -J[k]}}
+        exact = drive.simulate(1.0, samples=21, method="exact", inputs={"torque.tau": table}, **given)
+        for name in ("load.w", "shaft.tau"):
+            assert np.abs(runs[name][k] - exact[name]).max() < 1e-6 * np.abs(exact[name]).max()
+
+
+def test_each_run_may_have_a_table_of_its_own(drive: gl.System) -> None:
+    tables = [gl.Table(np.linspace(0.0, 1.0, 2 + k), np.arange(2 + k) % 3) for k in range(11)]
+    tables[4] = gl.Table([0.0, 0.4, 0.5, 1.0], [0.0, 1.0, 3.0, 0.0], interpolation="cubic")  # is done by itself
+    runs = drive.sweep({"J": J, "torque.tau": tables}, 1.0, **{**OPTIONS, "inputs": None})
+    assert runs.stats["lanes"] == 8
+    for k in (0, 4, 10):
+        single = drive.simulate(
+            1.0, samples=21, rtol=1e-10, method="rk8", parameters={"J": J[k]}, inputs={"torque.tau": tables[k]}
+        )
+        assert np.abs(runs["load.w"][k] - single["load.w"]).max() < 1e-6 * np.abs(single["load.w"]).max()
+
+
+def test_auto_takes_lanes_where_one_run_shows_neither_events_nor_stiffness(pendulum: gl.System) -> None:
+    g = np.linspace(5.0, 40.0, 9)
+    runs = pendulum.sweep({"g": g}, 1.0, samples=5, outputs=["phi"])
+    assert runs.stats["lanes"] == 8
+    single = pendulum.simulate(1.0, samples=5, parameters={"g": g[8]}, rtol=1e-10)
+    assert np.abs(runs["phi"][8] - single["phi"]).max() < 1e-5
+    tight = pendulum.sweep({"g": g}, 1.0, samples=5, outputs=["phi"], rtol=1e-9)
+    assert "the method is auto" in tight.stats["why"]
+
+
+class Relaxing(gl.Component):
+    """Van der Pol's oscillator: stiff where mu is large."""
+
+    mu = gl.Parameter("1", default=1.0)
+    x = gl.Variable("1", start=2.0)
+    v = gl.Variable("1", start=0.0)
+
+    def equations(self) -> list[Any]:
+        return [gl.Eq(gl.der(self.x), self.v), gl.Eq(gl.der(self.v), self.mu * (1 - self.x**2) * self.v - self.x)]
+
+
+def test_a_stiff_run_among_others_is_left_to_auto() -> None:
+    system = gl.compile(Relaxing())
+    mu = np.array([1.0, 2.0, 1.5, 3e4, 0.5, 0.2, 2.5, 3.0, 0.1])
+    method = lambda r: float(r.stats["method"] == "rk5")  # noqa: E731
+    runs = system.sweep({"mu": mu}, 5.0, samples=6, reduce={"rk5": method, "end": gl.final("x")})
+    assert runs.stats["lanes"] == 8
+    assert runs["rk5"].tolist() == [float(m < 1e3) for m in mu]
+    single = system.simulate(5.0, samples=6, parameters={"mu": 3e4})
+    assert runs["end"][3] == single["x"][-1]
+    stiff = system.sweep({"mu": 3e4, "start(x)": np.linspace(1.5, 2.5, 9)}, 5.0, samples=6, outputs=["x"])
+    assert (stiff.stats["lanes"], "stability limits" in stiff.stats["why"]) == (1, True)
 
 
 def test_events_and_few_runs_are_carried_out_one_by_one(drive: gl.System) -> None:

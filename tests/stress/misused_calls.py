@@ -139,6 +139,8 @@ def analyses() -> list[Call]:
             "cut", lambda place="load", **options: gl.cut(Drive(), place, **options), lambda: {"place": "load", "given": "flow"}
         ),
         Call("grid", gl.grid, lambda: {"values": {"load.J": [1.0, 2.0]}}),
+        Call("final", gl.final, lambda: {"name": "load.w"}),
+        Call("peak", gl.peak, lambda: {"name": "load.w"}),
         Call("check_units", gl.check_units, lambda: {"component": Drive()}),
         Call("register_method", gl.register_method, lambda: {"method": Idle()}),
         Call("modes", gl.modes, s),

@@ -99,6 +99,7 @@ def _joined(run: Run, legs: Sequence[Leg], why: str) -> Solution:
         counts = [leg.solution.stats.get(counted, 0) for leg in legs]
         if counted in whole.stats:  # scikit-sundae does not report its steps
             whole.stats[counted] = None if None in counts else sum(counts)
+    whole.stats["legs"] = len(legs)
     return whole
 
 

@@ -63,6 +63,16 @@ def deviation(A: Floats, h: float) -> Floats:
     return E
 
 
+def taylor(X: Floats) -> Floats:
+    """exp(X) - I of a stack of matrices with a norm of at most `REACH`."""
+    X2 = X @ X
+    powers = np.stack([X, X2, X @ X2, X2 @ X2])
+    c = np.tensordot(_TAYLOR, powers, 1)
+    X4 = powers[3]
+    E: Floats = c[0] + X4 @ (c[1] + X4 @ (c[2] + X4 @ c[3]))
+    return E
+
+
 def double(E: Floats) -> Floats:
     """exp(2 A h) - I from exp(A h) - I."""
     square: Floats = E.dot(E)

@@ -232,7 +232,7 @@ def prepare(
     same = rounding(forcing.t0, forcing.t_end)
     known = {} if known is None else known
     grid = "times", times.tobytes(), forcing.t0, forcing.t_end, forcing.breakpoints.tobytes()
-    cuts, at_start = recent(known, grid, lambda: _cut(times, forcing), MOST_KNOWN)
+    cuts, at_start = recent(known, grid, lambda: cut(times, forcing), MOST_KNOWN)
 
     def run(algorithm: str, reason: str, seconds: float, groups: _Groups) -> ExactRun:
         return ExactRun(n, algorithm, reason, seconds, times, forcing, cuts, at_start, groups)
@@ -282,7 +282,7 @@ def _check(A: Any, B: Any, forcing: Forcing, times: Floats, algorithm: str) -> N
         )
 
 
-def _cut(times: Floats, forcing: Forcing) -> tuple[list[Stretch], int]:
+def cut(times: Floats, forcing: Forcing) -> tuple[list[Stretch], int]:
     """Stretches of a grid of times, and the number of times equal to the start."""
     if not (np.diff(times) >= 0).all():
         raise ArgumentError("times must be a sequence in increasing order")

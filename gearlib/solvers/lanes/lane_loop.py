@@ -89,6 +89,20 @@ _stages = _measured = _interpolate = generated
 
 
 @native
+def _turn(s: LaneRecord, lane: int) -> None:
+    """Fill in the numbers from a corner on, and the next stop."""
+    run, corner, here = ints_at(s.run)[lane], ints_at(s.corner)[lane], 8 * lane
+    row = run * s.cornered
+    data, pieces = floats_at(s.data), floats_at(s.pieces)
+    first = (row * (s.n_corners + 1) + corner) * s.n_pieces
+    for i in range(s.n_pieces):
+        data[i * LANES + lane] = pieces[first + i]
+    floats_at(s.stop + here)[0] = s.end
+    if corner < s.n_corners:
+        floats_at(s.stop + here)[0] = min(s.end, floats_at(s.corners)[row * s.n_corners + corner])
+
+
+@native
 def _load(s: LaneRecord, lane: int) -> None:
     """Begin the next run in a lane; without any more runs the lane goes on with what it has, for nothing."""
     here = 8 * lane
@@ -99,13 +113,14 @@ def _load(s: LaneRecord, lane: int) -> None:
         return
     run = s.next
     s.next = run + 1
-    ints_at(s.run)[lane], ints_at(s.fresh)[lane] = run, 1
+    ints_at(s.run)[lane], ints_at(s.fresh)[lane], ints_at(s.corner)[lane] = run, 1, 0
     start, numbers = floats_at(s.starts + 8 * run * s.n), floats_at(s.numbers + 8 * run * s.n_numbers)
     x, data, out, columns = floats_at(s.x), floats_at(s.data), floats_at(s.out), ints_at(s.columns)
     for i in range(s.n):
         x[i * LANES + lane] = start[i]
     for i in range(s.n_numbers):
         data[i * LANES + lane] = numbers[i]
+    _turn(s, lane)
     at = run * s.n_times * s.n_columns
     for c in range(s.n_columns):
         out[at + c] = start[columns[c]]
@@ -178,6 +193,24 @@ def _end(s: LaneRecord) -> None:
 
 
 @native
+def _pass(s: LaneRecord, flags: int) -> None:
+    """Lanes on a corner go on with other numbers; inputs may jump there, so that the first stage is another one."""
+    turned, t, now, k = floats_at(flags), floats_at(s.t), floats_at(s.now), floats_at(s.k)
+    for lane in range(LANES):
+        if turned[lane] != 0.0:
+            ints_at(s.corner)[lane] += 1
+            _turn(s, lane)
+        now[lane] = s.origin + t[lane]
+    first = LANES * s.n
+    LANE_MODEL(s.rhs, s.now, s.x, s.k + 8 * first, s.data)
+    s.evaluations += 1
+    for lane in range(LANES):
+        if turned[lane] != 0.0:
+            for i in range(s.n):
+                k[i * LANES + lane] = k[first + i * LANES + lane]
+
+
+@native
 def _store(s: LaneRecord, due: int) -> None:
     """Write the samples of the lanes in which one is due."""
     flags, kept, sample_t = floats_at(due), floats_at(s.kept), floats_at(s.sample_t)
@@ -198,9 +231,9 @@ def _step(s: LaneRecord) -> None:
     n, x, x_new, k = s.n, lanes_at(s.x), lanes_at(s.x_new), lanes_at(s.k)
     times, steps, sample_t = lanes_at(s.t), lanes_at(s.h), lanes_at(s.sample_t)
     before, retry, active, ended = lanes_at(s.before), lanes_at(s.retry), lanes_at(s.active), lanes_at(s.ended)
-    t, end = times[0], in_lanes(s.end)
+    t, end, whole = times[0], lanes_at(s.stop)[0], steps[0]
     h = min(steps[0], in_lanes(s.h_max))
-    failed = h < 10.0 * ROUNDING * abs(t) + 1e-25 * s.end
+    failed = either(h < 10.0 * ROUNDING * abs(t) + 1e-25 * s.end, lanes_at(s.steps)[0] >= s.most_steps)
     last = t + 1.0001 * h >= end
     h = where(last, end - t, h)
     t_new = where(last, end, t + h)
@@ -234,7 +267,14 @@ def _step(s: LaneRecord) -> None:
         x[i] = where(accepted, where(abs(x_new[i]) <= TINY, 0.0, x_new[i]), x[i])
         k[i] = where(accepted, k[i + 6 * n], k[i])
     times[0] = where(accepted, t_new, t)
-    over = both(accepted, last)
+    reached = both(accepted, last)
+    if s.n_corners > 0:
+        turned = both(both(reached, end < s.end), active[0] != 0.0)
+        if any_of(turned):
+            steps[0] = where(turned, max(steps[0], min(whole, in_lanes(s.h_max))), steps[0])  # the corner had cut the step
+            ended[0] = where(turned, in_lanes(1.0), 0.0)
+            _pass(s, s.ended)
+    over = both(reached, not end < s.end)
     if any_of(both(either(over, failed), active[0] != 0.0)):
         ended[0] = where(over, in_lanes(DONE), where(failed, in_lanes(FAILED), 0.0))
         _end(s)

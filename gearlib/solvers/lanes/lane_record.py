@@ -22,6 +22,10 @@ class LaneRecord(ctypes.Structure):
     times: int
     columns: int
     atol: int
+    # addresses of the corners of its inputs, which steps end at, and the numbers of the right-hand side that change there; of each run,
+    # or where ``cornered`` is zero, of all runs
+    corners: int
+    pieces: int
     # addresses of what each run has, row by row: start, numbers of the right-hand side, samples, how it ended, steps tried, rejected
     starts: int
     numbers: int
@@ -41,20 +45,25 @@ class LaneRecord(ctypes.Structure):
     now: int  # the time at which the right-hand side is evaluated
     h: int
     sample_t: int  # of the next sample, infinite where there is none
+    stop: int  # the next corner, or the end
     before: int  # sixteenth root of the error of the step before
     retry: int  # 1 after a step that was rejected
     active: int  # 1 where a run is on its way
     ended: int  # 1 or -1 where it has just come to its end, or failed
     steps: int
     failures: int
-    # whole numbers, a lane each: which run, its next sample, whether it has just been filled
+    # whole numbers, a lane each: which run, its next sample and corner, whether it has just been filled
     run: int
     sample: int
+    corner: int
     fresh: int
     n: int  # states
     n_numbers: int
     n_times: int
     n_columns: int
+    n_corners: int  # of a run
+    n_pieces: int  # numbers that change at corners: the first ones of ``data``
+    cornered: int
     n_runs: int
     next: int  # the run that the next free lane takes
     running: int  # lanes that are active
@@ -65,3 +74,4 @@ class LaneRecord(ctypes.Structure):
     origin: float  # s; all other times count from here
     end: float
     h_max: float
+    most_steps: float  # of a run, which fails beyond

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,8 @@ __all__ = ["LaneProblem", "LaneRuns"]
 
 STEPS_PER_CALL = 1000  # of all lanes; Python looks after interrupts in between
 CACHE_LINE = 8  # numbers: vectors that begin with one are not torn apart
-_SINGLE = ("t", "now", "h", "sample_t", "before", "retry", "active", "ended", "steps", "failures")
-_WHOLE = ("run", "sample", "fresh")
+_SINGLE = ("t", "now", "h", "sample_t", "stop", "before", "retry", "active", "ended", "steps", "failures")
+_WHOLE = ("run", "sample", "corner", "fresh")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +42,12 @@ class LaneProblem:
     rtol : float
     longest_step : float
         s.
+    corners : array, shape (runs or 1, corners)
+        Times of the corners of inputs, s, in order, of each run or of all; infinite ones fill up a row.
+    pieces : array, shape (runs or 1, corners + 1, changing)
+        The first numbers of ``data``, up to each corner and after the last.
+    most_steps : float
+        Of a run, which counts as failed beyond.
     """
 
     rhs: Native
@@ -52,6 +58,9 @@ class LaneProblem:
     atol: Floats
     rtol: float
     longest_step: float = float("inf")
+    corners: Floats = field(default_factory=lambda: np.empty((1, 0)))
+    pieces: Floats = field(default_factory=lambda: np.empty((1, 1, 0)))
+    most_steps: float = float("inf")
 
 
 class LaneRuns:
@@ -74,6 +83,7 @@ class LaneRuns:
         origin, span = late_start(float(times[0]), float(times[-1])), float(times[-1] - times[0])
         given: dict[str, NDArray[Any]] = {
             "times": times - origin, "columns": columns, "atol": problem.atol, "starts": problem.starts, "numbers": problem.numbers,
+            "corners": problem.corners - origin, "pieces": problem.pieces,
         }  # fmt: skip
         self._arrays = {name: np.ascontiguousarray(array) for name, array in given.items()}
         self._arrays |= {"out": self.out, "status": self.status, "tried": self.steps, "rejected": self.rejected}
@@ -96,6 +106,8 @@ class LaneRuns:
             len(times),
             len(columns),
         )
+        record.n_corners, record.n_pieces = problem.corners.shape[1], problem.pieces.shape[2]
+        record.cornered, record.most_steps = int(len(problem.pieces) > 1), problem.most_steps
         record.n_runs, record.rtol, record.origin, record.end = runs, problem.rtol, origin, float(times[-1]) - origin
         record.h_max = min(0.1 * span, problem.longest_step)
 

@@ -1,0 +1,97 @@
+"""Simulations of a sweep by matrix exponentials, of many linear runs at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, SideBySide, lacks_anything
+from gearlib.run.linear_form import LinearForms, linear_forms
+from gearlib.run.request import Request
+from gearlib.run.translation import Translation
+from gearlib.solvers.exponential.exact import DENSE_ALWAYS, cut
+from gearlib.solvers.exponential.forcing import Forcing, NotExact, recognise
+from gearlib.solvers.exponential.many import AT_ONCE, histories
+from gearlib.solvers.exponential.stretches import Stretch
+
+Floats = NDArray[np.float64]
+MOST_STRETCHES = 100  # of the output times, between corners of tables and switching times: beyond it single runs are as fast
+
+
+def lacks_exponentials(translation: Translation, asked: Request) -> str | None:
+    """Why runs cannot be carried out by exponentials of many matrices at once, or None."""
+    method, scene = str(asked.method), translation.scene
+    if method not in ("auto", "exact"):
+        return f"the method is {method}"
+    if reason := lacks_anything(translation, asked):
+        return reason
+    if len(scene.states) > DENSE_ALWAYS:
+        return f"there are more than {DENSE_ALWAYS} states"
+    forms = linear_forms(scene, scene.prepared(asked.parameters), asked.signals)
+    return forms if isinstance(forms, str) else None
+
+
+@dataclass(frozen=True, eq=False)
+class ExactSweep(SideBySide):
+    """Simulations of a linear scene by matrix exponentials; what drives it besides constants is the same in all runs."""
+
+    @property
+    def told(self) -> Mapping[str, Any]:
+        return {"lanes": 1, "why": "matrix exponentials of many runs at once"}
+
+    def lack(self) -> str | None:
+        """Why it cannot be done, or None."""
+        found = self._times
+        return found if isinstance(found, str) else None
+
+    @cached_property
+    def _forms(self) -> LinearForms | str:
+        scene, asked = self.translation.scene, self.asked
+        return linear_forms(scene, scene.prepared(asked.parameters), self.signals)
+
+    @cached_property
+    def _times(self) -> tuple[Forcing, list[Stretch], int] | str:
+        """The inputs, the output times between their corners, and how many of them are the start; or why there are none."""
+        forms, grid = self._forms, self.grid
+        if isinstance(forms, str):
+            return forms
+        ends = float(grid[0]), float(grid[-1])
+        forcing = recognise(forms.inputs, *ends)
+        if isinstance(forcing, NotExact):
+            return forcing.reason
+        cuts, at_start = cut(grid, forcing)
+        if len(cuts) > MOST_STRETCHES:
+            return "the output times are unequal, or inputs have many corners"
+        return forcing, cuts, at_start
+
+    def runs_of(self, prepared: PreparedRuns) -> Iterator[Found]:
+        forms, times = self._forms, self._times
+        assert not isinstance(forms, str), "it was asked before"
+        assert not isinstance(times, str), "it was asked before"
+        scene = self.translation.scene
+        forcing, cuts, at_start = times
+        good = prepared.fit & forms.alike(prepared.parameters)
+        yield from ((i, None) for i in np.flatnonzero(prepared.fit & ~good).tolist())
+        fitting, columns = np.flatnonzero(good), self.columns
+        matrices, weights = forms.of_runs(prepared.parameters, prepared.solutions, prepared.numbers)
+        stats = {
+            "method": "exact", "why": "the scene is linear and time-invariant; many runs at once", "states": len(scene.states),
+            "steps": 0, "rhs": 0,
+        }  # fmt: skip
+        for first in range(0, len(fitting), AT_ONCE):
+            here = fitting[first : first + AT_ONCE]
+            out = np.empty((len(here), len(self.grid), len(columns)))
+            out[:, :at_start] = prepared.states[here][:, None, columns]
+            histories(matrices[here], weights[here], forcing, cuts, prepared.states[here], columns, out)
+            finite = np.isfinite(out).all(axis=(1, 2))
+            yield from ((int(i), None) for i in here[~finite])
+            if not self.whole:
+                yield KeptStates(here[finite], out[finite, self.hidden :])
+                continue
+            for k in np.flatnonzero(finite).tolist():
+                yield int(here[k]), prepared.result(int(here[k]), out[k, self.hidden :], stats)

@@ -1,0 +1,256 @@
+"""`SideBySide`: simulations of a sweep that are prepared together and carried out side by side, whatever integrates them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.compiler.instructions import LANES
+from gearlib.errors import GearlibError
+from gearlib.flatten.flatten import out_of_bounds
+from gearlib.program.interpret import regular, solutions_of_runs
+from gearlib.reduce.coefficients import coefficients_of, start_guess
+from gearlib.reduce.reduction import confirm
+from gearlib.run.request import Request
+from gearlib.run.result import Result, SimulatedResult
+from gearlib.run.segment import Segment
+from gearlib.run.simulate import run
+from gearlib.run.start_values import Start, starts_of_runs
+from gearlib.run.translation import Translation
+from gearlib.solvers.inputs.table import Table
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+AT_ONCE = 512  # runs that are prepared together, and
+MOST_NUMBERS = 4_000_000  # samples of states that they may have
+
+
+@dataclass(frozen=True, eq=False)
+class KeptStates:
+    """Samples of the kept states of some runs.
+
+    Attributes
+    ----------
+    runs : array of int
+        Their numbers.
+    states : array, shape (runs, samples, kept)
+    """
+
+    runs: Integers
+    states: Floats
+
+
+Found = tuple[int, SimulatedResult | None] | KeptStates  # one run, or several; None: to be carried out by itself
+
+
+def lacks_anything(translation: Translation, asked: Request) -> str | None:
+    """Why runs cannot be prepared together, or None; what varies from run to run is looked at later."""
+    scene = translation.scene
+    if isinstance(asked.start, Result) or (isinstance(asked.start, tuple) and isinstance(asked.start[0], Result)):
+        return "the runs go on from another one"
+    if translation.put_in or translation.controllers or translation.structure.switching:
+        return "the model has sampled controllers, or equations that other parameters change"
+    if not scene.states or scene.n_modes:
+        return "there are events" if scene.n_modes else "there are no states"
+    if scene.model.bounded:
+        return "variables have least values that are to be watched"
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class SideBySide(ABC):
+    """Simulations of a translation side by side.
+
+    Attributes
+    ----------
+    translation : Translation
+    asked : Request
+        With the parameters of the first run.
+    parameters, inputs : mapping
+        What is given for all runs, by path.
+    whole : bool
+        Whether the results are wanted; else the states in ``kept`` suffice.
+    kept : tuple of int
+    """
+
+    translation: Translation
+    asked: Request
+    parameters: Mapping[str, float]
+    inputs: Mapping[str, Any]
+    whole: bool
+    kept: tuple[int, ...]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What goes to another process: without what is computed once in each."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @property
+    @abstractmethod
+    def told(self) -> Mapping[str, Any]:
+        """What is to be said of it in the statistics of a sweep."""
+
+    @abstractmethod
+    def runs_of(self, prepared: PreparedRuns) -> Iterator[Found]:
+        """Carry out the runs that are ``fit``."""
+
+    def column(self, name: str) -> int:
+        """Where an output that is a state stands among those that are kept."""
+        place = self.translation.scene.place_of.get(self.translation.scene.named(name)[0], -1)
+        return self.kept.index(place) if place in self.kept else -1
+
+    @cached_property
+    def grid(self) -> Floats:
+        """The times, s, of which the first is the start."""
+        times, t_start = self.asked.times, self.asked.t_start
+        return times if times[0] == t_start else np.concatenate([[t_start], times])
+
+    @cached_property
+    def signals(self) -> tuple[Any, ...]:
+        """The inputs of the first run, with tables over the whole run."""
+        ends = float(self.grid[0]), float(self.grid[-1])
+        return tuple(s.over(*ends) if isinstance(s, Table) else s for s in self.asked.signals)
+
+    @property
+    def hidden(self) -> int:
+        """So many of these times were not asked for."""
+        return len(self.grid) - len(self.asked.times)
+
+    @cached_property
+    def columns(self) -> Integers:
+        """The states whose samples are computed."""
+        return np.arange(len(self.translation.scene.states)) if self.whole else np.array(self.kept, np.int64)
+
+    def carried_out(
+        self, parameters: Mapping[str, Floats], starts: Mapping[str, Floats], inputs: Mapping[str, Any], count: int
+    ) -> Iterator[Found]:
+        """Runs with their numbers, in the order in which they end; None stands for one that cannot be done so, or failed."""
+        size = max(LANES, min(AT_ONCE, MOST_NUMBERS // max(len(self.grid) * len(self.columns), 1)))
+        for first in range(0, count, size):
+            here = slice(first, min(first + size, count))
+            varied = [{name: column[here] for name, column in given.items()} for given in (parameters, starts, inputs)]
+            prepared = PreparedRuns(self, varied[0], varied[1], varied[2], here.stop - first)
+            yield from ((first + i, None) for i in np.flatnonzero(~prepared.fit).tolist())
+            if prepared.fit.any():
+                for found in self.runs_of(prepared):
+                    if isinstance(found, KeptStates):
+                        yield KeptStates(found.runs + first, found.states)
+                    else:
+                        yield first + found[0], found[1]
+
+
+class PreparedRuns:
+    """Runs that are prepared together.
+
+    Attributes
+    ----------
+    count : int
+    parameters : array, shape (parameters, runs)
+    signals : list of (array or tuple)
+        Unbound inputs: numbers of the runs, or a table for each.
+    solutions : list of arrays, shape (runs, unknowns, known)
+        Of the linear blocks.
+    states : array, shape (runs, states)
+        Start values.
+    fit : array of bool
+        Runs that can be carried out so; the others are done by themselves, which names what is wrong with them.
+    """
+
+    def __init__(
+        self, sweep: SideBySide, parameters: Mapping[str, Floats], starts: Mapping[str, Floats], inputs: Mapping[str, Any],
+        count: int,
+    ) -> None:  # fmt: skip
+        self.sweep, self.varied, self.count = sweep, (parameters, starts, inputs), count
+        own = sweep.translation
+        table = own.model.parameters
+        numbers: dict[str, float | Floats] = {**sweep.parameters, **parameters}
+        given = {table.index[name]: value for name, value in numbers.items()}
+        self.parameters = table.evaluate_many(given, count)
+        self.fit = ~out_of_bounds(table, self.parameters).any(axis=0) & own.variants.ordinary(self.parameters)
+        if own.structure.redundant:
+            self._each(np.flatnonzero(self.fit), self._confirm)
+        self.signals = [self._signal({**sweep.inputs, **inputs}.get(name, 0.0)) for name in own.inputs]
+        program = own.scene.program
+        self.fit &= regular(program, self.parameters)
+        self.solutions, solved = solutions_of_runs(program, self.parameters)
+        self.fit &= solved
+        self.states = self._starts()
+        self.fit &= np.isfinite(self.states).all(axis=1)
+
+    def _signal(self, value: Any) -> Any:
+        """An input in all runs."""
+        times = self.sweep.grid
+        if isinstance(value, Table):
+            return (value.over(float(times[0]), float(times[-1])),) * self.count
+        if isinstance(value, tuple):
+            return tuple(v.over(float(times[0]), float(times[-1])) if isinstance(v, Table) else v for v in value)
+        return np.broadcast_to(np.asarray(value, float), self.count)
+
+    @property
+    def numbers(self) -> Floats:
+        """The inputs of the scene's program, (inputs, runs): zero where they are tables."""
+        given = np.zeros((len(self.sweep.translation.scene.program.inputs), self.count))
+        for row, signal in zip(given, self.signals, strict=False):
+            if not isinstance(signal, tuple):
+                row[:] = signal
+        return given
+
+    def signals_of(self, i: int) -> tuple[Any, ...]:
+        """The inputs of a run."""
+        return tuple(s[i] if isinstance(s, tuple) else float(s[i]) for s in self.signals)
+
+    def _each(self, runs: Any, action: Any) -> None:
+        """Do something with each run; one that raises an error is done by itself, which raises it again."""
+        for i in runs.tolist():
+            try:
+                action(i)
+            except GearlibError:
+                self.fit[i] = False
+
+    def _confirm(self, i: int) -> None:
+        structure = self.sweep.translation.structure
+        confirm(structure, coefficients_of(structure.complete, self.parameters[:, i], 0.0))
+
+    def _starts(self) -> Floats:
+        sweep, scene = self.sweep, self.sweep.translation.scene
+        states = np.full((self.count, len(scene.states)), np.nan)
+        if not self.varied[1] and sweep.asked.start is None:
+            alike = starts_of_runs(scene, self.parameters)
+            if alike is not None:
+                return alike
+
+        def one(i: int) -> None:
+            states[i] = self.begin(i).states
+
+        self._each(np.flatnonzero(self.fit), one)
+        return states
+
+    def begin(self, i: int) -> Start:
+        """The start of a run."""
+        sweep, own = self.sweep, self.sweep.translation
+        return own.start(
+            own.scene, self.parameters[:, i], float(sweep.grid[0]), self.start_of(i), list(self.signals_of(i)), True
+        )
+
+    def start_of(self, i: int) -> Any:
+        """What was asked for the start of a run."""
+        starts = {name: float(column[i]) for name, column in self.varied[1].items()}
+        return {**(self.sweep.asked.start or {}), **starts} if starts else self.sweep.asked.start
+
+    def result(self, i: int, states: Floats, stats: Mapping[str, Any]) -> SimulatedResult:
+        """The result of a run from its states at the samples."""
+        sweep, own = self.sweep, self.sweep.translation
+        scene, asked, grid = own.scene, sweep.asked, sweep.grid
+        parameters, signals = self.parameters[:, i].copy(), self.signals_of(i)
+        segment = Segment(
+            scene, grid[sweep.hidden :], states, np.zeros((len(states), 0)), parameters, signals,
+            start_guess(scene.model, parameters), float(grid[0]),
+        )  # fmt: skip
+        told = {**stats, "events": 0, "zero_inputs": asked.zero_inputs}
+        again = replace(asked, parameters=parameters, signals=signals, start=self.start_of(i))
+        return SimulatedResult([(segment, told, ())], own, again, run)
