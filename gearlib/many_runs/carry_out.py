@@ -20,7 +20,7 @@ from gearlib.errors import ArgumentError, GearlibError, GearlibWarning, WorkerEr
 from gearlib.many_runs.gathering import Gathering
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import Samples
-from gearlib.many_runs.work import Chunk, Row, ManyRows, Warned, Work, done, done_there, here, job, noted
+from gearlib.many_runs.work import Chunk, ManyRows, Row, Warned, Work, done, done_there, here, job, noted
 from gearlib.progress import APART, Ticker, Told, reporting
 
 Integers = NDArray[np.int64]

@@ -20,7 +20,7 @@ from gearlib.files.sweep_files import StoredArray, SweepFile, SweepLayout, creat
 from gearlib.many_runs.identity import of_values
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import RUN, Samples
-from gearlib.many_runs.work import Chunk, Row, ManyRows, Work, blank, first_of, put
+from gearlib.many_runs.work import Chunk, ManyRows, Row, Work, blank, first_of, put
 
 Integers = NDArray[np.int64]
 WAIT = 0.5  # s, for which runs wait at most to be written together

@@ -19,7 +19,7 @@ from gearlib.many_runs.in_lanes import LaneSweep, lacks_lanes, most_steps
 from gearlib.many_runs.reductions import Reduction
 from gearlib.many_runs.samples import Samples, rows
 from gearlib.many_runs.side_by_side import KeptStates, SideBySide
-from gearlib.many_runs.work import Row, ManyRows, Work, reduced
+from gearlib.many_runs.work import ManyRows, Row, Work, reduced
 from gearlib.run.methods.run import is_function
 from gearlib.run.request import Request
 from gearlib.run.result import SimulatedResult
