@@ -68,6 +68,25 @@ print(
 assert environment.run.t == 1.0
 assert np.isfinite(seen).all()
 
+# %%
+# Held to the clock
+# -----------------
+# In a real-time loop each step waits for its instant. By how much it begins too late, its jitter, is the machine's: an ordinary system
+# interrupts a program now and then.
+seen = environment.reset()
+lateness, begin = [], time.perf_counter()
+for step in range(300):
+    while time.perf_counter() < begin + step * PERIOD:  # sleeping would be less exact
+        pass
+    lateness.append(time.perf_counter() - (begin + step * PERIOD))
+    seen, _, _ = environment.step(100.0)
+held = time.perf_counter() - begin
+us = 1e6 * np.sort(lateness)
+print(
+    f"{len(us)} steps at 1 kHz took {held:.3f} s; jitter {np.median(us):.0f} us (median), {us[int(0.99 * len(us))]:.0f} us (99 %)"
+)
+assert environment.run.t == 0.3
+
 figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(7, 5), layout="constrained")
 instants = PERIOD * np.arange(len(speeds))
 above.plot(instants, speeds, label=["ring", "carrier"])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gearlib as gl
@@ -163,6 +165,30 @@ def test_a_users_fault_is_one_line(arguments: list[str], message: str, drive: st
     assert message in said
     assert said.count("\n") == 1
     assert said.startswith(f"gearlib {arguments[0]}: ")
+
+
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
+
+
+def test_the_page_shows_what_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its files are written and its commands run; numbers are those of another machine, where only rounding and sizes differ."""
+    page = (Path(__file__).resolve().parents[1] / "docs" / "command_line.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    for name, text in re.findall(r"^`(\S+)`:\n\n```\w*\n(.*?)^```$", page, re.MULTILINE | re.DOTALL):
+        Path(name).write_text(text, encoding="utf-8")
+    (console,) = re.findall(r"^```console\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    commands = re.findall(r"^\$ gearlib (.*)\n((?:[^$].*\n)*)", console, re.MULTILINE)
+    assert {line.split()[0] for line, _ in commands} >= EXAMPLES.keys() - {"info"}
+    for line, shown in commands:
+        code = main(line.split())
+        captured = capsys.readouterr()
+        assert code == (0 if captured.out or not captured.err else 2)
+        found, size = captured.out + captured.err, line.startswith("fmu")
+        assert NUMBER.sub("#", found) == NUMBER.sub("#", shown)
+        numbers = [np.array(NUMBER.findall(text), float) for text in (found, shown)]
+        np.testing.assert_allclose(*numbers, rtol=0.5 if size else 1e-6)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -35,6 +35,7 @@ PAGES = [
     "docs/own_gearbox.md",
     "docs/blocks.md",
     "docs/fmu.md",
+    "docs/modelica_text.md",
 ]
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

@@ -28,7 +28,6 @@ from gearlib.modelica.counterparts import Counterpart, standard_library
 from gearlib.modelica.lexer import KEYWORDS
 
 _ELEMENT = re.compile(r"(.*)\[(\d+)\]$")
-_ELEMENT_OF_PART = re.compile(r"(\w+)\[(\d+)\]\.(\w+)$")
 _TAKEN = KEYWORDS | {"Real", "Integer", "Boolean", "String", "time", "StateSelect"}
 
 
@@ -346,6 +345,10 @@ class ClassText:
         for path, value in {**given.state, **(_below(name, outer.state) if outer else {})}.items():
             at(path).within(["stateSelect"]).value = f"StateSelect.{value}"
         self._lift(name, part, given.values, joined, at)
+        for array, signals in found[1].arrays.items() if found is not None else ():
+            if isinstance(signals, tuple):
+                elements = [change.inner.pop(f"{array}[{k + 1}]", Change("0")) for k in range(len(signals))]
+                change.within([array]).value = f"{{{', '.join(str(e.value) for e in elements)}}}"
         return change
 
     def _value_of_part(self, name: str, own: str, value: Any) -> str:
@@ -479,8 +482,8 @@ def _below(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _outward(counterpart: Counterpart, path: str) -> str:
     """Modelica's form of a path within an instance of a library class."""
-    if (element := _ELEMENT_OF_PART.match(path)) and (array := counterpart.arrays.get(f"{element[1]}.{element[3]}")):
-        return f"{array}[{int(element[2]) + 1}]"
+    if (element := counterpart.element(path)) is not None:
+        return element
     outward = standard_library().outward(counterpart)
     return ".".join(outward.get(step, modelica_name(step)) for step in path.split("."))
 

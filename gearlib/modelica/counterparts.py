@@ -12,6 +12,7 @@ from typing import Any
 from gearlib.language.declarations import Declaration
 
 LIBRARY = "gearparts.modelica_names"  # module that lists the counterparts of the component library
+_ELEMENT_OF_FAMILY = re.compile(r"(\w+)\[(\d+)\]\.(\w+)")
 _HUMP = re.compile(r"(?<=[a-z0-9])([A-Z])")
 
 
@@ -54,8 +55,9 @@ class Counterpart:
         The one value that some Modelica parameters may have.
     converted : mapping of str to two functions
         Values of a Modelica parameter as the component's, and back.
-    arrays : mapping of str to str
-        Modelica arrays by the families of parts whose variable their elements are: ``{"outputs.y": "y"}``.
+    arrays : mapping of str to str or tuple of str
+        The component's signals that are the elements of a Modelica array: a tuple of names, or the variable of a family of parts:
+        ``{"y": "outputs.y", "u": ("phi_ref", "w_ref", "a_ref")}``.
     truths : frozenset of str
         Inputs and outputs of the component that are 1 or 0 where Modelica's are true or false.
     """
@@ -72,7 +74,7 @@ class Counterpart:
     own: frozenset[str] = frozenset()
     only: Mapping[str, Any] = field(default_factory=dict)
     converted: Mapping[str, tuple[Callable[[Any], Any], Callable[[Any], Any]]] = field(default_factory=dict)
-    arrays: Mapping[str, str] = field(default_factory=dict)
+    arrays: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
     truths: frozenset[str] = frozenset()
 
     @cached_property
@@ -85,6 +87,16 @@ class Counterpart:
     def local(self, name: str) -> str:
         """Name in the component class for a Modelica name."""
         return local_name(self.component, self.names, name)
+
+    def element(self, path: str) -> str | None:
+        """Modelica's element of an array, such as ``y[1]``, for a path in the component; None if it is none."""
+        for array, signals in self.arrays.items():
+            if isinstance(signals, tuple):
+                if path in signals:
+                    return f"{array}[{signals.index(path) + 1}]"
+            elif (found := _ELEMENT_OF_FAMILY.fullmatch(path)) and f"{found[1]}.{found[3]}" == signals:
+                return f"{array}[{int(found[2]) + 1}]"
+        return None
 
 
 def local_name(kind: type[Any], names: Mapping[str, str], name: str) -> str:
@@ -116,6 +128,11 @@ class StandardLibrary:
             if counterpart.names:
                 found.setdefault(counterpart.home.rpartition(":")[2], {}).update(counterpart.names)
         return found
+
+    @cached_property
+    def arrays_by_class(self) -> Mapping[str, Mapping[str, str | tuple[str, ...]]]:
+        """Modelica arrays of signals, by component class name."""
+        return {c.home.rpartition(":")[2]: c.arrays for c in self.counterparts.values() if c.arrays}
 
     @cached_property
     def known(self) -> frozenset[str]:
@@ -154,3 +171,9 @@ def names_in(kind: type[Any]) -> Mapping[str, str]:
     """Modelica names within instances of a class, where they differ."""
     by_class = standard_library().names_by_class
     return {name: local for base in reversed(kind.__mro__) for name, local in by_class.get(base.__name__, {}).items()}
+
+
+def array_in(kind: type[Any], name: str) -> str | tuple[str, ...] | None:
+    """The signals of a class that are the elements of a Modelica array; None if that is none."""
+    by_class = standard_library().arrays_by_class
+    return next((by_class[base.__name__][name] for base in kind.__mro__ if name in by_class.get(base.__name__, {})), None)

@@ -13,7 +13,7 @@ from gearlib.errors import AttributeNameError, GearlibError, ModelicaError, near
 from gearlib.language import expressions as language
 from gearlib.language.component import Component, Port
 from gearlib.language.declarations import Connector, Declaration, Derivative, Discrete, Variable, declared_by
-from gearlib.modelica.counterparts import local_name, names_in
+from gearlib.modelica.counterparts import array_in, local_name, names_in
 from gearlib.modelica.scopes import ClassScope, lookup
 from gearlib.modelica.si_types import constant_named, conversion_named
 from gearlib.modelica.syntax_tree import (
@@ -216,6 +216,12 @@ class Evaluation:
         if isinstance(owner, tuple):
             return tuple(self._member(each, name, node) for each in owner)
         if isinstance(owner, Component):
+            array = array_in(type(owner), name)
+            if isinstance(array, tuple):
+                return tuple(getattr(owner, signal) for signal in array)
+            if array is not None:
+                family, _, variable = array.partition(".")
+                return tuple(getattr(part, variable) for part in getattr(owner, family))
             local = name_within(owner, name)
             declared = getattr(type(owner), local, None)
             if isinstance(declared, Connector) and local not in declared_by(owner).connectors:

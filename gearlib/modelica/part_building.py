@@ -90,6 +90,11 @@ class PartMaker:
             if name in counterpart.only:
                 if m.value is not None and (found := self._value(m, evaluation.constant)) != counterpart.only[name]:
                     raise ModelicaError(f"{m.at}: {name} = {found} is not supported; expected {counterpart.only[name]}")
+            elif isinstance(signals := counterpart.arrays.get(name), tuple) and m.value is not None:
+                values = self._value(m, evaluation.number)
+                if not isinstance(values, tuple) or len(values) != len(signals):
+                    raise ModelicaError(f"{m.at}: '{name}' is an array of {len(signals)} signals")
+                given.values.update(zip(signals, values, strict=True))
             elif name in counterpart.starts:
                 given.start[counterpart.starts[name]] = self._value(m, evaluation.number)
             elif name in counterpart.nominals:

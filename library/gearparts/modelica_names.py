@@ -113,8 +113,7 @@ _ROTATIONAL_PARTS = {
     ),
     **_same(f"{_ROTATIONAL}.Sources", _MOTIONS, "Position", "Speed", "Accelerate", "ConstantSpeed", states=("phi", "w")),
     **_same(
-        f"{_ROTATIONAL}.Sources", _MOTIONS, "Move", names={"u[1]": "phi_ref", "u[2]": "w_ref", "u[3]": "a_ref"}, states=("phi", "w"),
-        own=frozenset({"phi_ref", "w_ref", "a_ref", "k"}),
+        f"{_ROTATIONAL}.Sources", _MOTIONS, "Move", arrays={"u": ("phi_ref", "w_ref", "a_ref")}, states=("phi", "w"), own=frozenset({"k"}),
     ),
     **_same(
         f"{_ROTATIONAL}.Sensors", "gearparts.rotational.sensors", "AngleSensor", "SpeedSensor", "AccSensor", "RelAngleSensor",
@@ -149,6 +148,10 @@ _BLOCKS = {
         ignored=NO_CHANGE | {"initType"},
     ),
     **_same("Blocks.Continuous", "gearparts.blocks.transfer", "TransferFunction", ignored=frozenset({"initType"})),
+    "Modelica.Blocks.Continuous.StateSpace": Counterpart(
+        "gearparts.blocks.transfer:MultiStateSpace", ignored=frozenset({"initType"}),
+        arrays={"u": "inputs.u", "y": "outputs.y", "x": "x.y"},
+    ),
     **_same("Blocks.Nonlinear", _NONLINEAR, "Limiter", names=_LIMITS, ignored=NO_CHANGE),
     **_same("Blocks.Nonlinear", "gearparts.blocks.delays", "FixedDelay", own=frozenset({"past", "now", "age", "total"})),
     **_same(
@@ -182,7 +185,7 @@ _BLOCKS = {
         ignored=frozenset({"verboseRead", "verboseExtrapolation", "timeEvents", "tableName", "fileName", "delimiter", "nHeaderLines"}),
         only={"tableOnFile": False, "timeScale": 1},
         converted={"columns": (_behind_the_time, _with_the_time), "offset": (_one_for_all, lambda value: (value,))},
-        arrays={"outputs.y": "y"},
+        arrays={"y": "outputs.y"},
     ),
 }  # fmt: skip
 

@@ -122,6 +122,43 @@ def test_fmu_is_valid(name: str, version: str, export: Callable[..., Exported]) 
     assert validate_fmu(str(export(name, version).path)) == []
 
 
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_description_tells_units_bounds_and_dependencies(version: str, export: Callable[..., Exported]) -> None:
+    """As FMPy reads it: display units with their factors, and what each derivative depends on as the linear model has it."""
+    fmu = export("clutch_shift", version)
+    found = fmpy.read_model_description(str(fmu.path))
+    known = {v.name: v for v in found.modelVariables}
+    units = {u.name: u for u in found.unitDefinitions}
+    (displayed,) = (d for d in units["rad/s"].displayUnits if d.name == "rev/min")
+    assert displayed.factor == pytest.approx(60.0 / (2.0 * np.pi))
+    base = units["kg.m2"].baseUnit
+    assert (base.kg, base.m, base.s) == (1, 2, 0)
+    inertia = known["engine.J"]
+    assert (inertia.unit, float(inertia.min), inertia.variability, inertia.causality) == ("kg.m2", 0.0, "tunable", "parameter")
+    assert inertia.description == "moment of inertia"
+    speeds = [v for v in known.values() if v.unit == "rad/s"]
+    assert speeds
+    assert {v.displayUnit for v in speeds} == {"rev/min"}
+    assert all(
+        float(known[name].start) == 0.0 or known[name].start for name in fmu.system.states if known[name].initial == "exact"
+    )
+    unknowns = {u.variable.name for u in found.initialUnknowns}
+    assert {v.variable.name for v in found.derivatives} <= unknowns
+    assert not any("event_indicators" in name for name in unknowns)
+
+    states = list(fmu.system.states)
+    model = fmu.system.linearize(at=1.0)
+    order = [model.states.index(name) for name in states]
+    A = np.asarray(model.A)[np.ix_(order, order)]
+    told = 0
+    for derivative in found.derivatives:
+        row = next(k for k, name in enumerate(states) if known[name] is derivative.variable.derivative)
+        names = {v.name for v in derivative.dependencies}
+        assert {states[k] for k in np.flatnonzero(A[row])} <= names, derivative.variable.name
+        told += len(names)
+    assert told < len(states) ** 2, "not simply all of them"
+
+
 def test_archive_holds_no_python(export: Callable[..., Exported]) -> None:
     with zipfile.ZipFile(export("xp").path) as archive:
         names = archive.namelist()
@@ -242,12 +279,13 @@ def test_hundred_instances_do_not_know_each_other(slave: Callable[..., FmuInstan
             assert value == pytest.approx(expected[name][-1], rel=1e-7, abs=1e-12), name
 
 
+@pytest.mark.parametrize("kind", ["me", "cs"])
 def test_directional_derivatives_are_those_of_the_linear_model(
-    slave: Callable[..., FmuInstance], export: Callable[..., Exported]
+    kind: str, slave: Callable[..., FmuInstance], export: Callable[..., Exported]
 ) -> None:
     system = export("xp").system
     model = system.linearize(sparse=True)
-    one = slave("xp", "me")
+    one = slave("xp", kind)
     one.begin()
     rates = [one.references[f"der({n})"] for n in system.states]
     states = [one.references[n] for n in system.states]

@@ -318,6 +318,35 @@ def test_signals_in_any_order_expressions_and_tables_over_time() -> None:
     assert 2 * result["load.a"] == pytest.approx(result["plan.outputs[0].y"] - 0.5 * result["load.w"], abs=1e-12)
 
 
+ARRAYS = """
+model Arrays "of signals: those of a motion, and of a linear system"
+  import Modelica.Blocks.Sources.RealExpression;
+  Modelica.Mechanics.Rotational.Sources.Move move;
+  RealExpression phi(y = sin(2 * time)), w(y = 2 * cos(2 * time)), a(y = -4 * sin(2 * time));
+  Modelica.Blocks.Continuous.StateSpace system(A = [-1, 2; 0, -3], B = [1, 0; 0, 1], C = [1, 1], D = [0, 0.5]);
+  Modelica.Mechanics.Rotational.Components.Inertia load(J = 2);
+  Real shown = system.y[1] - system.x[2];
+equation
+  connect(phi.y, move.u[1]);
+  connect(w.y, move.u[2]);
+  connect(a.y, move.u[3]);
+  connect(phi.y, system.u[1]);
+  connect(a.y, system.u[2]);
+  connect(move.flange, load.flange_a);
+end Arrays;
+"""
+
+
+def test_arrays_of_signals() -> None:
+    result = gl.simulate(gl.read_modelica(ARRAYS)(), 2.0, samples=21, rtol=1e-11)
+    assert result["load.phi"] == pytest.approx(np.sin(2 * result.time), abs=1e-9)
+    A, B = np.array([[-1.0, 2.0], [0.0, -3.0]]), np.eye(2)
+    drive = np.array([[0.0, 2.0], [-2.0, 0.0]])  # sine and cosine
+    whole = np.block([[A, B @ np.array([[1.0, 0.0], [-4.0, 0.0]])], [np.zeros((2, 2)), drive]])
+    x = np.array([expm(whole * t) @ [0.0, 0.0, 0.0, 1.0] for t in result.time])
+    assert result["shown"] == pytest.approx(x[:, 0] - 2.0 * x[:, 2], abs=1e-9)
+
+
 def test_files_that_are_not_there_and_models_that_are_not_in_them(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no such file"):
         gl.read_modelica("nowhere.mo")

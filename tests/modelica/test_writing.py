@@ -45,6 +45,25 @@ class Sampled(gl.Component):
         ]
 
 
+class Followed(gl.Component):
+    """A motion given by signals, some of them without a value; a table over time; truths where Modelica has them."""
+
+    def assemble(self) -> Any:
+        B = gp.blocks
+        self.move = gp.Move(phi_ref=gl.sin(2 * gl.time), w_ref=2 * gl.cos(2 * gl.time))
+        self.load = gp.Inertia(J=2.0)
+        self.chosen = B.Switch(u3=-1.0)
+        self.plan = B.CombiTimeTable(table=[[0, 1, 4], [1, 0, 3], [3, 0, 5]], columns=(2, 1), offset=0.5, extrapolation="hold")
+        self.fast = B.Hysteresis(u=self.load.w, u_low=-1.0, u_high=1.0)
+        self.both = B.LogicalSwitch(u1=gl.Piecewise((1, gl.time > 0.5), (0, True)), u2=self.fast.y, u3=0.0)
+        self.doubled = B.Gain(k=2.0, u=self.fast.y + self.both.y)
+        return [
+            gl.connect(self.move.flange, self.load.flange_a),
+            gl.connect(self.plan.outputs[0].y, self.chosen.u1),
+            gl.connect(self.both.y, self.chosen.u2),
+        ]
+
+
 CASES: dict[str, tuple[Any, float, list[str], dict[str, float]]] = {
     "XP": (gp.ZhouCui2022, 0.1, ["w_in", "w_out", "q_ring"], {"tau_in": 100.0}),
     "backlash": (msl_hybrid_examples.Backlash, 0.3, ["inertia2.w", "inertia3.w"], {}),
@@ -52,6 +71,7 @@ CASES: dict[str, tuple[Any, float, list[str], dict[str, float]]] = {
     "efficiency": (msl_hybrid_examples.LossyGearDemo1, 0.5, ["Inertia2.w"], {}),
     "brakes": (msl_examples.CompareBrakingTorque, 1.5, ["inertia1.w", "inertia4.w"], {}),
     "heat": (msl_examples.EddyCurrentBrake, 1.0, ["inertia.w", "heatCapacitor.T"], {}),
+    "followed": (Followed, 2.0, ["load.w", "chosen.y", "doubled.y"], {"move.a_ref": 0.0}),
     "sampled": (Sampled, 1.0, ["last.w", "brake.tau"], {"drive.tau": 3.0}),
 }
 
@@ -77,6 +97,19 @@ def test_parameters_stay_open() -> None:
         assert gl.simulate(Drive(**values), 0.5, samples=11, rtol=1e-9)["inertia3.w"] == pytest.approx(
             expected["inertia3.w"], abs=1e-9
         )
+
+
+def test_truths_and_arrays_are_written_as_modelica_has_them() -> None:
+    text = gl.to_modelica(Followed())
+    for part in (
+        "Move move(u = {sin(2*time), 2*cos(2*time), move_a_ref});",
+        "CombiTimeTable plan(table = [0.0, 1.0, 4.0; 1.0, 0.0, 3.0; 3.0, 0.0, 5.0], columns = {3, 2}, ",
+        "offset = {0.5}",
+        "LogicalSwitch both(u1 = time > 0.5, u2 = fast.y, u3 = false);",
+        "Switch chosen(u3 = -1.0, u1 = plan.y[1], u2 = both.y);",
+        "Gain doubled(k = 2.0, u = (if both.y then 1 else 0) + (if fast.y then 1 else 0));",
+    ):
+        assert part in text
 
 
 @pytest.mark.parametrize(

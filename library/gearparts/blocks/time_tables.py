@@ -73,11 +73,6 @@ class CombiTimeTable(Block):
     start_time = gl.Parameter("s", "time at which the signals begin", default=0.0)
     shift_time = gl.Parameter("s", "time of the table's zero", default=lambda table: table.start_time)
 
-    @property
-    def y(self) -> list[Any]:
-        """The signals: ``y[0]`` is that of ``outputs[0]``."""
-        return [column.y for column in self.outputs]
-
     def assemble(self) -> Sequence[gl.Connection]:
         rows, columns = self._rows()
         self.outputs = [
