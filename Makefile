@@ -34,7 +34,7 @@ run: $(VENV)/.installed-plot
 test: $(VENV)/.installed-test
 	$(PYTEST) -n 2 --dist loadfile $(ARGS)
 
-slow: $(VENV)/.installed-test
+slow: $(VENV)/.installed-slow
 	$(PYTEST) -m slow $(ARGS)
 
 bench: $(VENV)/.installed-bench

@@ -213,6 +213,31 @@ def test_memory_is_restored_in_the_middle(
     other.fmu.freeFMUState(memory)
 
 
+def test_memory_is_restored_in_model_exchange(slave: Callable[..., FmuInstance], export: Callable[..., Exported]) -> None:
+    """Time, states, parameters and what was computed from them: the derivatives are what they were."""
+    names = export("backlash").system.states
+    one, n = slave("backlash", "me"), len(names)
+    one.begin()
+    values = (c_double * n)()
+
+    def rates(t: float, shift: float) -> list[float]:
+        one.fmu.setTime(t)
+        values[:] = [shift + 0.1 * k for k in range(n)]
+        one.fmu.setContinuousStates(values, n)
+        one.fmu.getContinuousStateDerivatives(values, n)
+        return list(values)
+
+    first = rates(0.1, 0.01)
+    memory = one.fmu.getFMUState()
+    one.set({"inertia2.J": 7.0})
+    assert rates(0.2, -0.5) != first
+    one.fmu.setFMUState(memory)
+    one.fmu.getContinuousStateDerivatives(values, n)
+    assert list(values) == first
+    assert one.get("inertia2.J", "time") == [export("backlash").system.parameters["inertia2.J"], 0.1]
+    one.fmu.freeFMUState(memory)
+
+
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_arrays_of_another_length_are_refused_by_number(version: str, export: Callable[..., Exported], tmp_path: Path) -> None:
     path = export("clutch_shift", version).path
