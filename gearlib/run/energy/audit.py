@@ -92,12 +92,12 @@ def energy_balance(
         return run(translation, replace(asked, times=times, atol=atol, progress=False, directions=None), scene)
 
     values_of = dict(zip(translation.model.parameters.names, asked.parameters.tolist(), strict=True))
-    return balance(parts, samples, events, asked.rtol, again, values_of)
+    return balance(parts, samples, events, asked.rtol, again, values_of, asked.rtol if atol is None else float(atol))
 
 
 def balance(
     parts: Sequence[Audited], samples: Floats, events: Sequence[float], rtol: float, run: Callable[[Floats], Histories],
-    parameters: dict[str, float],
+    parameters: dict[str, float], slowest: float,
 ) -> EnergyBalance:  # fmt: skip
     """Energy balance over some components of a run.
 
@@ -114,6 +114,8 @@ def balance(
         Repeats the run with these samples.
     parameters : dict
         Values by path.
+    slowest : float
+        Absolute tolerance of speeds, rad/s or m/s.
     """
     step = -(-len(samples) // MOST_SAMPLES)
     reported = np.unique(np.append(samples[::step], samples[-1]))
@@ -127,7 +129,7 @@ def balance(
         middle, half = (cuts[1:] + cuts[:-1]) / 2, np.diff(cuts) / 2
         times = (middle[:, None] + half[:, None] * NODES).ravel()
         found = run(times)
-        powers = _Powers(parts, found, parameters, half)
+        powers = _Powers(parts, found, parameters, half, slowest)
         coarse = powers.error > tolerance * powers.throughput * np.maximum(half * 2 / span, 1e-3)
         coarse &= half > 1e-9 * span
         if not coarse.any() or len(cuts) + 3 * coarse.sum() > MOST_PANELS or attempt == PASSES - 1:
@@ -142,14 +144,16 @@ def balance(
 class _Powers:
     """Integrals of all powers over each panel, and stored energies at the panels' ends."""
 
-    def __init__(self, parts: Sequence[Audited], found: Histories, parameters: dict[str, float], half: Floats) -> None:
+    def __init__(
+        self, parts: Sequence[Audited], found: Histories, parameters: dict[str, float], half: Floats, slowest: float
+    ) -> None:
         self.parts, self.unknown = parts, [p.path for p in parts if p.unknown]
         self.through: dict[str, Floats] = {}
         self.heat_in: dict[str, Floats] = {}
         self.heat: dict[str, Floats] = {}
         self.supplied: dict[str, Floats] = {}
         self.ends: dict[str, Floats] = {}  # (2, panels)
-        self.error, self.throughput = np.zeros(len(half)), 0.0
+        self.error, self.throughput, self.unresolved = np.zeros(len(half)), 0.0, 0.0
         known: dict[str, Floats | float] = dict(parameters)
 
         def values(term: Term) -> Floats:
@@ -167,9 +171,19 @@ class _Powers:
             self.throughput += float(np.abs(power) @ KRONROD @ np.ones(len(half))) / 2
             return whole
 
+        def at_slow_speeds(term: Term) -> float:
+            speeds, total = [k for k, name in enumerate(term.names) if name.startswith("der(")], 0.0
+            for slow in speeds:
+                given = [known[name] if k not in speeds else slowest * (k == slow) for k, name in enumerate(term.names)]
+                with np.errstate(all="ignore"):
+                    power = np.broadcast_to(np.abs(term.function(*given)), found.time.shape)
+                total += float((power.reshape(len(half), len(NODES)) @ KRONROD) @ half) / 2
+            return total
+
         for part in parts:
             try:
                 self.through[part.path] = integral(part.through)
+                self.unresolved += at_slow_speeds(part.through)
                 for term, kept in ((part.heat_in, self.heat_in), (part.heat, self.heat), (part.supplied, self.supplied)):
                     if term is not None:
                         kept[part.path] = integral(term)
@@ -226,17 +240,17 @@ class _Powers:
         residual = sums[0] - sums[0][0] - sums[1] - sums[2] + sums[3] - returned + sums[4]
         return EnergyBalance(
             time, work, stored, heat, returned, jumps, unaccounted, tuple(dict.fromkeys(self.unknown)), residuals, residual,
-            throughput, float(self.error.sum()), rtol,
+            throughput, float(self.error.sum()), rtol, self.unresolved,
         )  # fmt: skip
 
 
 def explained(found: EnergyBalance, tighter: Callable[[float], EnergyBalance]) -> bool:
     """Whether the run's tolerance explains a residual: it is small, or shrinks with the tolerance."""
-    allowed = EXPLAINED * found.rtol + 10 * found.quadrature / max(found.throughput, 1e-300)
+    allowed = EXPLAINED * found.rtol + 10 * found.quadrature / max(found.scale, 1e-300)
     if found.unknown or found.relative_residual <= allowed:
         return True
     try:
         finer = tighter(max(found.rtol / 100, 1e-12))
     except GearlibError:
         return False
-    return finer.relative_residual <= max(allowed / 10, found.relative_residual / 10)
+    return finer.largest_residual <= max(allowed * finer.scale, found.largest_residual) / 10

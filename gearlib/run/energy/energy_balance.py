@@ -45,11 +45,14 @@ class EnergyBalance:
     residual : array
         Of the whole model.
     throughput : float
-        Energy exchanged between components during the run, the scale of the residual.
+        Energy exchanged between components during the run; with `unresolved`, the scale of the residual.
     quadrature : float
         Estimated quadrature error.
     rtol : float
         Relative tolerance of the run.
+    unresolved : float
+        Energy that torques and forces exchange at speeds of the size of the run's absolute tolerance: where nothing moves faster, what
+        is exchanged is rounding, J.
     """
 
     time: Floats
@@ -65,13 +68,23 @@ class EnergyBalance:
     throughput: float
     quadrature: float
     rtol: float
+    unresolved: float = 0.0
+
+    @property
+    def largest_residual(self) -> float:
+        """The largest residual, of the whole or of any component, beyond the rounding of what is stored, J."""
+        worst = max((float(np.abs(r).max()) for r in (self.residual, *self.residuals.values())), default=0.0)
+        return max(worst - ROUNDING * sum(float(np.abs(e).max()) for e in self.stored.values()), 0.0)
+
+    @property
+    def scale(self) -> float:
+        """The energy with which a residual is compared, J."""
+        return self.throughput + self.unresolved
 
     @property
     def relative_residual(self) -> float:
-        """The largest residual, of the whole or of any component, relative to the throughput."""
-        worst = max((float(np.abs(r).max()) for r in (self.residual, *self.residuals.values())), default=0.0)
-        known = worst - ROUNDING * sum(float(np.abs(e).max()) for e in self.stored.values())
-        return known / self.throughput if known > 0 and self.throughput else 0.0
+        """The largest residual, of the whole or of any component, relative to the energy exchanged."""
+        return self.largest_residual / self.scale if self.scale else 0.0
 
     @property
     def worst(self) -> str:

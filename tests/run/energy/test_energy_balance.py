@@ -410,3 +410,25 @@ def test_a_second_audit_derives_nothing(monkeypatch: pytest.MonkeyPatch) -> None
     again = system.simulate(2.0, samples=5, audit=True, parameters={"b.J": 2.5})
     assert first.stats["energy_residual"] < 1e-6 > again.stats["energy_residual"]
     assert len(system.translation.scenes) <= 1
+
+
+@pytest.mark.parametrize("J", [(0.07, 0.328), (3.0, 1e-3)])
+def test_where_nothing_moves_rounding_is_no_residual(J: tuple[float, float]) -> None:
+    """A torque presses a freewheel against its lock: speeds of 1e-14 rad/s are all that is left of cancelling torques."""
+
+    class Pressed(gl.Component):
+        def assemble(self) -> Any:
+            self.a, self.b = gp.Inertia(J=J[0]), gp.Inertia(J=J[1])
+            self.lock = gp.OneWayClutch(mu_pos=((0.0, 0.679),), fn_max=5.25, f_normalized=1.0)
+            self.push = gp.Torque2(tau=-4.536345838664548 - gl.Piecewise((0, gl.time < 0.357), (2.966945171233, True)))
+            return [
+                gl.connect(self.b.flange_b, self.lock.flange_a, self.push.flange_a),
+                gl.connect(self.a.flange_b, self.lock.flange_b, self.push.flange_b),
+            ]
+
+    found = gl.compile(Pressed()).simulate(1.0, samples=2, audit=True)
+    assert abs(found["a.w"]).max() < 1e-12
+    assert found.stats["energy_residual"] < 1e-6
+    pressing = 4.536345838664548 + 0.643 * 2.966945171233
+    four_flanges = 4 * 1e-6 * pressing / 2  # of the lock and of the torque; each exchange counts once
+    assert found.energy_balance().unresolved == pytest.approx(four_flanges, rel=1e-6)
