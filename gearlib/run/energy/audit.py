@@ -92,7 +92,9 @@ def energy_balance(
         return run(translation, replace(asked, times=times, atol=atol, progress=False, directions=None), scene)
 
     values_of = dict(zip(translation.model.parameters.names, asked.parameters.tolist(), strict=True))
-    return balance(parts, samples, events, asked.rtol, again, values_of, asked.rtol if atol is None else float(atol))
+    return balance(
+        parts, samples, events, asked.rtol, again, values_of, asked.rtol if atol is None else float(np.asarray(atol, float))
+    )
 
 
 def balance(
