@@ -29,29 +29,31 @@ class Counter(gl.Component):
         ]
 
 
-SYSTEM = gl.compile(Counter())
+@pytest.fixture(scope="module")
+def counter() -> gl.System:
+    return gl.compile(Counter())
 
 
 @pytest.mark.parametrize("method", ["auto", "rk8", "ida"])
-def test_instants_are_exact(method: str) -> None:
-    r = SYSTEM.simulate(12.05, times=[0.2, 5.0, 12.05], method=method, parameters={"offset": 0.3})
+def test_instants_are_exact(counter: gl.System, method: str) -> None:
+    r = counter.simulate(12.05, times=[0.2, 5.0, 12.05], method=method, parameters={"offset": 0.3})
     assert [t for t, _ in r.events] == [t for t in (0.3 + 0.1 * np.arange(200)).tolist() if t <= 12.05]
     assert r["n"].tolist() == [0.0, 48.0, 118.0]
     assert r["held"][-1] == pytest.approx(12.0)
 
 
 @pytest.mark.parametrize("t_start", [0.0, 0.05, 0.2, 1e6 + 0.05, 12345.6])
-def test_a_start_counts_if_it_is_an_instant(t_start: float) -> None:
-    r = SYSTEM.simulate(t_start + 1.0, t_start=t_start, times=[t_start, t_start + 0.98])
+def test_a_start_counts_if_it_is_an_instant(counter: gl.System, t_start: float) -> None:
+    r = counter.simulate(t_start + 1.0, t_start=t_start, times=[t_start, t_start + 0.98])
     begins = abs(t_start / 0.1 - round(t_start / 0.1)) < 1e-6
     assert r["n"][0] == begins
     assert r["n"][1] == begins + np.floor((t_start + 0.98) / 0.1 + 1e-6) - np.floor(t_start / 0.1 + 1e-6)
 
 
-def test_runs_that_go_on_and_steps_count_each_instant_once() -> None:
-    first = SYSTEM.simulate(0.5, samples=2)
-    assert SYSTEM.simulate(1.0, start=first, samples=2)["n"].tolist() == [6.0, 11.0]
-    run = SYSTEM.stepper()
+def test_runs_that_go_on_and_steps_count_each_instant_once(counter: gl.System) -> None:
+    first = counter.simulate(0.5, samples=2)
+    assert counter.simulate(1.0, start=first, samples=2)["n"].tolist() == [6.0, 11.0]
+    run = counter.stepper()
     for k in range(1, 11):
         run.advance(0.1 * k)
         assert run["n"] == k + 1
@@ -141,11 +143,11 @@ def test_a_sample_in_an_equation_of_continuous_variables_is_refused() -> None:
         gl.compile(Wrong())
 
 
-def test_a_period_that_is_not_positive_is_refused_when_the_run_begins() -> None:
+def test_a_period_that_is_not_positive_is_refused_when_the_run_begins(counter: gl.System) -> None:
     with pytest.raises(ArgumentError, match=r"a period is -0\.1 s, which is not positive"):
-        SYSTEM.simulate(1.0, parameters={"period": -0.1})
+        counter.simulate(1.0, parameters={"period": -0.1})
     with pytest.raises(ArgumentError, match=r"instants, more than"):
-        SYSTEM.simulate(1.0, parameters={"period": 1e-9})
+        counter.simulate(1.0, parameters={"period": 1e-9})
 
 
 def test_an_output_brings_the_discrete_variables_that_it_depends_on() -> None:
