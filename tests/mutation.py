@@ -20,7 +20,7 @@ and the test that ran the line fails by that exception. Both are tests that noti
 apart, since an exception says nothing of how well the values are watched. A crash is credited to no test.
 
 Options follow ``ARGS=`` of make: ``-n 300``, ``--seed 7``, ``--folder gearlib/structure gearlib/reduce``, ``--again LOG`` for the
-unnoticed of a log.
+unnoticed of a log, ``--goes-on`` for a sample that was interrupted: what its log holds is not tried again.
 """
 
 from __future__ import annotations
@@ -111,6 +111,11 @@ class Mutant:
         """What it is known by after its module has moved or grown."""
         return Path(self.module).name, self.old, self.new
 
+    @property
+    def change(self) -> tuple[str, str, int]:
+        """What it is known by within one version of the project."""
+        return self.module, self.operator, self.occurrence
+
 
 # ---------------------------------------------------------------- mutants
 
@@ -190,6 +195,8 @@ def sample(n: int, seed: int, under: tuple[str, ...]) -> Iterator[Mutant]:
     seen: set[tuple[str, int]] = set()
     for _ in range(50 * n):
         (module,) = draw.choices(candidates, weights)
+        if not places(module):  # declarations only
+            continue
         place = draw.randrange(len(places(module)))
         made = mutant(module, *draw.choice(places(module)[place])) if (module, place) not in seen else None
         if made is not None:
@@ -199,13 +206,15 @@ def sample(n: int, seed: int, under: tuple[str, ...]) -> Iterator[Mutant]:
             return
 
 
+def logged(log: Path) -> list[Mutant]:
+    """The mutants of a log with their verdicts; none where there is no log."""
+    lines = map(json.loads, log.read_text().splitlines()) if log.exists() else ()
+    return [Mutant(**{name: value for name, value in one.items() if name != "key"}) for one in lines]
+
+
 def unnoticed(log: Path) -> Iterator[Mutant]:
     """Those of a log that no test noticed, wherever their lines are now."""
-    wanted = {
-        tuple(one["key"])
-        for one in map(json.loads, log.read_text().splitlines())
-        if one["verdict"] not in ("assertion", "exception")
-    }
+    wanted = {one.key for one in logged(log) if one.verdict not in ("assertion", "exception")}
     files = {key[0] for key in wanted}
     everywhere = [m for m in modules() if Path(m).name in files]
     made = (mutant(m, *change) for m in everywhere for place in places(m) for change in place)
@@ -400,6 +409,7 @@ def main() -> None:
     )
     parser.add_argument("--wide", action="store_true", help="run all quick tests, not the likeliest seven files only")
     parser.add_argument("--again", type=Path, help="a log, whose mutants that no test noticed are tried again")
+    parser.add_argument("--goes-on", action="store_true", help="add to the log, and leave out the mutants that it holds")
     parser.add_argument("--log", type=Path, default=ROOT / ".cache" / "mutation.jsonl")
     chosen = parser.parse_args()
     os.environ["GEARLIB_TESTS"] = str(ROOT / ".cache")
@@ -408,11 +418,17 @@ def main() -> None:
     todo = unnoticed(chosen.again) if chosen.again else sample(chosen.n, chosen.seed, tuple(chosen.folder))
     reasons = accepted()
     chosen.log.parent.mkdir(exist_ok=True)
-    results = []
-    with tempfile.TemporaryDirectory(prefix="gearlib-mutants-") as folder, chosen.log.open("w") as log:
+    results = logged(chosen.log) if chosen.goes_on else []
+    known = {one.change for one in results}
+    with (
+        tempfile.TemporaryDirectory(prefix="gearlib-mutants-") as folder,
+        chosen.log.open("a" if chosen.goes_on else "w") as log,
+    ):
         copy = Path(folder)
         copied(copy)
         for number, one in enumerate(todo, 1):
+            if one.change in known:
+                continue
             done = tried(one, copy, chosen.budget, number, chosen.wide)
             if done.verdict not in ("assertion", "exception") and done.key in reasons:
                 done = replace(done, verdict="accepted")

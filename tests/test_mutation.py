@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import doctest
+import json
 import sys
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import gearlib as gl
 from gearlib.errors import SingularError
-from tests.mutation import FOUND, Mutant, is_claim, summary
+from tests.mutation import FOUND, Mutant, is_claim, logged, summary
 
 
 def raised(error: BaseException) -> Any:
@@ -45,3 +48,14 @@ def test_exceptions_count_as_noticed_and_crashes_do_not() -> None:
     text = summary([Mutant("m.py", "", k, 1, "a", "b", verdict) for k, verdict in enumerate(verdicts)])
     assert "12 mutants: 5 noticed by an assertion, 3 by an exception, 1 by a crash, 1 survived, 2 accepted" in text
     assert "80.0 % of those that matter were noticed by a test (50.0 % by an assertion)" in text
+
+
+def test_a_sample_goes_on_from_its_log(tmp_path: Path) -> None:
+    tried = [
+        Mutant("a/m.py", "Not", k, 3, "x", "not x", verdict, "t::t", 1.5) for k, verdict in enumerate(["assertion", "crash"])
+    ]
+    log = tmp_path / "log.jsonl"
+    assert logged(log) == []
+    log.write_text("".join(json.dumps(asdict(one) | {"key": one.key}) + "\n" for one in tried))
+    assert logged(log) == tried
+    assert {one.change for one in logged(log)} == {("a/m.py", "Not", 0), ("a/m.py", "Not", 1)}

@@ -92,3 +92,19 @@ def test_conditions_in_time_switch_at_a_late_time(method: str) -> None:
     assert [(t, name) for t, name in run.events] == [
         (1e9 + 0.3, "Switched: der(x) = Piecewise((1.0, time >= 1000000000.3), (0.0, True))")
     ]
+
+
+@pytest.mark.parametrize("method", ["rk", "ida"])
+def test_many_events_late_do_not_count_as_chattering(method: str) -> None:
+    """1500 instants in 1.5 s, each counted in an interval of its own."""
+
+    class Sampled(gl.Component):
+        x, n = gl.Variable("1", start=0.0), gl.Discrete("instants")
+
+        def equations(self) -> list[Any]:
+            return [gl.Eq(gl.der(self.x), -self.x), gl.When(gl.sample(0.0009765625), gl.Eq(self.n, gl.pre(self.n) + 1))]
+
+    system = gl.compile(Sampled(), ["n"])
+    for t_start in (0.0, 4096.0):
+        run = system.simulate(t_start + 1.5, t_start=t_start, samples=2, method=method)
+        assert np.diff(run["n"]).tolist() == [1536.0]
