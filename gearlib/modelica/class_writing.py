@@ -336,6 +336,8 @@ class ClassText:
                 if found is not None and path in found[1].starts.values():
                     parameter = next(p for p, v in found[1].starts.items() if v == path)
                     change.within([parameter]).value = text(value)
+                    if fixed and "initType" in found[1].only:
+                        change.within(["initType"]).value = f"Modelica.Blocks.Types.Init.{found[1].only['initType'][0]}"
                     continue
                 at(path).within(["start"]).value = text(value)
                 if fixed:

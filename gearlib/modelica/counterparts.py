@@ -51,8 +51,8 @@ class Counterpart:
         Enumeration types of ``values``.
     own : frozenset of str
         Names that Modelica's class does not have.
-    only : mapping of str to values
-        The one value that some Modelica parameters may have.
+    only : mapping of str to tuple
+        The values that some Modelica parameters may have, with no effect here; others are refused.
     converted : mapping of str to two functions
         Values of a Modelica parameter as the component's, and back.
     arrays : mapping of str to str or tuple of str
@@ -72,7 +72,7 @@ class Counterpart:
     ignored: frozenset[str] = frozenset()
     enumerations: Mapping[str, str] = field(default_factory=dict)
     own: frozenset[str] = frozenset()
-    only: Mapping[str, Any] = field(default_factory=dict)
+    only: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
     converted: Mapping[str, tuple[Callable[[Any], Any], Callable[[Any], Any]]] = field(default_factory=dict)
     arrays: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
     truths: frozenset[str] = frozenset()

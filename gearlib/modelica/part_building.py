@@ -88,8 +88,9 @@ class PartMaker:
             if name in counterpart.ignored:
                 continue
             if name in counterpart.only:
-                if m.value is not None and (found := self._value(m, evaluation.constant)) != counterpart.only[name]:
-                    raise ModelicaError(f"{m.at}: {name} = {found} is not supported; expected {counterpart.only[name]}")
+                if m.value is not None and (found := self._value(m, evaluation.constant)) not in counterpart.only[name]:
+                    valid = " or ".join(map(str, counterpart.only[name]))
+                    raise ModelicaError(f"{m.at}: {name} = {found} is not supported; expected {valid}")
             elif isinstance(signals := counterpart.arrays.get(name), tuple) and m.value is not None:
                 values = self._value(m, evaluation.number)
                 if not isinstance(values, tuple) or len(values) != len(signals):

@@ -21,6 +21,9 @@ SPELLINGS = (
     "delayTime",
     "startForward", "startBackward",
 )  # fmt: skip
+# how blocks begin: their states at their start values, the first of these; "InitialOutput" says the same where the output is a state
+BY_STATE: dict[str, Any] = {"initType": ("InitialState", "NoInit", "DoNotUse_InitialIntegratorState")}
+BY_OUTPUT: dict[str, Any] = {"initType": ("InitialOutput", "InitialState", "NoInit")}
 NO_CHANGE = frozenset({"strict", "homotopyType", "limitsAtInit", "verboseExtrapolation", "significantDigits"})
 
 
@@ -137,19 +140,19 @@ _CONTINUOUS, _DISCRETE, _NONLINEAR = "gearparts.blocks.continuous", "gearparts.b
 _LIMITS = {"uMax": "y_max", "uMin": "y_min"}
 _BLOCKS = {
     **_same("Blocks.Math", _CONTINUOUS, "Gain", "Add", "Add3", "Feedback", "Product"),
-    **_same("Blocks.Continuous", _CONTINUOUS, "Integrator", "FirstOrder", starts={"y_start": "y"}, ignored=frozenset({"initType"})),
-    **_same("Blocks.Continuous", _CONTINUOUS, "SecondOrder", starts={"y_start": "y", "yd_start": "yd"}, ignored=frozenset({"initType"})),
-    **_same("Blocks.Continuous", _CONTINUOUS, "Derivative", "PI", starts={"x_start": "x"}, ignored=frozenset({"initType"})),
-    **_same("Blocks.Continuous", _CONTINUOUS, "PID", starts={"xi_start": "x_I", "xd_start": "x_D"}, ignored=frozenset({"initType"})),
+    **_same("Blocks.Continuous", _CONTINUOUS, "Integrator", "FirstOrder", starts={"y_start": "y"}, only=BY_OUTPUT),
+    **_same("Blocks.Continuous", _CONTINUOUS, "SecondOrder", starts={"y_start": "y", "yd_start": "yd"}, only=BY_OUTPUT),
+    **_same("Blocks.Continuous", _CONTINUOUS, "Derivative", "PI", starts={"x_start": "x"}, only=BY_STATE),
+    **_same("Blocks.Continuous", _CONTINUOUS, "PID", starts={"xi_start": "x_I", "xd_start": "x_D"}, only=BY_STATE),
     **_same(
         "Blocks.Continuous", _CONTINUOUS, "LimPID", starts={"xi_start": "x_I", "xd_start": "x_D"},
         values={"controllerType": {kind: kind for kind in ("P", "PI", "PD", "PID")}},
         enumerations={"controllerType": "Modelica.Blocks.Types.SimpleController"}, own=frozenset({"room"}),
-        ignored=NO_CHANGE | {"initType"},
+        ignored=NO_CHANGE, only=BY_STATE,
     ),
-    **_same("Blocks.Continuous", "gearparts.blocks.transfer", "TransferFunction", ignored=frozenset({"initType"})),
+    **_same("Blocks.Continuous", "gearparts.blocks.transfer", "TransferFunction", only=BY_STATE),
     "Modelica.Blocks.Continuous.StateSpace": Counterpart(
-        "gearparts.blocks.transfer:MultiStateSpace", ignored=frozenset({"initType"}),
+        "gearparts.blocks.transfer:MultiStateSpace", only=BY_STATE,
         arrays={"u": "inputs.u", "y": "outputs.y", "x": "x.y"},
     ),
     **_same("Blocks.Nonlinear", _NONLINEAR, "Limiter", names=_LIMITS, ignored=NO_CHANGE),
@@ -160,7 +163,7 @@ _BLOCKS = {
     **_same("Blocks.Nonlinear", _NONLINEAR, "DeadZone", ignored=frozenset({"deadZoneAtInit"})),
     "Modelica.Blocks.Nonlinear.SlewRateLimiter": Counterpart(
         f"{_NONLINEAR}:RateLimiter", names={"Rising": "rising", "Falling": "falling"}, starts={"y_start": "y"},
-        ignored=NO_CHANGE | {"initType"},
+        ignored=NO_CHANGE, only=BY_OUTPUT,
     ),
     **_same("Blocks.Logical", _NONLINEAR, "Hysteresis", truths=frozenset({"y"})),
     **_same("Blocks.Logical", _NONLINEAR, "Switch", truths=frozenset({"u2"})),
@@ -183,7 +186,7 @@ _BLOCKS = {
         },
         enumerations={"smoothness": "Modelica.Blocks.Types.Smoothness", "extrapolation": "Modelica.Blocks.Types.Extrapolation"},
         ignored=frozenset({"verboseRead", "verboseExtrapolation", "timeEvents", "tableName", "fileName", "delimiter", "nHeaderLines"}),
-        only={"tableOnFile": False, "timeScale": 1},
+        only={"tableOnFile": (False,), "timeScale": (1,)},
         converted={"columns": (_behind_the_time, _with_the_time), "offset": (_one_for_all, lambda value: (value,))},
         arrays={"y": "outputs.y"},
     ),

@@ -57,6 +57,7 @@ class Followed(gl.Component):
         self.fast = B.Hysteresis(u=self.load.w, u_low=-1.0, u_high=1.0)
         self.both = B.LogicalSwitch(u1=gl.Piecewise((1, gl.time > 0.5), (0, True)), u2=self.fast.y, u3=0.0)
         self.doubled = B.Gain(k=2.0, u=self.fast.y + self.both.y)
+        self.lag = B.FirstOrder(T=0.5, u=self.doubled.y, start={"y": 2.0})
         return [
             gl.connect(self.move.flange, self.load.flange_a),
             gl.connect(self.plan.outputs[0].y, self.chosen.u1),
@@ -71,7 +72,7 @@ CASES: dict[str, tuple[Any, float, list[str], dict[str, float]]] = {
     "efficiency": (msl_hybrid_examples.LossyGearDemo1, 0.5, ["Inertia2.w"], {}),
     "brakes": (msl_examples.CompareBrakingTorque, 1.5, ["inertia1.w", "inertia4.w"], {}),
     "heat": (msl_examples.EddyCurrentBrake, 1.0, ["inertia.w", "heatCapacitor.T"], {}),
-    "followed": (Followed, 2.0, ["load.w", "chosen.y", "doubled.y"], {"move.a_ref": 0.0}),
+    "followed": (Followed, 2.0, ["load.w", "chosen.y", "doubled.y", "lag.y"], {"move.a_ref": 0.0}),
     "sampled": (Sampled, 1.0, ["last.w", "brake.tau"], {"drive.tau": 3.0}),
 }
 
@@ -107,6 +108,7 @@ def test_truths_and_arrays_are_written_as_modelica_has_them() -> None:
         "offset = {0.5}",
         "LogicalSwitch both(u1 = time > 0.5, u2 = fast.y, u3 = false);",
         "Switch chosen(u3 = -1.0, u1 = plan.y[1], u2 = both.y);",
+        "FirstOrder lag(T = 0.5, u = doubled.y, y_start = 2.0, initType = Modelica.Blocks.Types.Init.InitialOutput);",
         "Gain doubled(k = 2.0, u = (if both.y then 1 else 0) + (if fast.y then 1 else 0));",
     ):
         assert part in text
