@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help run test slow bench stress mutate docs versions check format clean
+.PHONY: help run test slow bench stress mutate docs versions wheel check format clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -24,6 +24,7 @@ help:
 	@echo "make mutate  change the code in many places, one at a time: does a test notice?"
 	@echo "make docs    documentation, in docs/_build/html"
 	@echo "make versions  the same, kept by version in docs/_build/versions"
+	@echo "make wheel   the wheel of a release, in dist"
 	@echo "make check   style, types and layers"
 	@echo "make format  apply the style"
 	@echo "make clean   remove .venv, caches and built files"
@@ -48,10 +49,14 @@ mutate: $(VENV)/.installed-mutate
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -q -W --keep-going -d .cache/sphinx docs docs/_build/html
+	$(BIN)/python docs/clicks.py
 	@echo "docs/_build/html/index.html"
 
 versions: docs
 	$(BIN)/python docs/versions.py
+
+wheel: $(VENV)/.installed-release
+	$(BIN)/python docs/wheel.py
 
 check: $(VENV)/.installed-check
 	$(BIN)/ruff check

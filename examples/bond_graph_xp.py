@@ -47,7 +47,7 @@ fig.savefig(FIGURES / "structure_diagrams.png", dpi=90)
 figure = single_loop_train()
 causality = assign_causality(figure.graph, PREFERENCE)
 print(f"\n{causality.report()}")
-axis = figure.draw(causality)
+axis = figure.draw(causality)  # sphinx_gallery_thumbnail_number = 2
 axis.figure.savefig(FIGURES / "bond_graph_xp.png", dpi=90)
 axis.figure.savefig(FIGURES / "bond_graph_xp.svg")  # the same, readable at any size
 
@@ -114,7 +114,7 @@ of_parts = np.array([(linear.C @ np.linalg.solve(1j * w * np.eye(8) - linear.A, 
 print(f"\nfrequency response: largest relative difference {abs(of_parts / of_graph - 1).max():.0e}")
 
 fig, axis = plt.subplots(figsize=(7, 3.2), layout="constrained")
-axis.loglog(omega / (2 * np.pi), abs(of_graph), lw=3, color="0.75", label="bond graph")
+axis.loglog(omega / (2 * np.pi), abs(of_graph), lw=4, color="#e8b35c", label="bond graph")
 axis.loglog(omega / (2 * np.pi), abs(of_parts), lw=1, color="tab:blue", label="components")
 axis.set(
     xlabel="frequency, Hz", ylabel="|w_out / tau_in|, rad/(N.m.s)", title="XP train: torque on the ring to speed of the carrier"

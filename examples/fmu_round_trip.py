@@ -72,9 +72,9 @@ for period in periods:
 assert all(1.8 < a / b < 2.2 for a, b in zip(errors, errors[1:], strict=False)), "it falls in proportion to the period"
 
 left.plot(times, exact, "k--", label="exact")
-left.set(xlabel="time / s", ylabel="speed of the load / (rad/s)")
+left.set(xlabel="time, s", ylabel="speed of the load, rad/s")
 left.legend()
-right.loglog(periods, errors, "o-")
-right.set(xlabel="period of the coupling / s", ylabel="largest error / (rad/s)")
+right.plot([1e3 * period for period in periods], errors, "o-")
+right.set(xlabel="period of the coupling, ms", ylabel="largest error, rad/s", xlim=(0, None), ylim=(0, None))
 figure.tight_layout()
 plt.show()

@@ -60,8 +60,7 @@ run = system.simulate(T_END, samples=120_001, rtol=1e-8, start=start)
 # The motor's own speed is the reference of the orders; the torque in its shaft is what reaches the housing.
 
 waterfall = gl.order_waterfall(run, "shaft.tau", "pinion.w", revolutions=5, max_order=60)
-figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
-waterfall.plot(axes=left, decibels=60.0)
+waterfall.plot(decibels=60.0)
 
 # %%
 # Along the order of the teeth
@@ -73,10 +72,11 @@ band = waterfall.amplitudes[:, nearest - 1 : nearest + 2].max(axis=1)
 grid = np.linspace(W_START, W_END, 1500)
 response = gl.frequency_response(system, Z_PINION * grid, ["e_rate"], ["shaft.tau"])
 steady = np.abs(response["shaft.tau"]) * Z_PINION * grid * ERROR
-right.semilogy(waterfall.speeds * 30 / math.pi, band, ".", ms=3, label="run-up, order of the teeth")
-right.semilogy(grid * 30 / math.pi, steady, color="firebrick", lw=1, label="frequency response")
-right.set(xlabel="pinion, 1/min", ylabel="torque in the motor's shaft, N·m", title=f"order {Z_PINION}")
-right.legend(fontsize=8)
+figure, axes = plt.subplots(figsize=(8, 4), layout="constrained")
+axes.semilogy(waterfall.speeds * 30 / math.pi, band, ".", ms=3, label="run-up, order of the teeth")
+axes.semilogy(grid * 30 / math.pi, steady, color="firebrick", lw=1, label="frequency response")
+axes.set(xlabel="pinion, 1/min", ylabel="torque in the motor's shaft, N·m", title=f"order {Z_PINION}")
+axes.legend(fontsize=8)
 
 peak, expected = band.argmax(), steady.argmax()
 at, whine = waterfall.speeds[peak], grid[expected]

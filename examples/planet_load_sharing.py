@@ -74,7 +74,7 @@ for (planets, sun), share in found.items():
     axes.plot(
         1e6 * errors,
         largest,
-        "--" if sun == "floating" else "-",
+        "o--" if sun == "floating" else "-",
         color=f"C{planets - 3}",
         label=f"{planets} planets, sun {sun}",
     )

@@ -112,7 +112,7 @@ assert max(apart.values()) < 1e-4
 figure, (above, middle, below) = plt.subplots(3, 1, sharex=True, figsize=(8, 7.5), layout="constrained")
 for name, label in (("engine", "engine"), ("generator", "generator"), ("motor", "ring and motor")):
     above.plot(times, run[f"{name}.w"] * 30 / math.pi, label=label)
-above.plot(ASKED.t, np.array(ASKED.y) * 30 / math.pi, color="0.5", ls=":", label="engine, asked for")
+above.plot(ASKED.t, np.array(ASKED.y) * 30 / math.pi, color="black", ls=":", label="engine, asked for")
 above.set_ylabel("speed, 1/min")
 middle.plot(times, run["engine.w"] * np.interp(times, ENGINE.t, ENGINE.y) / 1e3, label="engine")
 middle.plot(times, run["current.tau"] * run["generator.w"] / 1e3, label="generator")

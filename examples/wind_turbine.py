@@ -99,8 +99,8 @@ result = system.simulate(
 shaft_torque = -result["shaft.tau"]
 
 figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
-above.plot(times, torque / 1e6, color="0.6", label="wind")
-above.plot(times, shaft_torque / 1e6, label="shaft")
+above.plot(times, torque / 1e6, color="#e08e0b", lw=1, label="wind")
+above.plot(times, shaft_torque / 1e6, color="#0b5394", label="shaft")
 above.set_ylabel("torque, MN·m")
 above.legend()
 below.plot(times, result["rotor.w"] * 30 / math.pi)

@@ -1,7 +1,11 @@
-"""The gallery's order, the home page's tasks, and pages kept by version."""
+"""The gallery's order, the home page's tasks, pages kept by version, and the wheel of a release."""
 
 import importlib.util
+import io
+import zipfile
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -37,3 +41,51 @@ def test_pages_are_kept_by_version(tmp_path):
     assert (tmp_path / "versions" / "0.9" / "index.html").read_text() == "second"
     assert (tmp_path / "versions" / "1.0" / "index.html").read_text() == "first"
     assert "url=1.0/index.html" in (tmp_path / "versions" / "index.html").read_text()
+
+
+def test_clicks_are_counted_along_the_shortest_way():
+    clicks = module("clicks")
+    pages = {
+        "index.html": '<nav><a href="c.html">aside</a></nav><article><a href="a.html">A</a><a href="b.html#x">B</a></article>',
+        "a.html": '<article><a href="d/e.html">E</a></article>',
+        "b.html": '<article><a href="https://example.org/e.html">out</a></article>',
+        "d/e.html": '<article>done(1)<a href="../c.html">C</a></article>',
+        "c.html": "<article>here</article>",
+    }
+
+    def read(name):
+        return clicks.Article(pages[name])
+
+    assert clicks.clicks(read, ("d/e.html", "done(")) == [("A", "a.html"), ("E", "d/e.html")]
+    assert clicks.clicks(read, ("c.html", "here")) == [("A", "a.html"), ("E", "d/e.html"), ("C", "c.html")]
+    assert clicks.clicks(read, ("c.html", "here"), most=2) is None
+    assert clicks.clicks(read, ("b.html", "nothing of this")) is None
+
+
+def test_the_home_page_leads_to_every_task():
+    clicks = module("clicks")
+    home = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    for page, text in clicks.TASKS.values():
+        source = ROOT / "docs" / page.replace(".html", ".md")
+        if page.startswith("gallery/"):
+            source = ROOT / "examples" / f"{Path(page).stem}.py"
+        assert page.removesuffix(".html") in home
+        assert text in source.read_text(encoding="utf-8"), page
+
+
+def test_the_release_wheel_has_the_same_files_in_fewer_bytes(tmp_path):
+    pytest.importorskip("zopfli")
+    path = tmp_path / "first.whl"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in ("gearlib/ä.py", "gearlib/empty.py"):
+            member = zipfile.ZipInfo(name, (2020, 2, 3, 4, 5, 6))
+            member.external_attr, member.compress_type = 0o100644 << 16, zipfile.ZIP_DEFLATED
+            archive.writestr(member, (ROOT / "docs" / "conf.py").read_bytes() if "ä" in name else b"")
+    data = module("wheel").compressed(path, effort=1)
+    assert len(data) < path.stat().st_size
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(io.BytesIO(data)) as new:
+        assert new.testzip() is None
+        assert [(m.filename, m.date_time, m.external_attr) for m in new.infolist()] == [
+            (m.filename, m.date_time, m.external_attr) for m in old.infolist()
+        ]
+        assert all(new.read(name) == old.read(name) for name in old.namelist())

@@ -1,4 +1,7 @@
-"""Draws the pictures that the pages take from the examples: `python docs/images/draw.py` runs these and reduces the colours."""
+"""Draws the pictures that the pages take from the examples: `python docs/images/draw.py` runs these and reduces the colours.
+
+Names of scripts draw their pictures only: `python docs/images/draw.py xp_train`. The diagram of the README is drawn each time.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +25,12 @@ TAKEN = {  # script: figure it writes -> picture of the pages
 }
 
 os.chdir(ROOT)
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "library")]
+import gearparts as gp  # noqa: E402
 from tests.pictures import reduce  # noqa: E402
 
-for script, figures in TAKEN.items():
+gp.ZhouCui2022().diagram(depth=2).save(ROOT / "docs" / "images" / "xp_diagram.svg")
+for script, figures in ((name, TAKEN[name]) for name in sys.argv[1:] or TAKEN):
     runpy.run_path(f"examples/{script}.py", run_name="__main__")
     for figure, picture in figures.items():
         reduce(Image.open(FIGURES / f"{figure}.png"), ROOT / "docs" / "images" / f"{picture}.png")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, real, shown
+from gearlib.drawing.quantities import spelled
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.linear_model import LinearModel, Matrices, label, matrices
 from gearlib.linear.linearize import linearized
@@ -37,6 +38,8 @@ class Loop:
         Restricted to one input and one output, before the elimination of held states.
     changes : callable, optional
         Derivatives of these with respect to parameters, by path; available for loops in a System.
+    gain : str
+        Its value with its unit, which makes the loop a pure number; empty where the units of the signals are not known.
     """
 
     A: Floats
@@ -47,6 +50,7 @@ class Loop:
     output: str
     whole: Matrices | None = None
     changes: Callable[[Sequence[str]], list[Matrices]] | None = None
+    gain: str = ""
 
     @cached_property
     def _schur(self) -> tuple[Complexes, Complexes, Complexes]:
@@ -185,9 +189,11 @@ def as_loop(
     if loop is not None and (isinstance(loop, str) or not isinstance(loop, Sequence) or len(loop) != 2):
         raise ArgumentError(f"loop is {shown(loop)}; expected (input, output)")
     gain = real("gain", gain)
+    translation = None
     if is_compiled(model):
         inputs, outputs = (None, None) if loop is None else ([loop[0]], [loop[1]])
-        model = linearized(translation_of(model), inputs, outputs, at, parameters)
+        translation = translation_of(model)
+        model = linearized(translation, inputs, outputs, at, parameters)
     elif at is not None or by_name("parameters", parameters, "a mapping of paths to numbers"):
         raise ArgumentError("at and parameters belong to a System; a linear model has its numbers already")
     A, B, C, D, ins, outs = matrices(model)
@@ -205,7 +211,11 @@ def as_loop(
         def changes(names: Sequence[str]) -> list[Matrices]:
             return [one(m) for m in known(names)]
 
-    return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, ins[j], outs[i], whole, changes)
+    said = ""
+    if translation is not None:
+        unit, per = (spelled(translation.unit(name)) for name in (ins[j], outs[i]))
+        said = f"{gain:g}" if unit == per else f"{gain:g} {unit or '1'} per {per or '1'}"
+    return Loop(A, B[:, j] * gain, C[i], float(D[i, j]) * gain, ins[j], outs[i], whole, changes, said)
 
 
 def _signal(what: str, chosen: Any, names: Sequence[str]) -> int:

@@ -27,7 +27,8 @@ def _curve(loop: Loop) -> tuple[Floats, Complexes]:
 
 
 def _title(loop: Loop, kind: str) -> str:
-    return f"{kind} of the loop {loop.input} → {loop.output}"
+    """Title with the signals and the gain, whose unit makes L a number."""
+    return f"{kind} of the loop {loop.input} → {loop.output}" + (f", gain {loop.gain}" if loop.gain else "")
 
 
 def _margin_labels(m: Margins) -> tuple[str, str]:

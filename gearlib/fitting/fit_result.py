@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import check_axes, one_name
+from gearlib.drawing.quantities import axis_label, spelled
 from gearlib.errors import NameLookupError, nearest
 from gearlib.fitting.identifiability import Identifiability
 from gearlib.optional import optional
@@ -210,7 +211,7 @@ class Fit:
             if np.iscomplexobj(s.measured):
                 ax.set_xscale("log")
                 ax.set_yscale("log")
-            ax.set_ylabel(f"{s.name}{f', {s.unit}' if s.unit and s.unit != '1' else ''}")
+            ax.set_ylabel(axis_label(s.name, spelled(s.unit)))
             ax.set_xlabel(s.along)
             ax.grid(alpha=0.3)
         np.atleast_1d(axes)[0].legend(fontsize=8)

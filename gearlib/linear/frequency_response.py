@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import by_name, check_axes, name_list, one_name, real, reals, shown
 from gearlib.drawing.printed import fitted
+from gearlib.drawing.quantities import axis_label, spelled
+from gearlib.drawing.style import COLOURS
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.linear.linear_model import LinearModel, check_linear, matrices
 from gearlib.linear.linearize import input_names, linearized, read_by_equations
@@ -138,29 +140,32 @@ class FrequencyResponse:
         return pandas.DataFrame(table, index=pandas.Index(self.frequencies, name="frequency, Hz"))
 
     def plot(self, *, axes: Any = None) -> Any:
-        """Plot magnitude and phase over frequency; returns the two matplotlib axes."""
+        """Plot magnitudes, one diagram per unit, and phases over frequency; returns the matplotlib axes, the phases' last."""
         plt = optional("matplotlib.pyplot")
 
+        units = list(dict.fromkeys(spelled(unit) for unit in self.units))
+        count = len(units) + 1
         if axes is None:
-            _, axes = plt.subplots(2, 1, sharex=True, figsize=(8, 5.5), height_ratios=[2, 1], layout="constrained")
-        check_axes(axes, 2)
+            size, heights = (8, 1.9 + 3.6 * len(units)), [2] * len(units) + [1]
+            _, axes = plt.subplots(count, 1, sharex=True, figsize=size, height_ratios=heights, layout="constrained")
+        check_axes(axes, count)
         for i, output in enumerate(self.outputs):
             for j, given in enumerate(self.inputs):
-                label = output if len(self.inputs) == 1 else f"{output} / {given}"
-                axes[0].loglog(self.frequencies, np.abs(self.values[i, j]), label=label)
-                axes[1].semilogx(self.frequencies, np.degrees(np.unwrap(np.angle(self.values[i, j]))))
-        units = ", ".join(dict.fromkeys(u for u in self.units if u))
-        per = f"{units or '1'} per {self.per}" if self.per else units
-        axes[0].set_ylabel(f"amplitude{', ' if per else ''}{per}")
+                style = {"label": output if len(self.inputs) == 1 else f"{output} / {given}",
+                         "color": COLOURS[(i * len(self.inputs) + j) % len(COLOURS)]}  # fmt: skip
+                axes[units.index(spelled(self.units[i]))].loglog(self.frequencies, np.abs(self.values[i, j]), **style)
+                axes[-1].semilogx(self.frequencies, np.degrees(np.unwrap(np.angle(self.values[i, j]))), **style)
+        for row, unit in zip(axes, units, strict=False):
+            row.set_ylabel(axis_label("amplitude", f"{unit or '1'} per {spelled(self.per)}" if self.per else unit))
+            row.legend(fontsize=8)
         axes[0].set_title(
             f"Response to {', '.join(self.inputs)}" if len(self.inputs) <= 2 else f"Response to {len(self.inputs)} inputs"
         )
-        axes[0].legend(fontsize=8)
-        axes[1].set_ylabel("phase, deg")
-        low, high = axes[1].get_ylim()
+        axes[-1].set_ylabel("phase, deg")
+        low, high = axes[-1].get_ylim()
         if 90 < high - low < 1000:
-            axes[1].set_yticks(np.arange(90 * np.ceil(low / 90), high, 90 if high - low < 500 else 180))
-        axes[1].set_xlabel("frequency, Hz")
+            axes[-1].set_yticks(np.arange(90 * np.ceil(low / 90), high, 90 if high - low < 500 else 180))
+        axes[-1].set_xlabel("frequency, Hz")
         for ax in axes:
             ax.grid(alpha=0.3, which="both")
         return axes

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import check_axes, one_name, shown, whole
+from gearlib.drawing.quantities import axis_label, spelled
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.optional import optional
 from gearlib.periodic.periods import fourier
@@ -161,11 +162,9 @@ class HarmonicBalance:
         for n, k in enumerate(self.folds):
             ax.plot(f[k], amplitude[k], "ko", ms=4, label=None if n else "fold")
             ax.annotate(f"{f[k]:.4g} Hz", (f[k], amplitude[k]), textcoords="offset points", xytext=(6, 4), fontsize=8)
-        unit = self.units[self._column(name)]
         ax.set_xlabel("forcing frequency, Hz")
-        ax.set_ylabel(
-            f"amplitude of {name}{f', harmonic {harmonic}' if self.harmonics > 1 else ''}{f', {unit}' if unit else ''}"
-        )
+        quantity = f"amplitude of {name}{f', harmonic {harmonic}' if self.harmonics > 1 else ''}"
+        ax.set_ylabel(axis_label(quantity, spelled(self.units[self._column(name)])))
         ax.set_title(f"Harmonic balance, {self.reached}")
         ax.grid(alpha=0.3)
         ax.legend(fontsize=8)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import check_axes, one_name, real, shown, whole
+from gearlib.drawing.quantities import axis_label, spelled
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
 from gearlib.run.result import Result
@@ -62,7 +63,7 @@ class OrderSpectrum:
         check_axes(axes, 1)
         axes.semilogy(self.orders, np.maximum(self.amplitudes, 1e-12 * self.amplitudes.max(initial=1e-300)), lw=1)
         axes.set_xlabel(f"order of {self.reference}, events per revolution")
-        axes.set_ylabel(f"amplitude of {self.name}{', ' if self.unit else ''}{self.unit}")
+        axes.set_ylabel(axis_label(f"amplitude of {self.name}", spelled(self.unit)))
         axes.set_title(f"Order spectrum of {self.name}")
         axes.grid(alpha=0.3)
         return axes
@@ -106,7 +107,7 @@ class OrderWaterfall:
         image = axes.pcolormesh(
             self.orders, height, level, shading="nearest", cmap="viridis", vmin=-decibels, vmax=0, rasterized=True
         )
-        axes.figure.colorbar(image, ax=axes, label=f"amplitude of {self.name}, dB over {top:.3g} {self.unit}")
+        axes.figure.colorbar(image, ax=axes, label=f"amplitude of {self.name}, dB over {top:.3g} {spelled(self.unit)}".rstrip())
         axes.set_xlabel(f"order of {self.reference}, events per revolution")
         axes.set_ylabel(label)
         axes.set_title(f"Order spectra of {self.name}")

@@ -1,4 +1,7 @@
-"""Tables and pictures of the measured curves: docs/benchmarks.md between its markers, docs/images/work_precision_*.png."""
+"""Tables and pictures of the measured curves: docs/benchmarks.md between its markers, docs/images/work_precision_*.png.
+
+python -m tests.benchmarks.page     draws the pictures anew, from the times in the page's tables, and measures nothing
+"""
 
 from __future__ import annotations
 
@@ -35,6 +38,30 @@ def load_curves(name: str) -> list[Curve]:
 
     kept = json.loads((KEPT / f"{name}.json").read_text())["curves"]
     return [Curve(c["solver"], c["kind"], [Point(**p) for p in c["points"]], c["remark"]) for c in kept]
+
+
+def tabled_curves(name: str, page: str) -> list[Curve]:
+    """The curves of a scene as the page's table has them: the times to its three errors."""
+    from tests.benchmarks.work_precision import TARGETS, Curve, Point
+
+    section = page.split(f"### {name}:")[1].split("\n###")[0]
+    found = []
+    for line in section.splitlines():
+        solver, *cells = [cell.strip() for cell in line.strip("|").split(" | ")]
+        if line.startswith("| ") and solver != "solver":
+            times = zip(TARGETS, cells[: len(TARGETS)], strict=True)
+            points = [Point(math.nan, target, [1e-3 * float(t)], []) for target, t in times if t != "-"]
+            kind = "IDA floor" if solver.startswith("IDA floor") else "floor" if "floor" in solver else "other"
+            found.append(Curve(solver, "gearlib" if solver.startswith("gearlib") else kind, points))
+    return found
+
+
+def redraw(docs: Path) -> None:
+    """Draw the pictures from the tables of the page."""
+    page = (docs / "benchmarks.md").read_text(encoding="utf-8")
+    for name in SCENES:
+        if f"### {name}:" in page:
+            draw(name, tabled_curves(name, page), docs / "images" / f"work_precision_{name}.png")
 
 
 def number(value: float, factor: float = 1.0) -> str:
@@ -176,8 +203,12 @@ def write_page(docs: Path) -> None:
     ]  # fmt: skip
     for name, curves in measured.items():
         lines += scene_table(name, curves)
-        draw(name, curves, docs / "images" / f"work_precision_{name}.png")
     page = docs / "benchmarks.md"
     text = page.read_text()
     head, tail = text.split(BEGIN)[0], text.split(END)[1]
     page.write_text(head + "\n".join([*lines, END]) + tail)
+    redraw(docs)
+
+
+if __name__ == "__main__":
+    redraw(ROOT / "docs")

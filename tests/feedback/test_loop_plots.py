@@ -94,7 +94,15 @@ def test_bode(paper: gl.System) -> None:
     assert "gain margin 44.73 dB at 934.3 Hz" in texts(gain)
     assert "phase margin infinite" in texts(phase)
     assert "frequency, Hz" in texts(phase)
-    assert "tau_in → w_out" in texts(gain)
+    assert "tau_in → w_out, gain 1 N·m per rad/s" in texts(gain)
+
+
+def test_the_gain_has_the_unit_that_makes_the_loop_a_number(paper: gl.System) -> None:
+    assert texts(gl.nichols_plot(paper, ("tau_in", "q_ring"), gain=-2.5)).startswith(
+        "Nichols plot of the loop tau_in → q_ring, gain -2.5 N·m per m"
+    )
+    assert gl.nyquist_plot(paper, ("tau_in", "w_out"))[0].figure.get_suptitle().endswith(", gain 1 N·m per rad/s")
+    assert "gain" not in gl.nichols_plot(LOOP).get_title()
 
 
 def test_root_locus_ends_on_the_axis_at_the_gain_margin() -> None:
@@ -116,7 +124,7 @@ def test_own_axes_are_used(chain: Callable[..., gl.System]) -> None:
     system = chain(n=3, grounded=True)
     assert "1/min" in texts(gl.campbell(system, [0, 10.0], {"mesh": 20}).plot())
     top, _ = gl.frequency_response(system, [1.0, 2.0], ["torque.tau"], ["body[0].w", "body[2].w"]).plot()
-    assert "rad/s per N.m" in texts(top)
+    assert "rad/s per N·m" in texts(top)
     assert "body[2].w" in texts(top)
 
 

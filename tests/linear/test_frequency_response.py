@@ -289,3 +289,16 @@ def test_order_analysis_says_what_is_wrong() -> None:
         gl.order_spectrum(run, "signal", "signal")
     with pytest.raises(gl.GearlibError, match="a piece needs 8"):
         gl.order_waterfall(run, "signal", "rotor.phi")
+
+
+def test_plots_have_one_diagram_per_unit_and_units_as_printed(paper: gl.System) -> None:
+    response = gl.frequency_response(paper, [1.0, 10.0, 100.0], ["tau_in"], ["w_in", "q_ring", "w_out"])
+    axes = response.plot()
+    assert [ax.get_ylabel() for ax in axes] == ["amplitude, rad/s per N·m", "amplitude, m per N·m", "phase, deg"]
+    assert [len(ax.lines) for ax in axes] == [2, 1, 3]
+    assert {line.get_color() for ax in axes[:2] for line in ax.lines} == {line.get_color() for line in axes[2].lines}
+    run = gl.compile(RunUp()).simulate(0.5, samples=2001)
+    spectra = gl.order_waterfall(run, "torque.flange.tau", "rotor.w", revolutions=2).plot()
+    assert spectra.figure.axes[1].get_ylabel().endswith(" N·m")
+    assert gl.order_spectrum(run, "torque.flange.tau", "rotor.w").plot().get_ylabel().endswith(", N·m")
+    plt.close("all")
