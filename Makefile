@@ -30,7 +30,9 @@ help:
 	@echo "make clean   remove .venv, caches and built files"
 
 run: $(VENV)/.installed-plot
+	@echo "The first run on a machine compiles the solvers, which takes some seconds."
 	$(BIN)/python examples/xp_train.py
+	@echo "Figures: examples/figures/time_histories.png, nyquist.png, nichols.png"
 
 test: $(VENV)/.installed-test
 	$(PYTEST) -n 2 --dist loadfile $(ARGS)
