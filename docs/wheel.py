@@ -1,20 +1,59 @@
-"""Build the wheel of a release in dist/: that of hatchling, its files compressed by Zopfli, which writes what every unzip reads.
+"""Build the wheel of a release in dist/: that of hatchling in fewer bytes, less than 1 MB.
 
-python docs/wheel.py
+Comments are left out of the installed sources; docstrings stay, and so do the lines and their numbers. Files are compressed by Zopfli,
+whose output is read by every unzip.
 """
 
 from __future__ import annotations
 
+import base64
+import csv
+import hashlib
+import io
 import struct
+import tokenize
 import zipfile
+import zlib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+LIMIT = 1 << 20  # bytes: 1 MB
 LOCAL, CENTRAL, END = "<4s5H3L2H", "<4s6H3L5H2L", "<4s4H2LH"  # records of a zip archive
 
 
+def without_comments(source: str) -> str:
+    r"""Python source without its comments, line by line; those that type checkers read stay.
+
+    >>> without_comments('a = "#"  # name\n# why\nb = 1  # type: ignore\n')
+    'a = "#"\n\nb = 1  # type: ignore\n'
+    """
+    lines = source.splitlines(keepends=True)
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT and not token.string.startswith("# type:"):
+            row, column = token.start
+            lines[row - 1] = lines[row - 1][:column].rstrip() + "\n"
+    return "".join(lines)
+
+
+def contents(wheel: Path) -> dict[str, bytes]:
+    """What the files of a wheel hold without comments; RECORD has the new hashes and sizes."""
+    with zipfile.ZipFile(wheel) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    for name, data in files.items():
+        if name.endswith(".py"):
+            files[name] = without_comments(data.decode()).encode()
+    record = next(name for name in files if name.endswith(".dist-info/RECORD"))
+    rows = io.StringIO()
+    writer = csv.writer(rows, lineterminator="\n")
+    for name, *_ in csv.reader(io.StringIO(files[record].decode())):
+        digest = base64.urlsafe_b64encode(hashlib.sha256(files[name]).digest()).rstrip(b"=").decode()
+        writer.writerow([name, "", ""] if name == record else [name, f"sha256={digest}", len(files[name])])
+    files[record] = rows.getvalue().encode()
+    return files
+
+
 def compressed(wheel: Path, effort: int = 15) -> bytes:
-    """The same archive, with the same files, names, dates and modes, in fewer bytes.
+    """The archive without comments, with the same names, dates and modes, in fewer bytes.
 
     Parameters
     ----------
@@ -24,19 +63,19 @@ def compressed(wheel: Path, effort: int = 15) -> bytes:
     """
     from zopfli.zopfli import compress
 
-    body, directory, count = bytearray(), bytearray(), 0
+    files = contents(wheel)
+    body, directory = bytearray(), bytearray()
     with zipfile.ZipFile(wheel) as archive:
-        for member in archive.infolist():
-            data, name = archive.read(member), member.filename.encode()
-            small = compress(data, numiterations=effort)[2:-4]  # the zlib container around the deflated data: 2 and 4 bytes
-            year, month, day, hour, minute, second = member.date_time
-            date, time = (year - 1980) << 9 | month << 5 | day, hour << 11 | minute << 5 | second // 2
-            common = (20, 1 << 11, zipfile.ZIP_DEFLATED, time, date, member.CRC, len(small), len(data), len(name), 0)
-            directory += struct.pack(
-                CENTRAL, b"PK\1\2", 3 << 8 | 20, *common, 0, 0, 0, member.external_attr, len(body)
-            ) + name  # fmt: skip
-            body += struct.pack(LOCAL, b"PK\3\4", *common) + name + small
-            count += 1
+        members = archive.infolist()
+    for member in members:
+        data, name = files[member.filename], member.filename.encode()
+        small = compress(data, numiterations=effort)[2:-4]  # the zlib container around the deflated data: 2 and 4 bytes
+        year, month, day, hour, minute, second = member.date_time
+        date, time = (year - 1980) << 9 | month << 5 | day, hour << 11 | minute << 5 | second // 2
+        common = (20, 1 << 11, zipfile.ZIP_DEFLATED, time, date, zlib.crc32(data), len(small), len(data), len(name), 0)
+        directory += struct.pack(CENTRAL, b"PK\1\2", 3 << 8 | 20, *common, 0, 0, 0, member.external_attr, len(body)) + name
+        body += struct.pack(LOCAL, b"PK\3\4", *common) + name + small
+    count = len(members)
     return bytes(body + directory + struct.pack(END, b"PK\5\6", 0, 0, count, count, len(directory), len(body), 0))
 
 
@@ -46,6 +85,8 @@ def main() -> None:
     for name in WheelBuilder(str(ROOT)).build(directory=str(ROOT / "dist"), versions=["standard"]):
         wheel = Path(name)
         data = compressed(wheel)
+        if len(data) >= LIMIT:
+            raise SystemExit(f"{wheel.name} would have {len(data)} bytes; less than {LIMIT} are wanted")
         wheel.write_bytes(data)
         print(f"{wheel}: {len(data)} bytes")
 

@@ -33,6 +33,7 @@ PAGES = [
     "docs/components.md",
     "docs/errors.md",
     "docs/own_gearbox.md",
+    "docs/level_of_detail.md",
     "docs/blocks.md",
     "docs/fmu.md",
     "docs/modelica_text.md",

@@ -1,5 +1,8 @@
 """The gallery's order, the home page's tasks, pages kept by version, and the wheel of a release."""
 
+import ast
+import base64
+import hashlib
 import importlib.util
 import io
 import zipfile
@@ -73,19 +76,43 @@ def test_the_home_page_leads_to_every_task():
         assert text in source.read_text(encoding="utf-8"), page
 
 
-def test_the_release_wheel_has_the_same_files_in_fewer_bytes(tmp_path):
-    pytest.importorskip("zopfli")
-    path = tmp_path / "first.whl"
+def hatchling_like_wheel(path, files):
+    """A wheel as hatchling writes it: files, then RECORD."""
+    record = "p-1.dist-info/RECORD"
+    rows = [f"{name},sha256=old,0" for name in files] + [f"{record},,"]
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in ("gearlib/ä.py", "gearlib/empty.py"):
+        for name, text in [*files.items(), (record, "\n".join(rows) + "\n")]:
             member = zipfile.ZipInfo(name, (2020, 2, 3, 4, 5, 6))
             member.external_attr, member.compress_type = 0o100644 << 16, zipfile.ZIP_DEFLATED
-            archive.writestr(member, (ROOT / "docs" / "conf.py").read_bytes() if "ä" in name else b"")
-    data = module("wheel").compressed(path, effort=1)
+            archive.writestr(member, text)
+    return path
+
+
+def test_the_release_wheel_has_the_same_code_and_its_own_hashes(tmp_path):
+    text = 'x = \'# no comment\'  # one\n# another\ndef f() -> int:\n    """# Doc."""\n    return 1 # type: ignore\n'
+    path = hatchling_like_wheel(tmp_path / "p.whl", {"gearlib/ä.py": text, "gearlib/empty.py": "", "gearlib/a.css": "/* # */"})
+    wheel = module("wheel")
+    files = wheel.contents(path)
+    assert ast.dump(ast.parse(files["gearlib/ä.py"]), include_attributes=True) == ast.dump(
+        ast.parse(text), include_attributes=True
+    )
+    assert files["gearlib/ä.py"].decode().split("\n")[:2] == ["x = '# no comment'", ""]
+    assert files["gearlib/a.css"] == b"/* # */"
+    for row in files["p-1.dist-info/RECORD"].decode().splitlines()[:-1]:
+        name, digest, size = row.split(",")
+        assert base64.urlsafe_b64decode(digest.removeprefix("sha256=") + "=") == hashlib.sha256(files[name]).digest()
+        assert int(size) == len(files[name])
+
+
+def test_the_release_wheel_is_an_archive_that_others_read(tmp_path):
+    pytest.importorskip("zopfli")
+    path = hatchling_like_wheel(tmp_path / "p.whl", {"gearlib/ä.py": (ROOT / "docs" / "conf.py").read_text(), "b.py": ""})
+    wheel = module("wheel")
+    data, files = wheel.compressed(path, effort=1), wheel.contents(path)
     assert len(data) < path.stat().st_size
     with zipfile.ZipFile(path) as old, zipfile.ZipFile(io.BytesIO(data)) as new:
         assert new.testzip() is None
         assert [(m.filename, m.date_time, m.external_attr) for m in new.infolist()] == [
             (m.filename, m.date_time, m.external_attr) for m in old.infolist()
         ]
-        assert all(new.read(name) == old.read(name) for name in old.namelist())
+        assert {name: new.read(name) for name in new.namelist()} == files
