@@ -48,6 +48,9 @@ def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pyt
         )
         assert len(found) == 3
         assert found == [pytest.approx(row, rel=2e-6) for row in by_hand]
+        rows = re.findall(r"^(?:PX|XP|XX) .* (?:\d\.\d{4}|locks) +\S+ +(\d+), (\d+), (\d+)$", printed, re.MULTILINE)
+        assert len(rows) == int(re.search(r"trains in (\d+) arrangements", printed)[1]) == 32
+        assert all(0 < float(a) < float(b) < float(c) for a, b, c in rows)
         assert re.search(r" 0\.000 rad/s\n.*efficiency 0\.0000", printed)  # the design that locks, driven backwards
         assert float(re.search(r"largest difference of the map .*: (\S+)", printed)[1]) < 1e-12
     if script.stem == "xp_parametric_resonance":
@@ -65,8 +68,11 @@ def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pyt
         assert len(shown) > 35
         assert {tuple(cell.replace("infinite", "inf") for cell in row) for row in shown} <= set(found)
     if script.stem == "xp_weakly_nonlinear":
-        folds = dict(re.findall(r"^([\w ,]+?)  +(\d+\.\d, \d+\.\d|none) +(?:stable|unstable)", printed, re.MULTILINE))
+        folds = dict(re.findall(r"^([\w ,]+?)  +(\d+\.\d, \d+\.\d|none) +\S", printed, re.MULTILINE))
         assert folds["sun, pair"] == "none"
+        page = (script.parents[1] / "docs" / "weak_nonlinearity.md").read_text(encoding="utf-8")
+        assert all(f"| {found} |" in page for found in folds.values())
+        assert [float(w) for w in folds["one planet"].split(", ")] == pytest.approx([6167, 6986], abs=1)
         assert folds["ring"] == folds["ring, sun, pair"] != "none"
         rows = re.findall(r"^ +(\d+) +(\S+) +(\S+)   (.+)$", printed, re.MULTILINE)
         assert len(rows) == 4
@@ -78,3 +84,8 @@ def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pyt
         ) in rows:  # runs from either side end in the stable motions of harmonic balance, and in no others
             expected = sorted(float(a) for a in balance.split(","))
             assert sorted({float(below), float(above)}) == pytest.approx(expected, rel=5e-3)
+        grown = re.findall(r"^ +(\d{5}) +(\S+) +(\S+)$", printed, re.MULTILINE)
+        assert len(grown) == 2
+        for _, predicted, measured in grown:
+            assert float(measured) == pytest.approx(float(predicted), rel=2e-2)
+            assert float(measured) > 0
