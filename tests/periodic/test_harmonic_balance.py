@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -97,6 +98,7 @@ def edge(z: float) -> tuple[float, float]:
     return (np.sin(a) - a * z) / np.pi, (a - np.sin(a) * np.cos(a)) / np.pi
 
 
+@cache
 def stiffness(A: float) -> float:
     """Of the first harmonic, with the mean at which both flanks together carry the preload."""
 
@@ -528,6 +530,21 @@ def test_the_xp_train_with_all_its_planets() -> None:
         assert np.abs(run[name][:-1] - wave).max() < 4e-2 * np.ptp(wave) / 2 + 1e-9 * np.abs(wave).max(), name
         parted += [name] if name.endswith(".q") and np.abs(wave).min() < 50e-6 else []
     assert parted
+
+
+@pytest.mark.slow
+def test_folds_of_the_xp_train_with_all_its_planets() -> None:
+    """The branch of the page: it jumps where flanks of the planets' meshes part, and is unstable between its folds."""
+    q = "train.x_unit.ring_meshes[0].q"
+    system = gl.compile(WholeTrain(), outputs=[q])
+    rest = system.simulate(3.0, samples=2, parameters={"E": 0.0})
+    guess = {name: float(rest[name][-1]) for name in system.states}
+    found = gl.harmonic_balance(system, 11200.0, 10900.0, frequency="w", guess=guess, outputs=[q], step=0.3, harmonics=16)
+    assert found.fold_omega == pytest.approx([11017.9, 11020.5], abs=0.1)
+    first, second = found.folds
+    assert not found.stable[first + 1 : second - 1].any()
+    assert found.stable[:first].all()
+    assert found.stable[second + 1 :].all()
 
 
 @pytest.mark.parametrize("seed", range(6))
