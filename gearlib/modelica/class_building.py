@@ -21,7 +21,7 @@ from gearlib.language.declarations import (
 from gearlib.language.expressions import Eq, When
 from gearlib.modelica.class_content import Content, DeclaredElement, Modifications, content_of, merged
 from gearlib.modelica.counterparts import Counterpart
-from gearlib.modelica.element_types import ElementKind, ElementType, connector_class, kind_of, type_named, unit_of
+from gearlib.modelica.element_types import ElementKind, ElementType, connector_class, element_of, kind_of, type_named, unit_of
 from gearlib.modelica.equation_reading import assigned_in_whens, connections_from, equations_from
 from gearlib.modelica.evaluation import Evaluation
 from gearlib.modelica.part_building import STATE_SELECT, PartMaker, chosen
@@ -115,8 +115,8 @@ class _Maker:
             _check_name(name, member.element.node)
             if (declared := self._declared(name, member)) is not None:
                 members[name] = declared
-        for hidden in _given_names(self.modifications.values()):
-            members[hidden] = Parameter("any", "given by the enclosing class")
+        for given in _given_nodes(self.modifications.values()):
+            members[given.name] = (Input if given.is_signal else Parameter)("any", "given by the enclosing class")
         for counterpart, modifications in self.content.library_bases:
             for name, m in modifications.items():
                 if name not in self.members and name not in counterpart.ignored:
@@ -383,12 +383,13 @@ def _opened(name: str, member: Member, later: Collection[str], signals: dict[str
         signals[hidden] = node, member.element.scope
         return ReferenceNode(node.at, (hidden,), ((),))
 
-    def opened(m: Modification, path: str) -> Modification:
+    def opened(m: Modification, path: str, within: ElementType | None) -> Modification:
         path = f"{path}_{'_'.join(m.name)}"
-        value = None if m.value is None else without(m.value, path)
-        return replace(m, value=value, inner=tuple(opened(inner, path) for inner in m.inner))
+        is_input, kind = element_of(within, m.name[0])
+        value = without(m.value, path) if m.value is not None and is_input else m.value
+        return replace(m, value=value, inner=tuple(opened(inner, path, kind) for inner in m.inner))
 
-    found = {key: opened(m, name) for key, m in member.element.modifications.items()}
+    found = {key: opened(m, name, member.type) for key, m in member.element.modifications.items()}
     return replace(member, element=replace(member.element, modifications=found))
 
 
@@ -414,11 +415,11 @@ def _names_in(node: SyntaxNode | None) -> set[str]:
     return found
 
 
-def _given_names(modifications: Any) -> Iterator[str]:
-    """Names of the parameters through which an enclosing class passes values to nested parts."""
+def _given_nodes(modifications: Any) -> Iterator[GivenNode]:
+    """The values that an enclosing class passes to nested parts."""
     for m in modifications:
         if isinstance(m.value, GivenNode):
-            yield m.value.name
-        yield from _given_names(m.inner)
+            yield m.value
+        yield from _given_nodes(m.inner)
         if isinstance(m.redeclared, ComponentNode):
-            yield from _given_names(m.redeclared.modifications)
+            yield from _given_nodes(m.redeclared.modifications)

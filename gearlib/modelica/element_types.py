@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from gearlib.errors import ModelicaError, nearest
-from gearlib.language.declarations import Connector, Flow, Potential
+from gearlib.language.declarations import Connector, Flow, Input, Potential
 from gearlib.modelica.class_content import DeclaredElement, Modifications, by_name, content_of, merged
 from gearlib.modelica.counterparts import Counterpart, standard_library
 from gearlib.modelica.scopes import ClassScope, Path, lookup
@@ -105,6 +105,19 @@ def kind_of(node: ComponentNode, kind: ElementType, assigned: frozenset[str]) ->
     if kind.kind in ("integer", "boolean") or "discrete" in node.prefixes or node.name in assigned:
         return "discrete"
     return "variable"
+
+
+def element_of(kind: ElementType | None, name: str) -> tuple[bool, ElementType | None]:
+    """Whether a class declares an input of that name, or an array of inputs; and the type of the element, if it is one of the text."""
+    if kind is None:
+        return False, None
+    if (counterpart := kind.counterpart) is not None:
+        local = counterpart.given.get(name) or counterpart.local(name)
+        return name in counterpart.arrays or isinstance(getattr(counterpart.component, local, None), Input), None
+    if kind.scope is None or (element := content_of(kind.scope, {}).elements.get(name)) is None:
+        return False, None
+    found = type_named(element.node.type, element.scope, element.node)
+    return kind_of(element.node, found, frozenset()) == "input", found
 
 
 def connector_class(scope: ClassScope) -> type[Connector]:

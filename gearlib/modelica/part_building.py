@@ -185,7 +185,7 @@ class PartMaker:
                     continue
                 _check_open(element.node.prefixes, m)
                 if path:
-                    kept[name] = self._given_within((*path, name), m, here == "structural", given)
+                    kept[name] = self._given_within((*path, name), m, here == "structural", given, here == "input")
                 else:
                     of = self.evaluation.constant if here == "structural" else self._evaluation(here == "parameter").number
                     given.values[name] = self._value(m, of)
@@ -235,16 +235,19 @@ class PartMaker:
                 self.attributes(".".join((*path, local)), declared, m, given)
             else:
                 structural = isinstance(declared, Structural) or name in counterpart.ignored or name == "stateSelect"
-                kept[name] = self._given_within((*path, name), m, structural, given) if m.value is not None else m
+                signal = isinstance(declared, Input)
+                kept[name] = self._given_within((*path, name), m, structural, given, signal) if m.value is not None else m
         return kept
 
-    def _given_within(self, path: tuple[str, ...], m: Modification, structural: bool, given: PartValues) -> Modification:
-        """A modification whose value is a parameter of the enclosing class or, for a structural choice, the value itself."""
+    def _given_within(
+        self, path: tuple[str, ...], m: Modification, structural: bool, given: PartValues, signal: bool
+    ) -> Modification:
+        """A modification whose value is a parameter or an input of the enclosing class or, for a structural choice, the value itself."""
         if structural:
             return replace(m, value=_literal(self._value(m, self.evaluation.constant), m), each=True)
         hidden = "__".join(path)
-        given.values[hidden] = self._value(m, self.evaluation.constants_only().number)
-        return replace(m, value=GivenNode(m.at, hidden), each=True)
+        given.values[hidden] = self._value(m, self._evaluation(not signal).number)
+        return replace(m, value=GivenNode(m.at, hidden, signal), each=True)
 
     def _closed(self, path: tuple[str, ...], m: Modification, given: PartValues) -> Modification:
         """A redeclaration whose values are parameters of the enclosing class."""

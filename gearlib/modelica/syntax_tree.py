@@ -98,9 +98,10 @@ class ComprehensionNode(SyntaxNode):
 
 @dataclass(frozen=True)
 class GivenNode(SyntaxNode):
-    """A value that the enclosing class passes to a nested part under a name of its own."""
+    """A value that the enclosing class passes to a nested part under a name of its own; a signal may vary with time."""
 
     name: str
+    is_signal: bool = False
 
 
 # ---------------------------------------------------------------- equations

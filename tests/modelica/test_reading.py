@@ -239,6 +239,9 @@ def test_conditions_events_and_start_values() -> None:
         ("model M parameter String s = \"a\"; Real x = s; end M;", "'a' is a string; expected a number"),
         ("model M Real equations = 1; end M;", "column 14: the name 'equations' is reserved"),
         ("model M extends M; end M;", "M extends itself"),
+        ("model M Modelica.Blocks.Math.Gain a(k = b.k), b(k = a.k); end M;", "column 41: nothing is called 'b.k' here"),
+        ("model M Modelica.Blocks.Continuous.Integrator a[2](u = b.y); Modelica.Blocks.Math.Gain b[2](each k = 1, u = a.y); end M;",
+         "column 56: an array of signals of parts that follow"),
         ("model M Real x; Real x; equation x = 1; end M;", "'x' is declared twice"),
         ("model M constant Real g = 9; end M; model N M m(g = 3); end N;", "cannot be modified"),
         ("model M Real x = " + "(" * 300 + "1" + ")" * 300 + "; end M;", "nested too deeply"),
@@ -320,6 +323,23 @@ def test_signals_in_any_order_expressions_and_tables_over_time() -> None:
     assert list(result["fast.y"]) == list(fast.astype(float))
     assert result["chosen.y"][away] == pytest.approx(np.where(fast, first, -1.0)[away], abs=1e-12)
     assert 2 * result["load.a"] == pytest.approx(result["plan.outputs[0].y"] - 0.5 * result["load.w"], abs=1e-12)
+
+
+def test_signals_are_given_to_parts_within_parts() -> None:
+    Whole = gl.read_modelica("""
+        package P
+          model Doubled
+            Modelica.Blocks.Math.Gain gain(k = 2);
+            output Real y = gain.y;
+          end Doubled;
+          model Whole
+            Doubled doubled(gain(u = -decay.y)), shifted(gain(u = doubled.y + 1));
+            Modelica.Blocks.Continuous.Integrator decay(u = doubled.y, y_start = 1);
+          end Whole;
+        end P;""")
+    result = gl.simulate(Whole(), 1.0, samples=11, rtol=1e-10)
+    assert result["decay.y"] == pytest.approx(np.exp(-2 * result.time), abs=1e-9)
+    assert result["shifted.gain.y"] == pytest.approx(2 - 4 * np.exp(-2 * result.time), abs=1e-8)
 
 
 ARRAYS = """
