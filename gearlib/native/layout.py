@@ -20,6 +20,9 @@ Integers = NDArray[np.int64]
 MODEL = Prototype("int32", ("float", "int", "int", "int", "int"))
 MOST_HELD = 400  # unknowns up to which a dense block whose matrix only events change is solved by its inverse
 FACTORISED = 5.0  # cost of a sparse factorisation, relative to one substitution
+CHECKED = (
+    150.0  # cost of comparing the modes, and of the short loops around one solution with a kept matrix, in additions (measured)
+)
 SERVES = 50.0  # evaluations between two events: the shortest service that a kept matrix is made for
 INDIRECT = 3.0  # cost of one operation of a sparse elimination or substitution, relative to one of a product
 SEARCH = 6.0  # cost of one operation of pivoted elimination in short loops, relative to an addition
@@ -82,8 +85,8 @@ class KeptMatrix:
     def operations(self) -> float:
         """Cost of one solution, in additions."""
         if self.factors is not None:
-            return substitution(self.factors)
-        return 2.0 * len(self.needed) * len(self.known)
+            return CHECKED + substitution(self.factors)
+        return CHECKED + 2.0 * len(self.needed) * len(self.known)
 
 
 def substitution(order: EliminationOrder) -> float:
@@ -149,7 +152,7 @@ def lay_out(program: Program, shared: Shared, base: int, also: Integers | None =
                 known = np.unique(np.concatenate([np.empty(0, np.int64), *(b.targets for b in rests)]))
                 kept = KeptMatrix(at, step.modes, np.flatnonzero(used[step.unknowns]), rests, known, None)
                 making = 0.0 if order is None else min(len(kept.needed), len(known)) * substitution(order)
-                if order is not None and kept.operations + making / SERVES > substitution(order):
+                if order is not None and kept.operations + making / SERVES > CHECKED + substitution(order):
                     kept = replace(kept, factors=order)
                 at += kept.size
             held.append(kept)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gearlib.errors import SingularError
 from gearlib.flatten.model import FlatModel
 from gearlib.native.evaluator import CompiledProgram, Evaluator
-from gearlib.native.layout import Shared, fill, lay_out
+from gearlib.native.layout import Layout, Shared, fill, lay_out
 from gearlib.native.scene_functions import NativeScene, compile_scene, rhs_source
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, state_plan
@@ -166,11 +166,19 @@ class Scene:
         return [name or f"known_{i}" for i, name in enumerate(names)]
 
     @cached_property
+    def shared(self) -> Shared:
+        """Common head of the data of native code."""
+        return Shared(len(self.model.parameters.names), self.n_modes, len(self.program.inputs))
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Memory layout of the derivatives in native code without tangents."""
+        return lay_out(self.program, self.shared, self.shared.size, hold=True)
+
+    @cached_property
     def source(self) -> str:
         """The generated source of the derivatives."""
-        names, program = self.model.parameters.names, self.program
-        shared = Shared(len(names), self.n_modes, len(program.inputs))
-        return rhs_source(program, lay_out(program, shared, shared.size, hold=True), lambda: self.slot_names, names)[0]
+        return rhs_source(self.program, self.layout, lambda: self.slot_names, self.model.parameters.names)[0]
 
     @cached_property
     def native(self) -> NativeScene:

@@ -26,6 +26,8 @@ SHARE = 0.1  # largest share of a trial in the work so far, and in the work that
 # Share of the remaining work, at the explicit pace, that a trial may take: IDA speeds up once fast vibrations have died out
 EARLY = 0.03
 APART = 10.0  # least work between two trials, in trials
+SOON = 4.0  # the same after the first one where the work that remains is small
+CLOSE = 0.5  # share of the explicit pace from which a trial is extended
 LOST = 2.0  # work, in trials, that the implicit method may lose against the explicit pace before it hands back
 
 
@@ -54,7 +56,7 @@ class Leg:
 def alternate(
     explicit: Callable[[Sequence[Leg]], tuple[Driver, Watchful]],
     implicit: Callable[[Sequence[Leg]], Driver],
-    trial: float,
+    trial: tuple[float, float],
     t_end: float,
 ) -> list[Leg]:
     """Integrate to the end, or to where a method reports that its states have become singular.
@@ -64,8 +66,8 @@ def alternate(
     explicit, implicit : callable
         Make the run of a method, continuing from the last of the given legs, or from the start if there are none; the explicit one
         comes with its stepper.
-    trial : float
-        Work of the shortest trial, including start-up.
+    trial : (float, float)
+        Work of starting the implicit method and of leaving it again, and of the steps of the shortest trial.
     t_end : float
         s.
 
@@ -75,42 +77,44 @@ def alternate(
         The active method failed. If a method on trial fails, the explicit one continues.
     """
     legs: list[Leg] = []
-    (run, stepper), wait, before = explicit(legs), 0.0, 0.0
+    (run, stepper), wait, before, (start, steps) = explicit(legs), 0.0, 0.0, trial
+    shortest = start + steps
     stepper.watch()
     while True:
         if _to_the_end(run):
             return [*legs, Leg("explicit", run, run.solution())]
         pace = max(stepper.pace, 1e-300)
         left = (t_end - run.t) / pace
-        if left < (WORTH_DECAY if stepper.damped else WORTH_VIBRATION) * trial:
+        if left < (WORTH_DECAY if stepper.damped else WORTH_VIBRATION) * shortest:
             stepper.watch(left / 2)  # the remaining work decreases; it may also become harder
             continue
         here, spent = Leg("explicit", run, run.solution()), before + run.work
         other = implicit([*legs, here])
         try:
-            faster = _tried(other, pace, max(trial, SHARE * min(spent, left / 2), EARLY * left))
+            most = max(steps, SHARE * min(spent, left / 2) - start, EARLY * left)
+            faster = _tried(other, pace, most, max(most, shortest))
         except SolverError:
             other.close()
-            wait = max(2.0 * wait, APART * trial)
+            wait = max(2.0 * wait, APART * shortest)
             stepper.watch(wait)
             continue
         try:
             legs.append(here)
-            to_the_end = faster and _stays(other, pace, spent, trial)
+            to_the_end = faster and _stays(other, pace, spent, shortest)
             legs.append(Leg("implicit", other, other.solution(), stayed=faster))
             if to_the_end:
                 return legs
             before = spent + other.work
-            wait = APART * trial if faster else _longer(wait, max(trial, other.work), left)
+            if faster:
+                wait = APART * shortest
+            elif wait or EARLY * left > start:
+                wait = max(min(2.0 * wait, SHARE * left), APART * (start + other.work))
+            else:  # a short run, in which vibrations may die out soon
+                wait = SOON * (start + other.work)
         finally:
             other.close()
         run, stepper = explicit(legs)
         stepper.watch(wait)
-
-
-def _longer(wait: float, trial: float, left: float) -> float:
-    """Work until the next trial, after an unsuccessful one."""
-    return max(min(2.0 * wait, SHARE * left), APART * trial)
 
 
 def _to_the_end(run: Driver) -> bool:
@@ -120,16 +124,22 @@ def _to_the_end(run: Driver) -> bool:
     return run.status != "stiff"
 
 
-def _tried(other: Driver, pace: float, most: float) -> bool:
-    """Whether the implicit method makes faster progress than the explicit one did, within a bounded amount of work."""
+def _tried(other: Driver, pace: float, most: float, most_if_close: float) -> bool:
+    """Whether the implicit method makes faster progress than the explicit one did, within a bounded amount of work.
+
+    Where it comes close, it is given more of it: waiting then costs little, and fast vibrations may be about to die out.
+    """
     if other.advance(SETTLE) != "more":
         return True
-    while other.work <= most:
+    close = False
+    while other.work <= (most_if_close if close else most):
         t, work = other.t, other.work
         if other.advance(WINDOW) != "more":
             return True
-        if (other.t - t) / (other.work - work) >= pace:
+        reached = (other.t - t) / (other.work - work)
+        if reached >= pace:
             return True
+        close = reached >= CLOSE * pace
     return False
 
 

@@ -22,6 +22,7 @@ from tests.run.python_problem import driver
 from tests.solvers.rungekutta.test_rungekutta import problem, van_der_pol
 
 STEP = 1000.0  # work of a step of either method
+START = 50 * STEP  # of the second method
 TRIAL = 150 * STEP
 Pace = Callable[[float], float]
 
@@ -83,9 +84,10 @@ class Book:
 
         def second(legs: Sequence[Leg]) -> Any:
             self.trials += 1
+            self.work += START
             return Method(self, self.paces[1], legs[-1].solution.t_last, self.slow_start, self.fails_at)
 
-        return alternate(first, second, TRIAL, self.end)
+        return alternate(first, second, (START, TRIAL - START), self.end)
 
     def alone(self, which: int) -> float:
         """The work of one method from the beginning to the end."""
@@ -124,6 +126,21 @@ def test_where_each_is_the_better_one_for_a_time_both_are_used() -> None:
     assert book.work < 0.9 * min(book.alone(0), book.alone(1))
     assert legs[-1].method == "explicit"
     assert any(leg.method == "implicit" and leg.stayed for leg in legs)
+
+
+def test_a_method_far_behind_is_given_up_early() -> None:
+    """Starting it counts in what a trial costs, but not in what it may spend on steps."""
+    pace = 1.0 / (12 * TRIAL)
+    legs = Book(lambda t: pace, lambda t: 0.1 * pace).run()
+    assert all(leg.run.work <= 100 * STEP + 45 * STEP for leg in legs if leg.method == "implicit")
+
+
+def test_a_method_that_comes_close_is_given_more_time() -> None:
+    """Where it gets faster just after the first measurements, one trial suffices."""
+    pace = 1.0 / (12 * TRIAL)
+    book = Book(lambda t: pace, lambda t: pace * (0.7 if t < 0.06 else 3.0))
+    book.run()
+    assert book.trials == 1
 
 
 def test_a_short_rest_is_not_worth_a_trial() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.native.layout import EACH, Shared, lay_out, operations
+from gearlib.native.layout import EACH, Shared, operations
 from gearlib.native.scene_functions import NativeScene
 from gearlib.run.forms.scene_form import SceneForm
 from gearlib.run.methods.run import Run, is_function
@@ -181,8 +181,7 @@ def time_events(run: Run) -> Floats:
 def memory(run: Run, data: Floats) -> tuple[Floats, Floats]:
     """Slots and modes where a run ended: its branch of nonlinear equations and the modes of friction are carried on."""
     scene, program = run.scene, run.scene.program
-    shared = Shared(len(scene.model.parameters.names), scene.n_modes, len(program.inputs))
-    layout = lay_out(program, shared, shared.size, hold=True)
+    shared, layout = scene.shared, scene.layout
     if run.tangents is not None and scene.states:
         layout = tangent_code(scene, run.tangents.directions, False).native.rhs.layout
     slots = data[layout.slots :][: program.n_slots]

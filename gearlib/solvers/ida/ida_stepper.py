@@ -207,7 +207,7 @@ def work(problem: Problem, operations: tuple[float, float], steps: int, rhs: int
     )  # fmt: skip
 
 
-def trial(problem: Problem) -> float:
-    """Expected work of `TRIAL` steps including start-up (ns), known before IDA is created."""
+def trial(problem: Problem) -> tuple[float, float]:
+    """Expected work of start-up, and of `TRIAL` steps (ns), known before IDA is created."""
     n, looks = len(problem.x0), problem.effort.roots if problem.roots is not None else 0.0
-    return START + TRIAL * (1100.0 + 60.0 * n + 2.0 * looks + 1.3 * problem.effort.rhs)
+    return START, TRIAL * (1100.0 + 60.0 * n + 2.0 * looks + 1.3 * problem.effort.rhs)
