@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import as_path, by_name, flag, name_list, one_name, real, shown
-from gearlib.errors import ArgumentError, NameLookupError, warn
+from gearlib.errors import ArgumentError, NameLookupError, SolverError, warn
 from gearlib.files.contents import Record, versions
 from gearlib.optional import optional
 from gearlib.run.request import Request
@@ -409,6 +409,7 @@ class SimulatedResult(Result):
         self._run = run
         self._known: dict[Node, Floats] = {}
         self._extended: SimulatedResult | None = None
+        self._all_can_be_integrated = True
 
     def __reduce__(self) -> tuple[Any, ...]:
         parts = [
@@ -545,10 +546,21 @@ class SimulatedResult(Result):
             self._extended._compute_together([n for n in nodes if self.scene.missing(n)])
 
     def _extend(self, missing: Iterable[Node]) -> SimulatedResult:
-        """The run with additional states; integrated again unless that has been done."""
-        if self._extended is None or any(s not in self._extended.scene.place_of for s in missing):
-            more = () if self._extended is None else self._extended.scene.states
-            self._extended = self._again(tuple(sorted({*self.scene.states, *more, *missing})))
+        """The run with additional states, integrated again: with those that are asked for first, and with all of them the next time.
+
+        So however many variables are asked for one by one, the run is integrated twice more at most.
+        """
+        if self._extended is None:
+            self._extended = self._again(tuple(sorted({*self.scene.states, *missing})))
+        elif any(s not in self._extended.scene.place_of for s in missing):
+            wanted = {*self._extended.scene.states, *missing}
+            if self._all_can_be_integrated:
+                try:
+                    self._extended = self._again(tuple(sorted({*wanted, *self.scene.structure.states})))
+                except SolverError:  # in a part of the model that nothing asked for
+                    self._all_can_be_integrated = False
+            if not self._all_can_be_integrated:
+                self._extended = self._again(tuple(sorted(wanted)))
         return self._extended
 
     @property

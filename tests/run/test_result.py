@@ -10,6 +10,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.run.result import SimulatedResult
 
 c = gl.connect
 
@@ -207,3 +208,31 @@ def test_an_output_that_contradicts_itself_is_named() -> None:
     result = gl.simulate(Contradiction(), t_end=2.0, samples=5, outputs=["x", "y"])
     with pytest.raises(gl.GearlibError, match=r"relation of Contradiction holds if and only if it does not at t = 0 s"):
         result["y"]
+
+
+class Shafts(gl.Component):
+    """Shafts that have nothing to do with each other; the last one breaks down if it is integrated."""
+
+    breaks = gl.Structural(False)
+
+    def assemble(self) -> list[Any]:
+        self.torques = [gp.Torque(tau=float(k + 1)) for k in range(6)]
+        self.shafts = [gp.Inertia(J=1.0) for _ in range(6)]
+        found = [c(t.flange, s.flange_a) for t, s in zip(self.torques, self.shafts, strict=True)]
+        if self.breaks:
+            self.last = gp.Inertia(J=1.0, start={"w": 1.0})
+            self.runaway = gp.QuadraticSpeedDependentTorque(tau_nominal=1.0, w_nominal=1.0)  # der(w) = w |w|: infinite at 1 s
+            found.append(c(self.last.flange_b, self.runaway.flange))
+        return found
+
+
+@pytest.mark.parametrize("breaks", [False, True])
+def test_many_variables_one_by_one_do_not_integrate_as_often(breaks: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = gl.compile(Shafts(breaks=breaks), outputs=["shafts[0].w"]).simulate(2.0, samples=5)
+    count = []
+    again = SimulatedResult._again
+    monkeypatch.setattr(SimulatedResult, "_again", lambda self, *more: (count.append(1), again(self, *more))[1])
+    for k in range(6):
+        assert result[f"shafts[{k}].w"] == pytest.approx((k + 1) * T, rel=1e-12)
+    assert result["shafts[3].phi"] == pytest.approx(2 * T**2, rel=1e-9)
+    assert len(count) == (7 if breaks else 2)  # of the former, one ends where the last shaft breaks down
