@@ -216,7 +216,7 @@ class Translation:
         """Paths of the integrated states."""
         return self.scene.state_names
 
-    @property
+    @cached_property
     def inputs(self) -> tuple[str, ...]:
         """Paths of the unbound inputs."""
         return tuple(self.model.name(int(v)) for v in self.model.inputs)
@@ -226,7 +226,7 @@ class Translation:
         """The sampled controllers and delays, which set some of these."""
         return controllers_of(self.component, self.inputs, self.model.parameters.names)
 
-    @property
+    @cached_property
     def open_inputs(self) -> tuple[str, ...]:
         """Paths of the inputs that must be given: those that no sampled controller or delay sets."""
         given = {k for controller in self.controllers for k in controller.gives}

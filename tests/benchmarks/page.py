@@ -193,13 +193,17 @@ def machine() -> str:
 
 def write_page(docs: Path) -> None:
     """Put all kept curves into the page."""
+    from tests.benchmarks.users import USERS
+    from tests.benchmarks.users_table import table
+
     names = [n for n in SCENES if (KEPT / f"{n}.json").exists()]
+    users = {n: load_curves(n) for n in USERS if (KEPT / f"{n}.json").exists()}
     measured = {n: load_curves(n) for n in names}
     loads = [json.loads((KEPT / f"{n}.json").read_text())["load"] for n in names]
     lines = [
         BEGIN, "", f"Measured on {machine()}; load average {min(loads):.1f} to {max(loads):.1f} (other programs were running).", "",
         "## What was aimed at, and what is", "", *verdicts(measured), "## IDA, and what a run costs beside its integration", "",
-        *side_tables(measured), "## All solvers", "",
+        *side_tables(measured), *(["## Users' scenes", "", *table(users)] if users else []), "## All solvers", "",
     ]  # fmt: skip
     for name, curves in measured.items():
         lines += scene_table(name, curves)

@@ -11,6 +11,7 @@ from tests.benchmarks.competitors import others
 from tests.benchmarks.contestants import FLOORS, OWN
 from tests.benchmarks.page import KEPT, machine
 from tests.benchmarks.references import SCENES, backlash_by_scipy
+from tests.benchmarks.users import USERS
 from tests.benchmarks.work_precision import TARGETS, Curve, best, main, measure
 
 pytestmark = pytest.mark.benchmark
@@ -71,4 +72,4 @@ def test_page() -> None:
     """Measures everything and writes docs/benchmarks.md (a quarter of an hour)."""
     main([])
     assert machine()
-    assert all((KEPT / f"{name}.json").exists() for name in SCENES)
+    assert all((KEPT / f"{name}.json").exists() for name in (*SCENES, *USERS))

@@ -25,6 +25,24 @@ c = gl.connect
 
 
 @dataclass(frozen=True)
+class EquationsByHand:
+    """An initial-value problem: der(x) = rhs(t, x), from ``start``; the outputs are some of x, times ``signs``."""
+
+    rhs: Callable[[float, Floats], list[float]]
+    start: Floats
+    outputs: list[int]
+    signs: Any = 1.0
+
+    def solved(self, times: Floats) -> Floats:
+        """The outputs, by SciPy at a tolerance far below what is judged."""
+        found = solve_ivp(
+            self.rhs, (times[0], times[-1]), self.start, "DOP853", times, rtol=3e-13, atol=np.full(len(self.start), 1e-14),
+            max_step=1e-3,
+        )  # fmt: skip
+        return np.asarray(found.y[self.outputs].T * self.signs)
+
+
+@dataclass(frozen=True)
 class UserScene:
     """A component, what drives it, and its reference."""
 
@@ -34,12 +52,36 @@ class UserScene:
     times: Floats
     reference: Callable[[Floats], Floats]  # output times -> (samples, outputs)
     inputs: dict[str, Any] = field(default_factory=dict)
+    by_hand: EquationsByHand | None = None
 
     def error(self, values: Floats, times: Floats | None = None) -> float:
         """Largest error of all outputs over their largest value; infinite where a value is not finite."""
         right = self.reference(self.times if times is None else times)
         found = float((np.abs(values - right) / np.abs(right).max(axis=0)).max())
         return found if math.isfinite(found) else math.inf
+
+
+# ---------------------------------------------------------------- two bodies and a fan
+
+
+class BodiesAndFan(gl.Component):
+    """Motor and wheel on a shaft, started against a fan: the smallest train, on which what a run costs besides its steps is seen."""
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.motor, self.wheel = gp.ConstantTorque(tau_constant=50.0), gp.Inertia(J=0.02), gp.Inertia(J=0.5)
+        self.shaft = gp.SpringDamper(c=500.0, d=1.0)
+        self.fan = gp.QuadraticSpeedDependentTorque(tau_nominal=-40.0, w_nominal=100.0)
+        return [
+            c(self.torque.flange, self.motor.flange_a), c(self.motor.flange_b, self.shaft.flange_a),
+            c(self.shaft.flange_b, self.wheel.flange_a), c(self.wheel.flange_b, self.fan.flange),
+        ]  # fmt: skip
+
+
+def bodies_and_fan(t: float, x: Floats) -> list[float]:
+    """Speeds of motor and wheel, twist of the shaft."""
+    motor, wheel, twist = x.tolist()
+    torque = 500 * twist + (motor - wheel)
+    return [(50 - torque) / 0.02, (torque - 0.004 * wheel * abs(wheel)) / 0.5, motor - wheel]
 
 
 # ---------------------------------------------------------------- two-stage gearbox
@@ -368,17 +410,6 @@ def servo(times: Floats) -> Floats:
     return np.column_stack([out[:, 0], out[:, 0] - out[:, 2]])
 
 
-def _by_scipy(rhs: Callable[[float, Floats], list[float]], start: Floats, outputs: list[int], signs: Any = 1.0) -> Any:
-    """Outputs of smooth or continuous equations at output times."""
-
-    def reference(times: Floats) -> Floats:
-        atol = np.full(len(start), 1e-14)
-        found = solve_ivp(rhs, (times[0], times[-1]), start, "DOP853", times, rtol=3e-13, atol=atol, max_step=1e-3)
-        return np.asarray(found.y[outputs].T * signs)
-
-    return reference
-
-
 def _kept(reference: Callable[[Floats], Floats]) -> Callable[[Floats], Floats]:
     """The reference, computed once for the same times."""
     known: dict[bytes, Floats] = {}
@@ -391,14 +422,23 @@ def _kept(reference: Callable[[Floats], Floats]) -> Callable[[Floats], Floats]:
     return look_up
 
 
+def _smooth(title: str, component: Any, outputs: tuple[str, ...], times: Floats, hand: EquationsByHand) -> UserScene:
+    """A scene whose equations by hand are integrated as they stand."""
+    return UserScene(title, component, outputs, times, _kept(hand.solved), by_hand=hand)
+
+
 USERS: dict[str, UserScene] = {
-    "gearbox": UserScene(
-        "two-stage gearbox, 11 states", TwoStageGearbox, ("motor.w", "load.w"), np.linspace(0, 2, 401),
-        _kept(_by_scipy(gearbox, np.zeros(11), [0, 5])),
+    "fan": _smooth(
+        "two bodies and a fan, 3 states", BodiesAndFan, ("motor.w", "wheel.w"), np.linspace(0, 0.2, 51),
+        EquationsByHand(bodies_and_fan, np.zeros(3), [0, 1]),
     ),
-    "vehicle": UserScene(
+    "gearbox": _smooth(
+        "two-stage gearbox, 11 states", TwoStageGearbox, ("motor.w", "load.w"), np.linspace(0, 2, 401),
+        EquationsByHand(gearbox, np.zeros(11), [0, 5]),
+    ),
+    "vehicle": _smooth(
         "electric vehicle with backlash, 7 states", ElectricVehicle, ("motor.w", "vehicle.w"), np.linspace(0, 3, 601),
-        _kept(_by_scipy(vehicle, np.zeros(7), [0, 3], [9.0, 1.0])),
+        EquationsByHand(vehicle, np.zeros(7), [0, 3], [9.0, 1.0]),
     ),
     "crank train": UserScene(
         "crank train, six torque tables of 10 000 points", CrankTrain, ("ring.w", "flywheel.w"), np.linspace(0, CRANK_END, 501),
@@ -408,9 +448,9 @@ USERS: dict[str, UserScene] = {
         "wind turbine, torque table of 400 points", WindTurbine, ("rotor.w", "generator.w"), np.linspace(0, WIND_END, 601),
         _kept(wind_turbine), {"torque.tau": gl.Table(*gusts())},
     ),
-    "planets": UserScene(
+    "planets": _smooth(
         "planets with backlash and varying stiffness", Planets, ("sun.w", "carrier.w"), np.linspace(0, 0.2, 401),
-        _kept(_by_scipy(planets, np.zeros(6), [0, 1])),
+        EquationsByHand(planets, np.zeros(6), [0, 1]),
     ),
     "servo": UserScene(
         "stiff servo with friction", Servo, ("motor.phi", "load.phi"), np.linspace(0, 2, 401), _kept(servo),

@@ -20,6 +20,7 @@ from pathlib import Path
 from tests.benchmarks.competitors import Competitor, RunAt, Unavailable, others
 from tests.benchmarks.contestants import FLOORS, OWN, clocked
 from tests.benchmarks.references import SCENES, BenchScene
+from tests.benchmarks.users import UserScene
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 TARGETS = (1e-4, 1e-6, 1e-8)
@@ -66,7 +67,7 @@ class Curve:
         return min(found, default=math.nan)
 
 
-def measure(scene: BenchScene, solvers: tuple[Competitor, ...], repeats: int = 5) -> list[Curve]:
+def measure(scene: BenchScene | UserScene, solvers: tuple[Competitor, ...], repeats: int = 5) -> list[Curve]:
     """Curves of the solvers on a scene."""
     curves = [Curve(s.name, s.kind) for s in solvers]
     runs: dict[str, RunAt] = {}
@@ -80,7 +81,9 @@ def measure(scene: BenchScene, solvers: tuple[Competitor, ...], repeats: int = 5
     return curves
 
 
-def _one_tolerance(scene: BenchScene, rtol: float, curves: list[Curve], runs: dict[str, RunAt], repeats: int) -> None:
+def _one_tolerance(
+    scene: BenchScene | UserScene, rtol: float, curves: list[Curve], runs: dict[str, RunAt], repeats: int
+) -> None:
     active: list[tuple[Curve, Point, int]] = []
     for curve in curves:  # the first run compiles or fills caches, and is judged
         try:
@@ -130,11 +133,12 @@ def best(curves: list[Curve], kind: str, target: float, inner: bool = False) -> 
 
 def main(names: list[str]) -> None:
     from tests.benchmarks.page import save_curves, write_page
+    from tests.benchmarks.users import USERS
+    from tests.benchmarks.users_table import SOLVERS
 
-    for name in names or SCENES:
-        scene = SCENES[name]
+    for name in names or (*SCENES, *USERS):
         start = time.perf_counter()
-        save_curves(name, measure(scene, FLOORS + OWN + others()))
+        save_curves(name, measure(SCENES[name], FLOORS + OWN + others()) if name in SCENES else measure(USERS[name], SOLVERS))
         print(f"{name}: {time.perf_counter() - start:.0f} s", flush=True)
     write_page(Path(__file__).resolve().parents[2] / "docs")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -118,7 +119,7 @@ def carried_out(run: Run, integrated: Callable[[Callbacks], Solution]) -> Soluti
 
 def finished(run: Run, solution: Solution, name: str, why: str) -> Solution:
     """A solution in the scene's terms: without auxiliary unknowns, checked to be finite, with named events."""
-    if not np.isfinite(solution.x).all():
+    if not math.isfinite(np.vdot(solution.x, solution.x)) and not np.isfinite(solution.x).all():  # the former is faster
         bad = int(np.argmax(~np.isfinite(solution.x).all(axis=1)))
         raise SolverError(f"the solution is not finite at t = {solution.t[bad]:g} s")
     n, handed = len(run.scene.states), run.handed
