@@ -72,14 +72,16 @@ def output_times(t_start: float, t_end: float, samples: int | None, times: Array
             f"samples is {shown(samples)}: time and {states} states at so many times take {needed / 1e9:.3g} GB, and this machine has "
             f"{there / 1e9:.3g}; ask for fewer, or for the end of the run only: times=[{t_end:g}]"
         )
-    grid = np.arange(count) * ((t_end - t_start) / (count - 1)) + t_start  # as `numpy.linspace`, in a quarter of the time
-    grid[-1] = t_end
+    even = np.arange(count, dtype=np.float64)  # as `numpy.linspace` computes them, in a quarter of the time
+    even *= (t_end - t_start) / (count - 1)
+    even += t_start
+    even[-1] = t_end
     coarse = t_end - t_start < 16.0 * count * math.ulp(max(abs(t_start), abs(t_end)))
-    if coarse and not (np.diff(grid) > 0).all():
+    if coarse and not (np.diff(even) > 0).all():
         raise ArgumentError(
             f"samples is {count}: so many times between {t_start!r} and {t_end!r} s are not distinct in double precision"
         )
-    return grid
+    return even
 
 
 def _memory() -> float:

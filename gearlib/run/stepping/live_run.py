@@ -78,7 +78,7 @@ class LiveRun:
             self.driver = handed_over(run, self.callbacks, before, stepper, jacobian)
             before.close()
         self._new, self._modes, self._t = True, self.driver.problem.modes, self.driver.t
-        self._trial = trial(self.driver.problem)
+        self._trial = sum(trial(self.driver.problem))
         if self._turns and isinstance(stepper, RungeKutta):
             stepper.watch(self._wait * LONG * self._trial)
 
