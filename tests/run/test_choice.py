@@ -11,7 +11,15 @@ import gearlib as gl
 from tests.benchmarks.users import USERS
 from tests.run.test_integrate import Drive
 
-SHORT = {"gearbox": 0.04, "vehicle": 0.6, "crank train": 0.02, "wind turbine": 20.0, "planets": 0.04, "servo": 0.15}
+SHORT = {
+    "fan": 0.05,
+    "gearbox": 0.04,
+    "vehicle": 0.6,
+    "crank train": 0.02,
+    "wind turbine": 20.0,
+    "planets": 0.04,
+    "servo": 0.15,
+}
 SLOW = {("crank train", "ida"), ("servo", "rk8")}  # hopeless, and long
 
 
