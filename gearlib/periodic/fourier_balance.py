@@ -89,7 +89,7 @@ class HarmonicEquations:
         rest = derivative @ z.reshape(mean.shape) - mean / omega
         rest[0] += driven.growth / self.scale
         by_z = np.kron(derivative, np.eye(len(self.scale))) - self._blocks(basis, back, slopes, cuts) / omega
-        by_w = mean / omega**2 - self._explicit(found, c, omega) / omega
+        by_w = mean / omega**2 - self._explicit(found, c, omega, f) / omega
         self._check(rest[0], mean, omega)
         return self._held(z, rest, by_z, by_w)
 
@@ -116,15 +116,14 @@ class HarmonicEquations:
             blocks = blocks + np.einsum("kc,ci,cl,cj->kilj", there, cuts.jump / self.scale, at, moved, optimize=True)
         return np.asarray(blocks.reshape(size * n, size * n))
 
-    def _explicit(self, found: Moments, c: Floats, omega: float) -> Floats:
-        """Derivative of the mean rates with respect to the frequency, at fixed phases."""
+    def _explicit(self, found: Moments, c: Floats, omega: float, rates: Floats) -> Floats:
+        """Derivative of the mean rates with respect to the frequency, at fixed phases; a forward difference is enough for Newton."""
         if not self.varies:
             return np.zeros((len(c), len(self.scale)))
         h = 1e-6 * omega
         basis = fourier(found.phase, self.harmonics)
         x = self.driven(omega).states(found.phase, c)
-        ahead, behind = (self.driven(omega + s).rates(found.phase, x, found.modes) for s in (h, -h))
-        slope = (ahead - behind) / (2 * h * self.scale[:, None])
+        slope = (self.driven(omega + h).rates(found.phase, x, found.modes) - rates) / (h * self.scale[:, None])
         result: Floats = self._back(found.phase, found.weights, basis) @ slope.T
         return result
 
