@@ -37,6 +37,12 @@ def test_example_runs(script: Path, elsewhere: None, tmp_path: Path, capsys: pyt
         assert len(differences) == 6
         assert max(differences) < 1e-7
         assert "the train is stable" in printed
+        readme = (script.parents[1] / "README.md").read_text(encoding="utf-8")
+        told = re.search(r"^\| eigenvalues, relative \| (\S+) ", readme, re.MULTILINE)
+        found = re.search(r"explicit form's eigenvalues: (\S+)$", printed, re.MULTILINE)
+        assert told is not None
+        assert found is not None
+        assert float(found[1]) < 10 * float(told[1])  # rounding, which differs from machine to machine
         assert re.search(r"k w_out / tau_in +9\.16 +94\.89 +0\.649", printed)
         figures = {path.name: path.stat().st_size for path in (tmp_path / "figures").iterdir()}
         assert set(figures) == {"time_histories.png", "nyquist.png", "nichols.png"}
