@@ -116,9 +116,11 @@ def _say_where_it_is(ax: Any, curve: Complexes, m: Margins) -> None:
 def _view(loop: Loop, omega: Floats, curve: Complexes) -> float:
     """Plot range: everything except the branches to infinity near poles on the imaginary axis."""
     size = np.abs(curve)
+    largest = float(size.max(initial=1e-300))
+    if largest < 0.5:  # also where a pole on the axis does not reach the output
+        return largest
     if not len(loop.open_poles.on_axis):
-        largest = float(size.max(initial=1e-300))
-        return largest if largest < 0.5 else max(largest, 1.1)
+        return max(largest, 1.1)
     around = np.maximum(loop.open_poles.on_axis, loop.scale[0])
     near = np.abs(omega[:, None] - loop.open_poles.on_axis[None, :]) < 0.3 * around[None, :]
     return max(3.0, float(size[~near.any(axis=1)].max(initial=0.0)))

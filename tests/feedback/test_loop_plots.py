@@ -79,6 +79,11 @@ def test_nyquist() -> None:
     assert low < -1.5 < high
 
 
+def test_a_pole_on_the_axis_that_the_output_does_not_show_leaves_the_curve_in_view() -> None:
+    whole, _ = gl.nyquist_plot(control.ss(np.diag([0.0, -1.0]), [[1.0], [1.0]], [[0.0, 0.1]], [[0.0]]))
+    assert whole.get_ylim()[1] < 0.2
+
+
 def test_nichols() -> None:
     ax = gl.nichols_plot(LOOP)
     assert "phase of L, deg" in texts(ax)
