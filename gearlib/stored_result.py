@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import as_path, name_list, real, shown
 from gearlib.errors import ArgumentError, NameLookupError, nearest
@@ -124,6 +124,16 @@ class StoredResult(Result):
         raise ArgumentError(
             "a result that was read from a file has no model whose gears could be drawn; ask the result of simulate()"
         )
+
+    def gradient(self, weights: Mapping[str, ArrayLike], names: Sequence[str]) -> dict[str, float]:
+        """Refused, since files contain histories only.
+
+        Raises
+        ------
+        ArgumentError
+            Always.
+        """
+        raise ArgumentError("a result from a file has no gradients; repeat the run: system.simulate(...).gradient(...)")
 
     def sensitivity(self, name: str, parameter: str) -> Floats:
         """Refused, since files contain histories only.

@@ -141,6 +141,62 @@ def all_entries(plan: DerivativePlan, at: At, weights: Floats | None = None) -> 
     return numbers
 
 
+def pulled_back(plan: DerivativePlan, at: At, weights: Floats) -> Floats:
+    """Weighted sums of the derivatives that a plan lists: the plan transposed, one pass through its steps in reverse (reverse mode).
+
+    Parameters
+    ----------
+    plan : DerivativePlan
+        With one seed that enters wherever derivatives are wanted.
+    at : At
+    weights : array, shape (wanted, times)
+
+    Returns
+    -------
+    array, shape (entering, times)
+        For each place at which the seed enters, in the order in which these were given.
+    """
+    back = np.zeros((plan.n_entries, len(at.t)))
+    np.add.at(back, plan.sources, weights[plan.rows])
+    for step in reversed(plan.steps):
+        if isinstance(step, Sums):
+            _spread(step, at, back[step.to], back)
+            continue
+        block, width, times = step.step, step.width, len(at.t)
+        entries_ = back[step.first : step.first + len(step.rows) * width]
+        np.add.at(back, step.added_sources, entries_[step.added])
+        unknowns = np.zeros((len(block.unknowns), width, times))
+        unknowns[step.rows] = entries_.reshape(-1, width, times)
+        right = _transposed_block(step, at, unknowns)
+        _spread(step.sums, at, right.reshape(-1, times)[step.sums.to], back)
+    found = np.empty((len(plan.order), len(at.t)))
+    found[plan.order] = back[1 : 1 + len(plan.order)]
+    return found
+
+
+def _spread(sums: Sums, at: At, of_sums: Floats, back: Floats) -> None:
+    """Add what is due to the sources of sums."""
+    if len(sums):
+        lengths = np.diff(sums.starts, append=len(sums.which))
+        with np.errstate(all="ignore"):
+            np.add.at(back, sums.sources, factor_values(sums, at)[sums.which] * np.repeat(of_sums, lengths, axis=0))
+
+
+def _transposed_block(step: Solved, at: At, unknowns: Floats) -> Floats:
+    """The transpose of `solved_block`: from its unknowns to its right-hand side, shape (rows, width, times)."""
+    block, (n, width, times) = step.step, unknowns.shape
+    if isinstance(block, Newton):
+        matrices = np.swapaxes(newton_matrix(block, at), 1, 2)
+        return -np.stack([solve_shared(m, unknowns[:, :, i]) for i, m in enumerate(matrices)], axis=2)
+    flat = unknowns.reshape(n, width * times)
+    if step.implicit:
+        found = -block_solve(at.prepared, step.block, np.eye(n)).T @ flat
+    else:
+        solution = at.prepared.solutions[step.block]
+        found = solution.T @ flat if isinstance(solution, np.ndarray) else solution.transposed(flat)
+    return np.asarray(found.reshape(-1, width, times), float)
+
+
 def factor_values(sums: Sums, at: At) -> Floats:
     """Values of the factors, all rows concatenated, followed by a one."""
     with np.errstate(all="ignore"):

@@ -47,6 +47,10 @@ class Factored:
             result[:, part] = self.factors.solve(np.ascontiguousarray(right[:, part]))
         return result
 
+    def transposed(self, right: Floats) -> Floats:
+        """Product of the transpose with an array of shape (unknowns, anything)."""
+        return np.asarray(-self.factors.solve(np.ascontiguousarray(right), trans="T")[self.known], float)
+
     def __getitem__(self, rows: Sequence[int] | Integers) -> Floats:
         """Some rows, by solves with A or its transpose, whichever takes fewer."""
         chosen = np.asarray(rows, np.int64)

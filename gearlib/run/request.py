@@ -41,6 +41,7 @@ class Request:
     form: str = "ode"
     backend: str = "native"
     directions: TangentDirections | None = None  # directions of differentiation
+    given: tuple[str, ...] = ()  # parameters that were given, which do not follow from others
     pieces: Any = None  # of a repeated run with sampled controllers: the recorded controller outputs
 
 

@@ -153,7 +153,7 @@ def request(
     varied = directions(translation, sensitivities, numbers, parameters or (), start)
     if varied is not None:
         refuse_tangents(translation, form, start)
-    return translation, Request(*numbers_of_run, varied)
+    return translation, Request(*numbers_of_run, varied, tuple(parameters or ()))
 
 
 def warn_of_zero_inputs(

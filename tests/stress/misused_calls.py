@@ -350,6 +350,9 @@ def methods() -> list[Call]:
         Call("Result.history", r.history, lambda: {"name": "load.w"}),
         Call("Result.to_dataframe", r.to_dataframe),
         Call("Result.energy_balance", r.energy_balance),
+        Call(
+            "Result.gradient", varied.gradient, lambda: {"weights": {"load.w": [1.0] * len(varied.time)}, "names": ["load.J"]}
+        ),
         Call("Result.sensitivity", varied.sensitivity, lambda: {"name": "load.w", "parameter": "load.J"}),
         Call("Result.at", r.at, lambda: {"t": 1.0}),
         Call("Result.items", lambda: list(r.items())),

@@ -1,0 +1,110 @@
+"""`gradient_of`: implements `Result.gradient`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearlib.arguments import by_name, name_list, reals
+from gearlib.errors import ArgumentError
+from gearlib.run.refusals.differentiated import refuse_tangents
+from gearlib.run.request import Request
+from gearlib.run.scene import Scene
+from gearlib.run.tangents.adjoint import FEWEST, MOST_STATES, TIGHTEST, Adjoint
+from gearlib.run.tangents.asked import directions
+from gearlib.run.translation import Translation
+from gearlib.solvers.exponential.dense import balanced_norm
+from gearlib.solvers.inputs.table import Table, values
+from gearlib.structure.incidence import Node
+
+if TYPE_CHECKING:
+    from gearlib.run.result import SimulatedResult
+
+Floats = NDArray[np.float64]
+Run = Callable[[Translation, Request, Scene], "SimulatedResult"]
+RADIANS = 3.0  # of the fastest motion that a step spans at first
+MOST_AT_FIRST = 5000  # steps
+
+
+def gradient_of(
+    translation: Translation, asked: Request, scene: Scene, times: Floats, weights: Any, names: Any, run: Run
+) -> dict[str, float]:
+    """The derivatives of a weighted sum of samples; arguments as for `Result.gradient`, and the run.
+
+    Raises
+    ------
+    ArgumentError, NameLookupError
+        What cannot be differentiated, by name.
+    """
+    given = by_name("weights", weights, "arrays of weights, one number per sample, by path of a variable", "load.w")
+    chosen = name_list("names", names, "shaft.c")
+    if not given or not chosen:
+        raise ArgumentError(f"{'weights' if not given else 'names'} is empty: there is nothing to differentiate")
+    refuse_tangents(translation, asked.form, asked.start)
+    if translation.structure.switching:
+        raise ArgumentError(
+            "there is no adjoint gradient of a run whose states may change on the way; use simulate(sensitivities=[...])"
+        )
+    nodes: dict[Node, Floats] = {}
+    for name, weight in given.items():
+        if name in translation.model.discretes.names:
+            raise ArgumentError(f"weights names {name}, a discrete variable, which changes in steps: it has no derivative")
+        found = reals(f"weights['{name}']", weight, f"{len(times)} numbers, one per sample")
+        if found.shape != times.shape:
+            raise ArgumentError(f"weights['{name}'] has the shape {found.shape}; expected {len(times)} numbers, one per sample")
+        node, sign = scene.named(name)
+        nodes[node] = nodes.get(node, np.zeros(len(times))) + sign * found
+    missing = sorted({state for node in nodes for state in scene.missing(node)})
+    if missing:
+        scene = translation.with_states(tuple(sorted({*scene.states, *missing})))
+    if scene.relations is not None:
+        where = "; ".join(dict.fromkeys(scene.relation_names.values())) or "a condition"
+        raise ArgumentError(
+            f"there is no adjoint gradient through events ({where}); simulate(sensitivities=[...]) goes through them, forward in time"
+        )
+    if not scene.states or len(scene.states) > MOST_STATES:
+        raise ArgumentError(
+            f"{len(scene.states)} states; adjoint gradients are for 1 to {MOST_STATES}: use simulate(sensitivities=[...])"
+        )
+    varied = directions(translation, chosen, asked.parameters, asked.given, asked.start)
+    assert varied is not None, "names were given"
+    begin, end = asked.t_start, float(times[-1])
+    signals = tuple(s.over(begin, end) if isinstance(s, Table) else s for s in asked.signals)
+    start = translation.start(scene, asked.parameters, begin, asked.start, signals, True, varied.seeds, varied.starts)
+    assert start.changes is not None, "they were asked for"
+    linear = scene.program.is_linear
+    method = "rk8" if linear else asked.method
+    tight = replace(
+        asked,
+        method=method,
+        rtol=min(asked.rtol, TIGHTEST),
+        atol=None,
+        directions=None,
+        progress=False,
+        max_step=asked.max_step,
+    )
+
+    def motion(at: Floats) -> Floats:
+        if len(at) == 1 and at[0] == begin:
+            return start.states[:, None]
+        later = at[at > begin]
+        found = run(translation, replace(tight, times=later), scene)
+        states = np.column_stack([found.history_of(node) for node in scene.states]).T
+        return states if len(later) == len(at) else np.column_stack([start.states, states])
+
+    adjoint = Adjoint(scene, asked.parameters, times, begin, nodes, signals, motion, start.changes, varied)
+    found = adjoint.gradient(max(asked.rtol, 1e-9), _steps_at_first(scene, asked, start.states, signals, begin, end))
+    return dict(zip(chosen, found.tolist(), strict=True))
+
+
+def _steps_at_first(scene: Scene, asked: Request, states: Floats, signals: tuple[Any, ...], begin: float, end: float) -> int:
+    """Steps that the fastest motion at the start needs."""
+    _, evaluator = scene.compiled_numbers(asked.parameters)
+    t = np.array([begin])
+    inputs = values(signals, t, len(scene.program.inputs))
+    _, jacobian = evaluator.derivatives(t, states[:, None], inputs, np.zeros((scene.n_modes, 1)))
+    return int(np.clip(balanced_norm(jacobian[0]) * (end - begin) / RADIANS, FEWEST, MOST_AT_FIRST))

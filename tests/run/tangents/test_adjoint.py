@@ -1,0 +1,151 @@
+"""Adjoint gradients, against closed forms, complex steps through scipy, and the tangents of the same run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import gearlib as gl
+import gearparts as gp
+from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.program import derivatives
+from tests.run.tangents.test_sensitivities import Closed, Decay, Implicit
+from tests.trains import Chain
+
+XP = ["K_g", "C_g", "I_r", "R_s", "e_amplitude", "e_omega", "e_phase", "start(w_in)"]
+
+
+def as_tangents(system: gl.System, names: list[str], outputs: list[str], t_end: float, **options: Any) -> None:
+    """The gradient of a random weighting of samples is that of the tangents, by another road through time."""
+    rng = np.random.default_rng(5)
+    run = system.simulate(t_end, samples=23, rtol=1e-10, sensitivities=names, **options)
+    weights = {name: rng.normal(size=23) / np.abs(run[name]).max() for name in outputs}
+    found = system.simulate(t_end, samples=23, **options).gradient(weights, names)
+    for name in names:
+        parts = [weights[output] * run.sensitivity(output, name) for output in outputs]
+        assert abs(found[name] - np.sum(parts)) < 1e-6 * np.abs(parts).sum(), name
+
+
+@pytest.mark.parametrize("method", ["auto", "rk5", "ida"])
+def test_of_a_decay(method: str) -> None:
+    run = gl.compile(Decay()).simulate(2.0, times=[0.5, 2.0], method=method)
+    found = run.gradient({"x": [1.0, 2.0], "y": [0.0, 3.0]}, ["k", "start(x)"])
+    t, decay = np.array([0.5, 2.0]), np.exp(-0.7 * np.array([0.5, 2.0]))
+    by_k = -3.0 * t * decay @ [1.0, 2.0] + 3 * 3.0 * (2 * 0.7 - 0.7**2 * 2.0) * 2.0 * decay[1]
+    by_x = decay @ [1.0, 2.0] + 3 * 0.7**2 * 2.0 * decay[1]
+    assert found == pytest.approx({"k": by_k, "start(x)": by_x}, rel=1e-8)
+
+
+def test_of_the_xp_train() -> None:
+    train = gp.ZhouCui2022(tau_in=100.0, e_amplitude=1e-5, e_omega=500.0, e_phase=0.1)
+    as_tangents(gl.compile(train, outputs=["w_out", "q_ring"]), XP, ["w_out", "q_ring", "der(w_out)"], 0.01)
+
+
+class Swing(gl.Component):
+    """A driven pendulum with a friction that saturates."""
+
+    g = gl.Parameter("1", default=20.0)
+    b = gl.Parameter("1", default=0.4)
+    phi = gl.Variable("1", start=1.0)
+    w = gl.Variable("1", start=0.0)
+    u = gl.Input("1")
+
+    def equations(self) -> list[Any]:
+        rate = -self.g * gl.sin(self.phi) - self.b * gl.tanh(5 * self.w) + self.u + gl.cos(9 * gl.time) / self.g
+        return [gl.Eq(gl.der(self.phi), self.w), gl.Eq(gl.der(self.w), rate)]
+
+
+def test_of_a_pendulum_by_complex_steps() -> None:
+    """Derivatives without differences: a step of 1e-30 along the imaginary axis, with scipy's integrator."""
+    corners = np.array([0.0, 0.3, 0.31, 2.0])
+    heights = np.array([0.0, 0.0, 4.0, 1.0])
+    run = gl.compile(Swing()).simulate(2.0, samples=11, inputs={"u": gl.Table(corners, heights)})
+    found = run.gradient({"phi": 2 * run["phi"], "w": np.arange(11.0)}, ["g", "b", "start(phi)"])
+
+    def number(g: Any, b: Any, phi: Any) -> Any:
+        def rate(t: float, x: Any) -> Any:
+            drive = np.interp(t, corners, heights) + np.cos(9 * t) / g
+            return np.array([x[1], -g * np.sin(x[0]) - b * np.tanh(5 * x[1]) + drive])
+
+        x, samples = np.array([phi, 0.0], complex), [np.array([phi, 0.0], complex)]
+        for a, end in zip(run.time[:-1], run.time[1:], strict=True):
+            for first, last in zip((cut := [a, *corners[(corners > a) & (corners < end)], end])[:-1], cut[1:], strict=True):
+                x = solve_ivp(rate, (first, last), x, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+            samples.append(x)
+        history = np.array(samples)
+        return 2 * run["phi"] @ history[:, 0] + np.arange(11.0) @ history[:, 1]
+
+    given = {"g": 20.0, "b": 0.4, "start(phi)": 1.0}
+    for name in given:
+        turned = [value + (1e-30j if key == name else 0.0) for key, value in given.items()]
+        assert found[name] == pytest.approx(number(*turned).imag / 1e-30, rel=1e-6)
+
+
+def test_through_constant_linear_blocks() -> None:
+    names = ["load.J", "motor.J", "planetary.ratio", "closing.ratio", "shaft.c", "fan.tau_nominal"]
+    as_tangents(gl.compile(Closed()), names, ["load.w", "shaft.tau", "planetary.sun.tau"], 0.3)
+
+
+def test_through_blocks_that_are_solved_by_iteration() -> None:
+    as_tangents(gl.compile(Implicit(start={"x": 2.0})), ["a", "k", "start(x)"], ["x", "r"], 1.5)
+
+
+def test_a_bound_parameter_that_is_given_does_not_follow() -> None:
+    system = gl.compile(Chain(grounded=True), outputs=["body[3].w"])
+    options: dict[str, Any] = {"inputs": {"torque.tau": 1.0}, "parameters": {"body[1].J": 1.3}}
+    as_tangents(system, ["J", "c", "body[1].J"], ["body[3].w"], 1.0, **options)
+    as_tangents(gl.compile(Chain(grounded=True)), ["J"], ["body[3].phi"], 1.0, inputs={"torque.tau": 1.0})
+
+
+def test_the_cost_does_not_grow_with_the_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One reverse pass serves all parameters; forward, each needs a tangent of its own."""
+    chain = gl.compile(Chain(grounded=True), outputs=["body[3].w"])
+    run = chain.simulate(1.0, samples=5, inputs={"torque.tau": 1.0})
+    work: list[int] = []
+    pulled = derivatives.pulled_back
+
+    def counted(plan: Any, at: Any, weights: Any) -> Any:
+        work.append(plan.n_entries * len(at.t))
+        return pulled(plan, at, weights)
+
+    monkeypatch.setattr("gearlib.run.tangents.adjoint.pulled_back", counted)
+    spent = []
+    for names in (["c"], [*(f"body[{k}].J" for k in range(4)), *(f"shaft[{k}].c" for k in range(3)), "J", "c", "d"]):
+        work.clear()
+        run.gradient({"body[3].w": np.ones(5)}, names)
+        spent.append(sum(work))
+    assert spent[1] < 1.6 * spent[0]
+
+
+def test_what_is_refused() -> None:
+    system = gl.compile(Decay())
+    run = system.simulate(2.0, samples=3)
+    for weights, names, error, text in (
+        ({"x": [1.0, 2.0]}, ["k"], ArgumentError, r"weights\['x'\] has the shape \(2,\); expected 3 numbers"),
+        ({}, ["k"], ArgumentError, "weights is empty"),
+        ({"x": np.ones(3)}, [], ArgumentError, "names is empty"),
+        ({"z": np.ones(3)}, ["k"], NameLookupError, "'z'"),
+        ({"x": np.ones(3)}, ["kk"], NameLookupError, "kk"),
+    ):
+        with pytest.raises(error, match=text):
+            run.gradient(weights, names)
+
+
+def test_events_are_refused_by_name(tmp_path: Any) -> None:
+    class Ball(gl.Component):
+        h, v = gl.Variable("m", start=1.0), gl.Variable("m/s")
+        e = gl.Parameter("1", default=0.8)
+
+        def equations(self) -> list[Any]:
+            bounce = gl.When(self.h < 0, gl.reinit(self.v, -self.e * self.v))
+            return [gl.Eq(gl.der(self.h), self.v), gl.Eq(gl.der(self.v), -9.81), bounce]
+
+    run = gl.compile(Ball()).simulate(1.0, samples=3)
+    with pytest.raises(ArgumentError, match=r"no adjoint gradient through events \(.*h.*\); simulate\(sensitivities"):
+        run.gradient({"h": np.ones(3)}, ["e"])
+    run.save(tmp_path / "run.nc")
+    with pytest.raises(ArgumentError, match="from a file has no gradients"):
+        gl.load_result(tmp_path / "run.nc").gradient({"h": np.ones(3)}, ["e"])
