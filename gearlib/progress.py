@@ -85,6 +85,31 @@ def _line(label: str) -> Iterator[Told]:
         sys.stderr.write("\n")
 
 
+class Watch:
+    """Reports the progress of a run through an interval, from the times that it has reached.
+
+    Parameters
+    ----------
+    tell : callable
+        Receives the fraction done and the elapsed seconds.
+    first, last : float
+        The interval, in either direction.
+    """
+
+    def __init__(self, tell: Told, first: float, last: float) -> None:
+        self._tell, self._first, self._last = tell, first, last
+        self._ticker, self._begin = Ticker(), time.perf_counter()
+
+    def __call__(self, reached: float) -> None:
+        if self._ticker.due():
+            self.end(reached)
+
+    def end(self, reached: float) -> None:
+        """The last report, or one that must not be left out."""
+        done = (reached - self._first) / (self._last - self._first) if self._last != self._first else 1.0
+        self._tell(min(max(done, 0.0), 1.0), time.perf_counter() - self._begin)
+
+
 class Ticker:
     """Limits the rate of reports to one per 50 ms."""
 

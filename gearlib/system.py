@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from gearlib.arguments import flag, name_list, real
 from gearlib.errors import ArgumentError
 from gearlib.language.component import Component
+from gearlib.progress import check_progress, reporting
 from gearlib.run.forms.scene_form import scene_form
 from gearlib.run.methods.method import Method
 from gearlib.run.request import check_form, check_options
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from gearlib.vibration.campbell import Campbell
 
 
-def compile(component: Component, outputs: Sequence[str] | None = None) -> System:
+def compile(component: Component, outputs: Sequence[str] | None = None, *, progress: Any = False) -> System:
     """Compile a component: flatten it, reduce its index, select its states.
 
     Parameters
@@ -40,6 +42,8 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
     outputs : sequence of str, optional
         Variables of interest; whatever none of them depends on is not computed. By default everything is available later; absolute
         angles that nothing depends on are then integrated only on request.
+    progress : bool or callable
+        For large models. True shows a bar on a terminal; a callback receives a rough fraction of the work done, and the elapsed seconds.
 
     Returns
     -------
@@ -66,7 +70,14 @@ def compile(component: Component, outputs: Sequence[str] | None = None) -> Syste
     array([0., 2., 4.])
     """
     chosen = None if outputs is None else tuple(name_list("outputs", outputs, "load.w"))
-    return System(translate(component, chosen))
+    check_progress(progress)
+    with reporting(progress, f"compiling {type(component).__name__}") as tell:
+        begin = perf_counter()
+        if tell is None:
+            return System(translate(component, chosen))
+        found = System(translate(component, chosen, lambda done: tell(done, perf_counter() - begin)))
+        tell(1.0, perf_counter() - begin)
+        return found
 
 
 def simulate(component: Component, t_end: float, **options: Any) -> SimulatedResult:
@@ -249,8 +260,8 @@ class System(Compiled):
         method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
         parameters: Mapping[str, float] | None = None,
         start: Mapping[str, float] | str | Result | tuple[Result, float] | None = None,
-        inputs: Mapping[str, Any] | None = None, max_step: float | None = None, progress: bool = False,
-        audit: bool = False, form: str = "ode", backend: str = "native", sensitivities: Sequence[str] = (),
+        inputs: Mapping[str, Any] | None = None, max_step: float | None = None, progress: Any = False,
+        audit: bool = False, form: str = "ode", backend: str = "native", sensitivities: Sequence[str] = (), on_interrupt: str = "raise",
     ) -> SimulatedResult:  # fmt: skip
         """Integrate from ``t_start`` to ``t_end``.
 
@@ -285,8 +296,8 @@ class System(Compiled):
             event functions or time drives the scene, and at most half the shortest period of what time drives, a sixteenth of it if
             there are event functions. If that is unknown, as for a Python function among the inputs, it is two sample intervals,
             and ``stats["max_step"]`` says why.
-        progress : bool
-            Whether to show progress; or a callback.
+        progress : bool or callable
+            True shows a bar on a terminal; a callback receives the fraction of the time that was run through, and the elapsed seconds.
         audit : bool
             Whether to check the energy balance at once: ``result.stats["energy_residual"]`` is the largest residual of
             `Result.energy_balance` relative to the energy exchanged, and a warning is given if the tolerance does not explain it. By
@@ -300,6 +311,9 @@ class System(Compiled):
         sensitivities : sequence of str, optional
             Paths of parameters, and start values as ``"start(load.w)"``, to differentiate with respect to: their tangents are
             integrated with the states, to the same tolerances. ``result.sensitivity("load.w", "shaft.c")`` returns them.
+        on_interrupt : {"raise", "stop"}
+            What Ctrl-C does: ``"stop"`` ends the run where it is, with a warning; its result has the samples so far. Matrix exponentials,
+            which take no steps, and runs with sampled controllers raise `KeyboardInterrupt` in any case.
 
         Returns
         -------
@@ -314,7 +328,7 @@ class System(Compiled):
         translation, asked = request(
             self.translation, t_end, t_start=t_start, samples=samples, times=times, method=method, rtol=rtol, atol=atol,
             parameters=parameters, start=start, inputs=inputs, max_step=max_step, progress=progress, form=form, backend=backend,
-            sensitivities=sensitivities,
+            sensitivities=sensitivities, on_interrupt=on_interrupt,
         )  # fmt: skip
         result = run(translation, asked)
         warn_of_zero_inputs(translation, asked.zero_inputs)

@@ -74,11 +74,19 @@ def test_a_run_leaves_nothing_behind() -> None:
     assert SYSTEM.simulate(1.0, samples=3, inputs={"torque.tau": 5.0})["load.w"].tolist() == first.tolist()
 
 
-def test_progress_is_printed_on_request(capsys: pytest.CaptureFixture[str]) -> None:
-    SYSTEM.simulate(1.0, samples=3, inputs=FREE)
-    assert capsys.readouterr().out == ""
+def test_progress_shows_nothing_where_there_is_no_terminal(capfd: pytest.CaptureFixture[str]) -> None:
     SYSTEM.simulate(1.0, samples=3, inputs=FREE, progress=True)
-    assert "Drive: 1 states, 0 .. 1 s, method auto" in capsys.readouterr().out
+    gl.compile(Drive(), progress=True)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_progress_of_compilation_is_told() -> None:
+    told: list[float] = []
+    gl.compile(Drive(), progress=lambda fraction, _: told.append(fraction))
+    assert told == sorted(told)
+    assert (len(told) > 1, told[-1]) == (True, 1.0)
+    with pytest.raises(ArgumentError, match="progress is 'yes'; expected True, False, or a function"):
+        gl.compile(Drive(), progress="yes")
 
 
 def test_summary_tells_every_phase() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from gearlib.periodic.harmonic_response import HarmonicBalance
 from gearlib.periodic.periods import Driven, Floats, fourier
 from gearlib.program.build import build
 from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.progress import Watch, check_progress, reporting
 from gearlib.run.scene import Scene
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
@@ -28,7 +30,7 @@ def harmonic_balance(
     system: Compiled, start: float, end: float, *, frequency: str | None = None, harmonics: int | None = None, samples: int | None = None,
     outputs: Sequence[str] | None = None, inputs: Mapping[str, Input] | None = None, turning: Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None, guess: Mapping[str, float] | None = None, step: float = 0.02,
-    points: int = 2000, accuracy: float = 5e-3,
+    points: int = 2000, accuracy: float = 5e-3, progress: Any = False,
 ) -> HarmonicBalance:  # fmt: skip
     """Continue the periodic response of a forced system in its forcing frequency.
 
@@ -70,6 +72,9 @@ def harmonic_balance(
         Largest number of points.
     accuracy : float
         With automatic harmonics: largest error of a state's waveform relative to its vibration.
+    progress : bool or callable
+        True shows a bar on a terminal; a callback receives the fraction of the way from ``start`` to ``end`` (back again with more
+        harmonics, or at a fold), and the elapsed seconds.
 
     Returns
     -------
@@ -116,20 +121,27 @@ def harmonic_balance(
     translation, _ = translation.fitted({**parameters, frequency: start} if frequency is not None else parameters)
     cases = HARMONICS if harmonics is None else (harmonics,)
     known = None
-    for count_ in cases:
-        task = Forced(translation, frequency, parameters, inputs, count_, turning)
-        default = translation.outputs if translation.outputs is not None else task.repeating()
-        names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
-        scene = task.scene(names)
-        count = _samples(samples, count_, scene.relations is not None)
-        first = task.first(scene, float(start), count, guess, known)
-        known = first.balance.coefficients(first.z)
-        watch = _Watch(first.balance, accuracy if harmonics is None else np.inf)
-        if not watch(first.z, float(start)):
-            continue
-        path = follow(first.balance.equations, first.z, float(start), float(end), float(step), points, len(scene.states), watch)
-        if watch.worst <= watch.accuracy:
-            return _result(task, scene, first.balance, path, names)
+    check_progress(progress)
+    with reporting(progress, f"harmonic balance of {translation.name}") as tell:
+        seen = None if tell is None else Watch(tell, float(start), float(end))
+        for count_ in cases:
+            task = Forced(translation, frequency, parameters, inputs, count_, turning)
+            default = translation.outputs if translation.outputs is not None else task.repeating()
+            names = name_list("outputs", outputs if outputs is not None else default, "mesh.q")
+            scene = task.scene(names)
+            count = _samples(samples, count_, scene.relations is not None)
+            first = task.first(scene, float(start), count, guess, known)
+            known = first.balance.coefficients(first.z)
+            watch = _Watch(first.balance, accuracy if harmonics is None else np.inf, seen)
+            if not watch(first.z, float(start)):
+                continue
+            path = follow(
+                first.balance.equations, first.z, float(start), float(end), float(step), points, len(scene.states), watch
+            )
+            if watch.worst <= watch.accuracy:
+                if seen is not None:
+                    seen.end(float(path.w[-1]))
+                return _result(task, scene, first.balance, path, names)
     raise SolverError(
         f"{count_} harmonics leave an error of {watch.worst:.2g} of the vibration at {watch.where:g} rad/s, more than "
         f"accuracy={accuracy:g}; ask for less, or take that many with harmonics=..."
@@ -145,11 +157,13 @@ def _samples(samples: int | None, harmonics: int, switching: bool) -> int:
 class _Watch:
     """Acceptance test: the motion at a point must satisfy the equations in time."""
 
-    def __init__(self, balance: HarmonicEquations, accuracy: float) -> None:
-        self.balance, self.accuracy = balance, accuracy
+    def __init__(self, balance: HarmonicEquations, accuracy: float, seen: Watch | None = None) -> None:
+        self.balance, self.accuracy, self._seen = balance, accuracy, seen
         self.worst, self.where = 0.0, 0.0
 
     def __call__(self, z: Floats, omega: float) -> bool:
+        if self._seen is not None:
+            self._seen(omega)
         if self.accuracy == np.inf:  # a given number of harmonics is accepted as it is
             return True
         _, error = self.balance.error(z, omega)

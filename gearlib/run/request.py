@@ -35,13 +35,14 @@ class Request:
     parameters: Floats
     start: Any  # a mapping, "steady", a result, or a result and a time
     signals: tuple[Any, ...]
-    progress: bool
+    progress: Any  # whether a bar is shown, or a function of the fraction done and the time
     max_step: float | None
     zero_inputs: tuple[str, ...] = ()  # inputs that were not given
     form: str = "ode"
     backend: str = "native"
     directions: TangentDirections | None = None  # directions of differentiation
     given: tuple[str, ...] = ()  # parameters that were given, which do not follow from others
+    on_interrupt: str = "raise"  # or "stop"
     pieces: Any = None  # of a repeated run with sampled controllers: the recorded controller outputs
 
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gearlib.arguments import flag, real
-from gearlib.errors import ArgumentError, InputWarning, warn
+from gearlib.arguments import one_of, real
+from gearlib.errors import ArgumentError, GearlibWarning, InputWarning, warn
+from gearlib.progress import Watch, check_progress, reporting
 from gearlib.reduce.rows import some
 from gearlib.run.integrate import integrate
 from gearlib.run.methods.method import Method
@@ -33,6 +34,7 @@ from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import Table, values
 
 Floats = NDArray[np.float64]
+INTERRUPTS = ("raise", "stop")
 
 
 def run(translation: Translation, asked: Request, scene: Scene | None = None) -> SimulatedResult:
@@ -80,31 +82,38 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
     if asked.directions is not None:
         assert begin.changes is not None, "they were asked for"
         first = replace(first, tangents=Tangents(asked.directions, begin.changes))
-    if asked.progress:
-        print(f"{translation.name}: {len(scene.states)} states, {grid[0]:g} .. {grid[-1]:g} s, method {asked.method}")
-    if translation.controllers:
-        joined, solution, pieces = integrate_sampled(
-            first,
-            method_of(asked.method),
-            translation.switched,
-            translation.controllers,
-            asked.pieces,
-            begun=earlier is not None,
-        )
-        parts, asked = [(joined, solution)], replace(asked, pieces=pieces, signals=joined.signals)
-    else:
-        parts = integrate_through(first, method_of(asked.method), translation.switched)
-    if asked.progress:
-        print(
-            f"{translation.name}: done with {parts[-1][1].stats['method']} in {sum(o.stats['seconds'] for _, o in parts):.3g} s"
-        )
+    with reporting(asked.progress, f"{translation.name}, {grid[0]:g} .. {grid[-1]:g} s") as tell:
+        watch = None if tell is None else Watch(tell, float(grid[0]), float(grid[-1]))
+        stops = asked.on_interrupt == "stop" and not translation.controllers
+        if watch is not None or stops:
+            first = replace(first, tell=watch, may_stop=stops)
+        if translation.controllers:
+            joined, solution, pieces = integrate_sampled(
+                first,
+                method_of(asked.method),
+                translation.switched,
+                translation.controllers,
+                asked.pieces,
+                begun=earlier is not None,
+            )
+            parts, asked = [(joined, solution)], replace(asked, pieces=pieces, signals=joined.signals)
+        else:
+            parts = integrate_through(first, method_of(asked.method), translation.switched)
+        if watch is not None and parts[-1][1].status != "interrupted":
+            watch.end(parts[-1][1].t_last)
+    if parts[-1][1].status == "interrupted":
+        reached = parts[-1][1].t_last
+        if len(parts) == 1 and len(parts[0][1].x) <= len(grid) - len(times):
+            raise KeyboardInterrupt(f"before the first sample, at t = {reached:g} s")
+        parts[-1][1].stats["interrupted"] = reached
+        warn(f"the run was interrupted at t = {reached:.6g} s: its result ends at the last sample before", GearlibWarning)
     hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, if it was not requested
     given = {"zero_inputs": asked.zero_inputs}
     method = method_of(asked.method)
 
     def finer(part: Run, more: Floats) -> Segment:
         """A segment with other samples, over the same interval: steps do not depend on samples."""
-        again = replace(part, times=np.union1d(more, part.times[[0, -1]]), max_step=part.longest_step)
+        again = replace(part, times=np.union1d(more, part.times[[0, -1]]), max_step=part.longest_step, tell=None)
         return Segment.of(again, integrate(again, method))
 
     found = [
@@ -121,8 +130,8 @@ def request(
     translation: Translation, t_end: float, *, t_start: float | None = None, samples: int | None = None,
     times: ArrayLike | None = None, method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
     parameters: Mapping[str, float] | None = None, start: Any = None, inputs: Mapping[str, Any] | None = None,
-    max_step: float | None = None, progress: bool = False, form: str = "ode", backend: str = "native",
-    sensitivities: Sequence[str] = (),
+    max_step: float | None = None, progress: Any = False, form: str = "ode", backend: str = "native",
+    sensitivities: Sequence[str] = (), on_interrupt: str = "raise",
 ) -> tuple[Translation, Request]:  # fmt: skip
     """The translation that fits a request, and the validated request; arguments as for `System.simulate`.
 
@@ -138,7 +147,8 @@ def request(
     grid = output_times(t_start, t_end, samples, times, len(translation.states))
     check_options(method, rtol, max_step)
     check_form(method, form, backend)
-    show = flag("progress", progress)
+    check_progress(progress)
+    one_of("on_interrupt", on_interrupt, INTERRUPTS)
     if parameters is None and earlier:
         numbers = earlier[0].request.parameters
         translation = translation.fitting(numbers)
@@ -149,11 +159,25 @@ def request(
         zero = tuple(name for name in names if name not in (inputs or ()))
     else:
         signals, zero = earlier[0].request.signals, earlier[0].request.zero_inputs
-    numbers_of_run = (t_start, grid, method, float(rtol), atol, numbers, start, signals, show, max_step, zero, form, backend)
+    numbers_of_run = (
+        t_start,
+        grid,
+        method,
+        float(rtol),
+        atol,
+        numbers,
+        start,
+        signals,
+        progress,
+        max_step,
+        zero,
+        form,
+        backend,
+    )
     varied = directions(translation, sensitivities, numbers, parameters or (), start)
     if varied is not None:
         refuse_tangents(translation, form, start)
-    return translation, Request(*numbers_of_run, varied, tuple(parameters or ()))
+    return translation, Request(*numbers_of_run, varied, tuple(parameters or ()), on_interrupt)
 
 
 def warn_of_zero_inputs(

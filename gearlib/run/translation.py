@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -40,11 +40,14 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 States = tuple[Node, ...]
 Rounds = tuple[tuple[CancellingSum, ...], ...]
+FLATTENED = 0.4  # share of the time of a large model
 MOST_ROUNDS = 10  # in which sums take the place of equations, each of which raises the index of what it acts on
 MOST_COMBINED = 8  # translations with such sums that are kept
 
 
-def translate(component: Component, outputs: tuple[str, ...] | None) -> Translation:
+def translate(
+    component: Component, outputs: tuple[str, ...] | None, tell: Callable[[float], None] = lambda done: None
+) -> Translation:
     """Flatten a component, reduce its index and select its states, for the default values of its parameters.
 
     Parameters
@@ -52,6 +55,8 @@ def translate(component: Component, outputs: tuple[str, ...] | None) -> Translat
     component : Component
     outputs : tuple of str or None
         Requested variables; None makes everything available.
+    tell : callable, optional
+        Is told the fraction done, roughly, as the phases end.
 
     Raises
     ------
@@ -59,6 +64,7 @@ def translate(component: Component, outputs: tuple[str, ...] | None) -> Translat
         A defect of the model, or an output that it does not have.
     """
     model = flatten(component)
+    tell(FLATTENED)
     variants = Variants(component, outputs, factors(model), sums(model), model.parameters.names)
     defaults = model.parameters.defaults
     if variants.special(defaults):

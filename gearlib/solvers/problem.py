@@ -107,6 +107,8 @@ class Problem:
     atol: ArrayLike | None = None  # a scalar, or one value per state in its unit
     max_steps: int = 100_000_000  # limit on the number of steps
     linear: LinearForm | None = None  # the same equations for methods that call no native function: ``rhs`` is `NoCode` then
+    tell: Callable[[float], None] | None = None  # is told the time that was reached, s, now and then
+    may_stop: bool = False  # whether an interrupt (Ctrl-C) ends the run where it is, with the status "interrupted"
     may_leave: bool = False  # stop with the status "left" where the right-hand side cannot be evaluated any further
 
     @cached_property
@@ -142,7 +144,7 @@ class Solution:
     t: Floats  # (samples,)
     x: Floats  # (samples, states)
     modes: Floats  # (samples, modes)
-    status: str  # "done" | "stiff" (explicit run that met stiffness) | "left" (undefined any further): stopped at t_last
+    status: str  # "done" | "interrupted" | "stiff" (explicit run that met stiffness) | "left" (undefined any further): stopped at t_last
     t_last: float
     x_last: Floats
     data: Floats  # the model's block of numbers at t_last

@@ -14,6 +14,7 @@ from gearlib.drawing.printed import fitted
 from gearlib.drawing.style import COLOURS, MARK
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
+from gearlib.progress import Watch, check_progress, reporting
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
 from gearlib.vibration.likeness import same_modes
@@ -146,6 +147,7 @@ class Campbell:
 def campbell(
     system: Compiled, speeds: ArrayLike, orders: Mapping[str, float] | Sequence[float], *, count: int | None = None,
     at: Callable[[float], Any] | Any = None, parameters: Callable[[float], Mapping[str, float]] | Mapping[str, float] | None = None,
+    progress: Any = False,
 ) -> Campbell:  # fmt: skip
     """Campbell diagram of a system, with all crossings of orders and natural frequencies.
 
@@ -162,6 +164,8 @@ def campbell(
     at, parameters
         Operating point and parameters as for `System.linearize`, or functions of the speed that return them: where natural frequencies
         depend on speed or load, they are then computed at every speed.
+    progress : bool or callable
+        True shows a bar on a terminal; a callback receives the fraction of the speeds done, and the elapsed seconds.
 
     Returns
     -------
@@ -187,7 +191,16 @@ def campbell(
         return modes(system, count, at=point, parameters=values)
 
     varies = callable(at) or callable(parameters)
-    runs = [at_speed(w) for w in grid] if varies else [at_speed(float(grid[0]))] * len(grid)
+    check_progress(progress)
+    with reporting(progress, f"Campbell diagram, {len(grid)} speeds") as tell:
+        watch = None if tell is None else Watch(tell, float(grid[0]), float(grid[-1]))
+        runs: list[Modes] = []
+        for w in grid:
+            runs.append(at_speed(float(w)) if varies or not runs else runs[0])
+            if watch is not None:
+                watch(float(w))
+        if watch is not None:
+            watch.end(float(grid[-1]))
     places = _followed(runs)
     frequencies = np.array([r.frequencies[p] for r, p in zip(runs, places, strict=True)])
     damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])

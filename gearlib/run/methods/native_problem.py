@@ -130,7 +130,7 @@ def _wired(
         time_events=time_events(run), longest_step=run.longest_step,
         state_names=scene.state_names, root_names=scene.root_names, unsettled=partial(_unsettled, run, native.shared),
         culprit=partial(_culprit, run, native.shared), effort=_effort(scene, native, len(moving), len(tables)),
-        times=run.times, rtol=run.rtol, atol=atol,
+        times=run.times, rtol=run.rtol, atol=atol, tell=run.tell, may_stop=run.may_stop,
         max_steps=MOST_STEPS_CONSTRAINED if iterated else MOST_STEPS, may_leave=any(s.constrained for s in iterated),
     )  # fmt: skip
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -41,6 +42,8 @@ class Run:
     form: str = "ode"  # form of the equations for IDA
     backend: str = "native"  # backend of IDA
     tangents: Tangents | None = None  # integrated along with the states
+    tell: Callable[[float], None] | None = None  # is told the time that was reached, now and then
+    may_stop: bool = False  # whether an interrupt ends the run where it is
 
     @property
     def handed(self) -> SceneForm | None:

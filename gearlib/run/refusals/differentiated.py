@@ -6,6 +6,7 @@ from typing import Any
 
 from gearlib.errors import ArgumentError
 from gearlib.run.result import Result
+from gearlib.run.tangents.asked import CONTINUED, refuse_form
 from gearlib.run.translation import Translation
 
 
@@ -17,17 +18,6 @@ def refuse_tangents(translation: Translation, form: str, start: Any) -> None:
     ArgumentError
         Sampled controllers, a form of the equations that leaves unknowns to IDA, or a start whose dependence on parameters is unknown.
     """
-    if form != "ode":
-        raise ArgumentError(
-            f"sensitivities need form='ode', in which all unknowns follow from the states; the form is {form!r}"
-        )
-    if translation.controllers:
-        raise ArgumentError(
-            f"{translation.name} has sampled controllers, functions of Python, or delays: how what they give changes with a parameter is "
-            "not known, so that there are no sensitivities; write the controller as equations"
-        )
+    refuse_form(translation, form)
     if isinstance(start[0] if isinstance(start, tuple) else start, Result):
-        raise ArgumentError(
-            "sensitivities are those of a whole run: a run that goes on from a result does not know how its start changes; "
-            "begin at the beginning, or give start values: start={'load.w': ...}"
-        )
+        raise ArgumentError(CONTINUED)

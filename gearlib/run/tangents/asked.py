@@ -17,6 +17,29 @@ from gearlib.run.tangents.directions import TangentDirections
 from gearlib.run.translation import Translation
 
 Floats = NDArray[np.float64]
+CONTINUED = (
+    "sensitivities are those of a whole run: a run that goes on from a result does not know how its start changes; "
+    "begin at the beginning, or give start values: start={'load.w': ...}"
+)
+
+
+def refuse_form(translation: Translation, form: str) -> None:
+    """Check that the equations of a run can be differentiated.
+
+    Raises
+    ------
+    ArgumentError
+        Sampled controllers, or a form of the equations that leaves unknowns to IDA.
+    """
+    if form != "ode":
+        raise ArgumentError(
+            f"sensitivities need form='ode', in which all unknowns follow from the states; the form is {form!r}"
+        )
+    if translation.controllers:
+        raise ArgumentError(
+            f"{translation.name} has sampled controllers, functions of Python, or delays: how what they give changes with a parameter is "
+            "not known, so that there are no sensitivities; write the controller as equations"
+        )
 
 
 def directions(

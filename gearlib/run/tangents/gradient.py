@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, reals
 from gearlib.errors import ArgumentError
-from gearlib.run.refusals.differentiated import refuse_tangents
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
 from gearlib.run.tangents.adjoint import FEWEST, MOST_STATES, TIGHTEST, Adjoint
-from gearlib.run.tangents.asked import directions
+from gearlib.run.tangents.asked import CONTINUED, directions, refuse_form
 from gearlib.run.translation import Translation
 from gearlib.solvers.exponential.dense import balanced_norm
 from gearlib.solvers.inputs.table import Table, values
@@ -44,7 +43,9 @@ def gradient_of(
     chosen = name_list("names", names, "shaft.c")
     if not given or not chosen:
         raise ArgumentError(f"{'weights' if not given else 'names'} is empty: there is nothing to differentiate")
-    refuse_tangents(translation, asked.form, asked.start)
+    refuse_form(translation, asked.form)
+    if not (asked.start is None or isinstance(asked.start, (str, Mapping))):
+        raise ArgumentError(CONTINUED)
     if translation.structure.switching:
         raise ArgumentError(
             "there is no adjoint gradient of a run whose states may change on the way; use simulate(sensitivities=[...])"

@@ -6,6 +6,7 @@ import ctypes
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from gearlib.solvers.problem import Floats, Problem, Solution, late_start
 __all__ = ["Driver", "Stepper", "address_of", "integrate"]
 
 STEPS_PER_CALL = 1000  # Python handles interrupts in between
+LONGEST_CALL = 0.1  # s; a call that takes longer has fewer steps the next time
 PATIENCE = 12  # failed evaluations, with ever smaller steps, before a run counts as having left the domain of its states
 _EVENTS_AT_FIRST = 256
 LASTING = ("times", "out", "modes", "log_t", "log_root")  # handed over from one method to the next
@@ -103,7 +105,7 @@ class Driver:
     ----------
     status : str
         ``"more"``, ``"done"``; ``"left"`` where the right-hand side is undefined beyond this point and the problem allows that;
-        ``"stiff"`` where stability limits the steps of an explicit method that was told to watch.
+        ``"stiff"`` where stability limits the steps of an explicit method that was told to watch; ``"interrupted"``.
     out : array, shape (samples, states)
         States at the samples reached so far.
     """
@@ -115,6 +117,10 @@ class Driver:
         if stepper.steps:
             _check(problem)
         self.t_end, self._steps_before, self.events_before = float(problem.times[-1]), 0, 0
+        self._most_steps, self._since_look = (
+            STEPS_PER_CALL,
+            0,
+        )  # of a call; since the stepper was last asked whether it is spent
         if stepper.steps:
             self._lay_out(before)
         else:
@@ -208,12 +214,26 @@ class Driver:
             raise self._failure(drive_loop.STEP_LIMIT)
         if record.capacity < record.events + record.n_roots + 2:
             self._make_room()
-        record.budget = max(1, min(steps, left, self.stepper.looks_every))
-        code = self.stepper.carry_on(self)
+        asked = max(1, min(steps, left, self.stepper.looks_every))
+        record.budget, begin = min(asked, self._most_steps), perf_counter()
+        try:
+            code = self.stepper.carry_on(self)
+            if self.problem.tell is not None:
+                self.problem.tell(self.t)
+        except KeyboardInterrupt:
+            if not self.problem.may_stop:
+                raise
+            self.status = "interrupted"
+            return self.status
+        if (seconds := perf_counter() - begin) > LONGEST_CALL:
+            self._most_steps = max(1, int(0.5 * record.budget * LONGEST_CALL / seconds))
+        self._since_look += record.budget
         if code >= 0:
             self.status = _STATUS[code]
-            if self.status == "more" and self.stepper.spent():
-                self.status = "left"
+            if self.status == "more" and self._since_look >= asked:
+                self._since_look = 0
+                if self.stepper.spent():
+                    self.status = "left"
         elif self.stepper.raised is not None:
             raise self.stepper.raised
         elif self.stepper.recovers(code):

@@ -1,0 +1,104 @@
+"""Progress of runs, and interrupts: nothing is lost, nothing changes the numbers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearlib as gl
+from gearlib.errors import ArgumentError, GearlibWarning
+from tests.many_runs.models import Rattle
+from tests.many_runs.test_in_lanes import Relaxing
+
+METHODS = ["auto", "rk5", "ida"]
+
+
+@pytest.fixture(autouse=True)
+def every_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports are not 50 ms apart, and calls of the compiled loop are short."""
+    monkeypatch.setattr("gearlib.progress.APART", 0.0)
+    monkeypatch.setattr("gearlib.solvers.drive.driver.STEPS_PER_CALL", 20)
+
+
+@pytest.fixture(scope="module")
+def oscillator() -> gl.System:
+    return gl.compile(Relaxing())
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_fraction_grows_to_one_and_the_numbers_stay(oscillator: gl.System, method: str) -> None:
+    told: list[tuple[float, float]] = []
+    watched = oscillator.simulate(40.0, samples=9, method=method, progress=lambda f, t: told.append((f, t)))
+    fractions, seconds = np.array(told).T
+    assert len(told) > 3
+    assert (np.diff(fractions) >= 0).all()
+    assert (np.diff(seconds) >= 0).all()
+    assert fractions[-1] == 1.0
+    assert watched["x"].tobytes() == oscillator.simulate(40.0, samples=9, method=method)["x"].tobytes()
+
+
+def test_switching_between_methods_is_told_on(oscillator: gl.System) -> None:
+    told: list[float] = []
+    run = oscillator.simulate(5.0, samples=5, parameters={"mu": 3e4}, progress=lambda f, _: told.append(f))
+    assert run.stats["legs"] > 1
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+def interrupted_at(fraction: float) -> Any:
+    def tell(done: float, _: float) -> None:
+        if done > fraction:
+            raise KeyboardInterrupt
+
+    return tell
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_interrupt_leaves_what_was_computed(oscillator: gl.System, method: str) -> None:
+    whole = oscillator.simulate(40.0, samples=41, method=method)
+    with pytest.raises(KeyboardInterrupt):
+        oscillator.simulate(40.0, samples=41, method=method, progress=interrupted_at(0.5))
+    with pytest.warns(GearlibWarning, match=r"interrupted at t = 2\d"):
+        part = oscillator.simulate(40.0, samples=41, method=method, progress=interrupted_at(0.5), on_interrupt="stop")
+    assert 20 < len(part.time) < 41
+    assert part["x"].tobytes() == whole["x"][: len(part.time)].tobytes()
+    assert part.stats["interrupted"] >= part.time[-1]
+
+
+def test_an_interrupt_between_events() -> None:
+    system = gl.compile(Rattle(), outputs=["load.w"])
+    with pytest.warns(GearlibWarning, match="interrupted at"):
+        part = system.simulate(20.0, samples=201, progress=interrupted_at(0.3), on_interrupt="stop")
+    assert 40 < len(part.time) < 201
+    assert np.isfinite(part["load.w"]).all()
+
+
+def test_a_signal_is_answered_within_a_fifth_of_a_second(oscillator: gl.System) -> None:
+    oscillator.simulate(1.0, method="rk5", samples=2)  # compiled
+    sent: list[float] = []
+
+    def send() -> None:
+        sent.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(0.1, send)
+    timer.start()
+    with pytest.warns(GearlibWarning, match="interrupted at"):
+        part = oscillator.simulate(1e7, method="rk5", samples=100_001, on_interrupt="stop")
+    assert time.perf_counter() - sent[0] < 2.0  # a fifth of a second, on an idle machine
+    assert len(part.time) > 1
+
+
+def test_what_is_refused(oscillator: gl.System) -> None:
+    with pytest.raises(ArgumentError, match="on_interrupt"):
+        oscillator.simulate(1.0, on_interrupt="ignore")
+    with pytest.raises(ArgumentError, match="progress is 3; expected True, False, or a function"):
+        oscillator.simulate(1.0, progress=3)
+    with pytest.raises(ArgumentError, match="progress, a function, raised ZeroDivisionError"):
+        oscillator.simulate(40.0, method="rk5", progress=lambda f, t: 1 / 0)
