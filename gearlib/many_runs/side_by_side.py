@@ -27,7 +27,7 @@ from gearlib.solvers.inputs.table import Table
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-AT_ONCE = 512  # runs that are prepared together, and
+AT_ONCE = 4096  # runs that are prepared together, and
 MOST_NUMBERS = 4_000_000  # samples of states that they may have
 
 
