@@ -85,7 +85,7 @@ def _line(label: str) -> Iterator[Told]:
         sys.stderr.write("\n")
 
 
-class Watch:
+class RunProgress:
     """Reports the progress of a run through an interval, from the times that it has reached.
 
     Parameters

@@ -16,7 +16,7 @@ from gearlib.periodic.harmonic_response import HarmonicBalance
 from gearlib.periodic.periods import Driven, Floats, fourier
 from gearlib.program.build import build
 from gearlib.program.interpret import Prepared, evaluate, prepare
-from gearlib.progress import Watch, check_progress, reporting
+from gearlib.progress import RunProgress, check_progress, reporting
 from gearlib.run.scene import Scene
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
@@ -123,7 +123,7 @@ def harmonic_balance(
     known = None
     check_progress(progress)
     with reporting(progress, f"harmonic balance of {translation.name}") as tell:
-        seen = None if tell is None else Watch(tell, float(start), float(end))
+        seen = None if tell is None else RunProgress(tell, float(start), float(end))
         for count_ in cases:
             task = Forced(translation, frequency, parameters, inputs, count_, turning)
             default = translation.outputs if translation.outputs is not None else task.repeating()
@@ -157,7 +157,7 @@ def _samples(samples: int | None, harmonics: int, switching: bool) -> int:
 class _Watch:
     """Acceptance test: the motion at a point must satisfy the equations in time."""
 
-    def __init__(self, balance: HarmonicEquations, accuracy: float, seen: Watch | None = None) -> None:
+    def __init__(self, balance: HarmonicEquations, accuracy: float, seen: RunProgress | None = None) -> None:
         self.balance, self.accuracy, self._seen = balance, accuracy, seen
         self.worst, self.where = 0.0, 0.0
 

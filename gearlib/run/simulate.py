@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import one_of, real
 from gearlib.errors import ArgumentError, GearlibWarning, InputWarning, warn
-from gearlib.progress import Watch, check_progress, reporting
+from gearlib.progress import RunProgress, check_progress, reporting
 from gearlib.reduce.rows import some
 from gearlib.run.integrate import integrate
 from gearlib.run.methods.method import Method
@@ -83,7 +83,7 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         assert begin.changes is not None, "they were asked for"
         first = replace(first, tangents=Tangents(asked.directions, begin.changes))
     with reporting(asked.progress, f"{translation.name}, {grid[0]:g} .. {grid[-1]:g} s") as tell:
-        watch = None if tell is None else Watch(tell, float(grid[0]), float(grid[-1]))
+        watch = None if tell is None else RunProgress(tell, float(grid[0]), float(grid[-1]))
         stops = asked.on_interrupt == "stop" and not translation.controllers
         if watch is not None or stops:
             first = replace(first, tell=watch, may_stop=stops)

@@ -14,7 +14,7 @@ from gearlib.drawing.printed import fitted
 from gearlib.drawing.style import COLOURS, MARK
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
-from gearlib.progress import Watch, check_progress, reporting
+from gearlib.progress import RunProgress, check_progress, reporting
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
 from gearlib.vibration.likeness import same_modes
@@ -193,7 +193,7 @@ def campbell(
     varies = callable(at) or callable(parameters)
     check_progress(progress)
     with reporting(progress, f"Campbell diagram, {len(grid)} speeds") as tell:
-        watch = None if tell is None else Watch(tell, float(grid[0]), float(grid[-1]))
+        watch = None if tell is None else RunProgress(tell, float(grid[0]), float(grid[-1]))
         runs: list[Modes] = []
         for w in grid:
             runs.append(at_speed(float(w)) if varies or not runs else runs[0])

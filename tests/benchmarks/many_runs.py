@@ -1,7 +1,8 @@
-"""Runs per second of the XP train (8 states, 0.5 s, rtol 1e-6): ``python tests/benchmarks/many_runs.py`` prints a table.
+"""Runs per second: ``python tests/benchmarks/many_runs.py`` prints tables.
 
-A loop over `System.simulate`, sweeps in this process, by threads, by processes and on dask (where it is installed), and SciPy and
-heyoka beside them. The times are the least of some repetitions, in one process.
+The XP train (8 states, 0.5 s, rtol 1e-6): a loop over `System.simulate`, sweeps in this process (one after another, in lanes, by matrix
+exponentials), by threads, by processes and on dask (where it is installed), and SciPy, joblib and heyoka beside them. Then the scenes of
+the work-precision page, one after another and side by side. The times are the least of some repetitions, in one process.
 """
 
 from __future__ import annotations
@@ -45,8 +46,21 @@ def ways(system: gl.System, K_g: Any, method: str) -> Iterator[tuple[str, Callab
         return lambda: system.sweep({"K_g": K_g}, T_END, outputs=["w_out"], **options, **more)
 
     yield "loop over simulate", loop
+    yield "sweep, one run after another", sweep(lanes=1)
     yield "sweep", sweep()
-    yield "sweep, end values only", lambda: system.sweep({"K_g": K_g}, T_END, reduce={"end": end}, **options)
+    yield "sweep, end values", lambda: system.sweep({"K_g": K_g}, T_END, reduce={"end": gl.final("w_out")}, **options)
+    yield "sweep, peaks", lambda: system.sweep({"K_g": K_g}, T_END, reduce={"peak": gl.peak("w_out")}, **options)
+    yield (
+        "sweep, end values by a function of the result",
+        lambda: system.sweep({"K_g": K_g}, T_END, reduce={"end": end}, **options),
+    )
+    if importlib.util.find_spec("joblib") is not None:
+        from joblib import Parallel, delayed
+
+        def one(value: float) -> float:
+            return end(system.simulate(T_END, parameters={"K_g": value}, **options))
+
+        yield "joblib, 2 processes, end values", lambda: Parallel(2)(delayed(one)(value) for value in K_g.tolist())
     for threads in (2, 4):
         yield f"sweep, {threads} threads", sweep(threads=threads)
     with ProcessPoolExecutor(2, mp_context=get_context("forkserver")) as pool:
@@ -99,8 +113,25 @@ def others(system: gl.System, count: int) -> Iterator[tuple[str, Callable[[], An
         yield "heyoka, batches of 8, end value", batch
 
 
+def scenes(count: int) -> Iterator[tuple[str, str, Callable[[], Any], int]]:
+    """Sweeps of the scenes of the work-precision page: name, way, what does it, number of runs."""
+    from tests.benchmarks.contestants import START, TURNED, compiled
+    from tests.benchmarks.references import SCENES
+
+    for name in ("XP", "M1-10", "M2", "M3"):
+        system, times, turned = compiled(name), SCENES[name].times, TURNED[name[:2]]
+        values = system.parameters[turned] * np.linspace(0.9, 1.1, count)
+        few = max(8, count // 16)
+        ways: list[tuple[str, int, dict[str, Any]]] = [("rk5, one after another", few, {"method": "rk5", "lanes": 1})]
+        ways += [("rk5", count, {"method": "rk5"}), ("auto", count, {})]
+        for way, runs, more in ways:
+            given = {"times": times, "start": START.get(name), "outputs": list(SCENES[name].outputs), **more}
+            chosen = values[:: count // runs][:runs]
+            yield name, way, lambda s=system, t=turned, v=chosen, g=given, e=times[-1]: s.sweep({t: v}, e, **g), len(chosen)  # type: ignore[misc]
+
+
 def main(count: int) -> None:
-    """Print the table."""
+    """Print the tables."""
     system = gl.compile(gp.ZhouCui2022(), outputs=["w_out"])
     K_g = np.linspace(1e8, 3e8, count)
     print(f"| {count} runs of the XP train | method | us a run | runs per second |\n|---|---|---|---|")
@@ -112,6 +143,11 @@ def main(count: int) -> None:
     for name, function in others(system, min(count, 16)):
         us = least(function, min(count, 16))
         print(f"| {name} | | {us:.0f} | {1e6 / us:.0f} |", flush=True)
+    print("\n| scene | method | how | us a run |\n|---|---|---|---|")
+    for name, way, function, runs in scenes(min(count, 128)):
+        stats = function().stats
+        how = f"{stats['lanes']} lanes" if stats["lanes"] > 1 else stats["why"]
+        print(f"| {name} | {way} | {how} | {least(function, runs):.0f} |", flush=True)
 
 
 if __name__ == "__main__":

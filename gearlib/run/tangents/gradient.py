@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import by_name, name_list, reals
 from gearlib.errors import ArgumentError
+from gearlib.run.energy.audit import Histories
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
 from gearlib.run.tangents.adjoint import FEWEST, MOST_STATES, TIGHTEST, Adjoint
@@ -20,11 +21,8 @@ from gearlib.solvers.exponential.dense import balanced_norm
 from gearlib.solvers.inputs.table import Table, values
 from gearlib.structure.incidence import Node
 
-if TYPE_CHECKING:
-    from gearlib.run.result import SimulatedResult
-
 Floats = NDArray[np.float64]
-Run = Callable[[Translation, Request, Scene], "SimulatedResult"]
+Run = Callable[[Translation, Request, Scene], Histories]
 RADIANS = 3.0  # of the fastest motion that a step spans at first
 MOST_AT_FIRST = 5000  # steps
 
@@ -94,7 +92,7 @@ def gradient_of(
             return start.states[:, None]
         later = at[at > begin]
         found = run(translation, replace(tight, times=later), scene)
-        states = np.column_stack([found.history_of(node) for node in scene.states]).T
+        states = np.column_stack([found[name] for name in scene.state_names]).T
         return states if len(later) == len(at) else np.column_stack([start.states, states])
 
     adjoint = Adjoint(scene, asked.parameters, times, begin, nodes, signals, motion, start.changes, varied)
