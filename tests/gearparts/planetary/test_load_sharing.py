@@ -93,3 +93,35 @@ def test_three_planets_around_a_floating_sun_share_equally() -> None:
 def test_one_error_for_each_pin() -> None:
     with pytest.raises(BindingError, match="2 pin_errors for 3 planets"):
         gl.compile(Loaded(k_s=1e8, pin_errors=(0.0, 1e-5)))
+
+
+class PlanarTrain(gl.Component):
+    """The XP train with a planar X unit: a floating sun, planets where 19 and 81 teeth let them be assembled, and an error of one pin."""
+
+    def assemble(self) -> list[gl.Connection]:
+        self.drive, self.load, self.ground = gp.ConstantTorque(tau_constant=100.0), gp.Damper(d=1800 * 0.075**2), gp.Fixed()
+        self.x_unit = gp.PlanetaryUnit(
+            level="planar", planets=3, positions=gp.planet_positions(19, 81, 3), pin_errors=(10e-6, 0.0, 0.0), R_s=0.0285, R_p=0.0465,
+            R_r=0.1215, R_h=0.075, I_s=0.0015, I_r=0.151, I_h=0.0491, I_spin=0.0094, I_orbit=0.0094, K_ring=1.8e8, C_ring=2000.0,
+            K_sun=1.8e8, C_sun=2000.0, k_s=0.0,
+        )  # fmt: skip
+        self.p_unit = gp.FixedAxisUnit(R_1=0.0285, R_2=0.0465, I_1=0.0015, I_2=0.0094, K_g=1.8e8, C_g=2000.0)
+        self.coupling = gp.IdealGear(ratio=-1.0)
+        return [
+            gl.connect(self.drive.flange, self.x_unit.ring),
+            gl.connect(self.x_unit.sun, self.p_unit.flange_a),
+            gl.connect(self.p_unit.flange_b, self.coupling.flange_a),
+            gl.connect(self.coupling.flange_b, self.x_unit.carrier, self.load.flange_a),
+            gl.connect(self.load.flange_b, self.ground.flange),
+        ]
+
+
+def test_the_xp_train_with_a_floating_sun_shares_its_load_by_the_positions_of_its_planets() -> None:
+    """Three forces that balance are as the sines of the angles between the other two (Lami); a pin's error does not matter."""
+    forces = [f"x_unit.planar.sun_mesh[{n}].f" for n in range(3)]
+    run = gl.compile(PlanarTrain(), outputs=forces).simulate(1.0, samples=2)
+    psi = gp.planet_positions(19, 81, 3)
+    sines = [math.sin((psi[(n + 2) % 3] - psi[(n + 1) % 3]) % (2 * math.pi)) for n in range(3)]
+    found = [float(run[name][-1]) for name in forces]
+    assert [f / found[1] for f in found] == pytest.approx([s / sines[1] for s in sines], rel=1e-3)
+    assert found[0] < 0.97 * found[1]
