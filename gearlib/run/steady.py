@@ -133,10 +133,14 @@ class Search:
         f, gradient, noise = self.equations(x)
         return np.where(np.abs(f) <= noise, 0.0, f), gradient
 
+    def modes(self, x: Floats) -> Floats:
+        """Relations and discrete variables of a run that starts at x, shape (modes, 1)."""
+        return self.scene.modes(self.numbers, np.array([self.t]), x[:, None], self.inputs[:, None], start=self.begin.guess)
+
     def at(self, x: Floats) -> At:
         """The program linearised at x."""
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
-        flags = scene.modes(self.numbers, now, column, inputs, start=self.begin.guess)
+        flags = self.modes(x)
         guess = scene.guess(scene.program, self.begin.guess)
         return At(self.numbers.main, now, evaluate(self.numbers.main, now, column, inputs, flags, guess), flags)
 
@@ -244,8 +248,9 @@ def steady_changes(
     ahead = by_seeds / search.scale[:, None] + gradient @ (begin / search.scale[:, None])
     equations = _Equations(search, gradient)
     changes = equations.change(ahead)
+    stuck = np.where(gradient.any(axis=1), 0.0, NEVER)  # what sticks yields to a parameter, too
     for k in range(begin.shape[1]):
-        if not equations.hold(ahead[:, k], 1e-9 * np.abs(ahead[:, k])):
+        if not equations.hold(ahead[:, k], 1e-9 * np.abs(ahead[:, k]) + stuck):
             raise StartError(
                 "the steady state does not go on where the parameter changes: no change of the states makes up for that of the "
                 "rates; a load that grows with the speed is missing, or the torques balance at these parameters only"
@@ -373,7 +378,7 @@ def _sticking(search: Search, x: Floats, modes: Floats) -> tuple[Floats, Floats 
     guess, before = scene.guess(relations.program, search.begin.guess), x
     rows: list[Floats] = []
     for _ in range(5):
-        fresh = scene.modes(search.numbers, now, x[:, None], search.inputs[:, None], start=search.begin.guess)[:, 0]
+        fresh = search.modes(x)[:, 0]
         steps = 1e-6 * np.maximum(search.scale, np.abs(x))
         beside = np.column_stack([x, x[:, None] + np.diag(steps)])
         many, inputs, flags = (np.repeat(a[:, None], n + 1, axis=1) for a in (now, search.inputs, first))
@@ -441,6 +446,11 @@ def _closed(search: Search, x: Floats) -> End:
     free = not linear.hold(f, noise)
     if free or not small.all():
         return End(x, False, free)
+    modes, at_end = (search.modes(y)[:, 0] for y in (x, found.x))
+    if search.held is None and (modes != at_end).any():  # the last step, of the size of rounding, has set off what sticks
+        back, held = _sticking(search, found.x, modes)
+        if held is not None:
+            return _closed(replace(search, held=held), back)
     forbidden = _forbidden(search, found.x)
     return End(found.x, not forbidden and _goes_on(search, found.x), forbidden=forbidden)
 

@@ -280,3 +280,34 @@ def test_of_a_run_that_begins_in_a_steady_state() -> None:
         gl.compile(Fan(), outputs=["body.w"]), ["tau", "body.J", "fan.tau_nominal"], ["body.w"], 1.0, start="steady"
     )
     assert run.sensitivity("body.w", "tau")[0] == pytest.approx(0.5 / np.sqrt(2.0 * 8.0), rel=1e-8)
+
+
+class Locked(gl.Component):
+    """A drive, a clutch that holds, a body with a damper: behind what sticks only the damper balances the drive."""
+
+    tau = gl.Parameter("N.m", default=7.0)
+    d = gl.Parameter("N.m.s/rad", default=0.5)
+    held = gl.Structural(False, "whether a brake holds the body")
+
+    def assemble(self) -> list[Any]:
+        self.torque, self.motor, self.body = gp.Torque(tau=self.tau), gp.Inertia(J=0.1), gp.Inertia(J=4.0)
+        self.clutch, self.damper, self.ground = gp.Clutch(fn_max=100.0, f_normalized=1.0), gp.Damper(d=self.d), gp.Fixed()
+        if self.held:
+            self.brake = gp.Brake(fn_max=100.0, f_normalized=1.0)
+        return [
+            gl.connect(self.torque.flange, self.motor.flange_a),
+            gl.connect(self.motor.flange_b, self.clutch.flange_a),
+            gl.connect(self.clutch.flange_b, self.body.flange_a, *([self.brake.flange_a] if self.held else [])),
+            gl.connect(self.body.flange_b, self.damper.flange_a),
+            gl.connect(self.damper.flange_b, self.ground.flange),
+        ]
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_of_a_steady_state_behind_what_sticks(held: bool) -> None:
+    """At w = tau / d, and at rest behind a brake that holds: what sticks yields by 1e-25 to a torque, which moves nothing."""
+    system = gl.compile(Locked(held=held), outputs=["body.w", "clutch.tau"])
+    run = system.simulate(1.0, start="steady", samples=2, sensitivities=["tau", "d"])
+    assert run.sensitivity("body.w", "tau") == pytest.approx(0.0 if held else 1 / 0.5, abs=1e-9)
+    assert run.sensitivity("body.w", "d") == pytest.approx(0.0 if held else -7.0 / 0.5**2, abs=1e-9)
+    assert run.sensitivity("clutch.tau", "tau") == pytest.approx(-1.0)
