@@ -351,6 +351,10 @@ def _run_to_rest(search: Search, end: End) -> End:
             modes = outcome.modes[-1]
             x, held = _sticking(search, outcome.x[-1], modes)
             end = _closed(replace(search, held=held), x)
+            if (
+                held is not None and not end.steady
+            ):  # where what is held leaves nothing that could take up the rounding of the run
+                end = _closed(search, x)
             if end.steady:
                 return end
             end, last = replace(end, x=outcome.x[-1]), left

@@ -286,3 +286,22 @@ def test_the_search_of_a_bearing_that_holds_is_short(monkeypatch: pytest.MonkeyP
     assert len(evaluated) < 200
     assert run["body.w"] == pytest.approx(np.zeros(2), abs=1e-12)
     assert run["bearing.tau"] == pytest.approx(np.full(2, 0.5))
+
+
+@pytest.mark.parametrize("tau", [0.1, -0.29])
+def test_a_gap_pressed_against_a_bearing_that_holds(tau: float) -> None:
+    """The run ends at rest; the gap is closed by as much as the torque twists its spring."""
+
+    class Pressed(gl.Component):
+        def assemble(self) -> list[Any]:
+            self.torque, self.a, self.z = gp.Torque(tau=tau), gp.Inertia(J=0.5), gp.Inertia(J=1.0)
+            self.gap = gp.ElastoBacklash(c=200.0, d=0.4, b=0.02)
+            self.bearing = gp.BearingFriction(tau_pos=((0.0, 0.3), (10.0, 0.4)))
+            return [
+                c(self.torque.flange, self.a.flange_a), c(self.a.flange_b, self.gap.flange_a),
+                c(self.gap.flange_b, self.z.flange_a), c(self.z.flange_b, self.bearing.flange_a),
+            ]  # fmt: skip
+
+    run = gl.compile(Pressed(), ["gap.phi_rel", "z.w"]).simulate(1.0, start="steady", samples=2)
+    assert run["gap.phi_rel"] == pytest.approx(np.full(2, -np.sign(tau) * 0.01 - tau / 200.0), rel=1e-9)
+    assert run["z.w"] == pytest.approx(np.zeros(2), abs=1e-12)
