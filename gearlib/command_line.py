@@ -41,21 +41,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         0; 2 after an error of the user, with one line on standard error; 130 after an interrupt.
     """
-    asked = _parser().parse_args(arguments)
+    args = _parser().parse_args(arguments)
 
     def warned(message: Any, *where: Any) -> None:
-        print(f"gearlib {asked.name}: warning: {' '.join(str(message).split())}", file=sys.stderr)
+        print(f"gearlib {args.name}: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
     try:
         with warnings.catch_warnings():
             warnings.showwarning = warned  # type: ignore[assignment]
-            asked.command(asked)
+            args.command(args)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader has closed the pipe; nothing more can be written, not even at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except GearlibError as problem:
-        print(f"gearlib {asked.name}: {' '.join(str(problem).split())}", file=sys.stderr)
+        print(f"gearlib {args.name}: {' '.join(str(problem).split())}", file=sys.stderr)
         return USERS_FAULT
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -132,126 +132,126 @@ def _parser() -> argparse.ArgumentParser:
 # ---------------------------------------------------------------- commands
 
 
-def _info(asked: argparse.Namespace) -> None:
+def _info(args: argparse.Namespace) -> None:
     from gearlib.system import compile
 
-    system = compile(_component(asked.model))
+    system = compile(_component(args.model))
     print(system.summary())
     for title, names in (("inputs", system.inputs), ("states", system.states)):
         print(f"{title}: {', '.join(names) or 'none'}")
     print("parameters:")
-    values, units = system.parameters | _parameters(asked), system.parameter_units
+    values, units = system.parameters | _parameters(args), system.parameter_units
     table = system.translation.model.parameters
     for name in (name for name in values if table.index.get(name) not in table.written):
         unit = units.get(name, "")
         print(f"  {name} = {values[name]:.6g}{'' if unit in ('', '1') else ' ' + unit}")
 
 
-def _run(asked: argparse.Namespace) -> None:
+def _run(args: argparse.Namespace) -> None:
     from gearlib.arguments import as_path
     from gearlib.files.csv_text import write_columns
     from gearlib.files.formats import format_of
     from gearlib.system import compile
 
-    if asked.out not in (None, "-"):
-        format_of(as_path("--out", asked.out))  # checked before the run
-    outputs = None if asked.outputs is None else asked.outputs.split(",")
-    system = compile(_component(asked.model), outputs)
+    if args.out not in (None, "-"):
+        format_of(as_path("--out", args.out))  # checked before the run
+    outputs = None if args.outputs is None else args.outputs.split(",")
+    system = compile(_component(args.model), outputs)
     result = system.simulate(
-        asked.t_end, samples=asked.samples, method=asked.method, rtol=asked.rtol, parameters=_parameters(asked),
-        start=dict(_assigned("--start", text) for text in asked.start) or None, inputs=_inputs(asked.input),
+        args.t_end, samples=args.samples, method=args.method, rtol=args.rtol, parameters=_parameters(args),
+        start=dict(_assigned("--start", text) for text in args.start) or None, inputs=_inputs(args.input),
     )  # fmt: skip
-    if asked.out == "-":
+    if args.out == "-":
         write_columns(result.record(), sys.stdout)
     else:
         print(result)
         print("\n".join(f"{name} = {value:.6g} {result.unit(name)}".rstrip() for name, value in result.final.items()))
-        if asked.out is not None:
-            result.save(asked.out)
-    if asked.plot is not None:
-        _shown(result.plot(*asked.plot.split(",")), None)
+        if args.out is not None:
+            result.save(args.out)
+    if args.plot is not None:
+        _shown(result.plot(*args.plot.split(",")), None)
 
 
-def _sweep(asked: argparse.Namespace) -> None:
+def _sweep(args: argparse.Namespace) -> None:
     import numpy as np
 
     from gearlib.files.replacing import replacing
     from gearlib.many_runs.samples import grid
     from gearlib.system import compile
 
-    names = None if asked.outputs is None else asked.outputs.split(",")
-    system = compile(_component(asked.model), names)
+    names = None if args.outputs is None else args.outputs.split(",")
+    system = compile(_component(args.model), names)
     names = list(system.states) if names is None else names
-    varied = grid({**_parameters(asked), **dict(_varied(text) for text in asked.vary)})
+    varied = grid({**_parameters(args), **dict(_varied(text) for text in args.vary)})
     options: dict[str, Any] = {
-        "samples": asked.samples, "method": asked.method, "rtol": asked.rtol, "inputs": _inputs(asked.input),
-        "start": dict(_assigned("--start", text) for text in asked.start) or None,
+        "samples": args.samples, "method": args.method, "rtol": args.rtol, "inputs": _inputs(args.input),
+        "start": dict(_assigned("--start", text) for text in args.start) or None,
     }  # fmt: skip
-    if asked.out not in (None, "-") and not asked.out.endswith(".csv"):
-        print(system.sweep(varied, asked.t_end, outputs=names, to=asked.out, **options))
+    if args.out not in (None, "-") and not args.out.endswith(".csv"):
+        print(system.sweep(varied, args.t_end, outputs=names, to=args.out, **options))
         return
     last = {name: lambda result, name=name: result[name][-1] for name in names}
-    runs = system.sweep(varied, asked.t_end, reduce=last, **options)
-    rows = [[name for name, _ in map(_varied, asked.vary)] + names]
+    runs = system.sweep(varied, args.t_end, reduce=last, **options)
+    rows = [[name for name, _ in map(_varied, args.vary)] + names]
     for place in np.ndindex(runs.shape):
         values = [runs[name][place] for name in rows[0]]
         rows.append([repr(float(value)) for value in values])
     text = "".join(",".join(row) + "\n" for row in rows)
-    if asked.out in (None, "-"):
+    if args.out in (None, "-"):
         sys.stdout.write(text)
     else:
-        with replacing(asked.out) as path:
+        with replacing(args.out) as path:
             path.write_text(text, encoding="utf-8")
 
 
-def _modelica(asked: argparse.Namespace) -> None:
+def _modelica(args: argparse.Namespace) -> None:
     from gearlib.files.replacing import replacing
     from gearlib.modelica.writing import to_modelica
 
-    if asked.out is not None and not asked.out.endswith(".mo"):
-        raise ArgumentError(f"--out {asked.out}: expected the name of a file that ends with .mo")
-    component = _component(asked.model, **_parameters(asked))
-    text = to_modelica(component, flat=asked.flat, standard_library=not asked.own) + "\n"
-    if asked.out is None:
+    if args.out is not None and not args.out.endswith(".mo"):
+        raise ArgumentError(f"--out {args.out}: expected the name of a file that ends with .mo")
+    component = _component(args.model, **_parameters(args))
+    text = to_modelica(component, flat=args.flat, standard_library=not args.own) + "\n"
+    if args.out is None:
         sys.stdout.write(text)
     else:
-        with replacing(asked.out) as path:
+        with replacing(args.out) as path:
             path.write_text(text, encoding="utf-8")
 
 
-def _modes(asked: argparse.Namespace) -> None:
+def _modes(args: argparse.Namespace) -> None:
     from gearlib.system import compile
     from gearlib.vibration.modes import modes
 
-    print(modes(compile(_component(asked.model)), parameters=_parameters(asked)))
+    print(modes(compile(_component(args.model)), parameters=_parameters(args)))
 
 
-def _fmu(asked: argparse.Namespace) -> None:
+def _fmu(args: argparse.Namespace) -> None:
     from gearlib.system import compile
 
-    inputs, outputs = (None if names is None else names.split(",") for names in (asked.inputs, asked.outputs))
-    path = compile(_component(asked.model), outputs).export_fmu(
-        asked.out, version=asked.version, kind=asked.kind.split(","), platforms=asked.platforms.split(","),
-        parameters=_parameters(asked), inputs=inputs, stop_time=asked.t_end, rtol=asked.rtol,
+    inputs, outputs = (None if names is None else names.split(",") for names in (args.inputs, args.outputs))
+    path = compile(_component(args.model), outputs).export_fmu(
+        args.out, version=args.version, kind=args.kind.split(","), platforms=args.platforms.split(","),
+        parameters=_parameters(args), inputs=inputs, stop_time=args.t_end, rtol=args.rtol,
     )  # fmt: skip
-    print(f"{path}: FMI {asked.version}, {path.stat().st_size / 1000:.0f} kB")
+    print(f"{path}: FMI {args.version}, {path.stat().st_size / 1000:.0f} kB")
 
 
-def _plot(asked: argparse.Namespace) -> None:
+def _plot(args: argparse.Namespace) -> None:
     from gearlib.stored_result import load_result
 
-    result = load_result(asked.result)
-    _shown(result.plot(*(asked.names or result.keys()[:8])), asked.out)
+    result = load_result(args.result)
+    _shown(result.plot(*(args.names or result.keys()[:8])), args.out)
 
 
-def _check(asked: argparse.Namespace) -> None:
+def _check(args: argparse.Namespace) -> None:
     from gearlib.language.dimensions import check_units
     from gearlib.system import compile
 
-    component = _component(asked.model)
+    component = _component(args.model)
     check_units(component)
     system = compile(component)
-    system.simulate(1e-9, samples=2, parameters=_parameters(asked), inputs=dict.fromkeys(system.inputs, 0.0))
+    system.simulate(1e-9, samples=2, parameters=_parameters(args), inputs=dict.fromkeys(system.inputs, 0.0))
     print(f"{system.name}: units agree, {len(system.states)} states, it starts")
 
 
@@ -342,11 +342,11 @@ def _varied(text: str) -> tuple[str, list[float]]:
         raise ArgumentError(f"--vary {text}: expected NAME=NUMBER,NUMBER or NAME=FIRST:LAST:COUNT, as in {example}") from None
 
 
-def _parameters(asked: argparse.Namespace) -> dict[str, float]:
+def _parameters(args: argparse.Namespace) -> dict[str, float]:
     from gearlib.files.parameter_sets import load_parameters
 
-    found = {} if asked.parameters is None else load_parameters(asked.parameters)
-    return found | dict(_assigned("--set", text) for text in asked.set)
+    found = {} if args.parameters is None else load_parameters(args.parameters)
+    return found | dict(_assigned("--set", text) for text in args.set)
 
 
 def _inputs(given: Sequence[str]) -> dict[str, Any] | None:

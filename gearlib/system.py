@@ -18,7 +18,7 @@ from gearlib.run.methods.method import Method
 from gearlib.run.request import check_form, check_options
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.sampling.controllers import refuse_controllers
-from gearlib.run.simulate import earlier_run, request, run, warn_of_zero_inputs
+from gearlib.run.simulate import checked_request, earlier_run, run, warn_of_zero_inputs
 from gearlib.run.summary import summary
 from gearlib.run.translation import Compiled, Translation, translate
 
@@ -325,13 +325,13 @@ class System(Compiled):
             The message names what was found and what was expected.
         """
         audit = flag("audit", audit)
-        translation, asked = request(
+        translation, request = checked_request(
             self.translation, t_end, t_start=t_start, samples=samples, times=times, method=method, rtol=rtol, atol=atol,
             parameters=parameters, start=start, inputs=inputs, max_step=max_step, progress=progress, form=form, backend=backend,
             sensitivities=sensitivities, on_interrupt=on_interrupt,
         )  # fmt: skip
-        result = run(translation, asked)
-        warn_of_zero_inputs(translation, asked.zero_inputs)
+        result = run(translation, request)
+        warn_of_zero_inputs(translation, request.zero_inputs)
         if audit:
             result.check_energy()
         return result

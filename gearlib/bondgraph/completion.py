@@ -55,14 +55,14 @@ def can_be_completed(graph: BondGraph, effort_to: Mapping[int, Element]) -> bool
         if bond.number in effort_to or bond.number in seen:
             continue
         ends = [_follow(graph, bond, end, seen) for end in (bond.head, bond.tail)]
-        told = [(end, effort_in == isinstance(end, Zero)) for end, effort_in in ends if isinstance(end, Junction)]
-        if len(told) == 1:
-            net.add_edge(told[0][0], ("leaf", bond.number), weight=1)
-        elif len(told) == 2 and told[0][1] != told[1][1]:
+        oriented = [(end, effort_in == isinstance(end, Zero)) for end, effort_in in ends if isinstance(end, Junction)]
+        if len(oriented) == 1:
+            net.add_edge(oriented[0][0], ("leaf", bond.number), weight=1)
+        elif len(oriented) == 2 and oriented[0][1] != oriented[1][1]:
             middles += 1
-            net.add_edges_from(((end, ("middle", bond.number)) for end, _ in told), weight=2)
-        elif len(told) == 2 and told[0][0] is not told[1][0]:
-            net.add_edge(told[0][0], told[1][0], weight=2)
+            net.add_edges_from(((end, ("middle", bond.number)) for end, _ in oriented), weight=2)
+        elif len(oriented) == 2 and oriented[0][0] is not oriented[1][0]:
+            net.add_edge(oriented[0][0], oriented[1][0], weight=2)
     matching = nx.max_weight_matching(net)
     return bool(sum(net.edges[edge]["weight"] for edge in matching) == len(wanting) + middles)
 

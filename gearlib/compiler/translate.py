@@ -206,7 +206,7 @@ class _Function:
 
     def text(self) -> str:
         self.write.start("start")
-        self.carry_out(self.node.body)
+        self.translate_statements(self.node.body)
         if self.names is not None and self.result != "void":
             raise Unsupported(f"`{self.node.name}` must end with a return")
         if self.names is not None:
@@ -223,7 +223,7 @@ class _Function:
 
     # ------------------------------------------------------------ statements
 
-    def carry_out(self, statements: Sequence[ast.stmt]) -> None:
+    def translate_statements(self, statements: Sequence[ast.stmt]) -> None:
         for statement in statements:
             if self.names is None:
                 return
@@ -326,11 +326,11 @@ class _Function:
             before = self.here
             self.write.start(yes)
             self.names = dict(before)
-            self.carry_out(rest[0].body)
+            self.translate_statements(rest[0].body)
             self.leave(end, coming)
             self.write.start(no)
             self.names, rest = before, rest[0].orelse
-        self.carry_out(rest)
+        self.translate_statements(rest)
         self.leave(end, coming)
         self.join(end, coming)
 
@@ -363,7 +363,7 @@ class _Function:
         if isinstance(call, ast.Name) and isinstance(self.environment.get(call.id), tuple):
             for number in cast("tuple[float, ...]", self.environment[call.id]):  # unrolled
                 self.store(statement.target, constant(number))
-                self.carry_out(statement.body)
+                self.translate_statements(statement.body)
             return
         if not (
             isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id in ("range", "parallel", "blocks")
@@ -420,7 +420,7 @@ class _Function:
         """The body of a loop up to its latch."""
         exits = _Exits(end, [], self.write.new() if _continues(body) else "", [])
         self.loops.append(exits)
-        self.carry_out(body)
+        self.translate_statements(body)
         self.loops.pop()
         if exits.continues:
             self.leave(exits.latch, exits.continues)

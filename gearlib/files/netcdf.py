@@ -24,8 +24,8 @@ def write(record: Record, path: Path) -> None:
     try:
         file.Conventions, file.model, file.gearlib_header = b"CF-1.8", spread.model.encode(), spread.header().encode()
         file.createDimension("time", len(spread.time))
-        told = zip(["time", *spread.names], ["s", *spread.units], ["time", *spread.descriptions], strict=True)
-        for (name, unit, description), history in zip(told, (spread.time, *spread.data.T), strict=True):
+        headings = zip(["time", *spread.names], ["s", *spread.units], ["time", *spread.descriptions], strict=True)
+        for (name, unit, description), history in zip(headings, (spread.time, *spread.data.T), strict=True):
             # The library writes one byte per character
             variable = file.createVariable(name.encode().decode("latin-1"), "d", ("time",))
             variable[:] = history

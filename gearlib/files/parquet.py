@@ -16,10 +16,10 @@ def write(record: Record, path: Path) -> None:
     """Write a record, using pyarrow."""
     pyarrow, parquet, spread = optional("pyarrow"), optional("pyarrow.parquet"), record.spread
     names = ["time", *spread.names]
-    told = [("s", "time"), *zip(spread.units, spread.descriptions, strict=True)]
+    headings = [("s", "time"), *zip(spread.units, spread.descriptions, strict=True)]
     fields = [
         pyarrow.field(name, pyarrow.float64(), metadata={"units": unit, "description": description})
-        for name, (unit, description) in zip(names, told, strict=True)
+        for name, (unit, description) in zip(names, headings, strict=True)
     ]
     columns = [pyarrow.array(column) for column in (spread.time, *spread.data.T)]
     schema = pyarrow.schema(fields, metadata={HEADER: spread.header()})

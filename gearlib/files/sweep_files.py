@@ -52,8 +52,8 @@ class SweepLayout:
     @property
     def header(self) -> str:
         """Attributes and shapes of the values, as one line of JSON."""
-        told = {name: [v.dimensions, v.shape, v.kind, dict(v.attributes)] for name, v in self.values.items()}
-        return json.dumps({**self.attributes, "runs": self.runs, "values": told})
+        described = {name: [v.dimensions, v.shape, v.kind, dict(v.attributes)] for name, v in self.values.items()}
+        return json.dumps({**self.attributes, "runs": self.runs, "values": described})
 
 
 class SweepFile(ABC):
@@ -82,7 +82,7 @@ class SweepFile(ABC):
         """Write some runs and mark them done; ``failures`` are error types and messages by run."""
         if failures:
             with self.failures_path.open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps([int(run), *told]) + "\n" for run, told in failures.items())
+                file.writelines(json.dumps([int(run), *described]) + "\n" for run, described in failures.items())
         if len(runs):
             self._write(runs, values)
             self.done[runs] = True
@@ -150,7 +150,8 @@ def reopen(path: Path, layout: SweepLayout) -> SweepFile:
 def layout_of(header: Mapping[str, Any], coordinates: Mapping[str, Any]) -> SweepLayout:
     """The layout of a file, from its header."""
     values = {
-        name: StoredArray(tuple(axes), tuple(shape), kind, told) for name, (axes, shape, kind, told) in header["values"].items()
+        name: StoredArray(tuple(axes), tuple(shape), kind, described)
+        for name, (axes, shape, kind, described) in header["values"].items()
     }
     attributes = {key: value for key, value in header.items() if key not in ("runs", "values")}
     return SweepLayout(int(header["runs"]), values, coordinates, attributes)
@@ -176,19 +177,23 @@ class ZarrFile(SweepFile):
             group = zarr.open_group(beside, mode="w", zarr_format=2)
             group.attrs[HEADER] = layout.header
 
-            def array(name: str, axes: tuple[str, ...], told: Mapping[str, str], **more: Any) -> Any:
-                return group.create_array(name, attributes={"_ARRAY_DIMENSIONS": list(axes), **told}, **more)
+            def array(name: str, axes: tuple[str, ...], described: Mapping[str, str], **more: Any) -> Any:
+                return group.create_array(name, attributes={"_ARRAY_DIMENSIONS": list(axes), **described}, **more)
 
             for name, v in layout.values.items():
                 shape = (layout.runs, *v.shape)
                 chunks = (_piece(layout, name), *(max(1, n) for n in v.shape))
                 empty = complex(np.nan, np.nan) if v.kind == "c16" else np.nan
                 array(name, (RUN, *v.dimensions), v.attributes, shape=shape, dtype=v.kind, chunks=chunks, fill_value=empty)
-            known = {name: (axes, np.asarray(numbers), told) for name, (axes, numbers, told) in layout.coordinates.items()}
+            known = {
+                name: (axes, np.asarray(numbers), described) for name, (axes, numbers, described) in layout.coordinates.items()
+            }
             known[DONE] = ((RUN,), np.zeros(layout.runs, "i1"), {})
-            for name, (axes, numbers, told) in known.items():  # without a fill value: 0 is a value
+            for name, (axes, numbers, described) in known.items():  # without a fill value: 0 is a value
                 one = tuple(max(1, n) for n in numbers.shape)
-                array(name, axes, told, shape=numbers.shape, dtype=numbers.dtype, chunks=one, fill_value=None)[...] = numbers
+                array(name, axes, described, shape=numbers.shape, dtype=numbers.dtype, chunks=one, fill_value=None)[...] = (
+                    numbers
+                )
             zarr.consolidate_metadata(beside)
 
     def _write(self, runs: Integers, values: Mapping[str, NDArray[Any]]) -> None:
@@ -284,9 +289,10 @@ def _list(kind: str, items: list[bytes]) -> bytes:
     return struct.pack(">ii", _SOME[kind] if items else 0, len(items)) + b"".join(items)
 
 
-def _attributes(told: Mapping[str, str]) -> bytes:
+def _attributes(described: Mapping[str, str]) -> bytes:
     return _list(
-        "attributes", [_text(name) + struct.pack(">i", _NUMBERS["char"]) + _text(text) for name, text in told.items() if text]
+        "attributes",
+        [_text(name) + struct.pack(">i", _NUMBERS["char"]) + _text(text) for name, text in described.items() if text],
     )
 
 
@@ -294,11 +300,11 @@ def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, .
     """Header of a file; type, shape and offset of each variable; and the size of the file."""
     sizes: dict[str, int] = {RUN: layout.runs}
     variables: list[tuple[str, tuple[str, ...], tuple[int, ...], str, Mapping[str, str]]] = []
-    for name, (axes, numbers, told) in layout.coordinates.items():
+    for name, (axes, numbers, described) in layout.coordinates.items():
         stored = _stored(numbers)
         kind, shape = ("char", stored.shape) if stored.dtype.kind == "S" else ("double", stored.shape)
         dimensions = (*axes, f"{name}_length") if kind == "char" else axes
-        variables.append((name, dimensions, shape, kind, told))
+        variables.append((name, dimensions, shape, kind, described))
     variables.append((DONE, (RUN,), (layout.runs,), "byte", {}))
     for name, v in layout.values.items():
         if v.kind != "f8":
@@ -313,16 +319,16 @@ def _head(layout: SweepLayout) -> tuple[bytes, dict[str, tuple[str, tuple[int, .
     order = {name: k for k, name in enumerate(sizes)}
 
     def head(places: list[int]) -> bytes:
-        told = []
+        described = []
         for (name, dimensions, shape, kind, attributes), at in zip(variables, places, strict=True):
             length = int(np.prod(shape)) * _TYPES[kind].itemsize
             ids = struct.pack(f">i{len(dimensions)}i", len(dimensions), *(order[d] for d in dimensions))
-            told.append(
+            described.append(
                 _text(name) + ids + _attributes(attributes) + struct.pack(">iIq", _NUMBERS[kind], length + -length % 4, at)
             )
         lengths = [_text(name) + struct.pack(">i", size) for name, size in sizes.items()]
         whole = _attributes({"Conventions": "CF-1.8", HEADER: layout.header})
-        return b"CDF\x02" + struct.pack(">i", 0) + _list("dimensions", lengths) + whole + _list("variables", told)
+        return b"CDF\x02" + struct.pack(">i", 0) + _list("dimensions", lengths) + whole + _list("variables", described)
 
     at, places = len(head([0] * len(variables))), []
     for _, _, shape, kind, _ in variables:

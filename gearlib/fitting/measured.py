@@ -15,7 +15,7 @@ from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
 from gearlib.feedback.stability import stability
 from gearlib.linear.frequency_response import frequency_response
 from gearlib.run.request import Request
-from gearlib.run.simulate import request, run
+from gearlib.run.simulate import checked_request, run
 from gearlib.run.start_values import start_named
 from gearlib.run.translation import Compiled
 from gearlib.vibration.modes import modes
@@ -198,12 +198,12 @@ class MeasuredHistories(Measured):
         start: Any = self.start
         if starts:
             start = {**by_name("start", start, "a mapping of paths to start values"), **starts}
-        translation, asked = request(
+        translation, request = checked_request(
             system.translation, float(self.time[-1]), t_start=float(self.time[0]), times=self.time, rtol=rtol,
             parameters={**self.parameters, **parameters}, start=start, inputs=self.inputs, sensitivities=tangents,
         )  # fmt: skip
-        assert isinstance(asked, Request)
-        return run(translation, asked)
+        assert isinstance(request, Request)
+        return run(translation, request)
 
 
 class MeasuredResponse(Measured):

@@ -36,14 +36,14 @@ from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
 
 
-def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
+def flatten(component: Component, substituted: Special = frozenset()) -> FlatModel:
     """Flatten a component with all its parts.
 
     Parameters
     ----------
     component : Component
         The root.
-    put_in : frozenset of (int, float)
+    substituted : frozenset of (int, float)
         Parameters whose values are substituted into the equations, since a coefficient vanishes there.
 
     Returns
@@ -63,7 +63,7 @@ def flatten(component: Component, put_in: Special = frozenset()) -> FlatModel:
     refuse_unused(tree, component)
     table = _parameter_table(tree)
     check_bounds(table, table.defaults)
-    raw, equalities = _equations(tree, put_in)
+    raw, equalities = _equations(tree, substituted)
     sums, zeros, n_sets, n_variables = _connections(tree)
     for kind in sorted({len(s) for s in sums} - {2}):
         members = np.array([s for s in sums if len(s) == kind], np.int64)
@@ -235,7 +235,7 @@ def _parameter_levels(tree: Tree) -> dict[int, int]:
     return level
 
 
-def _equations(tree: Tree, put_in: Special) -> tuple[list[EquationGroup], list[tuple[int, int, int]]]:
+def _equations(tree: Tree, substituted: Special) -> tuple[list[EquationGroup], list[tuple[int, int, int]]]:
     first_variable = np.array([i.first_variable for i in tree.instances], np.int64)
     first_parameter = np.array([i.first_parameter for i in tree.instances], np.int64)
     blocks: list[tuple[Template, Integers, Integers, Integers]] = []
@@ -258,8 +258,8 @@ def _equations(tree: Tree, put_in: Special) -> tuple[list[EquationGroup], list[t
             )
         )
     pieces = [_group(tree, *block) for block in blocks]
-    if put_in:
-        pieces = [part for piece in pieces for part in with_values(piece, dict(put_in), tree.parameter_names)]
+    if substituted:
+        pieces = [part for piece in pieces for part in with_values(piece, dict(substituted), tree.parameter_names)]
     equalities: list[tuple[int, int, int]] = []
     return _separated(pieces, equalities), equalities
 

@@ -611,7 +611,7 @@ def reconnect(component: Component, connections: Sequence[Connection]) -> None:
     object.__setattr__(component, "_connections", list(connections))
 
 
-def put_in(component: Component, name: str, part: Component) -> None:
+def insert_part(component: Component, name: str, part: Component) -> None:
     """Add a part to an assembled composite, as if its ``assemble`` had made it."""
     setattr(component, name, part)
     attributes, parts = component._made

@@ -23,9 +23,9 @@ from gearlib.language.component import (
     connect,
     enclosing,
     equations_of,
+    insert_part,
     name_of,
     parts_below,
-    put_in,
     reconnect,
 )
 from gearlib.language.declarations import Connector, Derivative, Flow, Input, Potential, Variable, declared_by
@@ -133,7 +133,7 @@ def open_connections(whole: Component, cuts: tuple[Cut, ...]) -> None:
             (name, [port], place.given, ("rate", "flow")), (f"{name}_rest", left, place.rest, ("held", "free")),
         ):  # fmt: skip
             if side:
-                put_in(parent, end, end_of(type(port.connector), given or fitting[_answers_to_flows(whole, side)])())
+                insert_part(parent, end, end_of(type(port.connector), given or fitting[_answers_to_flows(whole, side)])())
                 reconnect(parent, [*connections_of(parent), connect(getattr(parent, end).port, *side)])
 
 

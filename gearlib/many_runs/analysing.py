@@ -14,7 +14,7 @@ from gearlib.feedback.stability import StabilityReport
 from gearlib.files.sweep_files import sweep_path
 from gearlib.linear.frequency_response import FrequencyResponse
 from gearlib.linear.steady_state import SteadyState
-from gearlib.many_runs.carry_out import carry_out, check_executor
+from gearlib.many_runs.execution import check_executor, execute
 from gearlib.many_runs.identity import of_function, of_functions, of_model, of_values
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import Samples, as_samples
@@ -202,4 +202,4 @@ def sweep(
     check_progress(progress)
     path = None if to is None else sweep_path(to)
     work = Analysing(analysis, system, {**options, "parameters": dict(samples.fixed)}, functions_of(reduce))
-    return carry_out(work, translation.name, samples, executor=executor, threads=threads, to=path, progress=progress)
+    return execute(work, translation.name, samples, executor=executor, threads=threads, to=path, progress=progress)

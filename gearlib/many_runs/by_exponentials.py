@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, SideBySide, lacks_anything
+from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, SideBySide, why_one_by_one
 from gearlib.run.linear_form import LinearForms, linear_forms
 from gearlib.run.request import Request
 from gearlib.run.translation import Translation
@@ -23,16 +23,16 @@ Floats = NDArray[np.float64]
 MOST_STRETCHES = 100  # of the output times, between corners of tables and switching times: beyond it single runs are as fast
 
 
-def lacks_exponentials(translation: Translation, asked: Request) -> str | None:
+def lacks_exponentials(translation: Translation, request: Request) -> str | None:
     """Why runs cannot be carried out by exponentials of many matrices at once, or None."""
-    method, scene = str(asked.method), translation.scene
+    method, scene = str(request.method), translation.scene
     if method not in ("auto", "exact"):
         return f"the method is {method}"
-    if reason := lacks_anything(translation, asked):
+    if reason := why_one_by_one(translation, request):
         return reason
     if len(scene.states) > DENSE_ALWAYS:
         return f"there are more than {DENSE_ALWAYS} states"
-    forms = linear_forms(scene, scene.prepared(asked.parameters), asked.signals)
+    forms = linear_forms(scene, scene.prepared(request.parameters), request.signals)
     return forms if isinstance(forms, str) else None
 
 
@@ -41,18 +41,18 @@ class ExactSweep(SideBySide):
     """Simulations of a linear scene by matrix exponentials; what drives it besides constants is the same in all runs."""
 
     @property
-    def told(self) -> Mapping[str, Any]:
+    def statistics(self) -> Mapping[str, Any]:
         return {"lanes": 1, "why": "matrix exponentials of many runs at once"}
 
-    def lack(self) -> str | None:
+    def why_scalar(self) -> str | None:
         """Why it cannot be done, or None."""
         found = self._times
         return found if isinstance(found, str) else None
 
     @cached_property
     def _forms(self) -> LinearForms | str:
-        scene, asked = self.translation.scene, self.asked
-        return linear_forms(scene, scene.prepared(asked.parameters), self.signals)
+        scene, request = self.translation.scene, self.request
+        return linear_forms(scene, scene.prepared(request.parameters), self.signals)
 
     @cached_property
     def _times(self) -> tuple[Forcing, list[Stretch], int] | str:

@@ -114,11 +114,11 @@ class Gathering:
             self._layout, self._values = layout, blank(row, len(self.samples))
             return
         shape = list(self.samples.shape)
-        told = {
+        statistics = {
             "digest": self._digest, "model": self.model, "shape": shape, "axes": list(self.samples.axes), **versions(),
             "coordinates": {name: np.asarray(numbers).tolist() for name, numbers in coordinates.items()},
         }  # fmt: skip
-        self._file = create(self.path, SweepLayout(len(self.samples), layout, self._columns(), told))
+        self._file = create(self.path, SweepLayout(len(self.samples), layout, self._columns(), statistics))
         self._layout, self._values = layout, blank(row, self._file.batch)
 
     def _axes(self, name: str, shape: tuple[int, ...]) -> tuple[str, ...]:
@@ -220,7 +220,7 @@ class Gathering:
         file, n = self._file, len(self.samples)
         stats = {
             "runs": n, "done": int(self.done.sum()), "failed": len(self.errors), "done_before": self.before,
-            "seconds": time.perf_counter() - self._begin, **self.work.told,
+            "seconds": time.perf_counter() - self._begin, **self.work.statistics,
         }  # fmt: skip
         layout, read = self._layout, file.read if file is not None else self._values.__getitem__
         if self.work.reshapes and layout:

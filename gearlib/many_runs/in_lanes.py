@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gearlib.arguments import shown
 from gearlib.compiler.instructions import LANES
 from gearlib.errors import ArgumentError, GearlibError
-from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, SideBySide, lacks_anything
-from gearlib.native.lane_source import LaneCode, lack, lane_code
+from gearlib.many_runs.side_by_side import Found, KeptStates, PreparedRuns, SideBySide, why_one_by_one
+from gearlib.native.lane_source import LaneCode, lane_code, why_scalar
 from gearlib.native.source import is_small
 from gearlib.reduce.coefficients import start_guess
 from gearlib.run.linear_form import LinearForms, linear_forms
@@ -42,37 +42,38 @@ def check_lanes(lanes: object) -> None:
         raise ArgumentError(f"lanes is {shown(lanes)}; expected 'auto', 1 or {LANES}")
 
 
-def lacks_lanes(translation: Translation, asked: Request) -> str | None:
+def lacks_lanes(translation: Translation, request: Request) -> str | None:
     """Why runs cannot be carried out in lanes, or None; what varies from run to run is looked at later."""
-    scene, method = translation.scene, str(asked.method)
-    if not (method == "rk5" or (method in ("rk", "auto") and asked.rtol >= ORDER5_FROM)):
+    scene, method = translation.scene, str(request.method)
+    if not (method == "rk5" or (method in ("rk", "auto") and request.rtol >= ORDER5_FROM)):
         return f"the method is {method}; lanes are Runge-Kutta of order 5: method='rk5'"
-    if reason := lacks_anything(translation, asked) or lack(scene.program):
+    if reason := why_one_by_one(translation, request) or why_scalar(scene.program):
         return reason
     if not is_small(scene.program):
         return "the model is large"
-    span = float(asked.times[-1]) - asked.t_start
-    if max(abs(asked.t_start), abs(float(asked.times[-1]))) >= LATE * span:
+    span = float(request.times[-1]) - request.t_start
+    if max(abs(request.t_start), abs(float(request.times[-1]))) >= LATE * span:
         return "the runs begin late"
-    if any(is_function(signal) for signal in asked.signals):
+    if any(is_function(signal) for signal in request.signals):
         return "inputs are functions of time"
-    if any(isinstance(s, Table) and not s.straight for s in asked.signals):
+    if any(isinstance(s, Table) and not s.straight for s in request.signals):
         return "an input is a table of cubics"
     return None
 
 
-def most_steps(translation: Translation, asked: Request) -> float | str:
+def most_steps(translation: Translation, request: Request) -> float | str:
     """Steps after which a lane gives up, so that a run among others that is stiff is left to ``"auto"``; or why none shall begin.
 
-    Where ``"auto"`` chooses the method, the first run decides, once for the whole sweep; ``asked`` has its numbers.
+    Where ``"auto"`` chooses the method, the first run decides, once for the whole sweep; ``request`` has its numbers.
     """
-    if str(asked.method) != "auto":
+    if str(request.method) != "auto":
         return float("inf")
     scene = translation.scene
-    forms = linear_forms(scene, scene.prepared(asked.parameters), asked.signals)
+    forms = linear_forms(scene, scene.prepared(request.parameters), request.signals)
     if isinstance(forms, LinearForms):
         steps = (
-            len(breakpoints(asked.signals)) + balanced_norm(forms.matrix) * (asked.times[-1] - asked.t_start) / REACH_OF_A_STEP
+            len(breakpoints(request.signals))
+            + balanced_norm(forms.matrix) * (request.times[-1] - request.t_start) / REACH_OF_A_STEP
         )
         if steps > MOST_OF_LINEAR:
             return f"the scene is linear: exponentials are faster than some {steps:.0f} steps"
@@ -80,7 +81,7 @@ def most_steps(translation: Translation, asked: Request) -> float | str:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            stats = run(translation, asked).stats
+            stats = run(translation, request).stats
     except GearlibError as problem:
         return f"the first run fails: {problem}"
     if stats.get("legs") != 1:
@@ -101,7 +102,7 @@ class LaneSweep(SideBySide):
     most_steps: float = float("inf")
 
     @property
-    def told(self) -> Mapping[str, Any]:
+    def statistics(self) -> Mapping[str, Any]:
         return {"lanes": LANES}
 
     def code(self, tables: tuple[int, ...]) -> LaneCode:
@@ -113,7 +114,7 @@ class LaneSweep(SideBySide):
         return code
 
     def runs_of(self, prepared: PreparedRuns) -> Iterator[Found]:
-        scene, asked = self.translation.scene, self.asked
+        scene, request = self.translation.scene, self.request
         tables = tuple(k for k, s in enumerate(prepared.signals) if isinstance(s, tuple))
         code = self.code(tables)
         data = code.numbers(prepared.parameters, prepared.numbers, prepared.solutions)
@@ -122,23 +123,23 @@ class LaneSweep(SideBySide):
         fitting = np.flatnonzero(good)
         if not len(fitting):
             return
-        absolute = absolute_tolerance(asked.atol, len(scene.states))
+        absolute = absolute_tolerance(request.atol, len(scene.states))
         first = int(fitting[0])
         numbers = scene.prepared(prepared.parameters[:, first].copy())
         begin = Start(prepared.states[first], start_guess(scene.model, numbers.parameters), ())
-        like = Run(scene, numbers, begin, prepared.signals_of(first), self.grid, asked.rtol, absolute, None, asked.max_step)
+        like = Run(scene, numbers, begin, prepared.signals_of(first), self.grid, request.rtol, absolute, None, request.max_step)
         problem = LaneProblem(
             code.function, prepared.states[fitting], data[fitting], self.grid, self.columns,
-            asked.rtol * scene.nominal if absolute is None else absolute, asked.rtol, like.longest_step,
+            request.rtol * scene.nominal if absolute is None else absolute, request.rtol, like.longest_step,
             *_pieces([prepared.signals[k] for k in tables], fitting, self.grid), self.most_steps,
         )  # fmt: skip
         runs = LaneRuns(problem)
-        told = np.zeros(len(fitting), bool)
-        more, why = True, "asked for" if str(asked.method) != "auto" else "neither events nor stiffness"
+        reported = np.zeros(len(fitting), bool)
+        more, why = True, "asked for" if str(request.method) != "auto" else "neither events nor stiffness"
         while more:
             more = runs.advance()
-            new = np.flatnonzero((runs.status != 0) & ~told)
-            told[new] = True
+            new = np.flatnonzero((runs.status != 0) & ~reported)
+            reported[new] = True
             ended = (runs.status[new] > 0) & np.isfinite(runs.out[new]).all(axis=(1, 2))
             yield from ((int(i), None) for i in fitting[new[~ended]])
             new = new[ended]

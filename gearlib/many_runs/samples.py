@@ -160,9 +160,9 @@ def as_samples(given: Any, names: Sequence[str] | None = None) -> Samples:
     columns, fixed = _sorted(values, "parameters")
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name} {n}" for name, n in list(lengths.items())[:8])
+        found = ", ".join(f"{name} {n}" for name, n in list(lengths.items())[:8])
         raise ArgumentError(
-            f"parameters: sequences run together and must be equally long, got {told}; for all combinations give gl.grid(...)"
+            f"parameters: sequences run together and must be equally long, got {found}; for all combinations give gl.grid(...)"
         )
     count = next(iter(lengths.values()), 1)
     if not count:

@@ -49,12 +49,12 @@ class KeptStates:
 Found = tuple[int, SimulatedResult | None] | KeptStates  # one run, or several; None: to be carried out by itself
 
 
-def lacks_anything(translation: Translation, asked: Request) -> str | None:
+def why_one_by_one(translation: Translation, request: Request) -> str | None:
     """Why runs cannot be prepared together, or None; what varies from run to run is looked at later."""
     scene = translation.scene
-    if isinstance(asked.start, Result) or (isinstance(asked.start, tuple) and isinstance(asked.start[0], Result)):
+    if isinstance(request.start, Result) or (isinstance(request.start, tuple) and isinstance(request.start[0], Result)):
         return "the runs go on from another one"
-    if translation.put_in or translation.controllers or translation.structure.switching:
+    if translation.substituted or translation.controllers or translation.structure.switching:
         return "the model has sampled controllers, or equations that other parameters change"
     if not scene.states or scene.n_modes:
         return "there are events" if scene.n_modes else "there are no states"
@@ -70,7 +70,7 @@ class SideBySide(ABC):
     Attributes
     ----------
     translation : Translation
-    asked : Request
+    request : Request
         With the parameters of the first run.
     parameters, inputs : mapping
         What is given for all runs, by path.
@@ -80,7 +80,7 @@ class SideBySide(ABC):
     """
 
     translation: Translation
-    asked: Request
+    request: Request
     parameters: Mapping[str, float]
     inputs: Mapping[str, Any]
     whole: bool
@@ -92,7 +92,7 @@ class SideBySide(ABC):
 
     @property
     @abstractmethod
-    def told(self) -> Mapping[str, Any]:
+    def statistics(self) -> Mapping[str, Any]:
         """What is to be said of it in the statistics of a sweep."""
 
     @abstractmethod
@@ -107,26 +107,26 @@ class SideBySide(ABC):
     @cached_property
     def grid(self) -> Floats:
         """The times, s, of which the first is the start."""
-        times, t_start = self.asked.times, self.asked.t_start
+        times, t_start = self.request.times, self.request.t_start
         return times if times[0] == t_start else np.concatenate([[t_start], times])
 
     @cached_property
     def signals(self) -> tuple[Any, ...]:
         """The inputs of the first run, with tables over the whole run."""
         ends = float(self.grid[0]), float(self.grid[-1])
-        return tuple(s.over(*ends) if isinstance(s, Table) else s for s in self.asked.signals)
+        return tuple(s.over(*ends) if isinstance(s, Table) else s for s in self.request.signals)
 
     @property
     def hidden(self) -> int:
         """So many of these times were not asked for."""
-        return len(self.grid) - len(self.asked.times)
+        return len(self.grid) - len(self.request.times)
 
     @cached_property
     def columns(self) -> Integers:
         """The states whose samples are computed."""
         return np.arange(len(self.translation.scene.states)) if self.whole else np.array(self.kept, np.int64)
 
-    def carried_out(
+    def results(
         self, parameters: Mapping[str, Floats], starts: Mapping[str, Floats], inputs: Mapping[str, Any], count: int
     ) -> Iterator[Found]:
         """Runs with their numbers, in the order in which they end; None stands for one that cannot be done so, or failed."""
@@ -219,7 +219,7 @@ class PreparedRuns:
     def _starts(self) -> Floats:
         sweep, scene = self.sweep, self.sweep.translation.scene
         states = np.full((self.count, len(scene.states)), np.nan)
-        if not self.varied[1] and sweep.asked.start is None:
+        if not self.varied[1] and sweep.request.start is None:
             alike = starts_of_runs(scene, self.parameters)
             if alike is not None:
                 return alike
@@ -240,17 +240,17 @@ class PreparedRuns:
     def start_of(self, i: int) -> Any:
         """What was asked for the start of a run."""
         starts = {name: float(column[i]) for name, column in self.varied[1].items()}
-        return {**(self.sweep.asked.start or {}), **starts} if starts else self.sweep.asked.start
+        return {**(self.sweep.request.start or {}), **starts} if starts else self.sweep.request.start
 
     def result(self, i: int, states: Floats, stats: Mapping[str, Any]) -> SimulatedResult:
         """The result of a run from its states at the samples."""
         sweep, own = self.sweep, self.sweep.translation
-        scene, asked, grid = own.scene, sweep.asked, sweep.grid
+        scene, request, grid = own.scene, sweep.request, sweep.grid
         parameters, signals = self.parameters[:, i].copy(), self.signals_of(i)
         segment = Segment(
             scene, grid[sweep.hidden :], states, np.zeros((len(states), 0)), parameters, signals,
             start_guess(scene.model, parameters), float(grid[0]),
         )  # fmt: skip
-        told = {**stats, "events": 0, "zero_inputs": asked.zero_inputs}
-        again = replace(asked, parameters=parameters, signals=signals, start=self.start_of(i))
-        return SimulatedResult([(segment, told, ())], own, again, run)
+        statistics = {**stats, "events": 0, "zero_inputs": request.zero_inputs}
+        again = replace(request, parameters=parameters, signals=signals, start=self.start_of(i))
+        return SimulatedResult([(segment, statistics, ())], own, again, run)

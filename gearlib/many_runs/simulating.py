@@ -39,7 +39,7 @@ class Simulating(Work):
     Attributes
     ----------
     translation : Translation
-    asked : Request
+    request : Request
         Request of a run without variation.
     outputs : tuple of str
         Variables whose histories are kept.
@@ -52,7 +52,7 @@ class Simulating(Work):
     """
 
     translation: Translation
-    asked: Request
+    request: Request
     outputs: tuple[str, ...]
     reduce: Mapping[str, Callable[[Any], Any]]
     parameters: Mapping[str, float]
@@ -60,15 +60,15 @@ class Simulating(Work):
     together_by: SideBySide | str
 
     def row(self, given: Mapping[str, Any]) -> Row:
-        asked, own, coordinates = self.asked, self.translation, self._coordinates
+        request, own, coordinates = self.request, self.translation, self._coordinates
         parameters, start, inputs = self._by_kind(given)
         translation, numbers = own.fitted({**self.parameters, **parameters})
         changed: dict[str, Any] = {"parameters": numbers}
         if start:
-            changed["start"] = {**(asked.start or {}), **start}
+            changed["start"] = {**(request.start or {}), **start}
         if inputs:
             changed["signals"] = tuple(translation.input_signals({**self.inputs, **inputs}))
-        result = run(translation, replace(asked, **changed))
+        result = run(translation, replace(request, **changed))
         return Row({name: result[name] for name in self.outputs} | reduced(self.reduce, result), coordinates)
 
     def together(
@@ -80,7 +80,7 @@ class Simulating(Work):
             return
         coordinates, given = self._coordinates, list(rows(part, count))
         of_states = {name: (self.translation.scene.named(name)[1], engine.column(name)) for name in self._histories_of}
-        for found in engine.carried_out(*self._by_kind(part), count):
+        for found in engine.results(*self._by_kind(part), count):
             if isinstance(found, KeptStates):
                 histories = {name: sign * found.states[:, :, k] for name, (sign, k) in of_states.items()}
                 values = {name: histories[name] for name in self.outputs}
@@ -102,9 +102,9 @@ class Simulating(Work):
             return problem
 
     @property
-    def told(self) -> Mapping[str, Any]:
+    def statistics(self) -> Mapping[str, Any]:
         engine = self.together_by
-        return {"lanes": 1, "why": engine} if isinstance(engine, str) else engine.told
+        return {"lanes": 1, "why": engine} if isinstance(engine, str) else engine.statistics
 
     def _by_kind(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """Parameters, start values by the path of the variable, and inputs."""
@@ -131,7 +131,7 @@ class Simulating(Work):
         scene = self.translation.scene
         names = [name for name in self.outputs if name not in scene.model.discretes.names]
         scene.compute_together([node for node, sign in map(scene.named, names) if sign and not scene.missing(node)])
-        return {TIME: self.asked.times} if self.outputs else {}
+        return {TIME: self.request.times} if self.outputs else {}
 
     def dimensions(self, name: str) -> tuple[str, ...]:
         return (TIME,) if name in self.outputs else ()
@@ -146,15 +146,15 @@ class Simulating(Work):
         return own.unit(name) if known else ""
 
     def identity(self) -> Iterator[bytes]:
-        asked = self.asked
+        request = self.request
         yield from of_model(self.translation)
-        yield repr((asked.t_start, asked.method, asked.rtol, asked.max_step, self.outputs)).encode()
-        yield from of_values([asked.times, asked.atol, asked.parameters, asked.start, list(asked.signals)])
+        yield repr((request.t_start, request.method, request.rtol, request.max_step, self.outputs)).encode()
+        yield from of_values([request.times, request.atol, request.parameters, request.start, list(request.signals)])
         yield from of_functions(self.reduce)
 
 
 def simulating(
-    translation: Translation, samples: Samples, asked: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any] | None,
+    translation: Translation, samples: Samples, request: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any] | None,
     outputs: Sequence[str] | None, reduce: Mapping[str, Callable[[Any], Any]] | None, lanes: int | str = "auto",
 ) -> Simulating:  # fmt: skip
     """The work of a sweep of simulations, with validated names.
@@ -177,8 +177,8 @@ def simulating(
         check_output(translation, name)
     for name in samples.names:
         kind = kind_of(translation, name)
-        if kind == "start" and asked.start is not None and not isinstance(asked.start, Mapping):
-            raise ArgumentError(f"parameters: {name} varies, but start={asked.start!r:.60} fixes all start values")
+        if kind == "start" and request.start is not None and not isinstance(request.start, Mapping):
+            raise ArgumentError(f"parameters: {name} varies, but start={request.start!r:.60} fixes all start values")
         if kind != "input":
             values = samples.columns.get(name, samples.fixed.get(name))
             for value in [values] if name in samples.fixed else values if isinstance(values, tuple) else []:
@@ -190,14 +190,14 @@ def simulating(
             f"{both.pop()} is the name of an output and of a function in reduce; give the function another name"
         )
     given = dict(parameters), dict(inputs or {})
-    found = _side_by_side(translation, samples, asked, *given, chosen, functions, lanes) if lanes != 1 else "asked for"
+    found = _side_by_side(translation, samples, request, *given, chosen, functions, lanes) if lanes != 1 else "asked for"
     if lanes == LANES and isinstance(found, str):
         raise ArgumentError(f"lanes is {LANES}, but these runs cannot be carried out so: {found}; leave it at 'auto'")
-    return Simulating(translation, asked, chosen, functions, *given, found)
+    return Simulating(translation, request, chosen, functions, *given, found)
 
 
 def _side_by_side(
-    translation: Translation, samples: Samples, asked: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any],
+    translation: Translation, samples: Samples, request: Request, parameters: Mapping[str, float], inputs: Mapping[str, Any],
     outputs: Sequence[str], reduce: Mapping[str, Callable[[Any], Any]], lanes: int | str,
 ) -> SideBySide | str:  # fmt: skip
     """What carries the runs out side by side, or why they are carried out one after another."""
@@ -206,9 +206,9 @@ def _side_by_side(
     own = [signal for column in samples.columns.values() if isinstance(column, tuple) for signal in column]
     if any(map(is_function, own)):
         return "inputs are functions of time"
-    asked = replace(asked, parameters=_first_parameters(translation, samples, asked, parameters))
-    no_lanes = lacks_lanes(translation, asked)
-    no_exponentials = lacks_exponentials(translation, asked) if lanes == "auto" else "lanes are asked for"
+    request = replace(request, parameters=_first_parameters(translation, samples, request, parameters))
+    no_lanes = lacks_lanes(translation, request)
+    no_exponentials = lacks_exponentials(translation, request) if lanes == "auto" else "lanes are asked for"
     no_exponentials = "each run has a table of its own" if own else no_exponentials
     if no_lanes and no_exponentials:
         return no_lanes
@@ -219,23 +219,23 @@ def _side_by_side(
         return "an output needs more states than the system was compiled for; name it in gl.compile(..., outputs=[...])"
     whole = len(reductions) < len(reduce) or not all(node in scene.place_of for node in nodes)
     kept = () if whole else tuple(dict.fromkeys(scene.place_of[node] for node in nodes))
-    given = translation, asked, parameters, inputs, whole, kept
+    given = translation, request, parameters, inputs, whole, kept
     if not no_exponentials:
         exact = ExactSweep(*given)
-        if (no_exponentials := exact.lack()) is None:
+        if (no_exponentials := exact.why_scalar()) is None:
             return exact
-    most = no_lanes or most_steps(translation, asked)
+    most = no_lanes or most_steps(translation, request)
     return most if isinstance(most, str) else LaneSweep(*given, most)
 
 
-def _first_parameters(translation: Translation, samples: Samples, asked: Request, fixed: Mapping[str, float]) -> Floats:
+def _first_parameters(translation: Translation, samples: Samples, request: Request, fixed: Mapping[str, float]) -> Floats:
     """The parameters of the first run, or those that all runs start from where it needs another translation."""
     names = [name for name in samples.columns if kind_of(translation, name) == "parameter"]
     try:
         own, numbers = translation.fitted({**fixed, **{name: float(samples.columns[name][0]) for name in names}})
     except GearlibError:
-        return asked.parameters
-    return numbers if own is translation else asked.parameters
+        return request.parameters
+    return numbers if own is translation else request.parameters
 
 
 def functions_of(reduce: Any) -> dict[str, Callable[[Any], Any]]:

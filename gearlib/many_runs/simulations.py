@@ -8,13 +8,13 @@ from typing import Any
 from gearlib.arguments import by_name
 from gearlib.errors import ArgumentError
 from gearlib.files.sweep_files import sweep_path
-from gearlib.many_runs.carry_out import carry_out, check_executor
+from gearlib.many_runs.execution import check_executor, execute
 from gearlib.many_runs.in_lanes import check_lanes
 from gearlib.many_runs.runs import Runs
 from gearlib.many_runs.samples import as_samples
 from gearlib.many_runs.simulating import kind_of, simulating
 from gearlib.progress import check_progress
-from gearlib.run.simulate import request, warn_of_zero_inputs
+from gearlib.run.simulate import checked_request, warn_of_zero_inputs
 from gearlib.run.start_values import start_named
 from gearlib.run.translation import Translation
 
@@ -42,10 +42,10 @@ def sweep_runs(
     if twice := {*given, *first} & {*(inputs or {})}:
         raise ArgumentError(f"the input {twice.pop()} is given in parameters and in inputs; give it once")
     all_inputs = {**(inputs or {}), **given, **first} if inputs is not None or given or first else None
-    own, asked = request(
+    own, request = checked_request(
         translation, t_end, start={**(start or {}), **starts} if starts else start, inputs=all_inputs, **options
     )  # fmt: skip
-    warn_of_zero_inputs(translation, asked.zero_inputs, "all runs of this sweep", "sweep")
+    warn_of_zero_inputs(translation, request.zero_inputs, "all runs of this sweep", "sweep")
     common = {**(inputs or {}), **given}
-    work = simulating(own, samples, asked, fixed, common, outputs, reduce, lanes)
-    return carry_out(work, own.name, samples, executor=executor, threads=threads, to=path, progress=progress)
+    work = simulating(own, samples, request, fixed, common, outputs, reduce, lanes)
+    return execute(work, own.name, samples, executor=executor, threads=threads, to=path, progress=progress)

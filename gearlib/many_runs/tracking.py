@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.many_runs.samples import Samples
-from gearlib.vibration.likeness import same_modes
+from gearlib.vibration.mode_matching import same_modes
 
 Complexes = NDArray[np.complex128]
 Integers = NDArray[np.int64]

@@ -75,7 +75,7 @@ class Work(ABC):
             return problem
 
     @property
-    def told(self) -> Mapping[str, Any]:
+    def statistics(self) -> Mapping[str, Any]:
         """What is to be said of how the runs are carried out, among the sweep's ``stats``."""
         return {}
 

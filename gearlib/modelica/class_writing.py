@@ -152,7 +152,7 @@ class ClassText:
         self.counterparts = {name: package.counterpart(part) for name, part in self.parts.items()}
         self.names: dict[str, str] = {}  # parts that cannot be elements of an array
         self.lifted: list[Lifted] = []
-        self.told: dict[str, list[str]] | None = None
+        self.separated: dict[str, list[str]] | None = None
         for name, part in self.parts.items():
             if isinstance(part, Sampled):
                 raise ModelicaError(f"{name} calls a Python function, which cannot be written in Modelica")
@@ -270,26 +270,26 @@ class ClassText:
 
     def families(self) -> dict[str, list[str]]:
         """The parts by family; single parts, and members of a family that differ, stand alone."""
-        if self.told is None:
-            self.told = self._tell_families()
-        return self.told
+        if self.separated is None:
+            self.separated = self._separate_families()
+        return self.separated
 
-    def _tell_families(self) -> dict[str, list[str]]:
+    def _separate_families(self) -> dict[str, list[str]]:
         families: dict[str, list[str]] = {}
         for name in self.parts:
             found = _ELEMENT.match(name)
             families.setdefault(found[1] if found else name, []).append(name)
-        told: dict[str, list[str]] = {}
+        separated: dict[str, list[str]] = {}
         for family, members in families.items():
             alike = len({self._kind(name) for name in members}) == 1
             if alike or members == [family]:
-                told[family] = members
+                separated[family] = members
                 continue
             for name in members:
                 own = name.replace("[", "_").replace("]", "")
                 self.names[name] = own
-                told[name] = [name]
-        return told
+                separated[name] = [name]
+        return separated
 
     def _kind(self, name: str) -> str:
         found = self.counterparts[name]

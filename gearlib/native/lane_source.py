@@ -29,7 +29,7 @@ ONE = -1  # the slot of the number one
 HEAD = "def rhs(time: lanes, x: lanes, dx: lanes, data: lanes) -> int32:"
 
 
-def lack(program: Program) -> str | None:
+def why_scalar(program: Program) -> str | None:
     """Why a program cannot be computed in lanes, or None."""
     if any(isinstance(step, Newton) for step in program.steps):
         return "equations are solved by iteration"
@@ -75,7 +75,7 @@ class LaneCode:
 
 
 def lane_code(program: Program, n_parameters: int, tables: tuple[int, ...] = ()) -> LaneCode:
-    """Compile a program that has no `lack`; the inputs ``tables`` are straight lines in time."""
+    """Compile a program that has no `why_scalar`; the inputs ``tables`` are straight lines in time."""
     unknown = [
         np.ones((1, len(step.unknowns), len(step.known))) for step in program.steps if isinstance(step, Linear)
     ]  # which numbers they are does not matter to the source

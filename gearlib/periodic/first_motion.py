@@ -182,7 +182,7 @@ class Forced:
         }
         translation, numbers = self.translation.fitted(self.values(omega))
         start = dict(guess) if guess else None
-        asked = Request(
+        request = Request(
             0.0,
             times,
             "auto",
@@ -194,7 +194,7 @@ class Forced:
             progress=False,
             max_step=None,
         )
-        found = run(translation, asked)
+        found = run(translation, request)
         x = np.array([found.history_of(s)[1:] for s in scene.states])
         basis = fourier(omega * times[1:], self.harmonics)
         result: Floats = np.linalg.lstsq(basis, x.T, rcond=None)[0]

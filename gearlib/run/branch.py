@@ -82,10 +82,10 @@ def follow(
     SolverError
         The equations have no solution at some time.
     """
-    return _Walk(prepared, path, begin, end, events, guess, settle).whole()
+    return _Tracking(prepared, path, begin, end, events, guess, settle).whole()
 
 
-class _Walk:
+class _Tracking:
     """Candidate points along a run, what is known there, and how far the unknowns have been tracked."""
 
     def __init__(

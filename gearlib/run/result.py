@@ -435,9 +435,9 @@ class SimulatedResult(Result):
     ) -> None:  # fmt: skip
         (first, stats, _), *later = parts
         self.time = np.concatenate([first.time, *(part.time[1:] for part, *_ in later)])
-        told = Statistics(stats)
-        told.check_energy = self.check_energy
-        self.stats = told
+        statistics = Statistics(stats)
+        statistics.check_energy = self.check_energy
+        self.stats = statistics
         for _, more, _ in later:
             self.stats |= {k: self.stats[k] + more[k] for k in ADDED if isinstance(more.get(k), (int, float)) and k in stats}
         if later:
@@ -478,9 +478,9 @@ class SimulatedResult(Result):
 
     def sensitivity(self, name: str, parameter: str) -> Floats:
         name, parameter = one_name("name", name, "load.w"), one_name("parameter", parameter, "load.J")
-        asked = self.request.directions
-        if asked is None or parameter not in asked.place:
-            known = [] if asked is None else asked.names
+        directions = self.request.directions
+        if directions is None or parameter not in directions.place:
+            known = [] if directions is None else directions.names
             advice = f"it has {', '.join(known)}" if known else "it has none"
             raise ArgumentError(
                 f"the run was not asked for sensitivities with respect to {parameter!r} ({advice}): "
@@ -491,7 +491,7 @@ class SimulatedResult(Result):
         node, sign = self.scene.named(name)
         if sign == 0:
             return np.zeros_like(self.time)
-        return sign * self._tangents_of(node)[:, asked.place[parameter]]
+        return sign * self._tangents_of(node)[:, directions.place[parameter]]
 
     def gradient(self, weights: Mapping[str, ArrayLike], names: Sequence[str]) -> dict[str, float]:
         from gearlib.run.tangents.gradient import gradient_of
@@ -536,20 +536,20 @@ class SimulatedResult(Result):
         return {name: float(found[name][sample]) for name in self._outputs}
 
     def record(self, names: Sequence[str] | None = None) -> Record:
-        asked, translation = self.request, self.translation
+        request, translation = self.request, self.translation
         if names is not None:
             chosen = list(dict.fromkeys(name_list("names", names, "load.w")))
         else:
             chosen = self._computable(self.scene.model.names()) if translation.outputs is None else self.keys()
         histories, places = self._gathered(chosen)
-        model, numbers, told = self.scene.model, asked.parameters.tolist(), [self._told(name) for name in chosen]
+        model, numbers, described = self.scene.model, request.parameters.tolist(), [self._told(name) for name in chosen]
         table = model.parameters
         known = {name: x for k, (name, x) in enumerate(zip(table.names, numbers, strict=True)) if k not in table.written}
         return Record(
             self.time, histories, tuple(chosen), tuple(column for column, _ in places), tuple(sign for _, sign in places),
-            tuple(unit for unit, _ in told), tuple(text for _, text in told), translation.name, known, self.stats,
-            tuple(self.events), {"method": str(asked.method), "rtol": asked.rtol, "atol": asked.atol, "t_start": asked.t_start,
-            "max_step": asked.max_step}, versions(),
+            tuple(unit for unit, _ in described), tuple(text for _, text in described), translation.name, known, self.stats,
+            tuple(self.events), {"method": str(request.method), "rtol": request.rtol, "atol": request.atol, "t_start": request.t_start,
+            "max_step": request.max_step}, versions(),
         )  # fmt: skip
 
     def _computable(self, names: Iterable[str]) -> list[str]:
@@ -618,10 +618,10 @@ class SimulatedResult(Result):
 
     def _again(self, states: tuple[Node, ...], times: Floats | None = None) -> SimulatedResult:
         """The same run with other states or other sample times."""
-        asked = self.request
-        atol = asked.atol if states == self.translation.scene.states or np.ndim(asked.atol) == 0 else None  # type: ignore[arg-type]
-        asked = replace(asked, times=asked.times if times is None else times, atol=atol)
-        return self._run(self.translation, asked, self.translation.with_states(states))
+        request = self.request
+        atol = request.atol if states == self.translation.scene.states or np.ndim(request.atol) == 0 else None  # type: ignore[arg-type]
+        request = replace(request, times=request.times if times is None else times, atol=atol)
+        return self._run(self.translation, request, self.translation.with_states(states))
 
     def with_sample(self, t: float) -> SimulatedResult:
         """The run itself if a time is one of its samples, else the run repeated up to it."""
@@ -671,10 +671,10 @@ class SimulatedResult(Result):
     def _energy_balance(self) -> EnergyBalance:
         return self._balance(self.request)
 
-    def _balance(self, asked: Request) -> EnergyBalance:
+    def _balance(self, request: Request) -> EnergyBalance:
         from gearlib.run.energy.audit import energy_balance
 
-        return energy_balance(self.translation, asked, self.time, [t for t, _ in self.events], self._run)
+        return energy_balance(self.translation, request, self.time, [t for t, _ in self.events], self._run)
 
     def energy_balance(self) -> EnergyBalance:
         return self._energy_balance

@@ -28,7 +28,7 @@ from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
 from gearlib.run.state_switching import integrate_through
-from gearlib.run.tangents.asked import directions
+from gearlib.run.tangents.requested import directions
 from gearlib.run.tangents.tangents import Tangents
 from gearlib.run.translation import Translation
 from gearlib.solvers.inputs.table import Table, values
@@ -37,7 +37,7 @@ Floats = NDArray[np.float64]
 INTERRUPTS = ("raise", "stop")
 
 
-def run(translation: Translation, asked: Request, scene: Scene | None = None) -> SimulatedResult:
+def run(translation: Translation, request: Request, scene: Scene | None = None) -> SimulatedResult:
     """Integrate a scene of a translation, by default its own.
 
     Raises
@@ -46,19 +46,19 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         The message names what was found and what was expected.
     """
     scene = scene or translation.scene
-    parameters, times = asked.parameters, asked.times
-    signals = tuple(s.over(asked.t_start, float(times[-1])) if isinstance(s, Table) else s for s in asked.signals)
+    parameters, times = request.parameters, request.times
+    signals = tuple(s.over(request.t_start, float(times[-1])) if isinstance(s, Table) else s for s in request.signals)
     numbers = scene.prepared(parameters)
-    grid = times if times[0] == asked.t_start else np.concatenate([[asked.t_start], times])
+    grid = times if times[0] == request.t_start else np.concatenate([[request.t_start], times])
     if translation.structure.switching:
         refuse_jumps(translation.structure, scene.program, parameters, float(grid[0]), float(grid[-1]))
-    earlier = earlier_run(translation, asked.start)
-    absolute = absolute_tolerance(asked.atol, len(scene.states))
+    earlier = earlier_run(translation, request.start)
+    absolute = absolute_tolerance(request.atol, len(scene.states))
 
     def begun(begin: Start) -> Run:
         return Run(
-            scene, numbers, begin, signals, grid, asked.rtol, absolute, begin.modes, asked.max_step, form=asked.form,
-            backend=asked.backend,
+            scene, numbers, begin, signals, grid, request.rtol, absolute, begin.modes, request.max_step, form=request.form,
+            backend=request.backend,
         )  # fmt: skip
 
     if earlier:
@@ -66,12 +66,12 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         signals = given_before(translation.controllers, earlier[0].request.signals, signals)
         first = begun(begin)
     else:
-        varied = asked.directions
+        varied = request.directions
         seeds = None if varied is None else varied.seeds
         own_seeds = () if varied is None else varied.starts
 
         def start(with_inputs: tuple[Any, ...]) -> Start:
-            return translation.start(scene, parameters, float(grid[0]), asked.start, with_inputs, True, seeds, own_seeds)
+            return translation.start(scene, parameters, float(grid[0]), request.start, with_inputs, True, seeds, own_seeds)
 
         begin = start(signals)
         first = begun(begin)
@@ -79,26 +79,26 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
             first = begun_with(start, first, translation.controllers)
             begin, signals = first.start, first.signals
         refuse_start(scene, parameters, float(grid[0]), values(signals, grid[:1])[:, 0], begin)
-    if asked.directions is not None:
+    if request.directions is not None:
         assert begin.changes is not None, "they were asked for"
-        first = replace(first, tangents=Tangents(asked.directions, begin.changes))
-    with reporting(asked.progress, f"{translation.name}, {grid[0]:g} .. {grid[-1]:g} s") as tell:
+        first = replace(first, tangents=Tangents(request.directions, begin.changes))
+    with reporting(request.progress, f"{translation.name}, {grid[0]:g} .. {grid[-1]:g} s") as tell:
         watch = None if tell is None else RunProgress(tell, float(grid[0]), float(grid[-1]))
-        stops = asked.on_interrupt == "stop" and not translation.controllers
+        stops = request.on_interrupt == "stop" and not translation.controllers
         if watch is not None or stops:
             first = replace(first, tell=watch, may_stop=stops)
         if translation.controllers:
             joined, solution, pieces = integrate_sampled(
                 first,
-                method_of(asked.method),
+                method_of(request.method),
                 translation.switched,
                 translation.controllers,
-                asked.pieces,
+                request.pieces,
                 begun=earlier is not None,
             )
-            parts, asked = [(joined, solution)], replace(asked, pieces=pieces, signals=joined.signals)
+            parts, request = [(joined, solution)], replace(request, pieces=pieces, signals=joined.signals)
         else:
-            parts = integrate_through(first, method_of(asked.method), translation.switched)
+            parts = integrate_through(first, method_of(request.method), translation.switched)
         if watch is not None and parts[-1][1].status != "interrupted":
             watch.end(parts[-1][1].t_last)
     if parts[-1][1].status == "interrupted":
@@ -108,8 +108,8 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         parts[-1][1].stats["interrupted"] = reached
         warn(f"the run was interrupted at t = {reached:.6g} s: its result ends at the last sample before", GearlibWarning)
     hidden = [len(grid) - len(times), *[0] * len(parts[1:])]  # the start, if it was not requested
-    given = {"zero_inputs": asked.zero_inputs}
-    method = method_of(asked.method)
+    given = {"zero_inputs": request.zero_inputs}
+    method = method_of(request.method)
 
     def finer(part: Run, more: Floats) -> Segment:
         """A segment with other samples, over the same interval: steps do not depend on samples."""
@@ -121,12 +121,12 @@ def run(translation: Translation, asked: Request, scene: Scene | None = None) ->
         for (part, o), skipped in zip(parts, hidden, strict=True)
     ]
     if first.longest_step < math.inf:
-        asked = replace(asked, max_step=first.longest_step)  # a repeated run takes the same steps
-    refuse_too_small([part for part, _, _ in found], asked.rtol)
-    return SimulatedResult(found, translation, asked, run)
+        request = replace(request, max_step=first.longest_step)  # a repeated run takes the same steps
+    refuse_too_small([part for part, _, _ in found], request.rtol)
+    return SimulatedResult(found, translation, request, run)
 
 
-def request(
+def checked_request(
     translation: Translation, t_end: float, *, t_start: float | None = None, samples: int | None = None,
     times: ArrayLike | None = None, method: str | Method = "auto", rtol: float = 1e-6, atol: ArrayLike | None = None,
     parameters: Mapping[str, float] | None = None, start: Any = None, inputs: Mapping[str, Any] | None = None,

@@ -168,14 +168,14 @@ def start_values(
         x = np.where(orders == 0, guess[variables], 0.0)
         moved = None if seeds is None else _Change.of_guess(scene, seeds, overrides, own_seeds).states[scene.places]
         return Start(x[scene.places], guess, scene.unfixed, changes=moved)
-    asked = (
+    key = (
         parameters.tobytes(),
         inputs.tobytes(),
         t,
         tuple(overrides.items()),
         discretes if discretes is None else discretes.tobytes(),
     )
-    if seeds is None and (known := scene.started.get(asked)) is not None:
+    if seeds is None and (known := scene.started.get(key)) is not None:
         again: Start = replace(known, states=known.states.copy(), guess=known.guess.copy())
         return again
     fixed = fixed_values(model, parameters, overrides)
@@ -195,7 +195,7 @@ def start_values(
     if change is not None:
         return Start(x[scene.places], guess, open_, changes=change.states[scene.places])
     scene.started.clear()
-    scene.started[asked] = Start(x[scene.places], guess.copy(), open_)
+    scene.started[key] = Start(x[scene.places], guess.copy(), open_)
     return Start(x[scene.places], guess, open_)
 
 

@@ -96,14 +96,14 @@ class Variants:
         """In which runs no coefficient is zero; ``parameters`` has the shape (parameters, runs)."""
         return nothing_special(self.factors, self.sums, parameters)
 
-    def translated(self, put_in: Special, parameters: Floats, model: FlatModel | None = None) -> Translation:
+    def translated(self, substituted: Special, parameters: Floats, model: FlatModel | None = None) -> Translation:
         """The translation with the values of some parameters substituted into its equations."""
-        if put_in not in self.known:
-            model = model or flatten(self.component, put_in)
+        if substituted not in self.known:
+            model = model or flatten(self.component, substituted)
             structure = analyse(model, coefficients_of(model, parameters, 0.0))
             scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
-            self.known[put_in] = Translation(structure, scene, self.outputs, self.component, self, put_in)
-        return self.known[put_in]
+            self.known[substituted] = Translation(structure, scene, self.outputs, self.component, self, substituted)
+        return self.known[substituted]
 
     def fitting(self, parameters: Floats) -> Translation:
         """A translation that can be solved with these parameters: the general one, or one with the special values substituted.
@@ -122,7 +122,7 @@ class Variants:
         """A translation, or one with sums of equations in which the highest derivatives cancel; the former where none can be solved."""
         if found.scene.can_be_prepared(parameters):
             return found
-        known = self.combined.setdefault(found.put_in, {})
+        known = self.combined.setdefault(found.substituted, {})
         for other in known.values():
             if other.cancels_as_before(parameters) and other.scene.can_be_prepared(parameters):
                 return other
@@ -181,7 +181,7 @@ class Translation:
         The component that was translated.
     variants : Variants
         Other translations of the same component.
-    put_in : frozenset of (int, float)
+    substituted : frozenset of (int, float)
         Parameters whose values are substituted into the equations, since a coefficient vanishes there.
     rounds : tuple
         Sums of equations whose highest derivatives cancel, round by round; each replaces one of its equations.
@@ -200,7 +200,7 @@ class Translation:
     outputs: tuple[str, ...] | None
     component: Component
     variants: Variants
-    put_in: Special
+    substituted: Special
     rounds: Rounds = ()
     before: tuple[Structure, ...] = ()
     decisive: Special = frozenset()
@@ -241,12 +241,12 @@ class Translation:
     @property
     def special(self) -> list[str]:
         """The parameters whose values are substituted into the equations, such as ``body.J = 0``."""
-        return self.variants.named(self.put_in)
+        return self.variants.named(self.substituted)
 
     @property
     def decided_by(self) -> Special:
         """Parameters, with their values, that decided which equation determines what."""
-        return self.put_in | self.decisive
+        return self.substituted | self.decisive
 
     def cancels_as_before(self, parameters: Floats) -> bool:
         """Whether the highest derivatives cancel in all sums of equations with these parameters, too."""
@@ -269,7 +269,7 @@ class Translation:
         )
         decisive = self.decisive | {(p, float(parameters[p])) for each in sums for p in each.decisive}
         scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
-        return Translation(structure, scene, self.outputs, self.component, self.variants, self.put_in, (*self.rounds, sums),
+        return Translation(structure, scene, self.outputs, self.component, self.variants, self.substituted, (*self.rounds, sums),
                            (*self.before, self.structure), decisive)  # fmt: skip
 
     def unit(self, name: str) -> str:
@@ -346,7 +346,7 @@ class Translation:
         Zeros may change the matching (a body without inertia has no acceleration of its own), so where a zero would be divided by, the
         model is translated again, once per set of zeros.
         """
-        general = not self.put_in and not self.rounds and not self.variants.special(parameters)
+        general = not self.substituted and not self.rounds and not self.variants.special(parameters)
         if general and self.scene.can_be_prepared(parameters):
             return self
         return self.variants.fitting(parameters)
@@ -512,19 +512,19 @@ class Translation:
         return replace(begin, modes=modes[:, 0])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _translated_again, (packed((self.component, self.outputs)), self.put_in, self.rounds, self.decisive)
+        return _translated_again, (packed((self.component, self.outputs)), self.substituted, self.rounds, self.decisive)
 
 
 @lru_cache(maxsize=16)
-def _translated_again(recipe: bytes, put_in: Special, rounds: Rounds = (), decisive: Special = frozenset()) -> Translation:
+def _translated_again(recipe: bytes, substituted: Special, rounds: Rounds = (), decisive: Special = frozenset()) -> Translation:
     """Unpickle a translation in another process, or a copy: translated once for all results from there."""
     component, outputs = pickle.loads(recipe)
     found = translate(component, outputs)
     numbers = found.model.parameters.defaults.copy()
-    for p, value in put_in | decisive:
+    for p, value in substituted | decisive:
         numbers[p] = value
-    if found.put_in != put_in or found.rounds != rounds:
-        found = found.variants.translated(put_in, numbers)
+    if found.substituted != substituted or found.rounds != rounds:
+        found = found.variants.translated(substituted, numbers)
         for sums in rounds:
             found = found.with_sums(sums, numbers)
     return found

@@ -17,7 +17,7 @@ from gearlib.optional import optional
 from gearlib.progress import RunProgress, check_progress, reporting
 from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
-from gearlib.vibration.likeness import same_modes
+from gearlib.vibration.mode_matching import same_modes
 from gearlib.vibration.modes import Modes, modes
 
 if TYPE_CHECKING:

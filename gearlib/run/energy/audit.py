@@ -68,7 +68,7 @@ class Histories(Protocol):
 
 
 def energy_balance(
-    translation: Translation, asked: Request, samples: Floats, events: Sequence[float],
+    translation: Translation, request: Request, samples: Floats, events: Sequence[float],
     run: Callable[[Translation, Request, Scene], Histories],
 ) -> EnergyBalance:  # fmt: skip
     """Energy balance of a run; `Result.energy_balance` is the public interface.
@@ -76,7 +76,7 @@ def energy_balance(
     Parameters
     ----------
     translation : Translation
-    asked : Request
+    request : Request
         The run's request.
     samples : array
         Times of the result.
@@ -86,14 +86,14 @@ def energy_balance(
         Repeats the run with other samples, in a scene with the states that the powers need.
     """
     parts, scene = translation.energies, translation.energy_scene
-    atol = None if np.ndim(asked.atol or 0.0) else asked.atol
+    atol = None if np.ndim(request.atol or 0.0) else request.atol
 
     def again(times: Floats) -> Histories:
-        return run(translation, replace(asked, times=times, atol=atol, progress=False, directions=None), scene)
+        return run(translation, replace(request, times=times, atol=atol, progress=False, directions=None), scene)
 
-    values_of = dict(zip(translation.model.parameters.names, asked.parameters.tolist(), strict=True))
+    values_of = dict(zip(translation.model.parameters.names, request.parameters.tolist(), strict=True))
     return balance(
-        parts, samples, events, asked.rtol, again, values_of, asked.rtol if atol is None else float(np.asarray(atol, float))
+        parts, samples, events, request.rtol, again, values_of, request.rtol if atol is None else float(np.asarray(atol, float))
     )
 
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gearlib.errors import SolverError
-from gearlib.run.methods.closed_form import carry_out, exponential, too_many_corners
+from gearlib.run.methods.closed_form import exponential, exponential_solution, too_many_corners
 from gearlib.run.methods.explicit import order_of
 from gearlib.run.methods.implicit import Implicit
-from gearlib.run.methods.method import carried_out, finished
+from gearlib.run.methods.method import finished, with_callbacks
 from gearlib.run.methods.native_problem import memory, problem_of
 from gearlib.run.methods.run import Run
 from gearlib.solvers.alternation import Leg, alternate
@@ -40,7 +40,7 @@ class Automatic:
             try:
                 reason = too_many_corners(run, found)
                 if reason is None:
-                    return carry_out(run, found, "the scene is linear and time-invariant")
+                    return exponential_solution(run, found, "the scene is linear and time-invariant")
                 form = reason
             except SolverError as problem:
                 form = str(problem)
@@ -61,7 +61,7 @@ class Alternating:
 
     def solve(self, run: Run, why: str) -> Solution:
         """Integrate a run; ``stats["why"]`` of the solution lists the legs."""
-        return carried_out(run, lambda callbacks: _alternated(run, callbacks, why))
+        return with_callbacks(run, lambda callbacks: _alternated(run, callbacks, why))
 
 
 def _alternated(run: Run, callbacks: Callbacks, why: str) -> Solution:

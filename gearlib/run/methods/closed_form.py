@@ -47,7 +47,7 @@ class Exact(Method):
         found = exponential(run)
         if isinstance(found, str):
             raise refusal(self.name, self._lack(found))
-        return carry_out(run, found, why)
+        return exponential_solution(run, found, why)
 
     @staticmethod
     def _lack(reason: str) -> str:
@@ -85,10 +85,10 @@ def exponential(run: Run) -> Exponential | str:
         known = Exact().stepper(_problem(run, linear))
         linear.stepper[:] = [known]
     stepper: Exponential = known
-    return stepper.lack or stepper
+    return stepper.why_not or stepper
 
 
-def carry_out(run: Run, stepper: Exponential, why: str) -> Solution:
+def exponential_solution(run: Run, stepper: Exponential, why: str) -> Solution:
     """Integrate by matrix exponentials; relations, which depend on time only, are evaluated at the samples."""
     problem = stepper.problem
     if problem.x0.tobytes() != run.start.states.tobytes():

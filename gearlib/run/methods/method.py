@@ -86,7 +86,7 @@ class Method(ABC):
         """Integrate a run."""
         if reason := self.fits(run):
             raise refusal(self.name, reason)
-        return carried_out(run, lambda callbacks: self._to_the_end(run, callbacks, why))
+        return with_callbacks(run, lambda callbacks: self._to_the_end(run, callbacks, why))
 
     def _to_the_end(self, run: Run, callbacks: Callbacks, why: str) -> Solution:
         problem = problem_of(run, callbacks, self.jacobian)
@@ -101,7 +101,7 @@ def refusal(name: str, reason: str) -> ArgumentError:
     return ArgumentError(f"method={name!r} {reason}; use method='auto', 'rk' or 'ida'")
 
 
-def carried_out(run: Run, integrated: Callable[[Callbacks], Solution]) -> Solution:
+def with_callbacks(run: Run, integrated: Callable[[Callbacks], Solution]) -> Solution:
     """The solution of a run; checks the Python callbacks, and adds advice to solver errors."""
     callbacks = Callbacks()
     try:

@@ -29,7 +29,7 @@ def register_method(method: Method) -> None:
     METHODS[method.name] = method
 
 
-def method_of(asked: str | Method) -> Integrates:
+def method_of(choice: str | Method) -> Integrates:
     """The method that a name stands for, or the instance that was given.
 
     Raises
@@ -37,11 +37,11 @@ def method_of(asked: str | Method) -> Integrates:
     ArgumentError
         Unknown name; the message lists the known ones.
     """
-    if isinstance(asked, Method):
-        return asked
-    if not isinstance(asked, str) or asked not in METHODS:
+    if isinstance(choice, Method):
+        return choice
+    if not isinstance(choice, str) or choice not in METHODS:
         advice = (
-            nearest(asked, list(METHODS)) if isinstance(asked, str) else f"Valid names: {', '.join(METHODS)}, or a gl.Method"
+            nearest(choice, list(METHODS)) if isinstance(choice, str) else f"Valid names: {', '.join(METHODS)}, or a gl.Method"
         )
-        raise ArgumentError(f"there is no method {shown(asked)}; {advice}")
-    return METHODS[asked]
+        raise ArgumentError(f"there is no method {shown(choice)}; {advice}")
+    return METHODS[choice]

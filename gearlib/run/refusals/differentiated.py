@@ -6,7 +6,7 @@ from typing import Any
 
 from gearlib.errors import ArgumentError
 from gearlib.run.result import Result
-from gearlib.run.tangents.asked import CONTINUED, refuse_form
+from gearlib.run.tangents.requested import CONTINUED, refuse_form
 from gearlib.run.translation import Translation
 
 

@@ -15,7 +15,7 @@ from gearlib.run.energy.audit import Histories
 from gearlib.run.request import Request
 from gearlib.run.scene import Scene
 from gearlib.run.tangents.adjoint import FEWEST, MOST_STATES, TIGHTEST, Adjoint
-from gearlib.run.tangents.asked import CONTINUED, directions, refuse_form
+from gearlib.run.tangents.requested import CONTINUED, directions, refuse_form
 from gearlib.run.translation import Translation
 from gearlib.solvers.exponential.dense import balanced_norm
 from gearlib.solvers.inputs.table import Table, values
@@ -28,7 +28,7 @@ MOST_AT_FIRST = 5000  # steps
 
 
 def gradient_of(
-    translation: Translation, asked: Request, scene: Scene, times: Floats, weights: Any, names: Any, run: Run
+    translation: Translation, request: Request, scene: Scene, times: Floats, weights: Any, names: Any, run: Run
 ) -> dict[str, float]:
     """The derivatives of a weighted sum of samples; arguments as for `Result.gradient`, and the run.
 
@@ -41,8 +41,8 @@ def gradient_of(
     chosen = name_list("names", names, "shaft.c")
     if not given or not chosen:
         raise ArgumentError(f"{'weights' if not given else 'names'} is empty: there is nothing to differentiate")
-    refuse_form(translation, asked.form)
-    if not (asked.start is None or isinstance(asked.start, (str, Mapping))):
+    refuse_form(translation, request.form)
+    if not (request.start is None or isinstance(request.start, (str, Mapping))):
         raise ArgumentError(CONTINUED)
     if translation.structure.switching:
         raise ArgumentError(
@@ -69,22 +69,22 @@ def gradient_of(
         raise ArgumentError(
             f"{len(scene.states)} states; adjoint gradients are for 1 to {MOST_STATES}: use simulate(sensitivities=[...])"
         )
-    varied = directions(translation, chosen, asked.parameters, asked.given, asked.start)
+    varied = directions(translation, chosen, request.parameters, request.given, request.start)
     assert varied is not None, "names were given"
-    begin, end = asked.t_start, float(times[-1])
-    signals = tuple(s.over(begin, end) if isinstance(s, Table) else s for s in asked.signals)
-    start = translation.start(scene, asked.parameters, begin, asked.start, signals, True, varied.seeds, varied.starts)
+    begin, end = request.t_start, float(times[-1])
+    signals = tuple(s.over(begin, end) if isinstance(s, Table) else s for s in request.signals)
+    start = translation.start(scene, request.parameters, begin, request.start, signals, True, varied.seeds, varied.starts)
     assert start.changes is not None, "they were asked for"
     linear = scene.program.is_linear
-    method = "rk8" if linear else asked.method
+    method = "rk8" if linear else request.method
     tight = replace(
-        asked,
+        request,
         method=method,
-        rtol=min(asked.rtol, TIGHTEST),
+        rtol=min(request.rtol, TIGHTEST),
         atol=None,
         directions=None,
         progress=False,
-        max_step=asked.max_step,
+        max_step=request.max_step,
     )
 
     def motion(at: Floats) -> Floats:
@@ -95,14 +95,14 @@ def gradient_of(
         states = np.column_stack([found[name] for name in scene.state_names]).T
         return states if len(later) == len(at) else np.column_stack([start.states, states])
 
-    adjoint = Adjoint(scene, asked.parameters, times, begin, nodes, signals, motion, start.changes, varied)
-    found = adjoint.gradient(max(asked.rtol, 1e-9), _steps_at_first(scene, asked, start.states, signals, begin, end))
+    adjoint = Adjoint(scene, request.parameters, times, begin, nodes, signals, motion, start.changes, varied)
+    found = adjoint.gradient(max(request.rtol, 1e-9), _steps_at_first(scene, request, start.states, signals, begin, end))
     return dict(zip(chosen, found.tolist(), strict=True))
 
 
-def _steps_at_first(scene: Scene, asked: Request, states: Floats, signals: tuple[Any, ...], begin: float, end: float) -> int:
+def _steps_at_first(scene: Scene, request: Request, states: Floats, signals: tuple[Any, ...], begin: float, end: float) -> int:
     """Steps that the fastest motion at the start needs."""
-    _, evaluator = scene.compiled_numbers(asked.parameters)
+    _, evaluator = scene.compiled_numbers(request.parameters)
     t = np.array([begin])
     inputs = values(signals, t, len(scene.program.inputs))
     _, jacobian = evaluator.derivatives(t, states[:, None], inputs, np.zeros((scene.n_modes, 1)))

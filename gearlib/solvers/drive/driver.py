@@ -214,8 +214,8 @@ class Driver:
             raise self._failure(drive_loop.STEP_LIMIT)
         if record.capacity < record.events + record.n_roots + 2:
             self._make_room()
-        asked = max(1, min(steps, left, self.stepper.looks_every))
-        record.budget, begin = min(asked, self._most_steps), perf_counter()
+        budget = max(1, min(steps, left, self.stepper.looks_every))
+        record.budget, begin = min(budget, self._most_steps), perf_counter()
         try:
             code = self.stepper.carry_on(self)
             if self.problem.tell is not None:
@@ -230,7 +230,7 @@ class Driver:
         self._since_look += record.budget
         if code >= 0:
             self.status = _STATUS[code]
-            if self.status == "more" and self._since_look >= asked:
+            if self.status == "more" and self._since_look >= budget:
                 self._since_look = 0
                 if self.stepper.spent():
                     self.status = "left"

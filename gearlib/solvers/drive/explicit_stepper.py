@@ -56,8 +56,8 @@ class ExplicitStepper(PythonStepper):
         self._slope = self.f(self._t, self._x)
         g = np.empty(len(self._sides))
         self.root_values(self._t, self._x, g)
-        told = self.driver.fired  # the side of each event function, where the event iteration determines it
-        self._sides = np.where(np.abs(told) == 2, told // 2, np.sign(g))
+        fired = self.driver.fired  # the side of each event function, where the event iteration determines it
+        self._sides = np.where(np.abs(fired) == 2, fired // 2, np.sign(g))
 
     def step(self, stop: float) -> int:
         t, record = self._t, self.record

@@ -58,7 +58,7 @@ class Exponential(Stepper):
 
     Attributes
     ----------
-    lack : str
+    why_not : str
         Why an input has no closed form; empty if all have one.
     """
 
@@ -70,7 +70,7 @@ class Exponential(Stepper):
         self.cornered: tuple[int, ...] = ()  # inputs that are integrated from corner to corner
         self.cuts: corners.Intervals | None = None  # the intervals between the corners
         self.forcing: Forcing | None = None  # for the other inputs; None where they are constant
-        self.lack = ""
+        self.why_not = ""
         tables = [u for u in inputs if isinstance(u, Table)]
         if tables and n <= MOST_CORNERED:
             self.cornered = tuple(k for k, u in enumerate(inputs) if isinstance(u, Table) or u.is_number)
@@ -80,7 +80,7 @@ class Exponential(Stepper):
             ends = float(times[0]), float(times[-1])
             forcing = recent(self.linear.known, (inputs, *ends), lambda: recognise(inputs, *ends), MOST_KNOWN)
             if isinstance(forcing, NotExact):
-                self.lack = forcing.reason
+                self.why_not = forcing.reason
             else:
                 self.forcing = forcing
 

@@ -403,4 +403,4 @@ def test_a_stepper_serves_for_other_start_values() -> None:
 
 def test_inputs_that_are_not_in_closed_form_are_named() -> None:
     problem = linear_problem([[-1.0]], [[1.0]], (sympy.tan(t),), [1.0], np.array([0.0, 1.0]))
-    assert "tan" in Exponential(problem).lack
+    assert "tan" in Exponential(problem).why_not

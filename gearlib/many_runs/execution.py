@@ -1,4 +1,4 @@
-"""`carry_out`: executes the runs of a sweep, sequentially or by an executor; deduplicates warnings, and survives interrupts."""
+"""`execute`: executes the runs of a sweep, sequentially or by an executor; deduplicates warnings, and survives interrupts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LEAST_TASKS = 8
 IN_FLIGHT = 4096  # tasks
 
 
-def carry_out(
+def execute(
     work: Work, model: str, samples: Samples, *, executor: Any = None, threads: Any = None, to: Path | None = None,
     progress: Any = False,
 ) -> Runs:  # fmt: skip
@@ -61,18 +61,18 @@ def carry_out(
     gathering, interrupted, elsewhere = Gathering(work, model, samples, to), False, list[Warned]()
     pool = ThreadPoolExecutor(threads) if threads is not None and threads > 1 else nullcontext(executor)
     with reporting(progress, f"{model}, {len(samples)} runs") as tell, noted() as found:
-        turn = _Turn(gathering, tell)
+        execution = _Execution(gathering, tell)
         try:
             if executor is None and (threads is None or threads == 1):
-                _in_turn(turn, gathering.todo)
+                _sequentially(execution, gathering.todo)
             else:
                 with pool as chosen:
-                    _shared_out(turn, chosen, elsewhere)
+                    _distributed(execution, chosen, elsewhere)
         except KeyboardInterrupt:
             interrupted = True
         finally:
             gathering.write()
-        turn.report(last=True)
+        execution.report(last=True)
         warned = [*found(), *elsewhere]
     _warn_once(warned)
     runs = gathering.runs(interrupted)
@@ -93,7 +93,7 @@ def check_executor(executor: Any, threads: Any) -> None:
             raise ArgumentError("give an executor or threads, not both")
 
 
-class _Turn:
+class _Execution:
     """A sweep in progress."""
 
     def __init__(self, gathering: Gathering, tell: Told | None) -> None:
@@ -125,20 +125,20 @@ class _Turn:
             self._tell(self._came / len(self.gathering.samples), time.perf_counter() - self._begin)
 
 
-def _in_turn(turn: _Turn, runs: Integers) -> None:
+def _sequentially(execution: _Execution, runs: Integers) -> None:
     """Execute some runs in this process."""
-    part = turn.gathering.samples.part(runs)
-    for i, row in turn.gathering.work.together(part, len(runs)):
+    part = execution.gathering.samples.part(runs)
+    for i, row in execution.gathering.work.together(part, len(runs)):
         if isinstance(row, ManyRows):
-            turn.take_all(runs[i], row)
+            execution.take_all(runs[i], row)
         else:
-            turn.take(int(runs[i]), row)
+            execution.take(int(runs[i]), row)
 
 
-def _shared_out(turn: _Turn, executor: Executor, elsewhere: list[Warned]) -> None:
+def _distributed(execution: _Execution, executor: Executor, elsewhere: list[Warned]) -> None:
     """Have an executor execute the runs, in tasks of many runs each."""
-    gathering = turn.gathering
-    seconds = _tried(turn)
+    gathering = execution.gathering
+    seconds = _first_runs(execution)
     todo, samples, work = gathering.todo, gathering.samples, gathering.work
     size = max(1, min(math.ceil(TASK / max(seconds, 1e-6)), math.ceil(len(todo) / LEAST_TASKS)))
     parts = [todo[first : first + size] for first in range(0, len(todo), size)]
@@ -157,20 +157,20 @@ def _shared_out(turn: _Turn, executor: Executor, elsewhere: list[Warned]) -> Non
                 chunk = _brought(future, gathering)
                 gathering.take(runs, chunk)
                 elsewhere += chunk.warned
-                turn.came(len(runs))
+                execution.came(len(runs))
     except BaseException:
         for future in flying:
             future.cancel()
         raise
 
 
-def _tried(turn: _Turn) -> float:
+def _first_runs(execution: _Execution) -> float:
     """Execute one or two runs here to learn the shapes of results and the number of runs per task; returns the seconds per run."""
     seconds = 0.0
     for _ in range(2):  # the first one may compile
-        begin, runs = time.perf_counter(), turn.gathering.todo[:1]
-        _in_turn(turn, runs)
-        turn.gathering.write()
+        begin, runs = time.perf_counter(), execution.gathering.todo[:1]
+        _sequentially(execution, runs)
+        execution.gathering.write()
         seconds = time.perf_counter() - begin
         if seconds < 0.01:
             break

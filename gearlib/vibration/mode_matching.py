@@ -43,7 +43,7 @@ def same_modes(before: Any, frequencies_before: Floats, now: Any, frequencies_no
 
     scale = np.maximum(np.abs(before).max(axis=1, initial=0.0), np.abs(now).max(axis=1, initial=0.0))
     before, now = (m / np.where(scale > 0, scale, 1.0)[:, None] for m in (before, now))
-    likeness = np.abs(before.conj().T @ now) / np.linalg.norm(before, axis=0)[:, None] / np.linalg.norm(now, axis=0)[None, :]
+    mac = np.abs(before.conj().T @ now) / np.linalg.norm(before, axis=0)[:, None] / np.linalg.norm(now, axis=0)[None, :]
     apart = np.abs(np.log(frequencies_before[:, None] / frequencies_now[None, :]))
-    first, second = linear_sum_assignment(apart - likeness)
+    first, second = linear_sum_assignment(apart - mac)
     return first, second
