@@ -80,6 +80,20 @@ def group(content: Iterable[str], title: str | None = None, **attributes: float 
     return element("g", "\n".join([*inside, *content]), **attributes)
 
 
+def animated(attribute: str, values: Iterable[str], seconds: float, kind: str | None = None, **how: str) -> str:
+    """Animation of an attribute of the enclosing element through values at equal intervals, without end.
+
+    ``kind`` is "rotate" or "translate" for a transform.
+
+    >>> animated("opacity", ["0", "1"], 2.0)
+    '<animate attributeName="opacity" values="0;1" dur="2.00s" repeatCount="indefinite"/>'
+    """
+    return element(
+        "animate" if kind is None else "animateTransform", attributeName=attribute, type=kind, values=";".join(values),
+        dur=f"{seconds:.2f}s", repeatCount="indefinite", **how,
+    )  # fmt: skip
+
+
 def document(width: float, height: float, content: Iterable[str], description: str) -> str:
     """A complete document with a white background."""
     body = "\n".join([element("title", escaped(description)), rectangle(0, 0, width, height, fill="white"), *content])

@@ -351,7 +351,8 @@ class Component:
         """Stick diagram: shafts as lines, gears as bars at their radii, planetary sets, clutches, brakes and the hatched housing.
 
         Planetary sets are shown by their upper half, with planets in blue. Only rotating parts are shown, at all depths; bodies belong
-        to their shafts. `PowerFlow.scheme` adds speeds, torques and powers.
+        to their shafts. `PowerFlow.scheme` adds speeds, torques and powers, `Modes.scheme` the
+        motion of a mode.
 
         Raises
         ------

@@ -11,8 +11,9 @@ from gearlib.arguments import by_name, one_name, shown
 from gearlib.drawing.page import paragraph, preformatted, table
 from gearlib.drawing.printed import fitted, shortened
 from gearlib.drawing.sankey import Band, sankey
+from gearlib.drawing.scheme.shown_power import Load, ShownPower
 from gearlib.drawing.scheme.speed_ladder import speed_ladder
-from gearlib.drawing.scheme.stick_diagram import Load, Scheme
+from gearlib.drawing.scheme.stick_diagram import Scheme
 from gearlib.errors import ArgumentError, ModelError, NameLookupError, nearest
 from gearlib.language.outline import train_in
 from gearlib.optional import optional
@@ -190,7 +191,7 @@ class PowerFlow:
             Nothing rotates that a stick diagram could show (see `Component.scheme`).
         """
         loads = {(f.component, f.flange): Load(f.speed, f.torque, f.power) for f in self.flanges if not f.sliding}
-        return Scheme(self._train, loads)
+        return Scheme(self._train, ShownPower(loads))
 
     def speed_ladder(self, name: str | None = None, other: Mapping[str, PowerFlow] | None = None) -> Picture:
         """Speed ladder of the planetary sets: speeds as straight lines across the rails of their shafts (Ravigneaux, Kutzbach).

@@ -33,11 +33,8 @@ def animate_mode(mode: ModePicture, frames: int = 48, degrees: float = 40.0) -> 
     figure, ax = plt.subplots(figsize=(1.9 * columns + 0.4, 1.9 * rows + 0.9), layout="constrained")
     ax.set(xlim=(-0.1, 3 * columns + 0.1), ylim=(-3 * rows, 0.6), aspect="equal")
     ax.axis("off")
-    f, ratio = mode.frequency, mode.damping
     note = f"; {left_out} bodies at rest not shown" if left_out else ""
-    ax.set_title(
-        f"Mode {mode.number}: {f:.5g} Hz, damping ratio {ratio:.3g}{note}" if f else f"Mode {mode.number}: free motion{note}"
-    )
+    ax.set_title(f"{mode.title}{note}")
     moving: list[tuple[Any, str, float, float, complex]] = []
     for k, (name, unit, amplitude) in enumerate(bodies):
         x, y = 3 * (k % columns) + 1.5, -3 * (k // columns) - 1.1

@@ -39,6 +39,12 @@ class ModePicture:
     shares: list[tuple[str, float, float]]
     not_given: str | None = None
 
+    @property
+    def title(self) -> str:
+        """Mode, frequency and damping."""
+        what = f"{self.frequency:.5g} Hz, damping ratio {self.damping:.3g}" if self.frequency else "free motion"
+        return f"Mode {self.number}: {what}"
+
 
 def draw_mode(mode: ModePicture, axes: Any = None) -> Any:
     """Bars of amplitudes (relative to the largest of their kind) and of energy shares; returns two axes."""
@@ -63,8 +69,7 @@ def draw_mode(mode: ModePicture, axes: Any = None) -> Any:
             fontsize=8,
             wrap=True,
         )
-    what = f"{mode.frequency:.5g} Hz, damping ratio {mode.damping:.3g}" if mode.frequency else "free motion"
-    axes[0].figure.suptitle(f"Mode {mode.number}: {what}")
+    axes[0].figure.suptitle(mode.title)
     return axes
 
 

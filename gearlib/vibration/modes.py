@@ -14,9 +14,14 @@ from gearlib.arguments import one_name, shown
 from gearlib.arguments import whole as whole_number
 from gearlib.drawing.page import paragraph, table
 from gearlib.drawing.printed import COLUMNS, fitted, shortened
+from gearlib.drawing.scheme.shown_motion import ShownMotion
+from gearlib.drawing.scheme.stick_diagram import Scheme
+from gearlib.drawing.scheme.train import Train, members
 from gearlib.errors import ArgumentError, NameLookupError, nearest
 from gearlib.flatten.model import FlatModel
+from gearlib.language.component import Component
 from gearlib.language.declarations import Flow, Potential
+from gearlib.language.outline import train_in
 from gearlib.linear.condition import conditions, described, matters_elsewhere
 from gearlib.linear.eigenvalue_changes import eigenvalue_changes
 from gearlib.linear.held_states import remaining
@@ -31,7 +36,7 @@ from gearlib.run.subject import translation_of
 from gearlib.run.translation import Compiled
 from gearlib.structure.incidence import Node
 from gearlib.vibration.animate_mode import animate_mode
-from gearlib.vibration.draw_mode import ModePicture, draw_mode
+from gearlib.vibration.draw_mode import ModePicture, aligned, draw_mode
 from gearlib.vibration.mode_energies import Family, energies, families
 from gearlib.vibration.mode_sensitivity import ModeSensitivity, mode_sensitivity
 from gearlib.vibration.spectrum import Spectrum, dense_spectrum, sparse_spectrum, without_preloads
@@ -44,6 +49,7 @@ Complexes = NDArray[np.complex128]
 MOST_DENSE = 500  # states up to which all eigenvalues are computed
 COLUMN = 33  # column at which energies are printed
 UNSURE = 1e-3  # of a mode's energy: shares with a larger error bound are not reported
+AT_REST = 1e-9  # of a mode's largest amplitude: rounding
 NEGATIVE = 1e-6  # of a mode's energy: a more negative energy is not rounding
 
 
@@ -98,6 +104,7 @@ class Modes:
     _find_families: Callable[[], list[Family]]
     _preloaded: bool  # whether the free motions include preloads
     _find_changes: Callable[[Sequence[str]], list[ModeSensitivity]]
+    _component: Component
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
@@ -379,6 +386,53 @@ class Modes:
         """
         return animate_mode(self._picture(mode), frames, degrees)
 
+    def scheme(self, mode: int) -> Scheme:
+        """Stick diagram of the train that shows a mode: every shaft has a dial whose hand swings, and bands in the colour of its sense.
+
+        The picture moves where SVG is animated; amplitudes, senses and phases are readable without that, and a table below the drawing
+        states them. Planets, which are shown inside of their set, do not move. The amplitude is constant over the period, even for
+        damped modes.
+
+        Parameters
+        ----------
+        mode : int
+
+        Raises
+        ------
+        ArgumentError
+            There is no such mode.
+        ModelError
+            Nothing rotates that a stick diagram could show (see `Component.scheme`).
+        """
+        self._check(mode)
+        train = train_in(self._component)
+        return Scheme(train, ShownMotion(self._picture(mode).title, self._turns(mode, train)))
+
+    def _turns(self, mode: int, train: Train) -> dict[int, complex]:
+        """Amplitude of each shaft of a stick diagram over the largest, where it is known."""
+        found: dict[int, str] = {}
+        for shaft, symbol, port in members(train):
+            name = self._angles.get(f"{symbol.name}.{port}", self._angles.get(port))  # ports of the model itself have no part
+            if name is not None:
+                found.setdefault(shaft, name)
+        values = self.shape(mode, *found.values())
+        largest = max([*np.abs(values), *(abs(value) for _, _, value in self.motions(mode))], default=0.0)
+        values = np.where(np.abs(values) > AT_REST * largest, values, 0.0)
+        turns = aligned([(str(shaft), "rad", complex(value)) for shaft, value in zip(found, values, strict=True)])
+        return {int(shaft): value for shaft, _, value in turns}
+
+    @cached_property
+    def _angles(self) -> dict[str, str]:
+        """Angles of all flanges by the paths of these, where the amplitude is known."""
+        model, found = self._model, {}
+        for instance in model.instances:
+            for variable, (local, declared) in enumerate(instance.variables.items(), instance.first_variable):
+                known = not model.sign[variable] or self._orders[model.representative[variable]] >= 0
+                if known and isinstance(declared, Potential) and declared.unit == "rad":
+                    name = f"{instance.path}.{local}".lstrip(".")
+                    found[name.rpartition(".")[0]] = name
+        return found
+
 
 def modes(
     system: Compiled, count: int | None = None, *, at: Any = None, parameters: Mapping[str, float] | None = None
@@ -462,7 +516,7 @@ def modes(
         tuple(node_name(structure.model, s) for s in kept), spectrum.free.shape[1], spectrum.preloads, spectrum.decays,
         tuple(described(structure, kept[i]) for i in unused), _gaps(structure, kept, A, free, unused, words.open),
         words.said, structure.model, rows, orders,
-        lambda: families(structure, prepared, slots, flags, point.t), not alone, find_changes,
+        lambda: families(structure, prepared, slots, flags, point.t), not alone, find_changes, translation.component,
     )  # fmt: skip
 
 

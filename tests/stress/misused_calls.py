@@ -366,6 +366,7 @@ def methods() -> list[Call]:
         Call("Modes.animate", animated, lambda: {"mode": 0, "frames": 2}),
         Call("Modes.draw", modes.draw, lambda: {"mode": 0}),
         Call("Modes.motions", modes.motions, lambda: {"mode": 0}),
+        Call("Modes.scheme", modes.scheme, lambda: {"mode": 0}),
         Call("Modes.shape", lambda mode, name: modes.shape(mode, name), lambda: {"mode": 0, "name": "load.w"}),
         Call("Modes.to_dataframe", modes.to_dataframe),
         Call("Fit.to_dataframe", fitted.to_dataframe),

@@ -16,7 +16,7 @@ from gearlib.arguments import real, shown
 from gearlib.drawing.gears.gear_set import GearSet, Stand
 from gearlib.drawing.icons import BODY, INK, LIGHT
 from gearlib.drawing.style import MARK
-from gearlib.drawing.svg import Picture, circle, document, element, escaped, group, line, number, polygon, text
+from gearlib.drawing.svg import Picture, animated, circle, document, element, escaped, group, line, number, polygon, text
 from gearlib.errors import ArgumentError
 from gearlib.optional import optional
 
@@ -265,12 +265,14 @@ def _panel(motion: GearMotion, x: float, moving: bool, title: str) -> Iterator[s
         parts.append(line(scale * inner, 0, scale * outer, 0, stroke=INK, stroke_width="2"))
         if not drawn.ring:
             parts.append(circle(0, 0, 2.5, fill=INK))
-        turned = group([*parts, *([_turning([p[wheel][2] for p in places], "rotate")] if moving else [])],
-                       transform=f"rotate({number(angle)})", class_="turn")  # fmt: skip
+        length = _length(len(places))
+        turning = [animated("transform", (number(p[wheel][2]) for p in places), length, "rotate")] if moving else []
+        turned = group([*parts, *turning], transform=f"rotate({number(angle)})", class_="turn")
         shifted = [(p[wheel][0], p[wheel][1]) for p in places]
-        travels = len(set(shifted)) > 1
+        moves = (f"{number(px)} {number(py)}" for px, py in shifted)
+        shifting = [animated("transform", moves, length, "translate")] if len(set(shifted)) > 1 else []
         yield group(
-            [turned, *([_shifting(shifted)] if travels else [])], drawn.name,
+            [turned, *shifting], drawn.name,
             transform=f"translate({number(cx)} {number(cy)})", class_="wheel",
         )  # fmt: skip
     yield from _named(gears, x)
@@ -295,28 +297,16 @@ def _named(gears: GearSet, x: float) -> Iterator[str]:
     yield text(x + SIZE / 2, 34, ", ".join(words), text_anchor="middle", fill=GREY, font_size="10")
 
 
-def _turning(angles: Sequence[float], kind: str) -> str:
-    values = ";".join(number(a) for a in angles)
-    return element("animateTransform", attributeName="transform", type=kind, values=values, dur=_length(len(angles)),
-                   repeatCount="indefinite")  # fmt: skip
-
-
-def _shifting(places: Sequence[tuple[float, float]]) -> str:
-    values = ";".join(f"{number(x)} {number(y)}" for x, y in places)
-    return element("animateTransform", attributeName="transform", type="translate", values=values, dur=_length(len(places)),
-                   repeatCount="indefinite")  # fmt: skip
-
-
-def _length(frames: int) -> str:
-    return f"{max(0.08 * frames, 1.0):.2f}s"
+def _length(frames: int) -> float:
+    """Of the animation, s."""
+    return max(0.08 * frames, 1.0)
 
 
 def _arrow(ends: Sequence[tuple[float, float, float, float]], moving: bool) -> str:
     """An arrow as a path, so that one value animates all of it."""
     shapes = [_arrow_path(*e) for e in ends]
-    motion = [element("animate", attributeName="d", values=";".join(shapes), dur=_length(len(ends)), repeatCount="indefinite")]
     style: Mapping[str, str] = {"fill": MARK, "stroke": MARK, "stroke_width": "1.6", "stroke_linejoin": "round"}
-    return element("path", "".join(motion) if moving else "", d=shapes[0], class_="force", **style)
+    return element("path", animated("d", shapes, _length(len(ends))) if moving else "", d=shapes[0], class_="force", **style)
 
 
 def _arrow_path(x1: float, y1: float, x2: float, y2: float) -> str:

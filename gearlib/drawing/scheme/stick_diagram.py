@@ -1,63 +1,64 @@
-"""A stick diagram as SVG, plain or with the speeds, torques and powers of a steady motion."""
+"""A stick diagram as SVG, plain or with results."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from math import pi
+from collections.abc import Iterator, Sequence
 
 from gearlib.drawing.icons import ICONS, INK, LIGHT
-from gearlib.drawing.sankey import watts
 from gearlib.drawing.scheme.axes import Axes, axes_of
 from gearlib.drawing.scheme.routing import TRACK, Place, Routing, routed
+from gearlib.drawing.scheme.shown_results import Listing, ShownResults
 from gearlib.drawing.scheme.train import Symbol, Train
 from gearlib.drawing.style import COLOURS
-from gearlib.drawing.svg import Picture, circle, document, group, line, number, polygon, rectangle, text, text_width
+from gearlib.drawing.svg import Picture, circle, document, group, line, number, rectangle, text, text_width
 
-EDGE, LINE, BAR = 30.0, 1.8, 7.0
-POWER, GREY = "#e08e0b", "#5b6b7d"
-WIDEST = 22.0
+EDGE, HEADING, LINE, BAR = 30.0, 16.0, 1.8, 7.0
+GREY = "#5b6b7d"
+NUMBERS, NEXT, ROW = 90.0, 64.0, 15.0  # right edge of the first column of numbers, spacing of the next ones; height of rows
 HALO = {"stroke": "white", "stroke_width": "5", "stroke_linecap": "butt"}
 Bounds = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True)
-class Load:
-    """Load of a flange: speed (rad/s), torque (N.m) and power (W), the latter two positive into the part."""
-
-    speed: float
-    torque: float
-    power: float
 
 
 class Scheme(Picture):
     """Stick diagram of a train.
 
     Displayed by notebooks, and saved with ``save("train.svg")``; ``svg`` is the text. ``train`` holds the shafts and their symbols,
-    ``routing`` the positions and lines.
+    ``routing`` the positions and lines, ``results`` what is shown besides.
     """
 
-    def __init__(self, train: Train, loads: Mapping[tuple[str, str], Load] | None = None) -> None:
+    def __init__(self, train: Train, results: ShownResults | None = None) -> None:
         self.train = train
         self.axes = axes_of(train)
         self.routing = routed(self.axes)
-        super().__init__(_document(train, self.axes, self.routing, loads or {}))
+        self.results = ShownResults() if results is None else results
+        super().__init__(_document(train, self.axes, self.routing, self.results))
 
     def __repr__(self) -> str:
         return f"<Scheme of {self.train.name}: {self.train.shafts} shafts, {len(self.train.symbols)} parts; save('train.svg') writes it>"
 
 
-def _document(train: Train, axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load]) -> str:
+def _document(train: Train, axes: Axes, routing: Routing, results: ShownResults) -> str:
     left, upper, right, lower = _bounds(axes, routing)
     title = f"Scheme of {train.name}" + (f" ({train.kind})" if train.kind != train.name else "")
-    rows = list(_table(axes, routing, loads)) if loads else []
-    widest = max((106.0 + text_width(torques, 10) for _, _, torques in rows), default=0.0)
-    width = max(right - left, text_width(title, 13), widest) + 2 * EDGE
-    height = lower - upper + 2 * EDGE
-    drawn = list(_drawn(axes, routing, loads, (left, right)))
-    most = max((abs(load.power) for load in loads.values()), default=0.0)
-    content = [group(drawn, transform=f"translate({number(EDGE - left)} {number(EDGE - upper)})"), *_listed(rows, height, most)]
-    return document(width, height + (40.0 + 15.0 * len(rows) if rows else 0.0), content, title)
+    listing = results.listing(axes, routing)
+    words = _words_at(listing)
+    widest = max([0.0, *(words + text_width(row[-1], 10) for row in listing.rows)])
+    widest = max(widest, text_width(title, 13), text_width(results.heading, 13), text_width(listing.note, 10))
+    top = EDGE + (HEADING if results.heading else 0.0)
+    width = max(right - left, widest) + 2 * EDGE
+    height = lower - upper + top + EDGE
+    content = [
+        group(
+            _drawn(axes, routing, results, (left, right)), transform=f"translate({number(EDGE - left)} {number(top - upper)})"
+        )
+    ]
+    if results.heading:
+        content.append(text(EDGE, 24, results.heading, font_size="13", font_weight="bold", fill=INK))
+        title = f"{title}: {results.heading}"
+    if listing.rows:
+        content += _listed(listing, height)
+        height += 40.0 + ROW * len(listing.rows)
+    return document(width, height, content, title)
 
 
 def _bounds(axes: Axes, routing: Routing) -> Bounds:
@@ -76,11 +77,10 @@ def _bounds(axes: Axes, routing: Routing) -> Bounds:
     return min(x), min(y), max(x), max(y)
 
 
-def _drawn(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load], ends: tuple[float, float]) -> Iterator[str]:
+def _drawn(axes: Axes, routing: Routing, results: ShownResults, ends: tuple[float, float]) -> Iterator[str]:
     for at in axes.height:
         yield line(ends[0], at, ends[1], at, stroke="#9fb0c0", stroke_width="0.8", stroke_dasharray="12 3 2 3")
-    if loads:
-        yield from _bands(axes, routing, loads)
+    yield from results.beneath(axes, routing)
     for x1, y1, x2, y2, _ in routing.lines:
         if x1 == x2:  # verticals pass behind
             yield line(x1, y1, x2, y2, stroke=INK, stroke_width=LINE, stroke_linecap="round")
@@ -92,15 +92,8 @@ def _drawn(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load], 
                 yield line(v[0] - 5, y1, v[0] + 5, y1, **HALO)
             yield line(x1, y1, x2, y2, stroke=INK, stroke_width=LINE, stroke_linecap="round")
     for symbol, place in zip(axes.symbols, routing.places, strict=True):
-        yield group(_symbol(symbol, place, axes), title=_tip(symbol, loads))
-    if loads:
-        yield from _speeds(axes, routing, loads)
-
-
-def _tip(symbol: Symbol, loads: Mapping[tuple[str, str], Load]) -> str:
-    found = [(port, loads[symbol.name, port]) for port in symbol.ports if (symbol.name, port) in loads]
-    said = [f"{port}: {at.speed * 30 / pi:.4g} 1/min, {at.torque:.4g} N·m, {watts(at.power)}" for port, at in found]
-    return "\n".join([symbol.name, *said])
+        yield group(_symbol(symbol, place, axes), title="\n".join([symbol.name, *results.told_of(symbol)]))
+    yield from results.above(axes, routing)
 
 
 def _symbol(symbol: Symbol, place: Place, axes: Axes) -> Iterator[str]:
@@ -239,69 +232,19 @@ def _end(symbol: Symbol, place: Place) -> Iterator[str]:
     yield _label(centre, y + 30, symbol.label)
 
 
-# ---------------------------------------------------------------- results
+def _words_at(listing: Listing) -> float:
+    """Left edge of the last column."""
+    return NUMBERS + NEXT * (len(listing.head) - 3) + 16.0
 
 
-def _bands(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load]) -> Iterator[str]:
-    """Power flow along the shafts, with width proportional to power and arrows in its direction."""
-    top = max((abs(load.power) for load in loads.values()), default=0.0)
-    if not top:
-        return
-    for y, points in routing.spines.values():
-        passing = 0.0
-        for (i, flange, x1), (_, _, x2) in zip(points, points[1:], strict=False):
-            symbol = axes.symbols[i]
-            found = loads.get((symbol.name, symbol.ports[flange]))
-            passing -= 0.0 if found is None else found.power
-            if abs(passing) > 1e-3 * top and x2 - x1 > 1:
-                yield from _arrow(x1, x2, y, passing / top)
-
-
-def _arrow(x1: float, x2: float, y: float, share: float) -> Iterator[str]:
-    width = max(WIDEST * abs(share), 2.0)
-    start, end = (x1, x2) if share > 0 else (x2, x1)
-    yield line(start, y, end, y, stroke=POWER, stroke_width=width, stroke_opacity="0.45")
-    if abs(end - start) > 30:
-        sense = 1 if share > 0 else -1
-        yield polygon([(end - 12 * sense, y - width / 2 - 4), (end, y), (end - 12 * sense, y + width / 2 + 4)], fill=POWER)
-
-
-def _speeds(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load]) -> Iterator[str]:
-    """The number of each shaft at its longest segment; the table below gives its speed."""
-    for k, (_, (y, points)) in enumerate(_numbered(routing)):
-        places = sorted({p[2] for p in points})
-        gaps = [(b - a, (a + b) / 2) for a, b in zip(places, places[1:], strict=False)]
-        x = max(gaps)[1] if gaps else places[0]
-        yield circle(x, y, 7, fill="white", stroke=INK, stroke_width="1")
-        yield text(x, y + 3.2, str(k + 1), text_anchor="middle", font_size="9", fill=INK)
-
-
-def _numbered(routing: Routing) -> list[tuple[int, tuple[float, tuple[tuple[int, int, float], ...]]]]:
-    return sorted(routing.spines.items())
-
-
-def _table(axes: Axes, routing: Routing, loads: Mapping[tuple[str, str], Load]) -> Iterator[tuple[str, str, str]]:
-    """For each shaft: its number, its speed, and the torques on it."""
-    for k, (_, (_, points)) in enumerate(_numbered(routing)):
-        on = [(axes.symbols[i], axes.symbols[i].ports[flange]) for i, flange, _ in points]
-        found = [(s, port, loads[s.name, port]) for s, port in on if (s.name, port) in loads]
-        if found:
-            torques = ", ".join(
-                f"{s.name if len(s.ports) == 1 else f'{s.name}.{port}'} {load.torque:.4g}" for s, port, load in found
-            )
-            yield str(k + 1), f"{found[0][2].speed * 30 / pi:.5g}", torques
-
-
-def _listed(rows: Sequence[tuple[str, str, str]], y: float, most: float) -> Iterator[str]:
-    if rows:
-        yield text(EDGE, y + 6, "shaft", font_size="10", fill=GREY)
-        yield text(EDGE + 90, y + 6, "1/min", font_size="10", fill=GREY, text_anchor="end")
-        yield text(EDGE + 106, y + 6, "torques into the parts, N·m", font_size="10", fill=GREY)
-    for k, (shaft, speed, torques) in enumerate(rows):
-        at = y + 22 + 15 * k
-        yield text(EDGE + 8, at, shaft, font_size="10", fill=INK)
-        yield text(EDGE + 90, at, speed, font_size="10", fill=INK, text_anchor="end")
-        yield text(EDGE + 106, at, torques, font_size="10", fill=INK)
-    if rows:
-        at = y + 26 + 15 * len(rows)
-        yield text(EDGE, at, f"bands: power along the shafts, widest {watts(most)}", font_size="10", fill=GREY)
+def _listed(listing: Listing, y: float) -> Iterator[str]:
+    style = {"font_size": "10"}
+    edges = [EDGE + NUMBERS + NEXT * k for k in range(len(listing.head) - 2)]
+    for k, row in enumerate([listing.head, *listing.rows]):
+        at = y + 6 if k == 0 else y + 7 + ROW * k
+        fill = GREY if k == 0 else INK
+        yield text(EDGE + (8 if k else 0), at, row[0], fill=fill, **style)
+        for edge, value in zip(edges, row[1:-1], strict=True):
+            yield text(edge, at, value, fill=fill, text_anchor="end", **style)
+        yield text(EDGE + _words_at(listing), at, row[-1], fill=fill, **style)
+    yield text(EDGE, y + 26 + ROW * len(listing.rows), listing.note, fill=GREY, **style)

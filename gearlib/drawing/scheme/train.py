@@ -58,6 +58,10 @@ class Symbol:
     in_metres: bool = False
     label: str = ""
 
+    def named(self, port: str) -> str:
+        """Name of one of its flanges: with the port where it has several."""
+        return self.name if len(self.ports) == 1 else f"{self.name}.{port}"
+
 
 @dataclass(frozen=True)
 class Train:
