@@ -412,7 +412,8 @@ class Modes:
         """Amplitude of each shaft of a stick diagram over the largest, where it is known."""
         found: dict[int, str] = {}
         for shaft, symbol, port in members(train):
-            name = self._angles.get(f"{symbol.name}.{port}", self._angles.get(port))  # ports of the model itself have no part
+            own = symbol.icon == "port" or symbol.name == train.name  # of the model itself, not of a part
+            name = self._angles.get(port if own else f"{symbol.name}.{port}")
             if name is not None:
                 found.setdefault(shaft, name)
         values = self.shape(mode, *found.values())

@@ -122,6 +122,32 @@ def test_gears_have_the_band_of_their_shaft() -> None:
     assert len({b.get("stroke") for b in through}) == 2
 
 
+def test_flanges_of_the_model_itself() -> None:
+    """A set that is the model, and a model with ports of its own."""
+
+    class Stage(gl.Component):
+        front, back = gp.Flange(), gp.Flange()
+
+        def assemble(self):
+            self.a, self.b, self.shaft = gp.Inertia(J=1.0), gp.Inertia(J=4.0), gp.Spring(c=10.0)
+            return [
+                gl.connect(self.front, self.a.flange_a),
+                gl.connect(self.a.flange_b, self.shaft.flange_a),
+                gl.connect(self.shaft.flange_b, self.b.flange_a),
+                gl.connect(self.b.flange_b, self.back),
+            ]
+
+    found = shown(gl.modes(gl.compile(Stage())).scheme(1))
+    assert [found[name][0] for name in ("front", "back")] == pytest.approx([1.0, -0.25], abs=1e-4)
+    unit = gp.PlanetaryUnit(R_s=0.03, R_p=0.025, I_s=1e-3, I_r=2e-2, I_h=1e-2, I_spin=1e-4, I_orbit=2e-3)
+    modes = gl.modes(gl.compile(unit))
+    assert len(modes) > modes.free > 0
+    for k in range(len(modes)):
+        found, shape = shown(modes.scheme(k)), modes.shape(k, "sun.phi", "carrier.phi", "ring.phi")
+        names = [f"{type(unit).__name__}.{port}" for port in ("sun", "carrier", "ring")]
+        assert np.abs([found[name][1] for name in names]) == pytest.approx(np.abs(shape) / np.abs(shape).max(), abs=1e-3)
+
+
 def test_a_mode_of_the_planets_alone_leaves_the_shafts_at_rest() -> None:
     modes = gl.modes(gl.compile(gp.ZhouCui2022(planet_meshes="separate")))
     scheme = modes.scheme(2)
