@@ -24,7 +24,9 @@ def compiled(name: str) -> gl.System:
 
 def run(name: str, method: str, rtol: float) -> gl.Result:
     scene = USERS[name]
-    return compiled(name).simulate(scene.times[-1], times=scene.times, inputs=scene.inputs, method=method, rtol=rtol)
+    return compiled(name).simulate(
+        scene.times[-1], times=scene.times, inputs=scene.inputs, start=scene.start, method=method, rtol=rtol
+    )
 
 
 @pytest.mark.parametrize("name", USERS)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,10 @@ from scipy.linalg import expm
 
 import gearlib as gl
 import gearparts as gp
+from tests.benchmarks import user_motions as motions
+from tests.benchmarks import user_shifts as shifts
+from tests.benchmarks.user_motions import elasto_backlash
+from tests.gearparts.msl_hybrid_examples import CoupledClutches
 
 Floats = NDArray[np.float64]
 c = gl.connect
@@ -26,20 +31,29 @@ c = gl.connect
 
 @dataclass(frozen=True)
 class EquationsByHand:
-    """An initial-value problem: der(x) = rhs(t, x), from ``start``; the outputs are some of x, times ``signs``."""
+    """An initial-value problem: der(x) = rhs(t, x), from ``start``; the outputs are some of x, times ``signs``.
 
-    rhs: Callable[[float, Floats], list[float]]
+    No step of the reference leads across a corner of what drives the motion, and none is longer than ``longest`` (s).
+    """
+
+    rhs: Callable[[float, Floats], list[float] | Floats]
     start: Floats
     outputs: list[int]
     signs: Any = 1.0
+    corners: tuple[float, ...] = ()
+    longest: float = 1e-3
 
     def solved(self, times: Floats) -> Floats:
         """The outputs, by SciPy at a tolerance far below what is judged."""
-        found = solve_ivp(
-            self.rhs, (times[0], times[-1]), self.start, "DOP853", times, rtol=3e-13, atol=np.full(len(self.start), 1e-14),
-            max_step=1e-3,
-        )  # fmt: skip
-        return np.asarray(found.y[self.outputs].T * self.signs)
+        ends = [float(times[0]), *(t for t in self.corners if times[0] < t < times[-1]), float(times[-1])]
+        x, out = self.start, np.empty((len(times), len(self.start)))
+        for begin, end in pairwise(ends):
+            inside = (times >= begin) & (times <= end)
+            found = solve_ivp(
+                self.rhs, (begin, end), x, "DOP853", np.union1d(times[inside], end), rtol=3e-13, atol=1e-14, max_step=self.longest,
+            )  # fmt: skip
+            out[inside], x = found.y[:, np.searchsorted(found.t, times[inside])].T, found.y[:, -1]
+        return out[:, self.outputs] * self.signs
 
 
 @dataclass(frozen=True)
@@ -53,6 +67,7 @@ class UserScene:
     reference: Callable[[Floats], Floats]  # output times -> (samples, outputs)
     inputs: dict[str, Any] = field(default_factory=dict)
     by_hand: EquationsByHand | None = None
+    start: dict[str, float] = field(default_factory=dict)
 
     def error(self, values: Floats, times: Floats | None = None) -> float:
         """Largest error of all outputs over their largest value; infinite where a value is not finite."""
@@ -149,24 +164,13 @@ def vehicle(t: float, x: Floats) -> list[float]:
     """Speeds of motor (reduced), differential, wheel and vehicle, then the twists of gap, shaft and tyre (second less first)."""
     m, d, w, v, gap, shaft, tyre = x.tolist()
     slip = d - m
-    torque = _elasto_backlash(gap, slip, 6e4, 60.0, 0.015)
+    torque = elasto_backlash(gap, slip, 6e4, 60.0, 0.015)
     first, second = 1.2e4 * shaft + 20 * (w - d), 3e4 * tyre + 500 * (v - w)
     drive = -30 + 90 * (1 + math.sin(2 * math.pi * 1.5 * t))
     return [
         (9 * drive + torque) / (81 * 0.04), (first - torque) / 0.05, (second - first) / 2.0, (-second - 0.04 * v * abs(v)) / 150.0,
         slip, w - d, v - w,
     ]  # fmt: skip
-
-
-def _elasto_backlash(x: float, slip: float, stiffness: float, damping: float, half: float) -> float:
-    """Modelica's ElastoBacklash: no pull, and a damping of no more than the spring's torque."""
-    if x > half:
-        spring = stiffness * (x - half)
-        return max(0.0, spring + min(spring, damping * slip))
-    if x < -half:
-        spring = stiffness * (x + half)
-        return min(0.0, spring + max(spring, damping * slip))
-    return 0.0
 
 
 # ---------------------------------------------------------------- crank train and wind turbine
@@ -422,9 +426,12 @@ def _kept(reference: Callable[[Floats], Floats]) -> Callable[[Floats], Floats]:
     return look_up
 
 
-def _smooth(title: str, component: Any, outputs: tuple[str, ...], times: Floats, hand: EquationsByHand) -> UserScene:
-    """A scene whose equations by hand are integrated as they stand."""
-    return UserScene(title, component, outputs, times, _kept(hand.solved), by_hand=hand)
+def _smooth(
+    title: str, component: Any, outputs: tuple[str, ...], times: Floats, hand: EquationsByHand, start: dict[str, float] | None = None,
+    reference: Callable[[Floats], Floats] | None = None,
+) -> UserScene:  # fmt: skip
+    """A scene whose equations by hand SciPy can integrate as they stand."""
+    return UserScene(title, component, outputs, times, _kept(reference or hand.solved), by_hand=hand, start=start or {})
 
 
 USERS: dict[str, UserScene] = {
@@ -454,5 +461,35 @@ USERS: dict[str, UserScene] = {
     ),
     "servo": UserScene(
         "stiff servo with friction", Servo, ("motor.phi", "load.phi"), np.linspace(0, 2, 401), _kept(servo),
+    ),
+    "hybrid": _smooth(
+        "power-split hybrid with a controller", motions.HYBRID.Hybrid, ("engine.w", "car.w"), np.linspace(0, 14, 701),
+        EquationsByHand(motions.hybrid, np.array([105.0, 0.0, 0.0]), [0, 1], 1.0, motions.HYBRID_CORNERS, 2e-2),
+    ),
+    "eight speeds": UserScene(
+        "8-speed gearbox, two shifts", shifts.EIGHT.EightSpeeds, ("shaft.w", "car.w"), np.linspace(0, 8, 801),
+        _kept(shifts.eight_speeds), shifts.eight_speeds_inputs(), start=shifts.eight_speeds_start(),
+    ),
+    "coupled clutches": UserScene(
+        "coupled clutches", CoupledClutches, ("J1.w", "J2.w", "J3.w", "J4.w"), np.linspace(0, 1.2, 241), _kept(shifts.coupled_clutches),
+    ),
+    "dual clutch": UserScene(
+        "dual-clutch gearbox, clutches engaging", shifts.DUAL.Gearbox, ("engine.w", "car.w"), np.linspace(0, 3, 601),
+        _kept(shifts.dual_clutch),
+    ),
+    "loose wheel": _smooth(
+        "loose wheel that rattles", lambda: motions.LOOSE.LooseWheel(shake=motions.SHAKE), ("mesh.phi_rel", "wheel.w"),
+        np.linspace(0, 0.3, 301),
+        EquationsByHand(motions.loose_wheel, np.array(list(motions.LOOSE_START.values())[::-1]), [0, 1], longest=1e-4),
+        motions.LOOSE_START,
+    ),
+    "rattle": _smooth(
+        "200 bodies with rattle, 399 states", motions.Rattle, ("body[0].w", "body[199].w"), np.linspace(0, 0.4, 401),
+        EquationsByHand(motions.rattle, np.zeros(2 * motions.BODIES - 1), [0, motions.BODIES - 1]),
+    ),
+    "revolutions": _smooth(
+        "1e5 revolutions", motions.ManyTurns, ("motor.w", "motor.phi"), np.linspace(0, 1000, 501),
+        EquationsByHand(motions.many_turns, np.array([motions.CRUISE, motions.CRUISE, 0.0, 0.0]), [0, 2]), motions.MANY_START,
+        motions.by_collocation,
     ),
 }  # fmt: skip

@@ -27,7 +27,9 @@ def with_gearlib(method: str) -> Callable[[Any], RunAt]:
 
         def run(rtol: float) -> Floats:
             try:
-                result = system.simulate(scene.times[-1], times=scene.times, inputs=scene.inputs, method=method, rtol=rtol)
+                result = system.simulate(
+                    scene.times[-1], times=scene.times, inputs=scene.inputs, start=scene.start, method=method, rtol=rtol
+                )
             except ArgumentError as reason:
                 raise Unavailable(str(reason)) from None
             return np.column_stack([result[name] for name in scene.outputs])
