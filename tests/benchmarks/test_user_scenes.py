@@ -24,7 +24,15 @@ def test_reference_and_gearlib_agree(name: str) -> None:
     if name == "revolutions":
         times = np.linspace(0.0, 0.1, 21)  # ten of them
     system = gl.compile(scene.component(), outputs=list(scene.outputs))
-    found = system.simulate(times[-1], times=times, inputs=scene.inputs, start=scene.start, rtol=1e-7)
+    found = system.simulate(times[-1], times=times, inputs=scene.inputs, start=scene.start, rtol=1e-8)
     right = scene.reference(times)
     got = np.column_stack([found[output] for output in scene.outputs])
-    assert np.all(np.abs(got - right) <= 1e-4 * np.abs(right).max(axis=0))
+    assert np.all(np.abs(got - right) <= 1e-5 * np.abs(right).max(axis=0))
+
+
+def test_the_reference_of_many_revolutions() -> None:
+    """Collocation with its equations inlined, and SciPy on the equations that others are given."""
+    scene, times = USERS["revolutions"], np.linspace(0.0, 0.1, 21)
+    assert scene.by_hand is not None
+    right = scene.by_hand.solved(times)
+    assert np.all(np.abs(scene.reference(times) - right) <= 1e-10 * np.abs(right).max(axis=0))

@@ -137,12 +137,12 @@ class ManyTurns(gl.Component):
 MANY_START = {"motor.w": CRUISE, "wheel.w": CRUISE, "motor.phi": 0.0}
 
 
-def many_turns(t: float, x: Floats) -> list[float]:
+def many_turns(t: Any, x: Any, sin: Any = math.sin) -> list[Any]:
     """Speeds of motor and wheel, angle of the motor, twist of the shaft (first less second)."""
     motor, wheel, phi, twist = x.tolist()
     torque = 2000.0 * twist + (motor - wheel)
     return [
-        (40 + 10 * math.sin(2 * phi) - torque) / 0.05, (torque - 40 / CRUISE**2 * wheel * wheel) / 0.2, motor, motor - wheel,
+        (40 + 10 * sin(2 * phi) - torque) / 0.05, (torque - 40 / CRUISE**2 * wheel * wheel) / 0.2, motor, motor - wheel,
     ]  # fmt: skip
 
 

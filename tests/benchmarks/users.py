@@ -36,12 +36,13 @@ class EquationsByHand:
     No step of the reference leads across a corner of what drives the motion, and none is longer than ``longest`` (s).
     """
 
-    rhs: Callable[[float, Floats], list[float] | Floats]
+    rhs: Callable[..., list[Any] | Floats]
     start: Floats
     outputs: list[int]
     signs: Any = 1.0
     corners: tuple[float, ...] = ()
     longest: float = 1e-3
+    series: bool = False  # whether rhs(t, x, sin) takes symbols, too, for a solver by Taylor series
 
     def solved(self, times: Floats) -> Floats:
         """The outputs, by SciPy at a tolerance far below what is judged."""
@@ -92,11 +93,11 @@ class BodiesAndFan(gl.Component):
         ]  # fmt: skip
 
 
-def bodies_and_fan(t: float, x: Floats) -> list[float]:
-    """Speeds of motor and wheel, twist of the shaft."""
+def bodies_and_fan(t: Any, x: Any, sin: Any = math.sin) -> list[Any]:
+    """Speeds of motor and wheel, twist of the shaft; the wheel turns forward only."""
     motor, wheel, twist = x.tolist()
     torque = 500 * twist + (motor - wheel)
-    return [(50 - torque) / 0.02, (torque - 0.004 * wheel * abs(wheel)) / 0.5, motor - wheel]
+    return [(50 - torque) / 0.02, (torque - 0.004 * wheel * wheel) / 0.5, motor - wheel]
 
 
 # ---------------------------------------------------------------- two-stage gearbox
@@ -124,15 +125,15 @@ class TwoStageGearbox(gl.Component):
         ]  # fmt: skip
 
 
-def gearbox(t: float, x: Floats) -> list[float]:
-    """Speeds of the six bodies, then twists and deflections from the motor to the load."""
+def gearbox(t: Any, x: Any, sin: Any = math.sin) -> list[Any]:
+    """Speeds of the six bodies, then twists and deflections from the motor to the load, which turns forward only."""
     m, p1, g1, p2, g2, load, s1, q1, s2, q2, s3 = x.tolist()
     r1, r2, v1, v2 = m - p1, g1 - p2, 0.03 * p1 + 0.09 * g1, 0.035 * p2 + 0.12 * g2
     t1, t2, t3 = 1e4 * s1 + 2 * r1, 5e4 * s2 + 5 * r2, 8e4 * s3 + 10 * (g2 - load)
     f1, f2 = 2e8 * q1 + 1500 * v1, 3e8 * q2 + 2500 * v2
     return [
-        (50 + 5 * math.sin(120 * t) - t1) / 0.02, (t1 - 0.03 * f1) / 5e-4, (-0.09 * f1 - t2) / 1e-2,
-        (t2 - 0.035 * f2) / 1e-3, (-0.12 * f2 - t3) / 0.05, (t3 - 400 / 900 * load * abs(load)) / 2.0,
+        (50 + 5 * sin(120 * t) - t1) / 0.02, (t1 - 0.03 * f1) / 5e-4, (-0.09 * f1 - t2) / 1e-2,
+        (t2 - 0.035 * f2) / 1e-3, (-0.12 * f2 - t3) / 0.05, (t3 - 400 / 900 * load * load) / 2.0,
         r1, v1, r2, v2, g2 - load,
     ]  # fmt: skip
 
@@ -437,11 +438,11 @@ def _smooth(
 USERS: dict[str, UserScene] = {
     "fan": _smooth(
         "two bodies and a fan, 3 states", BodiesAndFan, ("motor.w", "wheel.w"), np.linspace(0, 0.2, 51),
-        EquationsByHand(bodies_and_fan, np.zeros(3), [0, 1]),
+        EquationsByHand(bodies_and_fan, np.zeros(3), [0, 1], series=True),
     ),
     "gearbox": _smooth(
         "two-stage gearbox, 11 states", TwoStageGearbox, ("motor.w", "load.w"), np.linspace(0, 2, 401),
-        EquationsByHand(gearbox, np.zeros(11), [0, 5]),
+        EquationsByHand(gearbox, np.zeros(11), [0, 5], series=True),
     ),
     "vehicle": _smooth(
         "electric vehicle with backlash, 7 states", ElectricVehicle, ("motor.w", "vehicle.w"), np.linspace(0, 3, 601),
@@ -478,9 +479,9 @@ USERS: dict[str, UserScene] = {
         _kept(shifts.dual_clutch),
     ),
     "loose wheel": _smooth(
-        "loose wheel that rattles", lambda: motions.LOOSE.LooseWheel(shake=motions.SHAKE), ("mesh.phi_rel", "wheel.w"),
+        "loose wheel that rattles", lambda: motions.LOOSE.LooseWheel(shake=motions.SHAKE), ("wheel.w",),
         np.linspace(0, 0.3, 301),
-        EquationsByHand(motions.loose_wheel, np.array(list(motions.LOOSE_START.values())[::-1]), [0, 1], longest=1e-4),
+        EquationsByHand(motions.loose_wheel, np.array(list(motions.LOOSE_START.values())[::-1]), [1], longest=1e-4),
         motions.LOOSE_START,
     ),
     "rattle": _smooth(
@@ -489,7 +490,7 @@ USERS: dict[str, UserScene] = {
     ),
     "revolutions": _smooth(
         "1e5 revolutions", motions.ManyTurns, ("motor.w", "motor.phi"), np.linspace(0, 1000, 501),
-        EquationsByHand(motions.many_turns, np.array([motions.CRUISE, motions.CRUISE, 0.0, 0.0]), [0, 2]), motions.MANY_START,
+        EquationsByHand(motions.many_turns, np.array([motions.CRUISE, motions.CRUISE, 0.0, 0.0]), [0, 2], series=True), motions.MANY_START,
         motions.by_collocation,
     ),
 }  # fmt: skip

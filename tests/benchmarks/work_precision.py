@@ -25,6 +25,7 @@ from tests.benchmarks.users import UserScene
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 TARGETS = (1e-4, 1e-6, 1e-8)
 LIMIT = 2.0  # s, of one run
+HOPELESS = 10.0  # s, of a first run
 BUDGET = 1.5  # s, for the repetitions of one tolerance and solver
 TURN = 0.02  # s, of a solver's turn: short runs are made many times in it, as a user who varies parameters makes them
 
@@ -86,13 +87,19 @@ def _one_tolerance(
 ) -> None:
     active: list[tuple[Curve, Point, int]] = []
     for curve in curves:  # the first run compiles or fills caches, and is judged
+        begin = time.process_time()
         try:
             values = runs[curve.solver](rtol)
         except Unavailable as reason:
             curve.remark = curve.remark or f"{rtol:.0e}: {reason}"
             continue
         point = Point(rtol, scene.error(values))
-        seconds = _clock(runs[curve.solver], point, curve.kind)
+        seconds = time.process_time() - begin
+        if seconds > HOPELESS:  # not made twice; what it compiled is little beside it
+            point.totals.append(seconds)
+            point.inners.append(seconds)
+        else:
+            seconds = _clock(runs[curve.solver], point, curve.kind)
         if seconds < TURN:  # a single run fills caches: not counted
             _clock(runs[curve.solver], point, curve.kind)
             del point.totals[0], point.inners[0]
