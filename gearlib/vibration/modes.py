@@ -403,6 +403,12 @@ class Modes:
             There is no such mode.
         ModelError
             Nothing rotates that a stick diagram could show (see `Component.scheme`).
+
+        Examples
+        --------
+        >>> import gearlib as gl, gearparts as gp
+        >>> gl.modes(gl.compile(gp.ZhouCui2022())).scheme(0)
+        <Scheme of ZhouCui2022: 5 shafts, 6 parts; save('train.svg') writes it>
         """
         self._check(mode)
         train = train_in(self._component)
