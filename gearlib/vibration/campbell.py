@@ -201,7 +201,7 @@ def campbell(
                 watch(float(w))
         if watch is not None:
             watch.end(float(grid[-1]))
-    places = _followed(runs)
+    places = _followed(runs) if varies else np.tile(_followed(runs[:1]), (len(grid), 1))
     frequencies = np.array([r.frequencies[p] for r, p in zip(runs, places, strict=True)])
     damping = np.array([r.damping[p] for r, p in zip(runs, places, strict=True)])
     at_each = at_speed if varies else None
@@ -246,9 +246,6 @@ def _followed(runs: Sequence[Modes]) -> NDArray[np.int64]:
     places = np.empty((len(runs), n), np.int64)
     places[0] = runs[0].free + np.arange(n)
     for i in range(1, len(runs)):
-        if runs[i] is runs[i - 1]:
-            places[i] = places[i - 1]
-            continue
         last, this = runs[i - 1], runs[i]
         _, chosen = same_modes(
             last.shapes[:, places[i - 1]],
