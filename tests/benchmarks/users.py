@@ -43,6 +43,7 @@ class EquationsByHand:
     corners: tuple[float, ...] = ()
     longest: float = 1e-3
     series: bool = False  # whether rhs(t, x, sin) takes symbols, too, for a solver by Taylor series
+    minutes: bool = False  # whether a run in Python takes minutes: such are not measured
 
     def solved(self, times: Floats) -> Floats:
         """The outputs, by SciPy at a tolerance far below what is judged."""
@@ -490,7 +491,8 @@ USERS: dict[str, UserScene] = {
     ),
     "revolutions": _smooth(
         "1e5 revolutions", motions.ManyTurns, ("motor.w", "motor.phi"), np.linspace(0, 1000, 501),
-        EquationsByHand(motions.many_turns, np.array([motions.CRUISE, motions.CRUISE, 0.0, 0.0]), [0, 2], series=True), motions.MANY_START,
+        EquationsByHand(motions.many_turns, np.array([motions.CRUISE, motions.CRUISE, 0.0, 0.0]), [0, 2],
+                        series=True, minutes=True), motions.MANY_START,
         motions.by_collocation,
     ),
 }  # fmt: skip

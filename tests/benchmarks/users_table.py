@@ -46,6 +46,8 @@ def with_scipy(method: str) -> Callable[[Any], RunAt]:
         if scene.by_hand is None:
             raise Unavailable("the scene has tables or events, for which the reference has a loop of its own")
         hand = scene.by_hand
+        if hand.minutes:
+            raise Unavailable("a run takes minutes")
 
         def run(rtol: float) -> Floats:
             found = solve_ivp(hand.rhs, scene.times[[0, -1]], hand.start, method, scene.times, rtol=rtol, atol=rtol * 1e-3)
