@@ -7,7 +7,9 @@ Where the checkout belongs to another user, the caches are in a temporary folder
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from gearlib.compiler.ownership import why_foreign
@@ -27,6 +29,7 @@ os.environ["MPLBACKEND"] = "Agg"
 _PATHS = [str(_ROOT), str(_ROOT / "library"), *filter(None, [os.environ.get("PYTHONPATH")])]
 os.environ["PYTHONPATH"] = os.pathsep.join(_PATHS)
 
+import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402  (reads the variables above)
 
 # The first example of a test may compile; no deadline can be right for it and for the others.
@@ -36,3 +39,11 @@ settings.register_profile(
 settings.load_profile("gearlib")
 
 from tests.trains import chain, paper  # noqa: E402, F401  (fixtures of several folders)
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """SIGINT as on a terminal; what is started in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

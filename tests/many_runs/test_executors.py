@@ -9,7 +9,6 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -224,14 +223,6 @@ def test_a_sweep_that_was_killed_goes_on(
 
 
 # ---------------------------------------------------------------- interrupts and progress
-
-
-@pytest.fixture
-def interruptible() -> Iterator[None]:
-    """SIGINT as on a terminal; what is started in the background ignores it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.usefixtures("interruptible")

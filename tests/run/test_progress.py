@@ -79,7 +79,8 @@ def test_an_interrupt_between_events() -> None:
     assert np.isfinite(part["load.w"]).all()
 
 
-def test_a_signal_is_answered_within_a_fifth_of_a_second(oscillator: gl.System) -> None:
+@pytest.mark.usefixtures("interruptible")
+def test_a_signal_is_answered_soon(oscillator: gl.System) -> None:
     oscillator.simulate(1.0, method="rk5", samples=2)  # compiled
     sent: list[float] = []
 
@@ -87,12 +88,12 @@ def test_a_signal_is_answered_within_a_fifth_of_a_second(oscillator: gl.System) 
         sent.append(time.perf_counter())
         os.kill(os.getpid(), signal.SIGINT)
 
-    timer = threading.Timer(0.1, send)
-    timer.start()
+    begin = time.perf_counter()
+    threading.Timer(0.1, send).start()
     with pytest.warns(GearlibWarning, match="interrupted at"):
         part = oscillator.simulate(1e7, method="rk5", samples=100_001, on_interrupt="stop")
-    assert time.perf_counter() - sent[0] < 2.0  # a fifth of a second, on an idle machine
-    assert len(part.time) > 1
+    assert time.perf_counter() - sent[0] < 20 * (sent[0] - begin)
+    assert 1 < len(part.time) < 100_001
 
 
 def test_what_is_refused(oscillator: gl.System) -> None:
