@@ -139,7 +139,8 @@ class SideBySide(ABC):
             if prepared.fit.any():
                 for found in self.runs_of(prepared):
                     if isinstance(found, KeptStates):
-                        yield KeptStates(found.runs + first, found.states)
+                        if len(found.runs):
+                            yield KeptStates(found.runs + first, found.states)
                     else:
                         yield first + found[0], found[1]
 

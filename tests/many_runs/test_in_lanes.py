@@ -11,6 +11,7 @@ import pytest
 import gearlib as gl
 import gearparts as gp
 from gearlib.errors import ArgumentError, BoundError, GearlibWarning
+from gearlib.solvers.lanes.lanes import LaneRuns
 from tests.many_runs.models import Drive, Rattle, peak
 
 J = np.linspace(0.5, 4.0, 11)
@@ -262,3 +263,15 @@ def test_the_paper_train_in_lanes_is_the_exact_one() -> None:
         exact = system.simulate(0.01, method="exact", parameters={"K_g": stiffness[k]}, **options)
         for name in ("w_out", "q_ring"):
             assert np.abs(runs[name][k] - exact[name]).max() < 1e-6 * np.abs(exact[name]).max()
+
+
+def test_threads_wait_for_runs_that_take_many_calls(drive: gl.System, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A call of the loop in which no run ends has nothing to hand on."""
+    asked: dict[str, Any] = {"parameters": {"J": np.linspace(0.5, 4.0, 64)}, "t_end": 1.0, "outputs": ["load.w"], **OPTIONS}
+    expected = drive.sweep(**asked)
+    whole = LaneRuns.advance
+    monkeypatch.setattr(LaneRuns, "advance", lambda runs: whole(runs, 2))
+    for threads in (1, 2):
+        runs = drive.sweep(**asked, threads=threads)
+        assert runs.stats["lanes"] == 8
+        assert runs["load.w"].tobytes() == expected["load.w"].tobytes()
