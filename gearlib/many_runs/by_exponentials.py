@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 MOST_STRETCHES = 100  # of the output times, between corners of tables and switching times: beyond it single runs are as fast
 
 
-def lacks_exponentials(translation: Translation, request: Request) -> str | None:
+def why_not_by_exponentials(translation: Translation, request: Request) -> str | None:
     """Why runs cannot be carried out by exponentials of many matrices at once, or None."""
     method, scene = str(request.method), translation.scene
     if method not in ("auto", "exact"):
@@ -44,7 +44,7 @@ class ExactSweep(SideBySide):
     def statistics(self) -> Mapping[str, Any]:
         return {"lanes": 1, "why": "matrix exponentials of many runs at once"}
 
-    def why_scalar(self) -> str | None:
+    def why_not(self) -> str | None:
         """Why it cannot be done, or None."""
         found = self._times
         return found if isinstance(found, str) else None

@@ -114,11 +114,11 @@ class Gathering:
             self._layout, self._values = layout, blank(row, len(self.samples))
             return
         shape = list(self.samples.shape)
-        statistics = {
+        attributes = {
             "digest": self._digest, "model": self.model, "shape": shape, "axes": list(self.samples.axes), **versions(),
             "coordinates": {name: np.asarray(numbers).tolist() for name, numbers in coordinates.items()},
         }  # fmt: skip
-        self._file = create(self.path, SweepLayout(len(self.samples), layout, self._columns(), statistics))
+        self._file = create(self.path, SweepLayout(len(self.samples), layout, self._columns(), attributes))
         self._layout, self._values = layout, blank(row, self._file.batch)
 
     def _axes(self, name: str, shape: tuple[int, ...]) -> tuple[str, ...]:
@@ -150,8 +150,6 @@ class Gathering:
 
     def add_all(self, runs: Integers, rows: ManyRows) -> None:
         """Store successful runs."""
-        if not len(runs):
-            return
         if self._file is not None or (self.path is not None and not self._layout):
             for i, run in enumerate(runs.tolist()):
                 self.add(run, Row({name: values[i] for name, values in rows.values.items()}, rows.coordinates))

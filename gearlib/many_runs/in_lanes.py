@@ -42,7 +42,7 @@ def check_lanes(lanes: object) -> None:
         raise ArgumentError(f"lanes is {shown(lanes)}; expected 'auto', 1 or {LANES}")
 
 
-def lacks_lanes(translation: Translation, request: Request) -> str | None:
+def why_not_in_lanes(translation: Translation, request: Request) -> str | None:
     """Why runs cannot be carried out in lanes, or None; what varies from run to run is looked at later."""
     scene, method = translation.scene, str(request.method)
     if not (method == "rk5" or (method in ("rk", "auto") and request.rtol >= ORDER5_FROM)):

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from gearlib.arguments import by_name, name_list, real
 from gearlib.compiler.instructions import LANES
 from gearlib.errors import ArgumentError, GearlibError, NameLookupError, nearest
-from gearlib.many_runs.by_exponentials import ExactSweep, lacks_exponentials
+from gearlib.many_runs.by_exponentials import ExactSweep, why_not_by_exponentials
 from gearlib.many_runs.identity import of_functions, of_model, of_values
-from gearlib.many_runs.in_lanes import LaneSweep, lacks_lanes, most_steps
+from gearlib.many_runs.in_lanes import LaneSweep, most_steps, why_not_in_lanes
 from gearlib.many_runs.reductions import Reduction
 from gearlib.many_runs.samples import Samples, rows
 from gearlib.many_runs.side_by_side import KeptStates, SideBySide
@@ -207,8 +207,8 @@ def _side_by_side(
     if any(map(is_function, own)):
         return "inputs are functions of time"
     request = replace(request, parameters=_first_parameters(translation, samples, request, parameters))
-    no_lanes = lacks_lanes(translation, request)
-    no_exponentials = lacks_exponentials(translation, request) if lanes == "auto" else "lanes are asked for"
+    no_lanes = why_not_in_lanes(translation, request)
+    no_exponentials = why_not_by_exponentials(translation, request) if lanes == "auto" else "lanes are asked for"
     no_exponentials = "each run has a table of its own" if own else no_exponentials
     if no_lanes and no_exponentials:
         return no_lanes
@@ -222,7 +222,7 @@ def _side_by_side(
     given = translation, request, parameters, inputs, whole, kept
     if not no_exponentials:
         exact = ExactSweep(*given)
-        if (no_exponentials := exact.why_scalar()) is None:
+        if (no_exponentials := exact.why_not()) is None:
             return exact
     most = no_lanes or most_steps(translation, request)
     return most if isinstance(most, str) else LaneSweep(*given, most)

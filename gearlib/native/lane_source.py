@@ -75,7 +75,7 @@ class LaneCode:
 
 
 def lane_code(program: Program, n_parameters: int, tables: tuple[int, ...] = ()) -> LaneCode:
-    """Compile a program that has no `why_scalar`; the inputs ``tables`` are straight lines in time."""
+    """Compile a program for which `why_scalar` is None; the inputs ``tables`` are straight lines in time."""
     unknown = [
         np.ones((1, len(step.unknowns), len(step.known))) for step in program.steps if isinstance(step, Linear)
     ]  # which numbers they are does not matter to the source

@@ -267,11 +267,11 @@ def test_the_paper_train_in_lanes_is_the_exact_one() -> None:
 
 def test_threads_wait_for_runs_that_take_many_calls(drive: gl.System, monkeypatch: pytest.MonkeyPatch) -> None:
     """A call of the loop in which no run ends has nothing to hand on."""
-    asked: dict[str, Any] = {"parameters": {"J": np.linspace(0.5, 4.0, 64)}, "t_end": 1.0, "outputs": ["load.w"], **OPTIONS}
-    expected = drive.sweep(**asked)
+    given: dict[str, Any] = {"parameters": {"J": np.linspace(0.5, 4.0, 64)}, "t_end": 1.0, "outputs": ["load.w"], **OPTIONS}
+    expected = drive.sweep(**given)
     whole = LaneRuns.advance
     monkeypatch.setattr(LaneRuns, "advance", lambda runs: whole(runs, 2))
     for threads in (1, 2):
-        runs = drive.sweep(**asked, threads=threads)
+        runs = drive.sweep(**given, threads=threads)
         assert runs.stats["lanes"] == 8
         assert runs["load.w"].tobytes() == expected["load.w"].tobytes()
