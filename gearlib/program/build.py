@@ -163,7 +163,7 @@ class Builder:
 
     def _assign(self, block: Block, scalar: Found, pivots: Found) -> bool:
         """Emit an explicit assignment; False where the equation is not linear in the unknown."""
-        node, (e, k) = block[0], self.structure.choice.solved_by[block[0]]
+        node, (e, k) = block[0], self.structure.dependence.equation(block[0])
         template, g, i = self.template(e, k)
         mine = [(c, sign) for c, n, sign in self._positions(template, g, i) if n == node]
         if len(mine) != 1:
@@ -194,7 +194,7 @@ class Builder:
     def _block(self, block: Block, scalar: Found, pivots: Found) -> Linear | Newton | None:
         """Emit a block of several unknowns: linear with a constant matrix, or torn for Newton's method; None if its tears are states."""
         position = {node: c for c, node in enumerate(block)}
-        solving = [self.structure.choice.solved_by[node] for node in block]
+        solving = [self.structure.dependence.equation(node) for node in block]
         rows = []
         safe: list[dict[int, bool]] = []
         constant = linear = True

@@ -125,7 +125,7 @@ def _residuals(structure: Structure, builder: Builder, states: tuple[Node, ...],
     rows: Found = defaultdict(list)
     for i, node in enumerate((*rates, *algebraic)):
         if node not in place:
-            e, k = structure.choice.solved_by[node]
+            e, k = structure.dependence.equation(node)
             template, g, row = builder.template(e, k)
             rows[residual_kernel(template), g, k].append((row, first + i, 1))
     steps = [builder.batch(kernel, g, k, instances) for (kernel, g, k), instances in rows.items()]

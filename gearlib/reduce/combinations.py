@@ -125,7 +125,7 @@ def _row(structure: Structure, equation: int, times: int) -> _Equation:
 def _of_block(structure: Structure, block: Block, parameters: Floats) -> list[CancellingSum]:
     """The sums of the equations of one block."""
     place = {node: c for c, node in enumerate(block)}
-    solving = sorted((structure.choice.solved_by[node] for node in block), key=lambda row: (row[1], row[0]))
+    solving = sorted((structure.dependence.equation(node) for node in block), key=lambda row: (row[1], row[0]))
     rows: list[tuple[int, int]] = []
     entries: list[Floats] = []
     for e, k in solving:

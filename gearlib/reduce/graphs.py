@@ -75,7 +75,7 @@ def reduced_graph(structure: Structure, targets: Iterable[Node]) -> nx.DiGraph:
         return vertex
 
     for node in inside:
-        e, k = dependence.choice.solved_by[node]
+        e, k = dependence.equation(node)
         g, i = structure.rows[e]
         equation, label = ("equation", e, k), model.groups[g].template.label
         graph.add_node(equation, bipartite=0, path=model.owner(g, i), label=label, differentiated=k, block=block_of[node])

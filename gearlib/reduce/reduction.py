@@ -6,6 +6,7 @@ before the balance is checked, and one flow that is then undetermined is set to 
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -16,11 +17,11 @@ from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
 from gearlib.flatten.model import FlatModel, alphabetical
 from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, shifted, without
 from gearlib.reduce.rows import Coefficients, Rows
-from gearlib.structure.defining_equations import Determined
+from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Entry, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
-from gearlib.structure.sorting import Dependence, sinks
-from gearlib.structure.states import StateChoice, choose_states
+from gearlib.structure.sorting import sinks
+from gearlib.structure.states import constraints, matched, select_columns
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,7 @@ class Structure:
     model: FlatModel  # without redundant equations
     rows: tuple[tuple[int, int], ...]  # (group, row) of each equation
     differentiation: Differentiation
-    choice: StateChoice
-    dependence: Dependence
+    dependence: Dependence  # and states
     angles: frozenset[Node]  # states that are pure integrals: nothing depends on them
     redundant: tuple[str, ...]  # origins of the equations that were removed
     closed: tuple[str, ...]  # flows set to zero
@@ -40,13 +40,7 @@ class Structure:
 
     @property
     def states(self) -> tuple[Node, ...]:
-        return self.choice.states
-
-    def computes(self, node: Node) -> bool:
-        """Whether a variable, or a derivative of one, is a state, an input, or computable from these."""
-        dependence, solved = self.dependence, self.choice.solved_by
-        given = node[1] == 0 and node[0] in dependence.given
-        return given or node in dependence.is_state or node in solved or (isinstance(solved, Determined) and solved.knows(node))
+        return self.dependence.states
 
     def named(self, name: str, what: str, refusal: tuple[str, str]) -> tuple[Node, int]:
         """The node that a name stands for, and its sign (0: identically zero).
@@ -68,7 +62,7 @@ class Structure:
         base, order = self.model.column(name)
         variable = self.model.variable(base, what)
         node, sign = (int(self.model.representative[variable]), order), int(self.model.sign[variable])
-        if sign and not self.computes(node):
+        if sign and not self.dependence.computes(node):
             why = "needs the derivative of an input" if order else "does not occur in the model's equations"
             raise NameLookupError(f"{name} {why}, so it {refusal[0]}{f'; {base} {refusal[1]}' if order else ''}")
         return node, sign
@@ -107,41 +101,39 @@ def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
     given = frozenset(model.inputs.tolist())
     result = pantelides(len(rows.place), lambda e, k: [n for n in rows.columns(e, k) if n[0] not in given])
     _refuse_differentiated_inputs(model, rows, result, given)
-    varying = _varying(model, rows, result)
-    choice = choose_states(result, _entries(model, rows, result, numbers), _badness(model, result), varying, model.ranks)
-    if choice.singular:
-        owners = sorted({model.owner(*rows.place[e]) for e in choice.singular})
+    lower = constraints(result, _entries(model, rows, result, numbers))
+    eliminated, failed = select_columns(lower, _badness(model, result), _varying(model, rows, result), ranks=model.ranks)
+    if failed:
+        owners = sorted({model.owner(*rows.place[e]) for e, _ in failed})
         raise SingularError(
             f"the constraints of {', '.join(owners)} depend on each other at these values (a combination of ratios makes a pivot "
             "zero); change a ratio, or make one of the connections elastic"
         )
-    _refuse_reinits_of_no_state(model, choice)
+    dependence = _dependence(model, rows, result, lower, eliminated)
+    _refuse_reinits_of_no_state(model, dependence.states)
     _refuse_reinits_of_one_state(model)
-    choice = _with_derivatives(model, rows, choice)
-    dependence, angles = _dependence(model, rows, choice)
-    return Structure(model, tuple(rows.place), result, choice, dependence, angles, redundant, closed, complete)
+    angles = _angles(model, dependence)
+    return Structure(model, tuple(rows.place), result, dependence, angles, redundant, closed, complete)
 
 
 def choose_again(structure: Structure, numbers: Coefficients) -> Structure | None:
     """State selection at other values (coefficients of ``structure.model``); None if there are no other states."""
     model, result = structure.model, structure.differentiation
     rows = Rows(model)
-    entries, varying = _entries(model, rows, result, numbers), _varying(model, rows, result)
+    lower, varying = constraints(result, _entries(model, rows, result, numbers)), _varying(model, rows, result)
     by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
     for badness in (by_declaration, {}):
-        choice = choose_states(result, entries, badness, varying, model.ranks)
-        kept = all((v, 0) in choice.states for v in _reinitialised(model))
-        if not choice.singular and kept and set(choice.states) != set(structure.states):
-            choice = _with_derivatives(model, rows, choice)
-            dependence, angles = _dependence(model, rows, choice)
-            return replace(structure, choice=choice, dependence=dependence, angles=angles)
+        eliminated, failed = select_columns(lower, badness, varying, ranks=model.ranks)
+        states = set(_states(result, eliminated))
+        if not failed and states.issuperset((v, 0) for v in _reinitialised(model)) and states != set(structure.states):
+            dependence = _dependence(model, rows, result, lower, eliminated)
+            return replace(structure, dependence=dependence, angles=_angles(model, dependence))
     return None
 
 
-def _with_derivatives(model: FlatModel, rows: Rows, choice: StateChoice) -> StateChoice:
-    """The state choice, extended by derivatives that can be computed on demand."""
-    given = frozenset(model.inputs.tolist())
-    return replace(choice, solved_by=Determined(choice.solved_by, rows.columns, choice.states, given))
+def _states(result: Differentiation, eliminated: Collection[Node]) -> tuple[Node, ...]:
+    """The state candidates that are not eliminated."""
+    return tuple((v, k) for v, order in sorted(result.orders.items()) for k in range(order) if (v, k) not in eliminated)
 
 
 def _varying(model: FlatModel, rows: Rows, result: Differentiation) -> frozenset[int]:
@@ -149,17 +141,27 @@ def _varying(model: FlatModel, rows: Rows, result: Differentiation) -> frozenset
     return frozenset(e for e, (g, _) in enumerate(rows.place) if result.counts[e] and not model.groups[g].template.linear)
 
 
-def _dependence(model: FlatModel, rows: Rows, choice: StateChoice) -> tuple[Dependence, frozenset[Node]]:
-    """The dependency graph, and the states that are pure integrals."""
-    given = frozenset(model.inputs.tolist())
-    dependence = Dependence(choice, rows.columns, given, frozenset(choice.states), decisive_nodes(model, rows))
+def _dependence(
+    model: FlatModel,
+    rows: Rows,
+    result: Differentiation,
+    lower: Mapping[Node, Mapping[Node, float]],
+    eliminated: Collection[Node],
+) -> Dependence:
+    """The states that remain, and the dependency graph."""
+    solved_by, given = matched(result, lower, eliminated), frozenset(model.inputs.tolist())
+    return Dependence(_states(result, eliminated), solved_by, rows.columns, given, decisive_nodes(model, rows))
+
+
+def _angles(model: FlatModel, dependence: Dependence) -> frozenset[Node]:
+    """The states that are pure integrals."""
     plain_rates = integrals(model)
 
     def position(state: Node) -> bool:
         """A potential, or a variable whose derivative is a declared speed."""
         return state[1] == 0 and (bool(model.potential[state[0]]) or state[0] in plain_rates)
 
-    return dependence, sinks(dependence, choice.states, position)
+    return sinks(dependence, dependence.states, position)
 
 
 def confirm(structure: Structure, numbers: Coefficients) -> None:
@@ -305,11 +307,11 @@ def _refuse_reinits_of_one_state(model: FlatModel) -> None:
             )
 
 
-def _refuse_reinits_of_no_state(model: FlatModel, choice: StateChoice) -> None:
+def _refuse_reinits_of_no_state(model: FlatModel, states: Collection[Node]) -> None:
     for v in _reinitialised(model):
-        if (v, 0) not in choice.states:
-            states = ", ".join("der(" * k + model.name(w) + ")" * k for w, k in choice.states)
+        if (v, 0) not in states:
+            named = ", ".join("der(" * k + model.name(w) + ")" * k for w, k in states)
             raise ModelError(
                 f"reinit({model.name(v)}): {model.name(v)} is not a state, so that it cannot be given a value; the states are "
-                f"{states or 'none'}. A variable is one where its derivative is written, as gl.der({model.name(v)})"
+                f"{named or 'none'}. A variable is one where its derivative is written, as gl.der({model.name(v)})"
             )

@@ -230,7 +230,7 @@ class Scene:
     def unfixed(self) -> tuple[str, ...] | None:
         """States that no start value fixes; None where fixed variables are not states, so that equations must be solved."""
         fixed = set(self.model.fixed[0].tolist())
-        if any((v, 0) in self.structure.choice.solved_by for v in fixed - {v for v, k in self.structure.states if k == 0}):
+        if any((v, 0) in self.structure.dependence.solved_by for v in fixed - {v for v, k in self.structure.states if k == 0}):
             return None
         return tuple(name for name, (v, k) in zip(self.state_names, self.states, strict=True) if k or v not in fixed)
 
@@ -400,7 +400,7 @@ def needed_discretes(structure: Structure, targets: Iterable[Node]) -> tuple[int
     found: set[int] = set()
     waiting: list[int] = []
     for node in unknowns:
-        g, i = structure.rows[dependence.choice.solved_by[node][0]]
+        g, i = structure.rows[dependence.equation(node)[0]]
         waiting += model.groups[g].discretes[i].tolist()
     while waiting:
         place = waiting.pop()
@@ -420,7 +420,7 @@ def needed_inputs(structure: Structure, targets: Iterable[Node]) -> tuple[str, .
     unknowns, _ = reach(dependence, targets, dynamic=True, events=True)
     met = {v for v, _ in targets}
     for node in unknowns:
-        e, k = dependence.choice.solved_by[node]
+        e, k = dependence.equation(node)
         met |= {v for v, _ in (*dependence.columns(e, k), *dependence.at_events.get(e, ()))}
     for update in model.discretes.updates:  # conservatively, the targets are taken to depend on all of them
         met |= set(update.equations.variables.ravel().tolist())

@@ -184,7 +184,7 @@ def start_values(
     x = np.where(orders == 0, guess[variables], 0.0)
     place = {node: i for i, node in enumerate(everything)}
     direct = {place[v, 0] for v in fixed if (v, 0) in place}
-    others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.choice.solved_by]
+    others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.dependence.solved_by]
     free = [i for i in range(len(everything)) if i not in direct]
     settled = set(direct)
     change = None if seeds is None else _Change.of_guess(scene, seeds, overrides, own_seeds)

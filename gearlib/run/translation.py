@@ -327,7 +327,7 @@ class Translation:
                     nodes += [node] if sign else []
         targets = [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))]
         states = tuple(sorted({*own.states, *needed_states(structure, targets)}))
-        computed = tuple(n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states)
+        computed = tuple(n for n in dict.fromkeys(nodes) if n in structure.dependence.solved_by and n not in states)
         return self.scene_of(states, tuple(sorted({*own.wanted, *discretes})), computed)
 
     @cached_property
@@ -554,7 +554,7 @@ def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tup
     if len(model.discretes):
         discretes = sorted({*discretes, *needed_discretes(structure, nodes)})
     states = needed_states(structure, [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))])
-    computed = [n for n in dict.fromkeys(nodes) if n in structure.choice.solved_by and n not in states]
+    computed = [n for n in dict.fromkeys(nodes) if n in structure.dependence.solved_by and n not in states]
     return Scene(structure, states, tuple(discretes), tuple(computed))
 
 

@@ -6,31 +6,14 @@ linear graph algorithms", SIAM Journal on Computing 1 (1972) 146-160, doi 10.113
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable
 
 import networkx as nx
 
-from gearlib.structure.incidence import Columns, Node
-from gearlib.structure.states import StateChoice
+from gearlib.structure.dependence import Dependence
+from gearlib.structure.incidence import Node
 
 Block = tuple[Node, ...]  # unknowns that are solved simultaneously
-
-
-@dataclass(frozen=True)
-class Dependence:
-    """Dependency graph: the unknowns and states that each unknown is computed from."""
-
-    choice: StateChoice
-    columns: Columns
-    given: Collection[int] = ()  # variables given from outside
-    is_state: frozenset[Node] = frozenset()
-    at_events: Mapping[int, Sequence[Node]] = field(default_factory=dict)  # per equation: the nodes that determine its modes
-
-    def of(self, node: Node) -> list[Node]:
-        """The other nodes in the equation that determines ``node``."""
-        e, k = self.choice.solved_by[node]
-        return [n for n in self.columns(e, k) if n != node and n[0] not in self.given]
 
 
 def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool, events: bool = False) -> tuple[list[Node], set[Node]]:
@@ -51,7 +34,7 @@ def reach(dependence: Dependence, targets: Iterable[Node], dynamic: bool, events
             unknowns[node] = None
             following = dependence.of(node)
             if events:
-                decisive = dependence.at_events.get(dependence.choice.solved_by[node][0], ())
+                decisive = dependence.at_events.get(dependence.equation(node)[0], ())
                 following = [*following, *(n for n in decisive if n[0] not in dependence.given)]
         for other in following:
             if other not in seen:

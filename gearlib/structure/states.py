@@ -14,8 +14,7 @@ Scientific Computing 14 (1993) 677-692, doi 10.1137/0914043.
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from gearlib.structure.dulmage_mendelsohn import maximum_matching
@@ -27,26 +26,8 @@ ZERO = 1e-11  # relative to a row's largest coefficient
 FILLED = 8  # ratio of a column's entries to their original number that counts as fill-in
 
 
-@dataclass(frozen=True)
-class StateChoice:
-    """The states, and the equation matched to each other node.
-
-    A node (v, k) is the k-th derivative of variable v; an equation (e, k) the k-th derivative of equation e.
-    """
-
-    states: tuple[Node, ...]
-    solved_by: Mapping[Node, Node]
-    singular: tuple[int, ...]  # equations without a pivot
-
-
-def choose_states(
-    result: Differentiation,
-    entries: Iterable[Entry],
-    badness: Mapping[Node, tuple[float, ...]],
-    varying: frozenset[int] = frozenset(),
-    ranks: Sequence[int] | None = None,
-) -> StateChoice:
-    """Select the states.
+def constraints(result: Differentiation, entries: Iterable[Entry]) -> dict[Node, dict[Node, float]]:
+    """The constraints on the state candidates: all but the highest derivatives of each equation, as rows of coefficients.
 
     Parameters
     ----------
@@ -54,27 +35,25 @@ def choose_states(
         Result of Pantelides' algorithm.
     entries : iterable of (equation, variable, order, value)
         Partial derivatives of the differentiated equations (as written) with respect to each variable and order.
-    badness : mapping
-        Sort key of each candidate node (v, k): larger means less wanted as a state.
-    varying : frozenset of int
-        Equations with coefficients that change during a run.
-    ranks : sequence of int, optional
-        Tie-break between equal candidates: the one whose variable has the lowest rank is not a state. By default the variables'
-        numbers.
     """
     counts, orders = result.counts, result.orders
-    solved_by: dict[Node, Node] = {(v, orders[v]): (e, counts[e]) for e, v in result.assignment.items()}
     rows: dict[Node, dict[Node, float]] = {(e, k): {} for e, c in enumerate(counts) for k in range(c)}
     for e, v, order, value in entries:
         for k in range(counts[e]):
             if value != 0.0 and order + k < orders[v]:
                 rows[e, k][v, order + k] = rows[e, k].get((v, order + k), 0.0) + value
-    chosen, failed = select_columns(rows, badness, varying, ranks=ranks)
+    return rows
+
+
+def matched(
+    result: Differentiation, rows: Mapping[Node, Mapping[Node, float]], eliminated: Collection[Node]
+) -> dict[Node, Node]:
+    """The equation matched to each node that is no state: highest derivatives, and the candidates that constraints eliminate."""
+    solved_by: dict[Node, Node] = {(v, result.orders[v]): (e, result.counts[e]) for e, v in result.assignment.items()}
     keys = list(rows)
-    partner = maximum_matching([[n for n, a in rows[key].items() if n in chosen and a != 0.0] for key in keys])
+    partner = maximum_matching([[n for n, a in rows[key].items() if n in eliminated and a != 0.0] for key in keys])
     solved_by.update({node: keys[r] for r, node in partner.items()})
-    states = tuple((v, k) for v, order in sorted(orders.items()) for k in range(order) if (v, k) not in chosen)
-    return StateChoice(states, solved_by, tuple(sorted({e for e, _ in failed})))
+    return solved_by
 
 
 def select_columns(
@@ -84,12 +63,24 @@ def select_columns(
     zero: float = ZERO,
     ranks: Sequence[int] | None = None,
 ) -> tuple[set[Node], list[Node]]:
-    """Independent columns, one per row, least wanted first; and the rows without one.
+    """Select the nodes that are eliminated, as independent columns, one per constraint, least wanted first; and the rows without one.
 
     Columns are considered in order of badness; each is chosen unless it depends on earlier ones (the greedy algorithm for a
     maximum-weight basis). Among equals, columns with few entries come first, which keeps the elimination sparse; but in an equation
     with ``varying`` coefficients the one with the largest coefficient does, being farthest from zero. A row whose remainder is below
     ``zero`` of its largest coefficient is dependent.
+
+    Parameters
+    ----------
+    rows : mapping
+        Coefficients of the nodes in each constraint.
+    badness : mapping
+        Sort key of each candidate node (v, k): larger means less wanted as a state.
+    varying : frozenset of int
+        Equations with coefficients that change during a run.
+    ranks : sequence of int, optional
+        Tie-break between equal candidates: the one whose variable has the lowest rank is not a state. By default the variables'
+        numbers.
 
     Examples
     --------

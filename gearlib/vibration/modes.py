@@ -577,9 +577,9 @@ def _moving_states(structure: Structure) -> tuple[Node, ...]:
 
 def _amplitude_nodes(structure: Structure) -> dict[int, int]:
     """Per variable, a derivative order whose amplitude is known without integrating absolute angles."""
-    choice, model = structure.choice, structure.model
+    model = structure.model
     states = set(structure.states) - set(structure.angles)
-    solved = set(choice.solved_by)
+    solved = set(structure.dependence.solved_by)
     result: dict[int, int] = {}
     top = 1 + max([0, *(k for _, k in solved)])
     absolute = {v for v, _ in structure.angles}

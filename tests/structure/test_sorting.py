@@ -8,15 +8,15 @@ import networkx as nx
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Node
-from gearlib.structure.sorting import Dependence, reach, sinks, sort_blocks
-from gearlib.structure.states import StateChoice
+from gearlib.structure.sorting import reach, sinks, sort_blocks
 
 
 def dependence(uses: Sequence[Sequence[int]], states: Sequence[Node] = ()) -> Dependence:
     """Unknown i is computed by equation i from ``uses[i]``."""
-    choice = StateChoice(tuple(states), {(i, 0): (i, 0) for i in range(len(uses))}, ())
-    return Dependence(choice, lambda e, k: [(e, 0), *((v, 0) for v in uses[e])], (), frozenset(states))
+    solved_by = {(i, 0): (i, 0) for i in range(len(uses))}
+    return Dependence(tuple(states), solved_by, lambda e, k: [(e, 0), *((v, 0) for v in uses[e])])
 
 
 def test_figure_of_tarjans_paper() -> None:
@@ -42,9 +42,9 @@ def test_blocks_are_the_strong_components_and_come_after_what_they_use(uses: lis
 
 def test_reach_stops_at_states_unless_their_derivatives_are_wanted() -> None:
     # w (0) is a state with der(w) (0, 1) = f(tau), tau (1) = g(w), p (2) = tau * w
-    choice = StateChoice(((0, 0),), {(0, 1): (0, 0), (1, 0): (1, 0), (2, 0): (2, 0)}, ())
+    solved_by = {(0, 1): (0, 0), (1, 0): (1, 0), (2, 0): (2, 0)}
     columns = {0: [(0, 1), (1, 0)], 1: [(1, 0), (0, 0)], 2: [(2, 0), (1, 0), (0, 0)]}
-    d = Dependence(choice, lambda e, k: columns[e], (), frozenset({(0, 0)}))
+    d = Dependence(((0, 0),), solved_by, lambda e, k: columns[e])
     assert reach(d, [(2, 0)], dynamic=False) == ([(2, 0), (1, 0)], {(0, 0)})
     unknowns, states = reach(d, [(0, 0)], dynamic=True)
     assert (set(unknowns), states) == ({(0, 1), (1, 0)}, {(0, 0)})
@@ -52,8 +52,8 @@ def test_reach_stops_at_states_unless_their_derivatives_are_wanted() -> None:
 
 def test_sinks_are_integrals_that_nothing_depends_on() -> None:
     # phi' = w, w' = -w, psi' = phi
-    choice = StateChoice(((0, 0), (1, 0), (2, 0)), {(0, 1): (0, 0), (1, 1): (1, 0), (2, 1): (2, 0)}, ())
+    solved_by = {(0, 1): (0, 0), (1, 1): (1, 0), (2, 1): (2, 0)}
     columns = {0: [(0, 1), (1, 0)], 1: [(1, 1), (1, 0)], 2: [(2, 1), (0, 0)]}
-    d = Dependence(choice, lambda e, k: columns[e], (), frozenset(choice.states))
-    assert sinks(d, choice.states, lambda node: True) == {(2, 0)}
-    assert sinks(d, choice.states, lambda node: False) == frozenset()
+    d = Dependence(((0, 0), (1, 0), (2, 0)), solved_by, lambda e, k: columns[e])
+    assert sinks(d, d.states, lambda node: True) == {(2, 0)}
+    assert sinks(d, d.states, lambda node: False) == frozenset()

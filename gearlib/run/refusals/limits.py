@@ -99,7 +99,7 @@ def _bounded(scene: Scene) -> Iterator[tuple[int, float, Node]]:
     model = scene.model
     for v, least in model.bounded:
         node = (int(model.representative[v]), 0)
-        known = node in scene.structure.choice.solved_by or node in scene.place_of
+        known = node in scene.structure.dependence.solved_by or node in scene.place_of
         if model.sign[v] and known and not scene.missing(node):
             yield v, least, node
 

@@ -1,0 +1,37 @@
+"""The equation of each node, and which derivatives equations give on demand."""
+
+from __future__ import annotations
+
+import pytest
+
+from gearlib.structure.dependence import Dependence
+
+# x' = u + y, y = g(x); u is given from outside, z = u
+COLUMNS = {0: [(0, 1), (1, 0), (9, 0)], 1: [(1, 0), (0, 0)], 2: [(2, 0), (9, 0)]}
+SOLVED = {(0, 1): (0, 0), (1, 0): (1, 0), (2, 0): (2, 0)}
+
+
+def dependence() -> Dependence:
+    def columns(e: int, k: int) -> list[tuple[int, int]]:
+        return [(v, order + k) for v, order in COLUMNS[e]]
+
+    return Dependence(((0, 0),), SOLVED, columns, frozenset({9}))
+
+
+def test_an_unknown_is_solved_from_its_equation_and_its_derivative_from_the_derivative_of_that() -> None:
+    assert dependence().equation((1, 0)) == (1, 0)
+    assert dependence().equation((1, 2)) == (1, 2)
+    assert dependence().equation((0, 3)) == (0, 2)
+    assert dependence().of((1, 1)) == [(0, 1)]
+    for node in [(0, 0), (9, 0), (7, 1)]:  # a state, what is given, what is in no equation
+        with pytest.raises(KeyError):
+            dependence().equation(node)
+
+
+def test_what_is_computed() -> None:
+    found = dependence()
+    assert all(found.computes(node) for node in [(0, 0), (0, 1), (1, 0), (1, 1), (9, 0), (2, 0)])
+    assert not found.computes((9, 1))
+    assert not found.computes((2, 1)), "its equation holds the derivative of what is given"
+    assert not found.computes((1, 2)), "x'' holds it"
+    assert not found.computes((7, 0))
