@@ -17,7 +17,6 @@ from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.program import Batch, Linear, Newton, Program
 from gearlib.program.relations import Relations, relations_of
-from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import confirm
 from gearlib.run.refusals.jumps import refuse_jumps
 from gearlib.run.sampling.controllers import refuse_controllers
@@ -198,7 +197,7 @@ class ExportedModel:
             value = float(self.numbers[p])
             numbers = table.evaluate(self.given | {p: value * PERTURBED if value else PERTURBED - 1.0})
             try:
-                confirm(structure, coefficients_of(structure.complete, numbers, 0.0))
+                confirm(structure, numbers)
             except ModelError:
                 found.append(p)
         return found

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -33,14 +32,6 @@ _OF_NUMBERS = (
     sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.sinh, sympy.cosh, sympy.tanh, sympy.asinh,
     sympy.acosh, sympy.atanh, sympy.exp, sympy.log,
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Units:
-    """Dimensions of symbols, and whether literal factors may carry a unit."""
-
-    of: UnitOf  # dimension by name, None where it may be any
-    loose: bool
 
 
 class _Mismatch(Exception):
@@ -96,7 +87,7 @@ def unit_errors(component: Component, pairs: Iterable[Pair]) -> list[str]:
 
     def measured(value: Any, loose: bool) -> Dimension | None:
         if (value, loose) not in known:
-            known[value, loose] = _measure(value, _Units(unit_of, loose))
+            known[value, loose] = _measure(value, unit_of, loose)
         return known[value, loose]
 
     for left, right, where in pairs:
@@ -201,12 +192,12 @@ def _times(a: Dimension, b: Dimension, power: Any = 1) -> Dimension:
     return tuple(x + p * y for x, y in zip(a, b, strict=True))
 
 
-def _one(terms: Iterable[Any], units: _Units, whole: Any) -> Dimension | None:
+def _one(terms: Iterable[Any], unit_of: UnitOf, loose: bool, whole: Any) -> Dimension | None:
     """The common dimension of some terms."""
     common: Dimension | None = None
     first: Any = None
     for term in terms:
-        d = _measure(term, units)
+        d = _measure(term, unit_of, loose)
         if d is None:
             continue
         if common is not None and d != common:
@@ -215,47 +206,47 @@ def _one(terms: Iterable[Any], units: _Units, whole: Any) -> Dimension | None:
     return common
 
 
-def _measure(e: Any, units: _Units) -> Dimension | None:
-    """Dimension of an expression; None where it may be any."""
+def _measure(e: Any, unit_of: UnitOf, loose: bool) -> Dimension | None:
+    """Dimension of an expression, None where it may be any; with ``loose``, literal factors may carry a unit."""
     if isinstance(e, sympy.Symbol):
-        return None if e == time else units.of(e.name)
+        return None if e == time else unit_of(e.name)
     if not e.free_symbols - {time}:
         return None
     if isinstance(e, sympy.Mul):
-        return _product(_factor(f, units) for f in e.args)
+        return _product(_factor(f, unit_of, loose) for f in e.args)
     if isinstance(e, sympy.Pow) and e.exp.is_Rational:
-        base = _factor(e.base, units)
+        base = _factor(e.base, unit_of, loose)
         return None if base is None else _times(NONE, base, Fraction(int(e.exp.p), int(e.exp.q)))
     if isinstance(e, (sympy.Pow, *_OF_NUMBERS)):
         for argument in e.args:
-            if (found := _measure(argument, units)) not in (None, NONE):
+            if (found := _measure(argument, unit_of, loose)) not in (None, NONE):
                 raise _Mismatch(f"{argument} is in {name_of(found)}, and has to be a pure number in {e}")
         return NONE
     if isinstance(e, (sympy.atan2, sympy.sign)):
-        _one(e.args, units, e)
+        _one(e.args, unit_of, loose, e)
         return NONE
     if isinstance(e, sympy.Piecewise):
         for _, condition in e.args:
-            _measure_condition(condition, units)
-        return _one([value for value, _ in e.args], units, e)
-    if isinstance(e, sympy.Add) and any(units.of(s.name) is None for s in e.free_symbols):
+            _measure_condition(condition, unit_of, loose)
+        return _one([value for value, _ in e.args], unit_of, loose, e)
+    if isinstance(e, sympy.Add) and any(unit_of(s.name) is None for s in e.free_symbols):
         return None
     if isinstance(e, sympy.Expr):  # sums, extrema, absolute values, no_event
-        return _one(e.args, units, e)
-    _measure_condition(e, units)
+        return _one(e.args, unit_of, loose, e)
+    _measure_condition(e, unit_of, loose)
     return NONE
 
 
-def _factor(e: Any, units: _Units) -> Dimension | None:
+def _factor(e: Any, unit_of: UnitOf, loose: bool) -> Dimension | None:
     """Dimension of a factor: whole numbers are dimensionless here, and time is in s."""
     if e == time:
         return SECOND
     if e.free_symbols - {time}:
-        return _measure(e, units)
+        return _measure(e, unit_of, loose)
     if e.is_number:
-        return None if e.has(sympy.Float) or (units.loose and e not in (1, -1)) else NONE
+        return None if e.has(sympy.Float) or (loose and e not in (1, -1)) else NONE
     if isinstance(e, sympy.Pow) and e.exp.is_Rational:
-        base = _factor(e.base, units)
+        base = _factor(e.base, unit_of, loose)
         return None if base is None else _times(NONE, base, Fraction(int(e.exp.p), int(e.exp.q)))
     return NONE if isinstance(e, _OF_NUMBERS) else None
 
@@ -269,6 +260,6 @@ def _product(factors: Iterable[Dimension | None]) -> Dimension | None:
     return total
 
 
-def _measure_condition(condition: Any, units: _Units) -> None:
+def _measure_condition(condition: Any, unit_of: UnitOf, loose: bool) -> None:
     for relation in condition.atoms(Relational) if isinstance(condition, sympy.Basic) else ():
-        _one(relation.args, units, relation)
+        _one(relation.args, unit_of, loose, relation)

@@ -15,8 +15,8 @@ from gearlib.compiler.instructions import LANES
 from gearlib.errors import GearlibError
 from gearlib.flatten.flatten import out_of_bounds
 from gearlib.program.interpret import regular, solutions_of_runs
-from gearlib.reduce.coefficients import coefficients_of, start_guess
 from gearlib.reduce.reduction import confirm
+from gearlib.reduce.rows import start_guess
 from gearlib.run.request import Request
 from gearlib.run.result import Result, SimulatedResult
 from gearlib.run.segment import Segment
@@ -215,7 +215,7 @@ class PreparedRuns:
 
     def _confirm(self, i: int) -> None:
         structure = self.sweep.translation.structure
-        confirm(structure, coefficients_of(structure.complete, self.parameters[:, i], 0.0))
+        confirm(structure, self.parameters[:, i])
 
     def _starts(self) -> Floats:
         sweep, scene = self.sweep, self.sweep.translation.scene

@@ -15,7 +15,7 @@ from gearlib.equations.template import Template
 from gearlib.flatten.model import FlatModel, Instance
 from gearlib.language.declarations import Flow, Input, Potential
 from gearlib.reduce.rows import Rows, listed, some
-from gearlib.structure.dulmage_mendelsohn import Balance
+from gearlib.structure.dulmage_mendelsohn import Imbalance
 
 MOST_NAMED = 3  # causes listed per kind
 
@@ -81,7 +81,7 @@ def unbalanced_classes(model: FlatModel) -> list[tuple[list[str], Account]]:
     return [(paths, balance) for balance, paths in found.items()]
 
 
-def explained(model: FlatModel, rows: Rows, balance: Balance) -> str:
+def explained(model: FlatModel, rows: Rows, balance: Imbalance) -> str:
     """The message for an unbalanced model: causes first, then the Dulmage-Mendelsohn parts."""
     classes = [
         f"{', '.join([*paths[:MOST_NAMED], *(['...'] if len(paths) > MOST_NAMED else [])]) or 'the model'} ({tally.kind}) has {tally}."
@@ -110,7 +110,7 @@ def explained(model: FlatModel, rows: Rows, balance: Balance) -> str:
     return "the model is not balanced. " + " ".join(text)
 
 
-def _given_twice(model: FlatModel, rows: Rows, balance: Balance) -> list[str]:
+def _given_twice(model: FlatModel, rows: Rows, balance: Imbalance) -> list[str]:
     """Bound inputs that an equation of an enclosing component, or their own, would have to determine."""
     excess = [e for e in balance.excess_equations if rows.place[e] and _owner(model, rows, e) is not None]
     bound = {v for e in excess if _template(model, rows, e).binds for v, _ in rows.columns(e, 0)}
@@ -145,7 +145,7 @@ def _is_of_connector(model: FlatModel, variable: str) -> bool:
     return any(instance.path == owner and local in instance.connectors for instance in model.instances)
 
 
-def _loose_ends(model: FlatModel, rows: Rows, balance: Balance, guess: bool) -> Iterator[str]:
+def _loose_ends(model: FlatModel, rows: Rows, balance: Imbalance, guess: bool) -> Iterator[str]:
     """Unconnected connectors that cause the imbalance; harmless free ends are omitted.
 
     With ``guess``, also those on which a massless law depends: their zero flow leaves the law one unknown short.

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from gearlib.errors import LoopError, ModelError, NameLookupError, SingularError
-from gearlib.flatten.model import FlatModel, alphabetical
-from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, shifted, without
-from gearlib.reduce.rows import Coefficients, Rows
+from gearlib.flatten.model import FlatModel, Floats, alphabetical
+from gearlib.reduce.redundancy import balanced, flows_beside, redundant_rows, without
+from gearlib.reduce.rows import Rows
 from gearlib.structure.dependence import Dependence
 from gearlib.structure.incidence import Entry, Node
 from gearlib.structure.pantelides import Differentiation, pantelides
@@ -76,8 +76,8 @@ class Structure:
         )
 
 
-def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
-    """Perform index reduction and state selection on a flat model.
+def analyse(model: FlatModel, parameters: Floats) -> Structure:
+    """Perform index reduction and state selection on a flat model, with numbers at the start values where structure does not suffice.
 
     Raises
     ------
@@ -85,23 +85,22 @@ def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
         The message names the equations and variables at fault.
     """
     complete = model
-    rows = Rows(model)
-    dropped = redundant_rows(model, rows, numbers)
+    rows = Rows(model, parameters)
+    dropped = redundant_rows(model, rows)
     redundant = tuple(model.owner(*rows.place[e]) for e in dropped)
     around = [[rows.place[e] for e in loop] for loop in dropped.values()]
     beside = flows_beside(model, [place for loop in around for place in loop])
     loops = [sorted({o for place in loop if (o := model.owner(*place)) != "connection"}, key=alphabetical) for loop in around]
     if dropped:
         model = without(model, rows, dropped)
-        numbers = shifted(numbers, rows, dropped)
-        rows = Rows(model)
-    model, closed = balanced(model, rows, numbers, beside, loops)
+        rows = rows.of(model)
+    model, closed = balanced(model, rows, beside, loops)
     if closed:
-        rows = Rows(model)
+        rows = rows.of(model)
     given = frozenset(model.inputs.tolist())
     result = pantelides(len(rows.place), lambda e, k: [n for n in rows.columns(e, k) if n[0] not in given])
     _refuse_differentiated_inputs(model, rows, result, given)
-    lower = constraints(result, _entries(model, rows, result, numbers))
+    lower = constraints(result, _entries(model, rows, result))
     eliminated, failed = select_columns(lower, _badness(model, result), _varying(model, rows, result), ranks=model.ranks)
     if failed:
         owners = sorted({model.owner(*rows.place[e]) for e, _ in failed})
@@ -116,11 +115,11 @@ def analyse(model: FlatModel, numbers: Coefficients) -> Structure:
     return Structure(model, tuple(rows.place), result, dependence, angles, redundant, closed, complete)
 
 
-def choose_again(structure: Structure, numbers: Coefficients) -> Structure | None:
-    """State selection at other values (coefficients of ``structure.model``); None if there are no other states."""
+def choose_again(structure: Structure, parameters: Floats, t: float, known: Floats) -> Structure | None:
+    """State selection at another point, given as to `Rows`; None if there are no other states."""
     model, result = structure.model, structure.differentiation
-    rows = Rows(model)
-    lower, varying = constraints(result, _entries(model, rows, result, numbers)), _varying(model, rows, result)
+    rows = Rows(model, parameters, t, known)
+    lower, varying = constraints(result, _entries(model, rows, result)), _varying(model, rows, result)
     by_declaration = {node: bad[:1] for node, bad in _badness(model, result).items()}
     for badness in (by_declaration, {}):
         eliminated, failed = select_columns(lower, badness, varying, ranks=model.ranks)
@@ -164,8 +163,8 @@ def _angles(model: FlatModel, dependence: Dependence) -> frozenset[Node]:
     return sinks(dependence, dependence.states, position)
 
 
-def confirm(structure: Structure, numbers: Coefficients) -> None:
-    """Check that redundant equations remain redundant with other numbers (of ``structure.complete``).
+def confirm(structure: Structure, parameters: Floats) -> None:
+    """Check that redundant equations remain redundant with other parameters.
 
     Raises
     ------
@@ -174,8 +173,7 @@ def confirm(structure: Structure, numbers: Coefficients) -> None:
     """
     if not structure.redundant:
         return
-    rows = Rows(structure.complete)
-    dropped = redundant_rows(structure.complete, rows, numbers)
+    dropped = redundant_rows(structure.complete, Rows(structure.complete, parameters))
     if len(dropped) != len(structure.redundant):
         raise LoopError(
             f"the model was compiled with equations of {', '.join(structure.redundant)} that followed from the others, and with these "
@@ -251,7 +249,7 @@ def integrals(model: FlatModel) -> set[int]:
     return found
 
 
-def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coefficients) -> list[Entry]:
+def _entries(model: FlatModel, rows: Rows, result: Differentiation) -> list[Entry]:
     """Partial derivatives of every differentiated equation."""
     counts = np.array(result.counts)
     found: list[Entry] = []
@@ -261,7 +259,7 @@ def _entries(model: FlatModel, rows: Rows, result: Differentiation, numbers: Coe
         if not len(differentiated):
             continue
         for c, (j, order) in enumerate(group.template.local_columns):
-            values = np.asarray(numbers.partial(g, c))[differentiated] * group.signs[differentiated, j]
+            values = np.asarray(rows.partial(g, c))[differentiated] * group.signs[differentiated, j]
             variables = group.variables[differentiated, j].tolist()
             equations = (first + differentiated).tolist()
             found += [(e, v, order, a) for e, v, a in zip(equations, variables, values.tolist(), strict=True)]

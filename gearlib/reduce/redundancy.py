@@ -15,13 +15,13 @@ import numpy as np
 from gearlib.errors import BalanceError, LoopError
 from gearlib.flatten.model import EquationGroup, FlatModel, alphabetical
 from gearlib.reduce.imbalance import explained
-from gearlib.reduce.rows import Coefficients, Rows, listed, some
+from gearlib.reduce.rows import Rows, listed, some
 from gearlib.structure.dulmage_mendelsohn import dulmage_mendelsohn
 from gearlib.structure.rigid_loops import TOLERANCE, core, examine
 from gearlib.structure.states import select_columns
 
 
-def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[int, tuple[int, ...]]:
+def redundant_rows(model: FlatModel, rows: Rows) -> dict[int, tuple[int, ...]]:
     """Equations between positions (no derivative, no flow, constant coefficients) that follow from the others.
 
     Each comes with the equations of its loop.
@@ -36,8 +36,8 @@ def redundant_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> dict[
         eligible = ~(model.flow[group.variables] & (group.signs != 0)).any(axis=1)
         if not eligible.any():
             continue
-        partials = [numbers.partial(g, c) for c in range(len(t.columns))]
-        rest = numbers.rest(g)
+        partials = [rows.partial(g, c) for c in range(len(t.columns))]
+        rest = rows.rest(g)
         for i in np.flatnonzero(eligible).tolist():
             row: dict[int, float] = {}
             for c, (j, _) in enumerate(t.local_columns):
@@ -104,17 +104,6 @@ def without(model: FlatModel, rows: Rows, dropped: Collection[int]) -> FlatModel
     return model.with_groups(tuple(groups), model.redundant + len(dropped))
 
 
-def shifted(numbers: Coefficients, rows: Rows, dropped: Iterable[int]) -> Coefficients:
-    """The coefficients of that model."""
-    gone: dict[int, list[int]] = {}
-    for e in dropped:
-        g, i = rows.place[e]
-        gone.setdefault(g, []).append(i)
-    return Coefficients(
-        lambda g, c: np.delete(numbers.partial(g, c), gone.get(g, [])), lambda g: np.delete(numbers.rest(g), gone.get(g, []))
-    )
-
-
 def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozenset[int]:
     """The flows of the components that some equations come from."""
     owners = (model.instances[o] for g, i in places if (o := int(model.groups[g].owners[i])) >= 0)
@@ -123,7 +112,7 @@ def flows_beside(model: FlatModel, places: Iterable[tuple[int, int]]) -> frozens
 
 
 def balanced(
-    model: FlatModel, rows: Rows, numbers: Coefficients, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
+    model: FlatModel, rows: Rows, wanted: frozenset[int], loops: Sequence[Sequence[str]] = ()
 ) -> tuple[FlatModel, tuple[str, ...]]:
     """Check the balance; close the flows that redundant equations leave undetermined by setting them to zero, preferably ``wanted`` ones.
 
@@ -136,11 +125,11 @@ def balanced(
         incidence = [list({v for v, _ in rows.columns(e, 0) if v not in given}) for e in range(len(rows.place))]
         unknown = sorted({int(r) for r in np.unique(model.representative[model.sign != 0])} - given - set(closed))
         balance = dulmage_mendelsohn(incidence, unknown)
-        if balance.balanced:
+        if balance is None:
             return model, tuple(last_names(model, closed).values())
         if balance.surplus == 0 and candidates is None and model.redundant:
             flows = [v for v in unknown if model.flow[v]]  # some occur in no equation: flows that circulate within a body
-            candidates = left_open(_flow_rows(model, rows, numbers), _last_first(model, flows, wanted))
+            candidates = left_open(_flow_rows(model, rows), _last_first(model, flows, wanted))
         undetermined = set(balance.undetermined).difference(closed)
         free = [v for v in candidates or () if v in undetermined]
         if balance.surplus or len(closed) >= model.redundant or not free:
@@ -150,7 +139,7 @@ def balanced(
         closing = free[: balance.deficit]
         closed += closing
         model = _zeroed(model, closing)
-        rows = Rows(model)
+        rows = rows.of(model)
 
 
 def left_open(rows: Sequence[dict[int, float]], order: Sequence[int]) -> list[int]:
@@ -206,7 +195,7 @@ def _definitions(model: FlatModel, rows: Rows) -> frozenset[int]:
     )
 
 
-def _flow_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> list[dict[int, float]]:
+def _flow_rows(model: FlatModel, rows: Rows) -> list[dict[int, float]]:
     """Coefficients of the flows in each equation at rest. Inputs are not unknowns."""
     result: list[dict[int, float]] = []
     unknown = model.flow.copy()
@@ -217,7 +206,7 @@ def _flow_rows(model: FlatModel, rows: Rows, numbers: Coefficients) -> list[dict
         columns = [(c, j) for c, (j, _) in enumerate(group.template.local_columns) if flows[:, j].any()]
         found: list[dict[int, float]] = [{} for _ in range(len(group) if columns else 0)]
         for c, j in columns:
-            values = np.array(numbers.partial(g, c), float)
+            values = np.array(rows.partial(g, c), float)
             if not group.template.partials[c].constant:  # any generic value
                 values = np.where(
                     np.isfinite(values) & (values != 0.0), values, np.pi + 0.1 * np.sin(np.arange(len(values)) + c)

@@ -1,41 +1,53 @@
-"""`Rows`: row-wise view of a flat model's equations: variables and derivative orders, including differentiated equations."""
+"""`Rows`: a flat model's equations one by one: their variables and derivative orders, and their coefficients at one point."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gearlib.flatten.model import EquationGroup, FlatModel
+from gearlib.equations.kernel import Kernel, partial_kernel, residual_kernel
+from gearlib.flatten.model import EquationGroup, FlatModel, Floats
 from gearlib.structure.incidence import Node
-
-Floats = NDArray[np.float64]
-# (group, column of its template) -> that partial derivative in each row
-PartialValues = Callable[[int, int], Floats]
-# group -> constant term of each row, NaN if it varies with time
-RestValues = Callable[[int], Floats]
-
-
-@dataclass(frozen=True)
-class Coefficients:
-    """Partial derivatives of a flat model, evaluated on demand."""
-
-    partial: PartialValues
-    rest: RestValues
 
 
 class Rows:
-    """Row-wise view of the equations of a flat model: variables and orders, including differentiated equations."""
+    """The equations of a flat model one by one, for structural decisions: incidence, and where that does not suffice, numbers.
 
-    def __init__(self, model: FlatModel) -> None:
-        self.model = model
+    Parameters
+    ----------
+    model : FlatModel
+    parameters : array
+        The complete vector.
+    t : float
+        Time at which coefficients are evaluated.
+    known : array, shape (orders, variables), optional
+        ``known[k]`` holds the k-th derivatives of all variables there; missing orders count as zero. By default the start values.
+    """
+
+    def __init__(self, model: FlatModel, parameters: Floats, t: float = 0.0, known: Floats | None = None) -> None:
+        self.model, self.parameters, self.t, self.known = model, parameters, t, known
         self.first = np.cumsum([0, *(len(g) for g in model.groups)])
         self.place = [(g, i) for g, group in enumerate(model.groups) for i in range(len(group))]
         self._rows = [row for group in model.groups for row in _columns(group)]
         self._locals = [group.variables.tolist() for group in model.groups]
         self._signs = [group.signs.tolist() for group in model.groups]
+
+    def of(self, model: FlatModel) -> Rows:
+        """The rows of another model with the same variables and parameters, at the same point."""
+        return Rows(model, self.parameters, self.t, self.known)
+
+    def partial(self, g: int, column: int) -> Floats:
+        """Partial derivatives of a group's equations with respect to one column of their template."""
+        return self._values(partial_kernel(self.model.groups[g].template, column), self.model.groups[g])
+
+    def rest(self, g: int) -> Floats:
+        """Constant terms of a group's equations; NaN if they vary with time."""
+        group = self.model.groups[g]
+        if group.template.on_time:
+            return np.full(len(group), np.nan)
+        return self._values(residual_kernel(group.template, frozenset(range(len(group.template.columns)))), group)
 
     def columns(self, e: int, k: int) -> list[Node]:
         """Variables and orders in the k-th derivative of equation e."""
@@ -49,6 +61,29 @@ class Rows:
             template = template.derivative
         variables, signs = self._locals[g][i], self._signs[g][i]
         return list(dict.fromkeys((variables[j], order) for j, order in template.local_columns if signs[j]))
+
+    @cached_property
+    def _point(self) -> Floats:
+        return start_guess(self.model, self.parameters)[None, :] if self.known is None else self.known
+
+    def _values(self, kernel: Kernel, group: EquationGroup) -> Floats:
+        values = self._point
+        where = {name: j for j, name in enumerate(group.template.locals)}
+        none = np.zeros(len(group))
+
+        def argument(name: str, order: int) -> Floats:
+            j = where[name]
+            return values[order, group.variables[:, j]] * group.signs[:, j] if order < len(values) else none
+
+        return group.values(kernel, self.t, argument, self.parameters, lambda r: none)
+
+
+def start_guess(model: FlatModel, parameters: Floats) -> Floats:
+    """Start value of every representative variable: its start or guess value if it has one, else zero."""
+    values = np.zeros(model.n_variables)
+    representatives, signs, slots = model.guessed
+    values[representatives] = signs * parameters[slots]
+    return values
 
 
 def _columns(group: EquationGroup) -> list[list[Node]]:

@@ -17,8 +17,8 @@ from gearlib.program.interpret import evaluate, prepare
 from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
-from gearlib.reduce.coefficients import start_guess
 from gearlib.reduce.reduction import Structure
+from gearlib.reduce.rows import start_guess
 from gearlib.run.scene import Scene, modes_at_start, node_name
 from gearlib.structure.incidence import Node
 

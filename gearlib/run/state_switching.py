@@ -13,7 +13,6 @@ import numpy as np
 from gearlib.errors import SolverError
 from gearlib.program.build import build
 from gearlib.program.interpret import evaluate, prepare
-from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import choose_again
 from gearlib.run.integrate import integrate
 from gearlib.run.methods.method import Integrates, explained
@@ -87,7 +86,7 @@ def _following(run: Run, left: Solution, switched: Switched) -> Run:
         if k < len(known):
             known[k, v] = slots[slot, 0]
     later, modes = np.concatenate([t, run.times[run.times > left.t_last]]), held if scene.n_modes else None
-    again = choose_again(structure, coefficients_of(structure.model, run.numbers.parameters, left.t_last, known))
+    again = choose_again(structure, run.numbers.parameters, left.t_last, known)
     if again is None:  # the same states with smaller pivots
         start = replace(run.start, states=x, guess=known[0])
         return replace(run, start=start, times=later, modes=modes, slots=here)

@@ -20,7 +20,6 @@ from gearlib.flatten.model import FlatModel
 from gearlib.flatten.specialise import Special
 from gearlib.language.component import Component
 from gearlib.language.recipes import packed
-from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.combinations import CancellingSum, cancel, combinations, replaced
 from gearlib.reduce.reduction import Structure, analyse, confirm, discrete_nodes
 from gearlib.reduce.rows import some
@@ -100,7 +99,7 @@ class Variants:
         """The translation with the values of some parameters substituted into its equations."""
         if substituted not in self.known:
             model = model or flatten(self.component, substituted)
-            structure = analyse(model, coefficients_of(model, parameters, 0.0))
+            structure = analyse(model, parameters)
             scene = asked_scene(structure, self.outputs, read_by_controllers(self.component))
             self.known[substituted] = Translation(structure, scene, self.outputs, self.component, self, substituted)
         return self.known[substituted]
@@ -261,7 +260,7 @@ class Translation:
             What is left of them determines nothing.
         """
         model = replaced(self.structure, sums)
-        structure = analyse(model, coefficients_of(model, parameters, 0.0))
+        structure = analyse(model, parameters)
         if structure.redundant or structure.closed:
             raise LoopError("what is left of equations says nothing new")
         structure = replace(
@@ -379,7 +378,7 @@ class Translation:
         result = table.evaluate(chosen)
         check_bounds(table, result)
         if self.structure.redundant:
-            confirm(self.structure, coefficients_of(self.structure.complete, result, 0.0))
+            confirm(self.structure, result)
         return result
 
     def parameter_changes(
@@ -420,7 +419,7 @@ class Translation:
             for p, seed, weight in changes:
                 beside[p] += 1e-4 * weight * (abs(numbers[seeds[k]]) or 1.0) * (seed == k)
             try:
-                confirm(self.structure, coefficients_of(self.structure.complete, beside, 0.0))
+                confirm(self.structure, beside)
             except LoopError:
                 raise LoopError(
                     f"there is no derivative with respect to {name}: equations of {', '.join(self.structure.redundant)} follow from the "

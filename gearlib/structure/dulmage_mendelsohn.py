@@ -16,10 +16,9 @@ MOST_IN_GRAPHS = 500  # rows; beyond that, lists take a tenth to a twentieth of 
 
 
 @dataclass(frozen=True)
-class Balance:
-    """A maximum matching, with the over- and under-determined parts."""
+class Imbalance:
+    """The over- and under-determined parts of a system."""
 
-    matching: Mapping[int, int]  # equation -> variable
     excess_equations: tuple[int, ...]  # the over-determined part
     excess_variables: tuple[int, ...]  # variables that it determines more than once
     missing_equations: tuple[int, ...]  # equations of the under-determined part
@@ -27,13 +26,9 @@ class Balance:
     surplus: int  # equations too many
     deficit: int  # variables too many
 
-    @property
-    def balanced(self) -> bool:
-        return self.surplus == 0 and self.deficit == 0
 
-
-def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) -> Balance:
-    """Match equations with variables, and find the over- and under-determined parts.
+def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) -> Imbalance | None:
+    """Match equations with variables, and find the over- and under-determined parts; None if each has its partner.
 
     Parameters
     ----------
@@ -55,7 +50,7 @@ def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) 
     free_equations = [e for e in range(len(rows)) if e not in partner]
     free_variables = [v for v in variables if v not in taken]
     if not (free_equations or free_variables):
-        return Balance(partner, (), (), (), (), 0, 0)
+        return None
     graph: nx.Graph = nx.Graph()
     graph.add_nodes_from((("e", e) for e in range(len(rows))), bipartite=0)
     graph.add_nodes_from((("v", v) for v in variables), bipartite=1)
@@ -66,7 +61,7 @@ def dulmage_mendelsohn(rows: Sequence[Sequence[int]], variables: Sequence[int]) 
     over_e, over_v, under_e, under_v = (
         tuple(sorted(i for s, i in part if s == side)) for part in (over, under) for side in ("e", "v")
     )
-    return Balance(partner, over_e, over_v, under_e, under_v, len(free_equations), len(free_variables))
+    return Imbalance(over_e, over_v, under_e, under_v, len(free_equations), len(free_variables))
 
 
 def maximum_matching(rows: Sequence[Sequence[Any]]) -> dict[int, Any]:

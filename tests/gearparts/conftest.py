@@ -13,7 +13,6 @@ from gearlib.flatten.flatten import flatten
 from gearlib.program.build import build
 from gearlib.program.derivatives import derivatives
 from gearlib.program.interpret import evaluate, prepare
-from gearlib.reduce.coefficients import coefficients_of
 from gearlib.reduce.reduction import analyse
 
 
@@ -23,7 +22,7 @@ class Probe:
     def __init__(self, component: gl.Component) -> None:
         model = self.model = flatten(component)
         parameters = model.parameters.defaults
-        self.structure = analyse(model, coefficients_of(model, parameters, 0.0))
+        self.structure = analyse(model, parameters)
         self.nodes = [s for s in self.structure.states if s not in self.structure.angles]
         known = set(model.inputs.tolist())
         shown = sorted(set(model.representative[model.sign != 0].tolist()) - known)

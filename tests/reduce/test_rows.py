@@ -6,7 +6,7 @@ import numpy as np
 
 import gearlib as gl
 from gearlib.flatten.flatten import flatten
-from gearlib.reduce.coefficients import coefficients_of, start_guess
+from gearlib.reduce.rows import Rows, start_guess
 
 
 class Leaf(gl.Component):
@@ -31,12 +31,12 @@ def test_partial_derivatives_at_the_start() -> None:
     guess = start_guess(model, parameters)
     assert guess[model.representative[model.variable("y")]] * model.sign[model.variable("y")] == -2.0
     assert guess[model.representative[model.variable("z")]] * model.sign[model.variable("z")] == 2.0
-    numbers = coefficients_of(model, parameters, 0.0)
+    rows = Rows(model, parameters)
     for g, group in enumerate(model.groups):
-        found = {name: float(numbers.partial(g, i)[0]) for i, (name, _) in enumerate(group.template.columns)}
+        found = {name: float(rows.partial(g, i)[0]) for i, (name, _) in enumerate(group.template.columns)}
         if "x" in found:
             assert found == {"x": 3.0 * (1 + 2), "z": 3.0 * 5.0}
-            assert np.isnan(numbers.rest(g)).all()  # varies with time
+            assert np.isnan(rows.rest(g)).all()  # varies with time
         else:
             assert found == {"y": 1.0}
-            assert numbers.rest(g).tolist() == [-4.0]
+            assert rows.rest(g).tolist() == [-4.0]
