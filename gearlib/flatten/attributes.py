@@ -5,33 +5,26 @@ They are declared by the component's class and may be overridden per instance; a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.arguments import is_real, shown
+from gearlib.equations.class_record import ClassRecord
 from gearlib.errors import BindingError, nearest
 from gearlib.flatten.model import Instance
 from gearlib.flatten.tree import Tree
 from gearlib.language.component import Component
-from gearlib.language.declarations import Flow, Potential
+from gearlib.language.declarations import Variable
 from gearlib.language.interior import nominals_of, preferences_of
 
 PREFERENCE = {"never": 0, "avoid": 1, "default": 2, "prefer": 3}
 
 
-@dataclass(frozen=True)
-class Attributes:
-    """Attributes of all variables, one array each."""
-
-    potential: NDArray[np.bool_]
-    flow: NDArray[np.bool_]
-    rank: NDArray[np.int64]  # rank as the representative of its aliases
-    preference: NDArray[np.int64]  # preference as a state
-    nominal: NDArray[np.float64]
+Choices = Sequence[tuple[int, str, Any]]
+"""Attributes given to instances: variable, "nominal" or "state", and the value."""
 
 
 def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, str, Any]]:
@@ -61,45 +54,59 @@ def choices_of(component: Component, instance: Instance) -> Iterator[tuple[str, 
             yield name, what, value
 
 
-def attributes_of(tree: Tree, n_variables: int) -> Attributes:
-    """Attributes as declared by the classes."""
-    own = Attributes(
-        np.zeros(n_variables, bool), np.zeros(n_variables, bool), np.ones(n_variables, np.int64),
-        np.full(n_variables, PREFERENCE["default"]), np.ones(n_variables),
-    )  # fmt: skip
-    targets = (own.potential, own.flow, own.rank, own.preference, own.nominal)
-    known: dict[int, list[np.ndarray]] = {}
+def places_of_classes(tree: Tree) -> list[tuple[ClassRecord, NDArray[np.int64]]]:
+    """Each class with the first variables of its instances."""
+    found: dict[int, tuple[ClassRecord, list[int]]] = {}
     for record, instance in zip(tree.records, tree.instances, strict=True):
-        if id(record) not in known:
-            declared = record.declared.variables
-            known[id(record)] = [
-                np.array([isinstance(v, Potential) for v in declared.values()], bool),
-                np.array([isinstance(v, Flow) for v in declared.values()], bool),
-                np.array(["." in n for n in declared], np.int64),
-                np.array([PREFERENCE[v.state] for v in declared.values()], np.int64),
-                np.array([v.nominal for v in declared.values()], float),
-            ]
-        here = slice(instance.first_variable, instance.first_variable + len(instance.variables))
-        for target, values in zip(targets, known[id(record)], strict=True):
-            target[here] = values
-    return own
+        found.setdefault(id(record), (record, []))[1].append(instance.first_variable)
+    return [(record, np.array(first, np.int64)) for record, first in found.values()]
 
 
-def merge(own: Attributes, rep: NDArray[np.int64], choices: Sequence[tuple[int, str, Any]]) -> Attributes:
-    """Attributes of each representative, merged from its aliases; instance overrides take precedence, then the smallest nominal value."""
-    n = len(rep)
-    potential, flow = np.zeros(n, bool), np.zeros(n, bool)
-    potential[rep[own.potential]] = True
-    flow[rep[own.flow]] = True
-    preference = np.full(n, PREFERENCE["default"])
-    preference[potential] = PREFERENCE["avoid"]
+def declared(
+    places: Iterable[tuple[ClassRecord, NDArray[np.int64]]], value: Callable[[str, Variable], Any], default: NDArray[Any]
+) -> NDArray[Any]:
+    """An attribute of all variables as the classes declare it.
+
+    Parameters
+    ----------
+    places : iterable of (class record, array of int)
+        See `places_of_classes`.
+    value : callable
+        The attribute of a variable with a name and a declaration.
+    default : array, shape (variables,)
+        For variables of no instance.
+    """
+    result = default.copy()
+    for record, first in places:
+        values = np.array([value(name, v) for name, v in record.declared.variables.items()], default.dtype)
+        result[first[:, None] + np.arange(len(values))] = values
+    return result
+
+
+def of_any_alias(own: NDArray[np.bool_], rep: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether a variable or one of its aliases has an attribute, at their representative."""
+    found = np.zeros(len(rep), bool)
+    found[rep[own]] = True
+    return found
+
+
+def preferences(
+    own: NDArray[np.int64], potential: NDArray[np.bool_], rep: NDArray[np.int64], choices: Choices
+) -> NDArray[np.int64]:
+    """Preference of each representative as a state, merged from its aliases; instance overrides take precedence."""
+    found = np.where(potential, PREFERENCE["avoid"], PREFERENCE["default"])
     for level in (PREFERENCE["avoid"], PREFERENCE["never"], PREFERENCE["prefer"]):
-        preference[rep[own.preference == level]] = level
-    nominal = np.ones(n)
-    for size in np.unique(own.nominal[own.nominal != 1.0])[::-1]:
-        nominal[rep[own.nominal == size]] = size
-    for variable, size in sorted(((v, x) for v, what, x in choices if what == "nominal"), key=lambda choice: -choice[1]):
-        nominal[rep[variable]] = size
+        found[rep[own == level]] = level
     for variable, wish in ((v, x) for v, what, x in choices if what == "state"):
-        preference[rep[variable]] = PREFERENCE[wish]
-    return Attributes(potential, flow, own.rank, preference, nominal)
+        found[rep[variable]] = PREFERENCE[wish]
+    return found
+
+
+def nominals(own: NDArray[np.float64], rep: NDArray[np.int64], choices: Choices) -> NDArray[np.float64]:
+    """Nominal value of each representative: instance overrides take precedence, then the smallest among its aliases."""
+    found = np.ones(len(rep))
+    for size in np.unique(own[own != 1.0])[::-1]:
+        found[rep[own == size]] = size
+    for variable, size in sorted(((v, x) for v, what, x in choices if what == "nominal"), key=lambda choice: -choice[1]):
+        found[rep[variable]] = size
+    return found

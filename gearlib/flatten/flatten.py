@@ -14,7 +14,7 @@ from gearlib.equations.bindings import is_discrete_name
 from gearlib.equations.template import Template
 from gearlib.errors import BindingError, BoundError, DeclarationError, ModelError
 from gearlib.flatten.aliases import Aliases, unite
-from gearlib.flatten.attributes import attributes_of, merge
+from gearlib.flatten.attributes import PREFERENCE, declared, nominals, of_any_alias, places_of_classes, preferences
 from gearlib.flatten.connections import SignedSum, connection_sets, series_of_parallels, split_sum, sum_template
 from gearlib.flatten.instances import walk
 from gearlib.flatten.model import (
@@ -71,14 +71,17 @@ def flatten(component: Component, substituted: Special = frozenset()) -> FlatMod
         raw.append(EquationGroup(sum_template(kind), members[:, :, 0], members[:, :, 1], none, np.full(len(members), -1), none))
     equalities += [(s[0][0], s[1][0], -s[0][1] * s[1][1]) for s in sums if len(s) == 2]
     equalities += zeros
-    own = attributes_of(tree, n_variables)
-    own.flow[tree.n_variables :] = True  # sums of flows
-    own.rank[tree.inputs] = -1  # an input represents all its aliases
+    classes = places_of_classes(tree)
+    rank = declared(classes, lambda name, _: "." in name, np.ones(n_variables, np.int64))
+    rank[tree.inputs] = -1  # an input represents all its aliases
     n_equations = len(equalities) + sum(map(len, raw))
-    raw, equalities, aliases = _without_aliases(raw, equalities, n_variables, own.rank)
+    raw, equalities, aliases = _without_aliases(raw, equalities, n_variables, rank)
     rep = aliases.representative
     _refuse_equal_inputs(tree, aliases)
-    merged = merge(own, rep, tree.choices)
+    flow = declared(classes, lambda _, v: isinstance(v, Flow), np.arange(n_variables) >= tree.n_variables)  # sums are flows
+    potential = of_any_alias(declared(classes, lambda _, v: isinstance(v, Potential), np.zeros(n_variables, bool)), rep)
+    wanted = declared(classes, lambda _, v: PREFERENCE[v.state], np.full(n_variables, PREFERENCE["default"]))
+    sizes = declared(classes, lambda _, v: v.nominal, np.ones(n_variables))
     groups = tuple(_represented(group, aliases) for group in raw)
     starts = tree.starts
     return FlatModel(
@@ -87,8 +90,9 @@ def flatten(component: Component, substituted: Special = frozenset()) -> FlatMod
             np.array([s[0] for s in starts], np.int64), np.array([s[1] for s in starts], np.int64),
             np.array([s[2] for s in starts], bool),
         ),
-        np.array(tree.inputs, np.int64), rep, aliases.sign, merged.preference, merged.potential, merged.flow, merged.nominal,
-        tree.n_variables, aliases.redundant, n_equations, len(equalities) - aliases.redundant, n_sets,
+        np.array(tree.inputs, np.int64), rep, aliases.sign,
+        preferences(wanted, potential, rep, tree.choices), potential, of_any_alias(flow, rep),
+        nominals(sizes, rep, tree.choices), tree.n_variables, aliases.redundant, n_equations, len(equalities) - aliases.redundant, n_sets,
         _discretes(tree, aliases), tuple(tree.loose_ports), tuple(tree.inner_ports),
     )  # fmt: skip
 
