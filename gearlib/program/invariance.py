@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 LOOKS = 24  # random arguments at which a nonlinear kernel is sampled
 DECADES = (-6.0, 4.0)  # range of magnitudes of these arguments
 INDEPENDENT = 1e-9  # smallest singular value at which directions count as independent
+CANCELLED = 1e-13  # of the terms of a sum: a change that small is their rounding
 
 
 def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relations, Prepared] | None, scale: Floats) -> Floats:
@@ -64,7 +65,11 @@ def symmetries(prepared: Prepared, targets: Sequence[int], events: tuple[Relatio
 
 
 class _Carried:
-    """Directional derivatives propagated through a program, one column per state and iteration unknown."""
+    """Directional derivatives propagated through a program, one column per state and iteration unknown.
+
+    With each change goes the sum of the magnitudes that it was added up from: what cancels in exact arithmetic (the twist between two
+    gears of the same ratio) must be zero, since rows are scaled later.
+    """
 
     def __init__(self, prepared: Prepared, scale: Floats) -> None:
         program = prepared.program
@@ -75,6 +80,7 @@ class _Carried:
         self.slots = np.zeros((program.n_slots, self.width))
         self.slots[np.arange(n), np.arange(n)] = scale
         self.slots[self._unknowns, n + np.arange(len(self._unknowns))] = 1.0
+        self._terms = np.abs(self.slots)
         self._rows: list[Floats] = []
 
     def run(self, targets: Sequence[int]) -> Floats:
@@ -82,14 +88,18 @@ class _Carried:
         solutions = iter(self._prepared.solutions)
         for step in self._prepared.program.steps:
             if isinstance(step, Batch):
-                self.slots[step.targets] = self.change(step)
+                self.slots[step.targets], self._terms[step.targets] = self._sums(step)
             elif isinstance(step, Linear):
-                self.slots[step.unknowns] = next(solutions) @ self.slots[step.known]
+                solution = next(solutions)
+                change, terms = solution @ self.slots[step.known], np.abs(solution) @ self._terms[step.known]
+                self.slots[step.unknowns], self._terms[step.unknowns] = _without_rounding(change, terms), terms
             else:
-                rest = np.zeros((len(step.unknowns), self.width))
+                rest, terms = np.zeros((2, len(step.unknowns), self.width))
                 for batch in step.residuals:
-                    np.add.at(rest, batch.targets, self.change(batch))
-                self._rows.append(rest)
+                    change, size = self._sums(batch)
+                    np.add.at(rest, batch.targets, change)
+                    np.add.at(terms, batch.targets, size)
+                self._rows.append(_without_rounding(rest, terms))
         return np.vstack([self.slots[list(targets)], self.constraints()])
 
     def constraints(self) -> Floats:
@@ -99,20 +109,28 @@ class _Carried:
 
     def change(self, batch: Batch) -> Floats:
         """Change of a batch's values through its constant coefficients; all other arguments go to the constraints."""
-        result = np.zeros((len(batch), self.width))
+        return self._sums(batch)[0]
+
+    def _sums(self, batch: Batch) -> tuple[Floats, Floats]:
+        """Change of a batch's values, and the magnitude of the terms in it."""
+        result, terms = np.zeros((2, len(batch), self.width))
         varying: list[int] = []
         for a in batch.active:
             slope = batch.derivative(a)
             if slope.kernel.columns or slope.kernel.relations or slope.kernel.on_time:
                 varying.append(a)
             else:
-                result += constant_values(slope, self._prepared.parameters)[:, None] * self.slots[batch.arguments[:, a]]
+                factor = constant_values(slope, self._prepared.parameters)[:, None]
+                result += factor * self.slots[batch.arguments[:, a]]
+                terms += np.abs(factor) * self._terms[batch.arguments[:, a]]
         if varying:
             moves = self.slots[batch.arguments[:, varying]] * batch.argument_signs[:, varying, None]
             if len(varying) > 1:
-                moves = self._directions(batch, varying) @ moves
+                directions = self._directions(batch, varying)
+                sizes = np.abs(directions) @ self._terms[batch.arguments[:, varying]]
+                moves = _without_rounding(directions @ moves, sizes)
             self._rows.append(moves.reshape(-1, self.width))
-        return result
+        return _without_rounding(result, terms), terms
 
     def _directions(self, batch: Batch, varying: Sequence[int]) -> Floats:
         """Per row, the directions of the arguments that its value depends on: one for a function of a difference."""
@@ -138,6 +156,10 @@ class _Carried:
         modes = [flags[:, kernel.relations.index(r)] for r in slope.kernel.relations]
         with np.errstate(all="ignore"):
             return np.asarray(slope.kernel.function(0.0, *arguments, *constants, *modes), float)
+
+
+def _without_rounding(change: Floats, terms: Floats) -> Floats:
+    return np.where(np.abs(change) <= CANCELLED * terms, 0.0, change)
 
 
 def _null_space(matrix: Floats) -> Floats:

@@ -62,6 +62,7 @@ LARGEST_EXAMINED = 400  # states
 NOTHING = 1e-15  # relative to the largest derivative of a rate: smaller ones are rounding
 NEVER = 1e-18  # 1/s: derivatives of rates below this move nothing (what sticks, where no other rate is there to compare with)
 LOCKED = 1e3  # times the rounding of a rate that no state affects: stuck elements must not creep
+GROWN = 1e3  # factor by which the rounding of a rate may exceed that at the start values, if it hides the rate met there
 MARGIN = 1e-11  # by which a relation that a run holds is satisfied where states are moved to it
 SINGULAR = 1e-12  # singular value of scaled equations that counts as zero
 
@@ -168,6 +169,20 @@ class Search:
         stuck = np.abs(gradient).max(axis=1) <= max(NOTHING * np.abs(gradient).max(), NEVER)
         gradient[stuck] = 0.0
         return f, gradient, np.where(stuck, LOCKED, 1.0) * noise
+
+    @cached_property
+    def _first(self) -> tuple[float, float]:
+        """The largest rate at the start values, and the largest bound on the rounding of one."""
+        f, _, noise = self.equations(self.begin.states)
+        return float(np.abs(f).max()), float(noise.max())
+
+    def hidden(self, noise: Floats) -> bool:
+        """Whether the rates at the start values would vanish in the rounding of a state so far away: what vanishes there says nothing."""
+        try:
+            first, rounding = self._first
+        except SolverError:
+            return False
+        return float(noise.max()) > max(first, GROWN * rounding)
 
     def largest(self, gradient: Floats) -> float:
         """Largest entry of the Jacobian of the equations (1/s): a bound on the fastest time constant."""
@@ -448,7 +463,7 @@ def _closed(search: Search, x: Floats) -> End:
     x, f, noise, linear = point
     small = np.abs(linear.change(f)) <= SETTLED * np.abs(x / search.scale) + linear.largest_change(noise)
     free = not linear.hold(f, noise)
-    if free or not small.all():
+    if free or not small.all() or search.hidden(noise):
         return End(x, False, free)
     modes, at_end = (search.modes(y)[:, 0] for y in (x, found.x))
     if search.held is None and (modes != at_end).any():  # the last step, of the size of rounding, has set off what sticks

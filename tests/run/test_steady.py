@@ -307,3 +307,32 @@ def test_a_gap_pressed_against_a_bearing_that_holds(tau: float, monkeypatch: pyt
     run = gl.compile(Pressed(), ["gap.phi_rel", "z.w"]).simulate(1.0, start="steady", samples=2)
     assert run["gap.phi_rel"] == pytest.approx(np.full(2, -np.sign(tau) * 0.01 - tau / 200.0), rel=1e-9)
     assert run["z.w"] == pytest.approx(np.zeros(2), abs=1e-12)
+
+
+class EqualGears(gl.Component):
+    """A driven body, two gears of the same ratio to one wheel, and a spring between what they turn alike: its twist cancels."""
+
+    ratio = gl.Parameter("1", default=1.3006890565550573)
+
+    def assemble(self) -> list[Any]:
+        self.body, self.drive = gp.Inertia(J=1.0), gp.ConstantTorque(tau_constant=1.0)
+        self.spring = gp.Spring(c=2.0)
+        self.first, self.second = gp.IdealGear(ratio=self.ratio), gp.IdealGear(ratio=self.ratio)
+        self.load = gp.LinearSpeedDependentTorque(tau_nominal=-3.0, w_nominal=2.0, torque_direction=False)
+        return [
+            c(self.body.flange_b, self.drive.flange, self.load.flange, self.first.flange_a, self.spring.flange_b),
+            c(self.second.flange_a, self.spring.flange_a), c(self.first.flange_b, self.second.flange_b),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("ratio", [1.3006890565550573, 2.7, 0.1, 4.9])
+def test_a_twist_that_cancels_up_to_rounding_is_no_support(ratio: float) -> None:
+    run = gl.compile(EqualGears(ratio=ratio)).simulate(1.0, start="steady", samples=3, rtol=1e-9)
+    assert run["body.w"] == pytest.approx(np.full(3, 2.0 / 3.0), rel=1e-9)
+    assert abs(run["spring.tau"]).max() < 1e-9
+
+
+def test_what_rounding_hides_far_away_is_not_steady(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gearlib.program.invariance.CANCELLED", 0.0)  # rounding counts as a spring that takes the torque
+    with pytest.raises(StartError, match="no steady state was found"):
+        gl.compile(EqualGears()).simulate(1.0, start="steady")
