@@ -22,7 +22,9 @@ BLOCK = 6  # block size
 EXACT = 1e-10  # residual of an eigenpair relative to the eigenvalue, in scaled states
 ROUNDING = 100 * np.finfo(float).eps  # the same relative to the highest frequency
 NOTHING = 1e-11  # relative to the highest frequency: a smaller eigenvalue counts as 0
-REAL = 1e-9  # imaginary part relative to the magnitude below which an eigenvalue is real
+# Imaginary part relative to the magnitude below which an eigenvalue is real: rounding splits a double one, such as that of critical
+# damping, by the square root of the unit roundoff, a triple one by its cube root.
+REAL = 1e-5
 FULL = 800  # states up to which the dense matrix takes no longer than a second search
 WINDOWS = 25  # frequencies to search near, at most
 SWEEP = (0.08, 0.17, 0.27, 0.38, 0.49, 0.6, 0.7, 0.8, 0.9, 1.0)  # frequencies to search about, as fractions of a radius

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gearlib.errors import SolverError
 from gearlib.linear.poles import deflate
 from gearlib.structure.sparse_elimination import factorise
-from gearlib.vibration.lowest_eigenvalues import lowest
+from gearlib.vibration.lowest_eigenvalues import REAL, lowest
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -115,7 +115,7 @@ def _free(zero: Floats, speeds: Any) -> Complexes:
 
 def _ordered(values: Complexes, vectors: Complexes, free: Complexes, preloads: int | None, count: int | None) -> Spectrum:
     size = np.maximum(np.abs(values), 1e-300)
-    real = np.abs(values.imag) <= 1e-9 * size
+    real = np.abs(values.imag) <= REAL * size
     decays = np.sort(values[real].real)[::-1]
     ringing = np.flatnonzero(~real & (values.imag > 0))
     ringing = ringing[np.argsort(np.abs(values[ringing]), kind="stable")][:count]

@@ -363,3 +363,21 @@ def test_large_trains_say_that_preloads_are_not_counted(
     assert "Constant preloads in loops of meshes are not counted above 5 states." in str(gl.modes(system, 2))
     monkeypatch.setattr(spectrum, "lowest", lambda *_: None)
     assert gl.modes(system, 2).preloads is None
+
+
+class Oscillator(gl.Component):
+    """A body on a spring-damper, damped critically."""
+
+    rate = gl.Parameter("rad/s", default=10.0)
+
+    def assemble(self) -> list[Any]:
+        self.body, self.ground = gp.Inertia(J=0.3), gp.Fixed()
+        self.shaft = gp.SpringDamper(c=0.3 * self.rate**2, d=0.6 * self.rate)
+        return [gl.connect(self.ground.flange, self.shaft.flange_a), gl.connect(self.shaft.flange_b, self.body.flange_a)]
+
+
+def test_critical_damping_is_a_double_decay_however_rounding_splits_it() -> None:
+    system = gl.compile(Oscillator())
+    for rate in np.linspace(0.7, 90.0, 40):
+        found = gl.modes(system, parameters={"rate": rate})
+        assert len(found.eigenvalues) == 0 and found.decays == pytest.approx([-rate, -rate], rel=1e-6)
