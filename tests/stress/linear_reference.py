@@ -501,7 +501,9 @@ def start_values(solved: LinearTrain) -> dict[str, float]:
     q, v = stretch.q[0] @ x + stretch.q[1] @ z, stretch.v[0] @ x + stretch.v[1] @ z
     v[np.abs(v) < 1e-11 * np.abs(v).max(initial=0.0)] = 0.0  # of what stands still, rounding
     alike = [row for row in solved.G if np.count_nonzero(row) == 2 and row.sum() == 0.0]
-    for row in alike * len(alike):  # what is rigidly one turns as one, beside nodes without inertia that turn a million times faster
+    for row in alike * len(
+        alike
+    ):  # what is rigidly one turns as one, beside nodes without inertia that turn a million times faster
         first, second = np.flatnonzero(row)
         if abs(v[first] - v[second]) < 1e-12 * np.abs(v).max():
             v[second] = v[first]

@@ -380,4 +380,5 @@ def test_critical_damping_is_a_double_decay_however_rounding_splits_it() -> None
     system = gl.compile(Oscillator())
     for rate in np.linspace(0.7, 90.0, 40):
         found = gl.modes(system, parameters={"rate": rate})
-        assert len(found.eigenvalues) == 0 and found.decays == pytest.approx([-rate, -rate], rel=1e-6)
+        assert len(found.eigenvalues) == 0
+        assert found.decays == pytest.approx([-rate, -rate], rel=1e-6)
