@@ -91,7 +91,8 @@ class _Carried:
                 self.slots[step.targets], self._terms[step.targets] = self._sums(step)
             elif isinstance(step, Linear):
                 solution = next(solutions)
-                change, terms = solution @ self.slots[step.known], np.abs(solution) @ self._terms[step.known]
+                change = solution @ self.slots[step.known]
+                terms = np.abs(solution) @ self._terms[step.known] if isinstance(solution, np.ndarray) else np.abs(change)
                 self.slots[step.unknowns], self._terms[step.unknowns] = _without_rounding(change, terms), terms
             else:
                 rest, terms = np.zeros((2, len(step.unknowns), self.width))
