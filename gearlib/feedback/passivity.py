@@ -126,7 +126,7 @@ def _undeclared(translation: Translation, parts: Sequence[Any]) -> str:
         if part.unknown or not part.declares:
             return f"{part.path} ({part.kind}) does not declare what it stores and loses"
         given = () if part.stored is None else part.stored.names
-        if "time" in given or any(name in translation.model.discretes.names for name in given):
+        if "time" in given or any(name in translation.model.discretes for name in given):
             return f"the energy of {part.path} ({part.kind}) changes with time"
     return ""
 

@@ -19,14 +19,12 @@ from gearlib.flatten.connections import SignedSum, connection_sets, series_of_pa
 from gearlib.flatten.instances import walk
 from gearlib.flatten.model import (
     Dependent,
-    Discretes,
     EquationGroup,
     FlatModel,
     Floats,
     Instance,
     Integers,
     ParameterTable,
-    StartValues,
     UpdateGroup,
 )
 from gearlib.flatten.specialise import Special, simplified, with_values
@@ -83,17 +81,15 @@ def flatten(component: Component, substituted: Special = frozenset()) -> FlatMod
     wanted = declared(classes, lambda _, v: PREFERENCE[v.state], np.full(n_variables, PREFERENCE["default"]))
     sizes = declared(classes, lambda _, v: v.nominal, np.ones(n_variables))
     groups = tuple(_represented(group, aliases) for group in raw)
-    starts = tree.starts
+    starts = np.array(tree.starts, np.int64).reshape(-1, 3)  # variable, slot, fixed
     return FlatModel(
         tuple(tree.instances), groups, table,
-        StartValues(
-            np.array([s[0] for s in starts], np.int64), np.array([s[1] for s in starts], np.int64),
-            np.array([s[2] for s in starts], bool),
-        ),
+        starts[:, 0], starts[:, 1], starts[:, 2].astype(bool),
         np.array(tree.inputs, np.int64), rep, aliases.sign,
         preferences(wanted, potential, rep, tree.choices), potential, of_any_alias(flow, rep),
         nominals(sizes, rep, tree.choices), tree.n_variables, aliases.redundant, n_equations, len(equalities) - aliases.redundant, n_sets,
-        _discretes(tree, aliases), tuple(tree.loose_ports), tuple(tree.inner_ports),
+        tuple(tree.discrete_names), np.array(tree.discrete_starts), _updates(tree, aliases),
+        tuple(tree.loose_ports), tuple(tree.inner_ports),
     )  # fmt: skip
 
 
@@ -317,7 +313,7 @@ def _represented(group: EquationGroup, aliases: Aliases) -> EquationGroup:
 
 
 def _discrete_indices(template: Template, tree: Tree, instance: int) -> list[int]:
-    """Indices of a template's discrete names in the discrete state, for one instance; see `Discretes`."""
+    """Indices of a template's discrete names in the discrete state, for one instance; see `FlatModel`."""
     n = len(tree.discrete_names)
     places = []
     for name in template.discretes:
@@ -339,7 +335,7 @@ def _discrete_indices(template: Template, tree: Tree, instance: int) -> list[int
     return places
 
 
-def _discretes(tree: Tree, aliases: Aliases) -> Discretes:
+def _updates(tree: Tree, aliases: Aliases) -> tuple[UpdateGroup, ...]:
     updates = []
     for (template, reinit), rows in tree.updates.items():
         n = len(rows)
@@ -349,4 +345,4 @@ def _discretes(tree: Tree, aliases: Aliases) -> Discretes:
         every = _group(tree, template, variables, parameters, owners)
         for some, fitting in simplified(every, aliases):
             updates.append(UpdateGroup(_represented(every.take(some, fitting), aliases), targets[some], reinit))
-    return Discretes(tuple(tree.discrete_names), np.array(tree.discrete_starts), tuple(updates))
+    return tuple(updates)

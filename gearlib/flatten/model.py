@@ -65,7 +65,7 @@ class EquationGroup:
     signs: Integers
     parameters: Integers
     owners: Integers  # number of the instance that each row comes from
-    discretes: Integers  # indices of the discrete names in the discrete state, see `Discretes`
+    discretes: Integers  # indices of the discrete names in the discrete state, see `FlatModel`
 
     def __len__(self) -> int:
         return len(self.variables)
@@ -243,15 +243,6 @@ class ParameterTable:
 
 
 @dataclass(frozen=True)
-class StartValues:
-    """Variables with a start value, the position of that among the parameters, and whether it is fixed."""
-
-    variables: Integers
-    slots: Integers
-    fixed: NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
 class UpdateGroup:
     """Equations of discrete variables, or new values of states (``reinit``), that share a template."""
 
@@ -261,28 +252,19 @@ class UpdateGroup:
 
 
 @dataclass(frozen=True)
-class Discretes:
-    """Variables that change at events only.
-
-    Layout of the discrete values: d is variable d, n + d is pre(d), 2 n is initial(), which is 1 while the run is being started.
-    """
-
-    names: tuple[str, ...]
-    starts: Floats
-    updates: tuple[UpdateGroup, ...]
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-
-@dataclass(frozen=True)
 class FlatModel:
-    """Flat equations over representative variables."""
+    """Flat equations over representative variables.
+
+    Of n variables that change at events only (discretes), the discrete values are laid out so: d is variable d, n + d is pre(d), 2 n is
+    initial(), which is 1 while the run is being started.
+    """
 
     instances: tuple[Instance, ...]
     groups: tuple[EquationGroup, ...]
     parameters: ParameterTable
-    starts: StartValues
+    started: Integers  # variables with a start value,
+    start_slots: Integers  # its position among the parameters,
+    start_fixed: NDArray[np.bool_]  # and whether it is fixed
     inputs: Integers  # unbound inputs
     representative: Integers  # of each variable
     sign: Integers  # variable = sign * representative; 0: identically zero
@@ -295,7 +277,9 @@ class FlatModel:
     n_equations: int  # before aliases were removed, and
     n_aliases: int  # how many of them these were
     n_connection_sets: int
-    discretes: Discretes
+    discretes: tuple[str, ...]  # variables that change at events only,
+    discrete_starts: Floats  # their start values,
+    updates: tuple[UpdateGroup, ...]  # and their equations
     loose_ports: tuple[tuple[int, str], ...] = ()  # instance and connector, for messages: connected to nothing outside,
     inner_ports: tuple[tuple[int, str], ...] = ()  # or to parts inside
     closed: tuple[int, ...] = ()  # flows set to zero since nothing determines them
@@ -365,7 +349,7 @@ class FlatModel:
         """Whether another model has the same variables, discrete variables and relations, so that their numbers are interchangeable."""
         return (
             self.n_relations == other.n_relations
-            and self.discretes.names == other.discretes.names
+            and self.discretes == other.discretes
             and list(self.names()) == list(other.names())
         )
 
@@ -415,20 +399,20 @@ class FlatModel:
     @cached_property
     def guessed(self) -> tuple[Integers, Integers, Integers]:
         """Representatives with a start or guess value, its sign, and its position among the parameters."""
-        order = np.argsort(self.starts.fixed, kind="stable")  # fixed ones last, so that they take precedence
-        variables = self.starts.variables[order]
-        return self.representative[variables], self.sign[variables], self.starts.slots[order]
+        order = np.argsort(self.start_fixed, kind="stable")  # fixed ones last, so that they take precedence
+        variables = self.started[order]
+        return self.representative[variables], self.sign[variables], self.start_slots[order]
 
     @cached_property
     def fixed(self) -> tuple[Integers, Integers, Integers]:
         """The same, for fixed start values."""
-        variables = self.starts.variables[self.starts.fixed]
-        return self.representative[variables], self.sign[variables], self.starts.slots[self.starts.fixed]
+        variables = self.started[self.start_fixed]
+        return self.representative[variables], self.sign[variables], self.start_slots[self.start_fixed]
 
     @cached_property
     def first_relations(self) -> Integers:
         """First relation number of each group, followed by the total; relations of updates come last."""
-        groups = [*self.groups, *(u.equations for u in self.discretes.updates)]
+        groups = [*self.groups, *(u.equations for u in self.updates)]
         return np.cumsum([0, *(len(g.template.relations) * len(g) for g in groups)])
 
     @property
@@ -437,14 +421,14 @@ class FlatModel:
 
     @property
     def n_modes(self) -> int:
-        """Number of relations and discrete values (see `Discretes`)."""
+        """Number of relations and discrete values (see `FlatModel`)."""
         return self.n_relations + (2 * len(self.discretes) + 1 if len(self.discretes) else 0)
 
     def initial_modes(self, starts: Floats | None = None) -> Floats:
         """The discrete state before anything is evaluated: relations false, discrete variables at their start values or those given."""
         modes = np.zeros(self.n_modes)
         n, d = self.n_relations, len(self.discretes)
-        modes[n : n + d] = modes[n + d : n + 2 * d] = self.discretes.starts if starts is None else starts
+        modes[n : n + d] = modes[n + d : n + 2 * d] = self.discrete_starts if starts is None else starts
         modes[n + 2 * d :] = 1.0  # initial()
         return modes
 

@@ -91,7 +91,7 @@ class ExportedModel:
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
         """The nodes computed for the outputs: all that are neither discrete nor identically zero."""
-        found = [self._node(name) for name in self.names if name not in self.model.discretes.names]
+        found = [self._node(name) for name in self.names if name not in self.model.discretes]
         return tuple(dict.fromkeys(node for node, sign in found if sign))
 
     def _node(self, name: str) -> tuple[Node, int]:
@@ -111,8 +111,8 @@ class ExportedModel:
         for name in self.names:
             if name in own:
                 continue
-            if name in model.discretes.names:
-                found.append(Output(name, -1, 0, -1, model.n_relations + model.discretes.names.index(name), 1))
+            if name in model.discretes:
+                found.append(Output(name, -1, 0, -1, model.n_relations + model.discretes.index(name), 1))
                 continue
             node, sign = self._node(name)
             base, order = model.column(name)
@@ -213,7 +213,7 @@ class ExportedModel:
         fixed = fixed_values(model, self.numbers, {})
         others = [(v, 0) for v in fixed if (v, 0) not in place and (v, 0) in structure.dependence.solved_by]
         program = build(structure, others, structure.states, dynamic=False)
-        return frozenset([*used_parameters(program), *model.starts.slots.tolist()])
+        return frozenset([*used_parameters(program), *model.start_slots.tolist()])
 
     @cached_property
     def own_starts(self) -> tuple[bool, ...]:

@@ -61,7 +61,7 @@ def read_by_equations(model: FlatModel) -> frozenset[int]:
     """Variables in some equation other than the binding of an input that occurs in no other equation."""
     bound: dict[int, set[int]] = {}  # the variables of each input's own binding
     read: set[int] = set()
-    for group in [*model.groups, *(u.equations for u in model.discretes.updates)]:
+    for group in [*model.groups, *(u.equations for u in model.updates)]:
         used = group.signs != 0
         if not group.template.binds:
             read.update(group.variables[used].tolist())

@@ -129,7 +129,7 @@ class Simulating(Work):
     def _coordinates(self) -> dict[str, Any]:
         """The output times; also prepares one joint program for the outputs that the states of a run determine."""
         scene = self.translation.scene
-        names = [name for name in self.outputs if name not in scene.model.discretes.names]
+        names = [name for name in self.outputs if name not in scene.model.discretes]
         scene.compute_together([node for node, sign in map(scene.named, names) if sign and not scene.missing(node)])
         return {TIME: self.request.times} if self.outputs else {}
 
@@ -142,7 +142,7 @@ class Simulating(Work):
             return own.parameter_units.get(name, "")
         if (started := start_named(name)) is not None:
             return own.unit(started)
-        known = (name in self.outputs and name not in own.model.discretes.names) or name in own.inputs
+        known = (name in self.outputs and name not in own.model.discretes) or name in own.inputs
         return own.unit(name) if known else ""
 
     def identity(self) -> Iterator[bytes]:
@@ -251,7 +251,7 @@ def functions_of(reduce: Any) -> dict[str, Callable[[Any], Any]]:
 
 def check_output(translation: Translation, name: str) -> None:
     """Raise `NameLookupError` for an unknown variable."""
-    if name not in translation.model.discretes.names:
+    if name not in translation.model.discretes:
         translation.scene.named(name)
 
 
@@ -265,7 +265,7 @@ def kind_of(translation: Translation, name: str) -> str:
     """
     model = translation.model
     if (inner := start_named(name)) is not None:
-        if inner not in model.discretes.names:
+        if inner not in model.discretes:
             start_variable(model, inner)
         return "start"
     if name in translation.open_inputs:

@@ -215,7 +215,7 @@ def _refuse_memory(scene: Scene) -> None:
     batches = [*relations.batches, *relations.discretes]
     kept = {int(r) - n - d for b in batches for r in b.relations.ravel() if n + d <= r < n + 2 * d}
     if kept or relations.reinits:
-        names = ", ".join(model.discretes.names[k] for k in sorted(kept)) or "a state that is reinitialised"
+        names = ", ".join(model.discretes[k] for k in sorted(kept)) or "a state that is reinitialised"
         raise ArgumentError(f"the system has a memory ({names}), which harmonic balance cannot take; simulate it")
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.native.evaluator import Evaluator
-from gearlib.program.interpret import batch_values, evaluate
-from gearlib.run.scene import Numbers, Scene
+from gearlib.program.interpret import Prepared, batch_values, evaluate
+from gearlib.run.scene import Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -45,7 +45,7 @@ class Driven:
     """A scene at one frequency: rates as functions of phase."""
 
     scene: Scene
-    numbers: Numbers
+    numbers: Prepared
     evaluator: Evaluator
     inputs: Callable[[Floats, float], Floats]  # (phases, frequency) -> (inputs, phases)
     omega: float
@@ -62,7 +62,7 @@ class Driven:
 
     def rates(self, phase: Floats, x: Floats, modes: Floats) -> Floats:
         """Derivatives of the states, shape (states, phases)."""
-        slots = evaluate(self.numbers.main, phase / self.omega, x, self.inputs(phase, self.omega), modes)
+        slots = evaluate(self.numbers, phase / self.omega, x, self.inputs(phase, self.omega), modes)
         result: Floats = slots[self.scene.program.output_slots]
         return result
 

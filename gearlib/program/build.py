@@ -69,7 +69,7 @@ class Builder:
         self.table = np.full((1 + max((k for _, k in self.slots), default=0), self.model.n_variables), -1)
         for (v, k), slot in self.slots.items():
             self.table[k, v] = slot
-        self.groups = (*self.model.groups, *(u.equations for u in self.model.discretes.updates))
+        self.groups = (*self.model.groups, *(u.equations for u in self.model.updates))
         self.first_equation = np.cumsum([0, *(len(g) for g in self.model.groups)])
         self.variables = [g.variables.tolist() for g in self.model.groups]
         self.signs = [g.signs.tolist() for g in self.model.groups]
@@ -102,7 +102,7 @@ class Builder:
             found.append((relation_kernel(self.groups[g].template, j), g, i, 0, relation, 1))
         discrete = {int(m - n_relations) % n_discrete for m in used if n_relations <= m < n_relations + 2 * n_discrete}
         position = {node: i for i, node in enumerate(self.states)}
-        for u, update in enumerate(model.discretes.updates):
+        for u, update in enumerate(model.updates):
             g = len(model.groups) + u
             kernel = residual_kernel(update.equations.template)
             for i, target in enumerate(update.targets.tolist()):

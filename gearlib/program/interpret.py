@@ -31,9 +31,9 @@ MOST_DENSE = 400  # unknowns up to which a block's matrix is treated as dense
 ENTRIES = 1_000_000  # matrix entries of a block at many times that are solved in one batch
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prepared:
-    """A program with its parameter values and the solution matrix of each linear block."""
+    """A program with its parameter values and the solution matrix of each linear block; and the same of the program of its relations."""
 
     program: Program
     structure: Structure
@@ -42,6 +42,7 @@ class Prepared:
     compiled: Callable[[Floats, Floats, Floats, Floats, Floats | None, bool], Floats] | None = (
         None  # compiled replacement for `evaluate`, if any
     )
+    relations: Prepared | None = None
 
     @property
     def listed(self) -> list[float]:
@@ -70,8 +71,8 @@ def constant_values(batch: Batch, parameters: Floats) -> Floats:
     return np.broadcast_to(np.asarray(value, float), shape) * (batch.signs if parameters.ndim == 1 else batch.signs[:, None])
 
 
-def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepared:
-    """Factorise the constant blocks and check that no pivot vanishes.
+def prepare(program: Program, structure: Structure, parameters: Floats, relations: Program | None = None) -> Prepared:
+    """Factorise the constant blocks of a program, and of that of its relations, and check that no pivot vanishes.
 
     Raises
     ------
@@ -84,8 +85,9 @@ def prepare(program: Program, structure: Structure, parameters: Floats) -> Prepa
         raise _divided(program, structure, parameters, int(np.argmax(wrong)))
     blocks = [s for s in program.steps if isinstance(s, Linear)]
     return Prepared(
-        program, structure, parameters, tuple(_solution(b, structure, m) for b, m in zip(blocks, matrices, strict=True))
-    )
+        program, structure, parameters, tuple(_solution(b, structure, m) for b, m in zip(blocks, matrices, strict=True)),
+        relations=None if relations is None else prepare(relations, structure, parameters),
+    )  # fmt: skip
 
 
 def _divided(program: Program, structure: Structure, parameters: Floats, row: int) -> SingularError:

@@ -23,7 +23,7 @@ Integers = NDArray[np.int64]
 class Relations:
     """Update rules of the discrete state, and the program that they need.
 
-    Modes are numbered through the whole model: relations, then discrete values (see `gearlib.flatten.model.Discretes`). Each batch
+    Modes are numbered through the whole model: relations, then discrete values (see `gearlib.flatten.model.FlatModel`). Each batch
     holds one kernel; its targets are modes, or states for ``reinits``.
     """
 

@@ -226,7 +226,7 @@ def discrete_nodes(model: FlatModel, discrete: int) -> list[Node]:
         if d in seen:
             continue
         seen.add(d)
-        for update in model.discretes.updates:
+        for update in model.updates:
             if update.reinit:
                 continue
             group = update.equations
@@ -268,7 +268,7 @@ def _entries(model: FlatModel, rows: Rows, result: Differentiation) -> list[Entr
 
 def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[float, ...]]:
     """Sort key of state candidates, least preferred highest: declaration, derivative order, no fixed start value."""
-    wanted = set(model.representative[model.starts.variables[model.starts.fixed]].tolist())
+    wanted = set(model.representative[model.started[model.start_fixed]].tolist())
     bad: dict[Node, tuple[float, ...]] = {}
     for v, order in result.orders.items():
         for k in range(order):
@@ -282,7 +282,7 @@ def _badness(model: FlatModel, result: Differentiation) -> dict[Node, tuple[floa
 
 def _reinits(model: FlatModel) -> list[int]:
     """Variables re-initialised at events; each component lists its own once, regardless of the number of ``When``."""
-    return [int(v) for update in model.discretes.updates if update.reinit for v in update.targets]
+    return [int(v) for update in model.updates if update.reinit for v in update.targets]
 
 
 def _reinitialised(model: FlatModel) -> list[int]:

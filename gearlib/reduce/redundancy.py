@@ -228,9 +228,9 @@ def _zeroed(model: FlatModel, variables: Sequence[int]) -> FlatModel:
     def zeroed(group: EquationGroup) -> EquationGroup:
         return replace(group, signs=np.where(gone[group.variables], 0, group.signs))
 
-    updates = tuple(replace(u, equations=zeroed(u.equations)) for u in model.discretes.updates)
+    updates = tuple(replace(u, equations=zeroed(u.equations)) for u in model.updates)
     return replace(
-        model, sign=sign, groups=tuple(zeroed(g) for g in model.groups), discretes=replace(model.discretes, updates=updates),
+        model, sign=sign, groups=tuple(zeroed(g) for g in model.groups), updates=updates,
         closed=(*model.closed, *variables),
     )  # fmt: skip
 

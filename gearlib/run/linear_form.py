@@ -19,7 +19,7 @@ from gearlib.program.derivatives import At, entries
 from gearlib.program.interpret import Prepared, constant_values, owner_of
 from gearlib.program.program import Batch, Program
 from gearlib.program.scalars import linear_function
-from gearlib.run.scene import Numbers, Scene
+from gearlib.run.scene import Scene
 from gearlib.solvers.inputs.table import Table
 from gearlib.solvers.problem import LinearForm
 
@@ -63,13 +63,13 @@ def _parameters_of(scene: Scene, batch: Batch, row: int) -> NDArray[np.int64]:
     return found
 
 
-def linear_form(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> LinearForm | str:
+def linear_form(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> LinearForm | str:
     """The linear form of a scene, or the reason why it has none.
 
     Parameters
     ----------
     scene : Scene
-    numbers : Numbers
+    numbers : Prepared
     signals : sequence
         The unbound inputs: numbers, tables or functions of time.
     """
@@ -151,7 +151,7 @@ class LinearForms:
         return full[:, :, :n], np.concatenate([full[:, :, common], one[:, :, None]], axis=2)
 
 
-def linear_forms(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> LinearForms | str:
+def linear_forms(scene: Scene, numbers: Prepared, signals: Sequence[Any]) -> LinearForms | str:
     """The linear forms of runs that differ in numbers, or the reason why there are none; arguments as for `linear_form`, of one run."""
     form = linear_form(scene, numbers, signals)
     if isinstance(form, str):
@@ -168,7 +168,7 @@ def linear_forms(scene: Scene, numbers: Numbers, signals: Sequence[Any]) -> Line
     return LinearForms(scene, inputs, matrix, tables, moving, slots, numbers.parameters[slots])
 
 
-def _drives(scene: Scene, numbers: Numbers, signals: Sequence[Any], plan: _Plan) -> tuple[tuple[Any, ...], Floats]:
+def _drives(scene: Scene, numbers: Prepared, signals: Sequence[Any], plan: _Plan) -> tuple[tuple[Any, ...], Floats]:
     """The driving terms as expressions, and the weights with which each enters inputs and slots."""
     m = len(scene.program.inputs)
     expressions = [driving_expression(scene, batch, i, numbers.parameters) for batch, i in plan.seeds]
@@ -186,19 +186,19 @@ def _drives(scene: Scene, numbers: Numbers, signals: Sequence[Any], plan: _Plan)
     return tuple(inputs), mix
 
 
-def _matrices(scene: Scene, numbers: Numbers, plan: _Plan, mix: Floats) -> tuple[Any, Floats]:
+def _matrices(scene: Scene, numbers: Prepared, plan: _Plan, mix: Floats) -> tuple[Any, Floats]:
     """A and B."""
     program, table = scene.program, plan.derivatives
     n = len(program.states)
     if plan.written is not None:
         try:
-            written = plan.written(numbers.parameters.tolist(), numbers.main.listed)
+            written = plan.written(numbers.parameters.tolist(), numbers.listed)
         except (ArithmeticError, ValueError):
             raise not_finite(scene, numbers) from None
         full = np.zeros((n, n + len(mix)))
         full[table.rows, table.seeds] = written
         return full[:, :n], full[:, n:] @ mix
-    nowhere = At(numbers.main, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((scene.n_modes, 1)))
+    nowhere = At(numbers, np.zeros(1), np.zeros((program.n_slots, 1)), np.zeros((scene.n_modes, 1)))
     values = entries(table, nowhere)[:, 0]
     if not np.isfinite(values).all():
         raise not_finite(scene, numbers)
@@ -219,7 +219,7 @@ def _sparse(values: Floats, plan: DerivativePlan, n: int, mix: Floats) -> tuple[
     return A, B.reshape(n, width)
 
 
-def not_finite(scene: Scene, numbers: Numbers) -> SingularError:
+def not_finite(scene: Scene, numbers: Prepared) -> SingularError:
     """The error that names an equation with a coefficient that cannot be evaluated, and its parameters."""
     for step in (s for s in scene.program.steps if isinstance(s, Batch)):
         for a in step.active:

@@ -466,7 +466,7 @@ class SimulatedResult(Result):
             raise ArgumentError(
                 f"result[{shown(name)}]: expected one name, such as result['load.w']; to_dataframe(names) takes several"
             )
-        if name in self.scene.model.discretes.names:
+        if name in self.scene.model.discretes:
             return self._joined(part.discrete(name) for part in self._segments)
         node, sign = self.scene.named(name)
         if sign == 0:
@@ -486,7 +486,7 @@ class SimulatedResult(Result):
                 f"the run was not asked for sensitivities with respect to {parameter!r} ({advice}): "
                 f"simulate(..., sensitivities=[{parameter!r}])"
             )
-        if name in self.scene.model.discretes.names:
+        if name in self.scene.model.discretes:
             raise ArgumentError(f"{name} is a discrete variable, which changes in steps: it has no sensitivity")
         node, sign = self.scene.named(name)
         if sign == 0:
@@ -510,7 +510,7 @@ class SimulatedResult(Result):
 
     def __contains__(self, name: object) -> bool:
         model = self.scene.model
-        return isinstance(name, str) and (name in model.discretes.names or model.find(model.column(name)[0]) is not None)
+        return isinstance(name, str) and (name in model.discretes or model.find(model.column(name)[0]) is not None)
 
     def unit(self, name: str) -> str:
         return self._told(name)[0]
@@ -518,7 +518,7 @@ class SimulatedResult(Result):
     def _told(self, name: str) -> tuple[str, str]:
         """Unit and description of a variable."""
         name, model = one_name("name", name, "load.w"), self.scene.model
-        if name in model.discretes.names:
+        if name in model.discretes:
             return "", ""
         self.scene.named(name)  # raises for a wrong name, suggesting similar ones
         base, order = model.column(name)
@@ -555,9 +555,9 @@ class SimulatedResult(Result):
     def _computable(self, names: Iterable[str]) -> list[str]:
         """Those of some variables that the model's equations determine, and the recorded discrete variables."""
         kept = []
-        for name in [*names, *self.scene.model.discretes.names]:
+        for name in [*names, *self.scene.model.discretes]:
             with suppress(NameLookupError):
-                if name in self.scene.model.discretes.names:
+                if name in self.scene.model.discretes:
                     self._segments[0].discrete(name)
                 else:
                     self.scene.named(name)
@@ -566,7 +566,7 @@ class SimulatedResult(Result):
 
     def _gathered(self, names: Sequence[str]) -> tuple[Floats, list[tuple[int, int]]]:
         """Distinct histories as columns, and per name its column and sign; all computed together."""
-        discretes = set(self.scene.model.discretes.names)
+        discretes = set(self.scene.model.discretes)
         found = {name: self.scene.named(name) for name in names if name not in discretes}
         self._compute_together([node for node, sign in found.values() if sign])
         columns: dict[Node | str, int] = {}

@@ -37,15 +37,6 @@ def node_name(model: FlatModel, node: Node) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Numbers:
-    """A scene's programs with the numbers of one set of parameters."""
-
-    parameters: Floats
-    main: Prepared
-    relations: Prepared | None
-
-
-@dataclass(frozen=True, eq=False)
 class Scene:
     """Integrated states and requested outputs, with programs and native code.
 
@@ -67,7 +58,7 @@ class Scene:
     _named: dict[str, tuple[Node, int]] = field(default_factory=dict)
     _computing: dict[Node, Program] = field(default_factory=dict)
     _missing: dict[Node, tuple[Node, ...]] = field(default_factory=dict)
-    _prepared: dict[bytes, Numbers] = field(default_factory=dict)
+    _prepared: dict[bytes, Prepared] = field(default_factory=dict)
     _compiled: dict[tuple[Program, DerivativePlan | None], CompiledProgram] = field(default_factory=dict)
     constraints: dict[tuple[Node, ...], Any] = field(default_factory=dict)  # on start values, made by `start_values`
     started: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # the last start values that equations were solved for
@@ -234,11 +225,9 @@ class Scene:
             return None
         return tuple(name for name, (v, k) in zip(self.state_names, self.states, strict=True) if k or v not in fixed)
 
-    def numbers(self, parameters: Floats) -> Numbers:
-        """Programs prepared for one set of parameters."""
-        main = prepare(self.program, self.structure, parameters)
-        relations = None if self.relations is None else prepare(self.relations.program, self.structure, parameters)
-        return Numbers(parameters, main, relations)
+    def numbers(self, parameters: Floats) -> Prepared:
+        """The program with one set of parameters, and that of its relations."""
+        return prepare(self.program, self.structure, parameters, None if self.relations is None else self.relations.program)
 
     def _evaluator(self, prepared: Prepared, plan: DerivativePlan | None = None) -> Evaluator:
         """Compiled evaluation of a program, and of the derivatives in a plan, at many points; the machine code is cached."""
@@ -251,15 +240,15 @@ class Scene:
         """The same program, evaluated by compiled code: for many points, one after another."""
         return replace(prepared, compiled=self._evaluator(prepared).slots)
 
-    def compiled_numbers(self, parameters: Floats) -> tuple[Numbers, Evaluator]:
-        """Numbers whose programs run as compiled code, and the evaluator that also gives derivatives: for many points, many times."""
+    def compiled_numbers(self, parameters: Floats) -> tuple[Prepared, Evaluator]:
+        """The same, as programs that run as compiled code, and the evaluator that also gives derivatives: for many points, many times."""
         numbers = self.numbers(parameters)
-        evaluator, relations = self._evaluator(numbers.main, self.jacobian), numbers.relations
+        evaluator, relations = self._evaluator(numbers, self.jacobian), numbers.relations
         if relations is not None:
             relations = self.compiled_program(relations)
-        return Numbers(parameters, replace(numbers.main, compiled=evaluator.slots), relations), evaluator
+        return replace(numbers, compiled=evaluator.slots, relations=relations), evaluator
 
-    def prepared(self, parameters: Floats) -> Numbers:
+    def prepared(self, parameters: Floats) -> Prepared:
         """The same, cached for the most recent parameters."""
         return recent(self._prepared, parameters.tobytes(), lambda: self.numbers(parameters))
 
@@ -272,7 +261,7 @@ class Scene:
         return True
 
     def modes(
-        self, numbers: Numbers, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,
+        self, numbers: Prepared, t: Floats, states: Floats, inputs: Floats, discretes: Floats | None = None,
         start: Floats | None = None,
     ) -> Floats:  # fmt: skip
         """Relations and discrete variables at some times, each time independently, shape (modes, times).
@@ -286,7 +275,7 @@ class Scene:
         return modes_at_start(self.model, self.relations, numbers.relations, t, states, inputs, discretes, guess)
 
     def data(
-        self, native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, start: Floats, slots: Floats | None = None
+        self, native: NativeScene, numbers: Prepared, inputs: Floats, flags: Floats, start: Floats, slots: Floats | None = None
     ) -> Floats:
         """The data block of a run; iterations start at values of variables, or at slots of the main program where it continues."""
         guess = self.guess(self.program, start) if slots is None else slots
@@ -315,7 +304,7 @@ def guess_of(program: Program, start: Floats) -> Floats:
 
 
 def data_block(
-    native: NativeScene, numbers: Numbers, inputs: Floats, flags: Floats, guess: Callable[[Program], Floats]
+    native: NativeScene, numbers: Prepared, inputs: Floats, flags: Floats, guess: Callable[[Program], Floats]
 ) -> Floats:  # fmt: skip
     """The data block of native functions; ``guess`` returns the slots at which a program's iterations start."""
     shared = native.shared
@@ -323,10 +312,10 @@ def data_block(
     data[: shared.n_parameters] = numbers.parameters
     data[shared.relations : shared.relations + shared.n_modes] = flags
     data[shared.inputs : shared.inputs + shared.n_inputs] = inputs
-    main = guess(numbers.main.program)
+    main = guess(numbers.program)
     for part in (native.rhs, native.jac):
         if part is not None:
-            fill(data, part.layout, part.body.coefficients, numbers.main, main)
+            fill(data, part.layout, part.body.coefficients, numbers, main)
     for part in (native.roots, native.update):
         if part is not None and numbers.relations is not None:
             fill(data, part.layout, part.body.coefficients, numbers.relations, guess(numbers.relations.program))
@@ -407,7 +396,7 @@ def needed_discretes(structure: Structure, targets: Iterable[Node]) -> tuple[int
         if place >= 2 * known or place % known in found:  # the last entry is the flag of the start of a run
             continue
         found.add(place % known)
-        for update in model.discretes.updates:
+        for update in model.updates:
             if not update.reinit:
                 waiting += update.equations.discretes[update.targets == place % known].ravel().tolist()
     return tuple(sorted(found))
@@ -422,6 +411,6 @@ def needed_inputs(structure: Structure, targets: Iterable[Node]) -> tuple[str, .
     for node in unknowns:
         e, k = dependence.equation(node)
         met |= {v for v, _ in (*dependence.columns(e, k), *dependence.at_events.get(e, ()))}
-    for update in model.discretes.updates:  # conservatively, the targets are taken to depend on all of them
+    for update in model.updates:  # conservatively, the targets are taken to depend on all of them
         met |= set(update.equations.variables.ravel().tolist())
     return tuple(model.name(v) for v in model.inputs.tolist() if v in met)

@@ -105,7 +105,7 @@ class Segment:
     def discrete(self, name: str) -> Floats:
         """History of a discrete variable."""
         scene, model = self.scene, self.scene.model
-        used, place = scene.relations, model.n_relations + model.discretes.names.index(name)
+        used, place = scene.relations, model.n_relations + model.discretes.index(name)
         if used is None or not any(place in b.targets for b in used.discretes):
             raise NameLookupError(f"the discrete variable {name} was not needed in this run; name it in outputs=[...]")
         return self.modes[:, place].copy()
@@ -171,7 +171,7 @@ class Segment:
         needed = {int(m) for b in found.discretes for m in b.targets}
         known = set() if scene.relations is None else {int(m) for b in scene.relations.discretes for m in b.targets}
         if needed - known:
-            names = ", ".join(model.discretes.names[m - model.n_relations] for m in sorted(needed - known))
+            names = ", ".join(model.discretes[m - model.n_relations] for m in sorted(needed - known))
             raise NameLookupError(f"the discrete variables {names} were not needed in this run; name them in outputs=[...]")
         new = np.setdiff1d(found.used, tracked)
         if not len(new):

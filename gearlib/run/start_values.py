@@ -62,7 +62,7 @@ def start_variable(model: FlatModel, name: str) -> int:
         base, order = model.column(name)
         if order and model.find(base) is not None:
             raise NameLookupError(f"{name} is a derivative, which has no start value; {base} has one")
-        if name in model.discretes.names:
+        if name in model.discretes:
             part, _, local = name.rpartition(".")
             raise NameLookupError(
                 f"{name} is a discrete variable; its start value is part of the model: start={{'{local}': ...}} of {part or 'it'}"
@@ -79,7 +79,7 @@ def fixed_values(model: FlatModel, parameters: Floats, overrides: Mapping[int, f
     own = {int(model.representative[v]) for v in overrides}
     given = [
         (int(v), float(parameters[slot]))
-        for v, slot, is_fixed in zip(model.starts.variables, model.starts.slots, model.starts.fixed, strict=True)
+        for v, slot, is_fixed in zip(model.started, model.start_slots, model.start_fixed, strict=True)
         if is_fixed and int(model.representative[v]) not in own
     ]
     nothing = _rounding(value for _, value in [*given, *overrides.items()])

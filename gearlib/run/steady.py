@@ -28,7 +28,7 @@ from gearlib.errors import SolverError, StartError
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import DerivativePlan, derivative_plan
 from gearlib.program.derivatives import At, dense, entries
-from gearlib.program.interpret import batch_values, evaluate, prepare
+from gearlib.program.interpret import Prepared, batch_values, evaluate, prepare
 from gearlib.program.invariance import symmetries
 from gearlib.program.newton import Correction, newton
 from gearlib.program.program import Newton
@@ -37,7 +37,7 @@ from gearlib.run.integrate import integrate
 from gearlib.run.methods.implicit import Implicit
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import too_small
-from gearlib.run.scene import Numbers, Scene, node_name
+from gearlib.run.scene import Scene, node_name
 from gearlib.run.start_values import Start
 from gearlib.structure.incidence import Node
 from gearlib.structure.sorting import reach
@@ -80,7 +80,7 @@ class Search:
     """
 
     scene: Scene
-    numbers: Numbers
+    numbers: Prepared
     begin: Start
     inputs: Floats
     t: float
@@ -143,7 +143,7 @@ class Search:
         scene, now, column, inputs = self.scene, np.array([self.t]), x[:, None], self.inputs[:, None]
         flags = self.modes(x)
         guess = scene.guess(scene.program, self.begin.guess)
-        return At(self.numbers.main, now, evaluate(self.numbers.main, now, column, inputs, flags, guess), flags)
+        return At(self.numbers, now, evaluate(self.numbers, now, column, inputs, flags, guess), flags)
 
     def equations(self, x: Floats) -> tuple[Floats, Floats, Floats]:
         """Scaled rates, their derivatives, and a bound on the rounding error from all terms in their equations."""
@@ -208,7 +208,7 @@ class End:
     sticks: bool = False  # the rates point at each other across a jump, where only the events of a run hold the states
 
 
-def search_steady(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float) -> Floats:
+def search_steady(scene: Scene, numbers: Prepared, start: Start, inputs: Floats, t: float) -> Floats:
     """A steady state: nothing accelerates, and nothing changes but what no equation depends on, such as the angles of the train.
 
     Growing states keep their start values. Of several steady states it is the one that the motion from the start values reaches.
@@ -231,7 +231,7 @@ def search_steady(scene: Scene, numbers: Numbers, start: Start, inputs: Floats, 
 
 
 def steady_changes(
-    scene: Scene, numbers: Numbers, start: Start, inputs: Floats, t: float, x: Floats, seeds: Sequence[tuple[int, int, float]]
+    scene: Scene, numbers: Prepared, start: Start, inputs: Floats, t: float, x: Floats, seeds: Sequence[tuple[int, int, float]]
 ) -> Floats:
     """Derivatives of a steady state with respect to parameters, by the implicit function theorem, shape (states, seeds).
 
@@ -273,7 +273,7 @@ def steady_changes(
     return np.asarray(begin + search.scale[:, None] * changes, float)
 
 
-def growing(scene: Scene, numbers: Numbers) -> Floats:
+def growing(scene: Scene, numbers: Prepared) -> Floats:
     """Directions in which the states may grow steadily, orthonormal in nominal values, shape (states, directions).
 
     A speed that nothing depends on is not such a direction: its angle would grow at an increasing rate. That angle counts whether or
@@ -388,7 +388,7 @@ def _sticking(search: Search, x: Floats, modes: Floats) -> tuple[Floats, Floats 
     """
     scene, relations, n = search.scene, search.scene.relations, len(x)
     assert relations is not None, "something came to rest"
-    now, prepared, states = np.array([search.t]), search.numbers.relations, scene.model.discretes.starts
+    now, prepared, states = np.array([search.t]), search.numbers.relations, scene.model.discrete_starts
     assert prepared is not None
     first = np.zeros(scene.n_modes)  # as a run starts: nothing sticks yet, so that speeds count
     if len(states):

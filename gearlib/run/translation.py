@@ -317,10 +317,10 @@ class Translation:
         """The scene that computes what the energies depend on, besides the outputs."""
         structure, model, own = self.structure, self.model, self.scene
         names = {n for p in self.energies for term in p.terms for n in term.names} - {"time", *model.parameters.index}
-        discretes = sorted({model.discretes.names.index(n) for n in names if n in model.discretes.names})
+        discretes = sorted({model.discretes.index(n) for n in names if n in model.discretes})
         nodes: list[Node] = []
         for name in sorted(names):
-            if name not in model.discretes.names:
+            if name not in model.discretes:
                 with suppress(NameLookupError):  # the component then counts as one of which nothing is known
                     node, sign = structure.named(name, "variable", ("is not computed", "is"))
                     nodes += [node] if sign else []
@@ -334,7 +334,7 @@ class Translation:
         """Unbound inputs that the outputs depend on; all of them if everything is available."""
         if self.outputs is None:
             return self.open_inputs
-        names = self.model.discretes.names
+        names = self.model.discretes
         nodes = output_nodes(self.structure, [n for n in self.outputs if n not in names])
         decisive = [n for d, name in enumerate(names) if name in self.outputs for n in discrete_nodes(self.model, d)]
         return needed_inputs(self.structure, [*nodes, *decisive])
@@ -484,16 +484,16 @@ class Translation:
             Unknown start value, contradictory values, or no steady state.
         """
         overrides: dict[int, float] = {}
-        discretes, known = None, self.model.discretes
+        discretes, known = None, self.model.discretes  # values, names
         if not (start is None or isinstance(start, Mapping) or (isinstance(start, str) and start == "steady")):
             raise ArgumentError(
                 f"start is {shown(start)}; expected a mapping of start values, 'steady', a result, or (result, time)"
             )
         if isinstance(start, Mapping):
             for name, value in by_name("start", start, "a mapping of paths to start values").items():
-                if discrete and name in known.names:
-                    discretes = known.starts.copy() if discretes is None else discretes
-                    discretes[known.names.index(name)] = real(f"start of {name}", value)
+                if discrete and name in known:
+                    discretes = self.model.discrete_starts.copy() if discretes is None else discretes
+                    discretes[known.index(name)] = real(f"start of {name}", value)
                 else:
                     overrides[start_variable(self.model, name)] = real(f"start of {name}", value)
         inputs = values(signals, np.array([t]))[:, 0]
@@ -548,8 +548,8 @@ def asked_scene(structure: Structure, outputs: tuple[str, ...] | None, read: tup
         targets = [(v, k + 1) for v, k in wanted] + [n for d in discretes for n in discrete_nodes(model, d)]
         targets += output_nodes(structure, read)
         return Scene(structure, tuple(sorted({*wanted, *needed_states(structure, targets)})), tuple(discretes))
-    discretes = [model.discretes.names.index(n) for n in outputs if n in model.discretes.names]
-    nodes = output_nodes(structure, [*(n for n in outputs if n not in model.discretes.names), *read])
+    discretes = [model.discretes.index(n) for n in outputs if n in model.discretes]
+    nodes = output_nodes(structure, [*(n for n in outputs if n not in model.discretes), *read])
     if len(model.discretes):
         discretes = sorted({*discretes, *needed_discretes(structure, nodes)})
     states = needed_states(structure, [*nodes, *(n for d in discretes for n in discrete_nodes(model, d))])

@@ -70,7 +70,7 @@ def can_be_solved(scene: Scene, parameters: Floats) -> bool:
         numbers = scene.numbers(parameters)
     except SingularError:
         return False
-    programs = [numbers.main.program, *([] if numbers.relations is None else [numbers.relations.program])]
+    programs = [numbers.program, *([] if numbers.relations is None else [numbers.relations.program])]
     return not any(_vanishes(program, parameters) for program in programs)
 
 

@@ -82,7 +82,7 @@ def _moving(rates: Floats) -> Floats:
 
 def _groups(model: FlatModel) -> list[EquationGroup]:
     """Groups of equations, and of updates of discrete variables."""
-    return [*model.groups, *(u.equations for u in model.discretes.updates)]
+    return [*model.groups, *(u.equations for u in model.updates)]
 
 
 def _places(model: FlatModel) -> list[tuple[int, int]]:

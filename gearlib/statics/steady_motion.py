@@ -189,8 +189,8 @@ def solve(model: FlatModel, parameters: Floats, given: Sequence[Given], near: Se
 
 def guesses(model: FlatModel, parameters: Floats) -> list[Given]:
     """The speeds for which the model has start values or guesses."""
-    starts, found = model.starts, []
-    for v, slot in zip(starts.variables.tolist(), starts.slots.tolist(), strict=True):
+    found = []
+    for v, slot in zip(model.started.tolist(), model.start_slots.tolist(), strict=True):
         rep, sign = int(model.representative[v]), int(model.sign[v])
         if sign and not model.flow[rep] and not model.potential[rep] and parameters[slot]:
             found.append(Given("guess", rep, VALUE, sign * float(parameters[slot])))
@@ -288,7 +288,7 @@ def _connected(rows: MotionEquations, wanted: Integers) -> tuple[Factors, Intege
 def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) -> Floats:
     """Relations and discrete variables of a run that starts in this motion."""
     modes = model.initial_modes()
-    groups = [*model.groups, *(u.equations for u in model.discretes.updates)]
+    groups = [*model.groups, *(u.equations for u in model.updates)]
     first, d = model.n_relations, len(model.discretes)
     for _ in range(50):
         for _ in range(50):
@@ -299,7 +299,7 @@ def settled_modes(model: FlatModel, parameters: Floats, a: Floats, b: Floats) ->
                     value = -value if relation.negated else value
                     flags = value > 0 if relation.strict else value >= 0
                     modes[model.first_relations[g] + np.arange(len(group)) * len(group.template.relations) + c] = flags
-            for u, update in enumerate(model.discretes.updates):
+            for u, update in enumerate(model.updates):
                 if not update.reinit:
                     g, kernel = len(model.groups) + u, residual_kernel(update.equations.template)
                     modes[first + update.targets] = apply(model, kernel, g, update.equations, parameters, a, b, modes)

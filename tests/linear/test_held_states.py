@@ -210,7 +210,7 @@ def test_moment_of_a_run_with_some_clutches_locked() -> None:
     """Four bodies and three clutches: a locked clutch takes a degree of freedom away, a sliding one does not."""
     system = gl.compile(CoupledClutches())
     run = system.simulate(1.5, rtol=1e-8)
-    clutches = [n.removesuffix(".mode") for n in system.translation.model.discretes.names if n.endswith(".mode")]
+    clutches = [n.removesuffix(".mode") for n in system.translation.model.discretes if n.endswith(".mode")]
     seen = set()
     for t in (0.2, 0.6, 1.0, 1.4):
         i = int(np.searchsorted(run.time, t))

@@ -42,7 +42,7 @@ def points(system: gl.System, seed: int) -> tuple[Any, ...]:
     u = rng.normal(size=(len(scene.program.inputs), POINTS))
     flags = scene.modes(plain, t, x, u)
     np.testing.assert_array_equal(scene.modes(compiled, t, x, u), flags)
-    return scene, plain.main, compiled.main, evaluator, (t, x, u, flags)
+    return scene, plain, compiled, evaluator, (t, x, u, flags)
 
 
 def agree(system: gl.System, seed: int) -> None:
@@ -95,8 +95,8 @@ def test_points_without_a_solution_are_refused_as_the_interpreter_does() -> None
     t, x, none = np.zeros(3), np.array([[0.1, np.pi / 2, 0.2]]), np.empty((0, 3))
     for call in (evaluate, lambda _, *rest: evaluator.derivatives(*rest)):
         with pytest.raises(SolverError, match="were not solved at t = 0 s"):
-            call(numbers.main, t, x, none, none)
-    slots = evaluate(numbers.main, t, x, none, none, forgiving=True)
+            call(numbers, t, x, none, none)
+    slots = evaluate(numbers, t, x, none, none, forgiving=True)
     b = scene.program.slots[next(n for n in scene.program.slots if n[1] == 0 and n not in scene.states)]
     np.testing.assert_allclose(np.sin(slots[b, [0, 2]]), 1.5 * np.sin(x[0, [0, 2]]), rtol=1e-12)
 
@@ -110,6 +110,6 @@ def test_a_guess_for_each_point_is_followed() -> None:
     b = scene.program.slots[next(n for n in scene.program.slots if n[1] == 0 and n not in scene.states)]
     guess = np.zeros((scene.program.n_slots, 2))
     guess[b] = 0.4, 2.7
-    found = evaluate(numbers.main, t, x, none, none, guess)[b]
+    found = evaluate(numbers, t, x, none, none, guess)[b]
     first = np.arcsin(0.9 * np.sin(0.5))
     np.testing.assert_allclose(found, [first, np.pi - first], rtol=1e-12)

@@ -105,7 +105,7 @@ def check_rates(system: gl.System, turns: int = 60) -> None:
         rates = np.empty(len(scene.states))
         status = rhs(0.1, x.ctypes.data, rates.ctypes.data, data.ctypes.data, scene.native.index.ctypes.data)
         try:
-            slots = evaluate(numbers.main, np.array([0.1]), x[:, None], u[:, None], now[:, None])[:, 0]
+            slots = evaluate(numbers, np.array([0.1]), x[:, None], u[:, None], now[:, None])[:, 0]
         except SolverError:
             assert status != 0
             continue

@@ -73,7 +73,7 @@ def check(system: gl.System, values: dict[str, float], seed: int, most: int = 12
     scene, table = system.translation.scene, system.translation.model.parameters
     parameters = system.translation.parameter_values(values)
     given = {table.index[name]: value for name, value in values.items() if name in table.index}
-    prepared = scene.numbers(parameters).main
+    prepared = scene.numbers(parameters)
     program = prepared.program
     n, m, t = len(program.states), len(program.inputs), float(rng.uniform(0.1, 2.0))
     x = scene.nominal * rng.uniform(-1.0, 1.0, n)
@@ -185,18 +185,18 @@ def test_many_times_are_as_many_points() -> None:
         n, m, times = len(program.states), len(program.inputs), 5
         t, x, u = rng.uniform(0, 1, times), rng.normal(size=(n, times)), rng.normal(size=(m, times))
         flags = scene.modes(numbers, t, x, u)
-        slots = evaluate(numbers.main, t, x, u, flags)
+        slots = evaluate(numbers, t, x, u, flags)
         plan = state_plan(program)
-        found = dense(plan, entries(plan, At(numbers.main, t, slots, flags)))
+        found = dense(plan, entries(plan, At(numbers, t, slots, flags)))
         for i in range(times):
-            one = derivatives(numbers.main, float(t[i]), slots[:, i], flags[:, i], range(n))[program.output_slots]
+            one = derivatives(numbers, float(t[i]), slots[:, i], flags[:, i], range(n))[program.output_slots]
             np.testing.assert_allclose(found[i], one, rtol=1e-13, atol=1e-13 * np.abs(one).max())
 
 
 def test_terms_that_are_added_with_weights() -> None:
     """A seed that enters at several slots; also at unknowns of a block, where it is added to the solution."""
     system = gl.compile(Bound())
-    numbers = system.translation.scene.numbers(system.translation.parameter_values({})).main
+    numbers = system.translation.scene.numbers(system.translation.parameter_values({}))
     program = numbers.program
     block = next(s for s in program.steps if isinstance(s, Linear))
     first, last = int(block.unknowns[0]), int(program.output_slots[-1])
@@ -235,11 +235,11 @@ def test_native_code_is_printed_from_the_same_plan(number: int, loops: bool, mon
     n, m, t = len(program.states), len(program.inputs), 0.3
     x, u = scene.nominal * rng.uniform(-1, 1, n), rng.normal(size=m)
     flags = scene.modes(numbers, np.array([t]), x[:, None], u[:, None])
-    slots = evaluate(numbers.main, np.array([t]), x[:, None], u[:, None], flags)
+    slots = evaluate(numbers, np.array([t]), x[:, None], u[:, None], flags)
     used = sorted({int(p) for s in program.steps for b in _batches(s) for p in b.parameters.ravel()})
     seeds = [*range(n + m), *(program.n_slots + p for p in used)]
     plan = derivative_plan(program, [(slot, k) for k, slot in enumerate(seeds)], program.output_slots)
-    expected = dense(plan, entries(plan, At(numbers.main, np.array([t]), slots, flags)))[0]
+    expected = dense(plan, entries(plan, At(numbers, np.array([t]), slots, flags)))[0]
     found = native_values(scene, numbers, plan, x, u, t, flags[:, 0])
     size = np.abs(expected).max(axis=1, keepdims=True)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * float(size.max()))

@@ -39,7 +39,7 @@ def values(x: list[float], forgiving: bool = False) -> Any:
     assert step.linear
     numbers = scene.numbers(system.translation.parameter_values({}))
     none = np.empty((0, len(x)))
-    return evaluate(numbers.main, np.arange(len(x), dtype=float), np.array([x]), none, none, None, forgiving)[step.unknowns]
+    return evaluate(numbers, np.arange(len(x), dtype=float), np.array([x]), none, none, None, forgiving)[step.unknowns]
 
 
 @pytest.mark.parametrize("entries", [1, 1_000_000], ids=["one by one", "together"])
@@ -64,8 +64,8 @@ def test_many_times_are_as_many_points_on_random_trains_that_switch(seed: int) -
     t, x = rng.uniform(0, 2, times), scene.nominal[:, None] * rng.uniform(-1, 1, (len(scene.states), times))
     u = np.zeros((len(scene.program.inputs), times))
     flags = scene.modes(numbers, t, x, u)
-    together = evaluate(numbers.main, t, x, u, flags, forgiving=True)
+    together = evaluate(numbers, t, x, u, flags, forgiving=True)
     for i in range(times):
         k = slice(i, i + 1)
-        alone = evaluate(numbers.main, t[k], x[:, k], u[:, k], flags[:, k], forgiving=True)[:, 0]
+        alone = evaluate(numbers, t[k], x[:, k], u[:, k], flags[:, k], forgiving=True)[:, 0]
         np.testing.assert_allclose(together[:, i], alone, rtol=1e-12, atol=1e-13 * np.abs(alone).max())

@@ -54,7 +54,7 @@ def check(system: gl.System, values: dict[str, float], seed: int, most: int = 4)
     scene, table = system.translation.scene, system.translation.model.parameters
     parameters = system.translation.parameter_values(values)
     given = {table.index[name]: value for name, value in values.items()}
-    prepared = scene.numbers(parameters).main
+    prepared = scene.numbers(parameters)
     program = prepared.program
     n, m, t = len(program.states), len(program.inputs), float(rng.uniform(0.1, 2.0))
     x, u = scene.nominal * rng.uniform(-1.0, 1.0, n), rng.normal(size=m)

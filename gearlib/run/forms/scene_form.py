@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from gearlib.native.scene_functions import NativeScene, compile_scene
 from gearlib.program.build import build
 from gearlib.program.derivative_plan import state_plan
-from gearlib.program.interpret import evaluate, prepare
+from gearlib.program.interpret import Prepared, evaluate, prepare
 from gearlib.program.program import Program
 from gearlib.program.relations import Relations, relations_of
 from gearlib.program.residual_form import ResidualForm, index_reduced_form, torn_form
 from gearlib.recent import recent
-from gearlib.run.scene import Numbers, Scene, data_block, guess_of, modes_at_start, node_name, relation_names
+from gearlib.run.scene import Scene, data_block, guess_of, modes_at_start, node_name, relation_names
 from gearlib.run.start_values import Start
 from gearlib.run.time_switches import TimeSwitches, time_switches
 from gearlib.structure.incidence import Node
@@ -42,7 +42,7 @@ class SceneForm:
 
     scene: Scene
     equations: ResidualForm
-    _prepared: dict[bytes, Numbers] = field(default_factory=dict)
+    _prepared: dict[bytes, Prepared] = field(default_factory=dict)
 
     @property
     def program(self) -> Program:
@@ -103,13 +103,12 @@ class SceneForm:
         """Compiled functions."""
         return compile_scene(self.program, self.relations, lambda: self.slot_names, self.scene.model, state_plan(self.program))
 
-    def numbers(self, parameters: Floats) -> Numbers:
-        """Programs with the numbers of one set of parameters; the most recent sets are cached."""
+    def numbers(self, parameters: Floats) -> Prepared:
+        """The program with one set of parameters, and that of its relations; the most recent sets are cached."""
 
-        def found() -> Numbers:
-            structure, relations = self.scene.structure, self.relations
-            main = prepare(self.program, structure, parameters)
-            return Numbers(parameters, main, None if relations is None else prepare(relations.program, structure, parameters))
+        def found() -> Prepared:
+            relations = None if self.relations is None else self.relations.program
+            return prepare(self.program, self.scene.structure, parameters, relations)
 
         return recent(self._prepared, parameters.tobytes(), found)
 
@@ -135,14 +134,14 @@ class SceneForm:
         at, states = np.array([t]), start.states[:, None]
         return modes_at_start(scene.model, relations, prepared, at, states, inputs[:, None], guess=guess)[:, 0]
 
-    def first(self, numbers: Numbers, t: float, start: Start, inputs: Floats, modes: Floats, slots: Floats | None) -> Floats:
+    def first(self, numbers: Prepared, t: float, start: Start, inputs: Floats, modes: Floats, slots: Floats | None) -> Floats:
         """The unknowns from which IDA computes consistent initial values.
 
         Where equations are nonlinear, the algebraic unknowns come from the scene's own program, which determines the solution branch.
 
         Parameters
         ----------
-        numbers : Numbers
+        numbers : Prepared
             Of the scene.
         t : float
         start : Start
@@ -155,7 +154,7 @@ class SceneForm:
         if slots is None and program.iterated:
             at = np.array([t])
             found = evaluate(
-                numbers.main, at, start.states[:, None], inputs[: len(program.inputs), None], modes[:, None],
+                numbers, at, start.states[:, None], inputs[: len(program.inputs), None], modes[:, None],
                 guess_of(program, start.guess), forgiving=True,
             )  # fmt: skip
             slots = found[:, 0]

@@ -46,7 +46,7 @@ def problem_of(run: Run, callbacks: Callbacks, jacobian: bool) -> Problem:
     if code is not None and tangents is not None:
         if run.slots is None:  # the run begins here
             tangents.noted.clear()
-        code.fill(data, tangents.directions, run.numbers.main, tangents.discretes(code.modes))
+        code.fill(data, tangents.directions, run.numbers, tangents.discretes(code.modes))
         atol = None if run.atol is None else np.append(run.atol, tangents.spread(run.atol))
         nominal = np.append(scene.nominal, tangents.spread(scene.nominal))
         x0 = np.append(run.start.states, tangents.start)
@@ -165,7 +165,7 @@ def _unsettled(run: Run, shared: Shared, t: float, x: Floats, data: Floats) -> s
     inputs = data[shared.inputs :][: shared.n_inputs, None]
     new = settle_once(scene.relations, run.numbers.relations, np.array([t]), x[: len(scene.states), None], inputs, modes)
     places = np.flatnonzero((new != modes)[:, 0]).tolist()
-    names = [scene.model.discretes.names[i - n] for i in places if i >= n]
+    names = [scene.model.discretes[i - n] for i in places if i >= n]
     return ", ".join(names) or "; ".join(dict.fromkeys(scene.relation_names[i] for i in places))
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearlib.program.interpret import Prepared
 from gearlib.run.forms.scene_form import SceneForm, scene_form
-from gearlib.run.scene import Numbers, Scene
+from gearlib.run.scene import Scene
 from gearlib.run.start_values import Start
 from gearlib.run.tangents.tangents import Tangents
 from gearlib.solvers.inputs.table import Table
@@ -30,7 +31,7 @@ class Run:
     """One integration: scene, numbers, start, inputs, times and tolerances."""
 
     scene: Scene
-    numbers: Numbers
+    numbers: Prepared
     start: Start
     signals: tuple[Any, ...]
     times: Floats

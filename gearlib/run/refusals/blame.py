@@ -6,20 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearlib.errors import SolverError
-from gearlib.program.interpret import batch_values, evaluate, labelled
+from gearlib.program.interpret import Prepared, batch_values, evaluate, labelled
 from gearlib.program.program import Batch
-from gearlib.run.scene import Numbers, Scene, node_name
+from gearlib.run.scene import Scene, node_name
 
 Floats = NDArray[np.float64]
 AHEAD = (0.0, *np.logspace(-16, -3, 14).tolist())  # fractions of the run at which the tangent to the solution is evaluated
 
 
-def culprit(scene: Scene, numbers: Numbers, t: float, span: float, x: Floats, inputs: Floats, modes: Floats) -> str:
+def culprit(scene: Scene, numbers: Prepared, t: float, span: float, x: Floats, inputs: Floats, modes: Floats) -> str:
     """What cannot be evaluated at the end of a failed run, as part of its message; otherwise the state that changes fastest.
 
     Parameters
     ----------
-    scene, numbers : Scene, Numbers
+    scene, numbers : Scene, Prepared
     t, span : float
         Time at which the run ended, and its intended length (s).
     x, inputs, modes : arrays
@@ -33,7 +33,7 @@ def culprit(scene: Scene, numbers: Numbers, t: float, span: float, x: Floats, in
         now = np.array([t + share * span])
         with np.errstate(all="ignore"):
             try:
-                slots = evaluate(numbers.main, now, (x + share * span * rate)[:, None], inputs[:, None], modes[:, None], None)
+                slots = evaluate(numbers, now, (x + share * span * rate)[:, None], inputs[:, None], modes[:, None], None)
             except SolverError as unsolved:  # if no guess matters, the compiled code met the same
                 return "" if program.iterated else f"; {unsolved}"
         if not np.isfinite(slots).all():
@@ -59,7 +59,7 @@ def _solved(scene: Scene, slot: int) -> str:
     return ""
 
 
-def _first(scene: Scene, numbers: Numbers, t: Floats, slots: Floats, modes: Floats) -> str:
+def _first(scene: Scene, numbers: Prepared, t: Floats, slots: Floats, modes: Floats) -> str:
     """The first non-finite value, the equation that it comes from, and the operands."""
     for step in scene.program.steps:
         if not isinstance(step, Batch):
@@ -76,7 +76,7 @@ def _first(scene: Scene, numbers: Numbers, t: Floats, slots: Floats, modes: Floa
     return ""
 
 
-def _numbers(scene: Scene, batch: Batch, row: int, t: Floats, slots: Floats, numbers: Numbers) -> str:
+def _numbers(scene: Scene, batch: Batch, row: int, t: Floats, slots: Floats, numbers: Prepared) -> str:
     """The operands of an equation, by name."""
     known = {slot: node_name(scene.model, node) for node, slot in scene.program.slots.items()}
     found = {known.get(slot, "a value"): slots[slot, 0] for slot in batch.arguments[row].tolist()}

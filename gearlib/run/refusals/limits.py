@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from gearlib.errors import SolverError, StartError
 from gearlib.flatten.model import FlatModel
-from gearlib.program.interpret import evaluate, prepare
-from gearlib.run.scene import Numbers, Scene
+from gearlib.program.interpret import Prepared, evaluate, prepare
+from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
 from gearlib.run.start_values import Start
 from gearlib.structure.incidence import Node
@@ -63,14 +63,14 @@ def refuse_start(scene: Scene, parameters: Floats, t: float, inputs: Floats, beg
         raise StartError(f"{text} at t = {t:g} s; {_fix(scene.model, v, least, at_start=True)}")
 
 
-def too_small(scene: Scene, numbers: Numbers, t: float, x: Floats, inputs: Floats, begin: Start) -> str:
+def too_small(scene: Scene, numbers: Prepared, t: float, x: Floats, inputs: Floats, begin: Start) -> str:
     """Description of the variable that is below its minimum in a state; empty if there is none."""
     found = _too_small(scene, numbers, t, x, inputs, begin)
     return "" if found is None else _text(scene.model, *found)
 
 
 def _too_small(
-    scene: Scene, numbers: Numbers, t: float, x: Floats, inputs: Floats, begin: Start
+    scene: Scene, numbers: Prepared, t: float, x: Floats, inputs: Floats, begin: Start
 ) -> tuple[int, float, float] | None:
     """The variable that is below its minimum in a state, its value and the minimum."""
     bounded = list(_bounded(scene))

@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from gearlib.arguments import real, shown
 from gearlib.errors import ArgumentError, NameLookupError
+from gearlib.program.interpret import Prepared
 from gearlib.run.methods.method import Method
 from gearlib.run.methods.method_table import BY_TURNS, method_of
 from gearlib.run.methods.run import Run
 from gearlib.run.refusals.limits import refuse_too_small
 from gearlib.run.request import LONGEST, SHORTEST, absolute_tolerance
 from gearlib.run.sampling.instants import begun_with, given_before, integrate_sampled
-from gearlib.run.scene import Numbers, Scene
+from gearlib.run.scene import Scene
 from gearlib.run.segment import Segment
 from gearlib.run.simulate import earlier_run
 from gearlib.run.start_values import Start
@@ -45,7 +46,7 @@ class Moment:
     modes: Floats | None  # relations and discrete variables, with their values before the last event
     guess: Floats  # initial guess of the iterations
     scene: Scene
-    numbers: Numbers
+    numbers: Prepared
     atol: Floats | None
     signals: tuple[Any, ...]
     n_events: int
@@ -232,7 +233,7 @@ class SteppedRun:
         if not isinstance(name, str):
             raise ArgumentError(f"run[{shown(name)}]: expected one name, such as run['load.w']")
         now, part = self._now, _part(self._now, self.inputs.signals)
-        if name in now.scene.model.discretes.names:
+        if name in now.scene.model.discretes:
             return float(part.discrete(name)[0])
         node, sign = now.scene.named(name)
         if sign == 0:

@@ -50,7 +50,7 @@ def gradient_of(
         )
     nodes: dict[Node, Floats] = {}
     for name, weight in given.items():
-        if name in translation.model.discretes.names:
+        if name in translation.model.discretes:
             raise ArgumentError(f"weights names {name}, a discrete variable, which changes in steps: it has no derivative")
         found = reals(f"weights['{name}']", weight, f"{len(times)} numbers, one per sample")
         if found.shape != times.shape:
