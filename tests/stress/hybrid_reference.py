@@ -383,17 +383,18 @@ class HybridTrain:
         order = sorted(float(s) for s in times)
         done = 0
         for stop in [*moments, train.t_end]:
+            last = float(np.nextafter(stop, 0.0))  # signals that jump at the end of a stretch have their earlier values in it
             while t < stop:
                 watched = list(self.watched())
                 functions: list[Any] = []
                 for function, sense, _ in watched:
-                    wrapped: Any = lambda t, x, function=function: function(t, x)  # noqa: E731
+                    wrapped: Any = lambda t, x, function=function, last=last: function(min(t, last), x)  # noqa: E731
                     wrapped.terminal, wrapped.direction = True, sense
                     functions.append(wrapped)
                 modes = [r.mode for r in self.rubbing]
 
-                def rates(t: float, x: Floats, modes: list[str] = modes) -> Floats:
-                    return np.concatenate([x[self.n :], self.accelerations(t, x, modes)[0]])
+                def rates(t: float, x: Floats, modes: list[str] = modes, last: float = last) -> Floats:
+                    return np.concatenate([x[self.n :], self.accelerations(min(t, last), x, modes)[0]])
 
                 found = solve_ivp(
                     rates, (t, stop), x, "DOP853", rtol=rtol, atol=rtol * 0.01, events=functions or None, dense_output=True,
