@@ -674,7 +674,10 @@ class SimulatedResult(Result):
     def _balance(self, request: Request) -> EnergyBalance:
         from gearlib.run.energy.audit import energy_balance
 
-        return energy_balance(self.translation, request, self.time, [t for t, _ in self.events], self._run)
+        # the exact method crosses switches in time without events
+        switches = self.translation.energy_scene.time_switches(request.parameters, float(self.time[0]), float(self.time[-1]))
+        jumps = [t for t, _ in (*self.events, *switches)]
+        return energy_balance(self.translation, request, self.time, jumps, self._run)
 
     def energy_balance(self) -> EnergyBalance:
         return self._energy_balance

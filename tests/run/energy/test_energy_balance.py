@@ -432,3 +432,23 @@ def test_where_nothing_moves_rounding_is_no_residual(J: tuple[float, float]) -> 
     pressing = 4.536345838664548 + 0.643 * 2.966945171233
     four_flanges = 4 * 1e-6 * pressing / 2  # of the lock and of the torque; each exchange counts once
     assert found.energy_balance().unresolved == pytest.approx(four_flanges, rel=1e-6)
+
+
+class Stepped(gl.Component):
+    """A driven body on a damped shaft; the torque jumps twice, which the exact method crosses without an event."""
+
+    def assemble(self) -> list[Any]:
+        steps = gl.Piecewise((1.0, gl.time < 0.5623), (5.0, gl.time < 0.8748), (-2.0, True))
+        self.drive, self.body = gp.Torque(tau=steps), gp.Inertia(J=1.0)
+        self.shaft, self.ground = gp.SpringDamper(c=177.0, d=1.0), gp.Fixed()
+        return [
+            gl.connect(self.drive.flange, self.body.flange_a),
+            gl.connect(self.body.flange_b, self.shaft.flange_a),
+            gl.connect(self.shaft.flange_b, self.ground.flange),
+        ]
+
+
+@pytest.mark.parametrize("samples", [2, 5, 33])
+def test_torques_that_jump_between_samples_of_the_exact_method(samples: int) -> None:
+    run = gl.compile(Stepped()).simulate(1.0, samples=samples, method="exact")
+    assert run.energy_balance().relative_residual < 1e-10
